@@ -1,0 +1,1 @@
+"""wsnsim: a discrete-event simulator of wireless sensor networks that track moving targets."""

@@ -1,0 +1,56 @@
+"""Figures over columns: how far off, how often lost. A step without an estimate has error NaN.
+
+    errors: (steps,) of one replicate, or (replicates, steps)
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from wsnsim.base.arrays import Bools, Floats
+
+LOST_WINDOW = 100
+LOST_ERROR = 20.0
+
+
+def rmse(errors: Floats) -> float:
+    """Root mean square over the steps that have an estimate; NaN if none has."""
+    known = errors[np.isfinite(errors)]
+    return float(np.sqrt(np.mean(known**2))) if known.size else float("nan")
+
+
+def median_error(errors: Floats) -> float:
+    """The median over the steps that have an estimate; NaN if none has."""
+    known = errors[np.isfinite(errors)]
+    return float(np.median(known)) if known.size else float("nan")
+
+
+def is_lost(errors: Floats, window: int = LOST_WINDOW, limit: float = LOST_ERROR) -> bool:
+    """Whether a track is lost: the mean error of its last `window` steps exceeds `limit` metres, or most of them have no estimate.
+
+    The 100 steps and 20 m are our choice; Jiang (2013) gives no rule.
+    """
+    last = errors[-window:]
+    known = last[np.isfinite(last)]
+    return bool(known.size * 2 <= last.size or np.mean(known) > limit)
+
+
+def per_step_rmse(errors: Floats) -> Floats:
+    """(steps,) root mean square over replicates at each step (Jiang 2013, eq. 26); NaN where no replicate has an estimate."""
+    known = np.isfinite(errors)
+    count = known.sum(axis=0)
+    square = np.where(known, errors, 0.0) ** 2
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.sqrt(square.sum(axis=0) / count)
+
+
+def time_mean_rmse(errors: Floats) -> float:
+    """The time mean of the per-step RMSE over replicates: the figure that Jiang (2013) publishes."""
+    steps = per_step_rmse(np.atleast_2d(errors))
+    known = steps[np.isfinite(steps)]
+    return float(known.mean()) if known.size else float("nan")
+
+
+def lost_fraction(lost: Bools) -> float:
+    """The fraction of tracks that were lost."""
+    return float(np.mean(lost)) if len(lost) else float("nan")

@@ -1,0 +1,296 @@
+"""The ports: what each role of a scenario must be able to do. Behind each stands one or more frozen `@part` classes.
+
+Shapes: D state columns, N particles or nodes, S sensors. States are (D, N): column j is particle j. SI units throughout.
+`keys` are (N,) uint64 counter keys, one a particle (see `base.rng`): equal keys, equal noise, whatever the order of the calls.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Protocol, TypeVar
+
+import numpy as np
+
+from wsnsim.base.arrays import Bools, Floats, Ints, Keys
+from wsnsim.base.asks import Flow
+from wsnsim.base.tables import Words
+
+B = TypeVar("B")
+
+
+@dataclass(frozen=True, slots=True)
+class Field:
+    """The monitored rectangle, centred on the origin. Width and height in m."""
+
+    width: float
+    height: float
+
+    def contains(self, points: Floats) -> Bools:
+        """(N,) whether each of the (N, 2) points lies in the field, its edge included."""
+        return np.all(np.abs(points) <= np.array([self.width, self.height]) / 2, axis=-1)
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """A Gaussian summary of what a head believes: mean (D,), cov (D, D), and the number of effective particles if it has any."""
+
+    mean: Floats
+    cov: Floats
+    effective: float = float("nan")
+
+
+@dataclass(slots=True)
+class Scene:
+    """What the head knows without asking.
+
+    `steps` model steps of `dt` seconds have passed since the belief's time (1, or more after steps that were missed).
+    `ids`, `positions` (n, 2) and `traits` (n, T) are of the members that sense now, the head first if it does; `roster` is every
+    living member, sensing or not; `joined` and `left` are the ids that began and ceased to sense since the last step (`left` only
+    names the living: they still have what is in their memory). `motion` and `sensor` are what the *filter* believes; they may
+    differ from the truth's. `key` serves the head's own draws.
+    """
+
+    time: float
+    step: int
+    steps: int
+    dt: float
+    target: int
+    head: int
+    ids: tuple[int, ...]
+    positions: Floats
+    traits: Floats
+    roster: tuple[int, ...]
+    joined: tuple[int, ...]
+    left: tuple[int, ...]
+    field: Field
+    motion: MotionModel
+    sensor: SensorModel
+    key: int
+
+    @property
+    def active(self) -> int:
+        """N_act: how many members sense now."""
+        return len(self.ids)
+
+
+class MotionModel(Protocol):
+    """How a target moves. `columns` names the state's D columns; `position` says which two of them are x and y."""
+
+    columns: tuple[str, ...]
+    units: tuple[str, ...]
+    position: tuple[int, int]
+
+    def truth(self, steps: int, dt: float, rng: np.random.Generator) -> Floats:
+        """(steps + 1, D): one trajectory from the start state."""
+        ...
+
+    def propagate(self, states: Floats, dt: float, keys: Keys) -> Floats:
+        """(D, N): each state one step on, with process noise."""
+        ...
+
+    def advance(self, states: Floats, dt: float) -> Floats:
+        """(D, N): each state one step on, without noise."""
+        ...
+
+    def matrices(self, states: Floats, dt: float) -> tuple[Floats, Floats]:
+        """F (N, D, D) at each state, and the process covariance Q (D, D)."""
+        ...
+
+    def log_transition(self, after: Floats, before: Floats, dt: float) -> Floats:
+        """(N,) log p(after | before)."""
+        ...
+
+    def assumed(self, noise_scale: float) -> MotionModel:
+        """The model as a filter believes it: process covariance times `noise_scale`."""
+        ...
+
+
+class SensorModel(Protocol):
+    """What a node measures of a target within `reach`. A node's traits (its gain, say) are a row of `trait_names`."""
+
+    reach: float
+    trait_names: tuple[str, ...]
+
+    def draw_traits(self, nodes: int, rng: np.random.Generator) -> Floats:
+        """(nodes, T): each node's constants."""
+        ...
+
+    def measure(self, points: Floats, positions: Floats, traits: Floats, noise: Floats) -> Floats:
+        """(n,) readings: pair i is a target at points[i] (n, 2), a sensor at positions[i] with traits[i], a standard normal."""
+        ...
+
+    def log_likelihood(
+        self, points: Floats, readings: Floats, positions: Floats, traits: Floats, owners: Ints | None = None
+    ) -> Floats:
+        """(N,) log p(readings | target at points (2, N)): of all S readings, or of reading owners[j] alone for particle j."""
+        ...
+
+    def linearise(self, points: Floats, positions: Floats, traits: Floats) -> tuple[Floats, Floats, Floats]:
+        """At points (2, N): expected readings (S, N), their gradients in x and y (S, 2, N), their variances (S, N)."""
+        ...
+
+    def assumed(self, gains: str, inflate: bool) -> SensorModel:
+        """The model as a filter believes it: gains 'known' or 'unknown', variance inflated for unknown gains or not."""
+        ...
+
+
+class Deployment(Protocol):
+    """Where the nodes stand."""
+
+    width: float
+    height: float
+
+    def draw(self, reach: float, rng: np.random.Generator) -> Floats:
+        """(N, 2) positions; with a coverage guarantee if the part asks for one. Raises RunError where it cannot be kept."""
+        ...
+
+
+class EnergyModel(Protocol):
+    """What each act costs, in joules. `battery` is a node's charge."""
+
+    battery: float
+
+    def transmit(self, bits: float, distance: float) -> tuple[float, float]:
+        """(electronics, amplifier) joules."""
+        ...
+
+    def receive(self, bits: float) -> float: ...
+
+    def compute(self, cycles: float) -> float: ...
+
+    def sense(self) -> float: ...
+
+
+class LinkModel(Protocol):
+    """Who hears whom. `reach` is the nominal range in m."""
+
+    reach: float
+
+    def arrivals(self, distance: float, packets: int, key: int) -> Bools:
+        """(packets,) which packets of a burst arrive over a link of this length; `key` seeds the frame's own draws."""
+        ...
+
+    @property
+    def perfect(self) -> bool:
+        """Whether every packet within reach arrives."""
+        ...
+
+
+class Mac(Protocol):
+    """When a frame gets the channel. `kind` names the mechanism that the network room performs; fields are its parameters."""
+
+    kind: str
+
+
+class SleepSchedule(Protocol):
+    """Which nodes sense and listen when. `always_listening`: receiver and sensor stay on while a node sleeps (event wake)."""
+
+    always_listening: bool
+
+
+class WakeUp(Protocol):
+    """How nodes ahead of the target are woken. `kind` names it."""
+
+    kind: str
+
+
+class Acquire(Protocol):
+    """How a track starts anew from readings alone."""
+
+    def estimate(
+        self, readings: Floats, positions: Floats, traits: Floats, sensor: SensorModel, motion: MotionModel, prior: Estimate
+    ) -> Estimate:
+        """A start from the readings that arrived: position from them, the rest from the spread of the scenario's prior."""
+        ...
+
+
+class PriorModel(Protocol):
+    """What every filter is told at the start."""
+
+    def draw(self, start: Floats, rng: np.random.Generator) -> Estimate: ...
+
+
+class ClusterPolicy(Protocol):
+    """Who leads, who follows, and until when."""
+
+    def elect(self, ids: Sequence[int], strengths: Sequence[float], able: Sequence[bool]) -> int | None:
+        """The head among candidates that sense, given each one's reading and whether its charge exceeds the threshold."""
+        ...
+
+    def must_hand_over(self, active: int, members: int) -> bool: ...
+
+    def successor(self, forecast: Floats, positions: Floats, able: Bools) -> int | None:
+        """The node to hand over to, given the predicted position (2,), all nodes' positions (N, 2) and who is able (N,)."""
+        ...
+
+
+class Recorder(Protocol):
+    """Where rows go. Columns of one call are equally long; names are those of `base.tables`, `replicate` included.
+
+    `words` holds the codes of `events.what`.
+    """
+
+    words: Words
+
+    def wants(self, table: str) -> bool: ...
+
+    def write(self, table: str, columns: Mapping[str, Any]) -> None: ...
+
+
+class Tracker(Protocol[B]):
+    """A tracking strategy: half mathematics, half protocol (see `base.asks`). State is an argument and a return value."""
+
+    def start(self, prior: Estimate, scene: Scene) -> Flow[B]:
+        """A new track in a cluster that has just formed: the first deal-out crosses the air too."""
+        ...
+
+    def step(self, belief: B, scene: Scene) -> Flow[B]:
+        """One step. Members that are new (all of them, after a handover) are in `scene.joined`."""
+        ...
+
+    def hand_over(self, belief: B, scene: Scene, successor: int) -> Flow[B | None]:
+        """Collect from the old cluster and send to the successor. What is returned is what *arrived*; None: the track is lost.
+
+        The deal-out in the new cluster is the first thing that its first `step` does, since only then its members are known.
+        """
+        ...
+
+    def estimate(self, belief: B) -> Estimate: ...
+
+    def forecast(self, belief: B, scene: Scene, ahead: int) -> Estimate:
+        """The belief `ahead` steps on, for handover and for waking nodes ahead of the target."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Parts:
+    """A scenario, built: one part a role, ready for the network. Times in s.
+
+    `motions` holds one model a target. `filter_motions` and `filter_sensor` are what trackers are told (`tracker.assumes`).
+    `record` maps table names to whether they are wanted. `origin` keeps the resolved scenario for messages and provenance.
+    """
+
+    name: str
+    seed: int
+    steps: int
+    dt: float
+    prior: PriorModel
+    deploy: Deployment
+    motions: tuple[MotionModel, ...]
+    sensor: SensorModel
+    filter_motions: tuple[MotionModel, ...]
+    filter_sensor: SensorModel
+    energy: EnergyModel
+    link: LinkModel
+    mac: Mac
+    sleep: SleepSchedule
+    wakeup: WakeUp
+    clusters: ClusterPolicy
+    acquire: Acquire
+    routing: Any
+    tracker: Tracker[Any]
+    cpu: Any = None
+    until_clusters: int | None = None
+    record: Mapping[str, bool] = field(default_factory=dict)
+    origin: Mapping[str, Any] = field(default_factory=dict)

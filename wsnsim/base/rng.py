@@ -1,0 +1,88 @@
+"""Where randomness comes from: named streams, and a counter hash for draws that must not depend on who else draws.
+
+`Streams(seed, replicate)("truth")` is a Generator of its own for each purpose. `derive(key, i, k)` folds integers into a 64-bit
+key, and `uniforms(keys, j)`, `normals(keys, j)` are the j-th draw of each key: order-independent, free for keys never asked.
+This is the NumPy twin of `kernels.noise` (bit-equal in the hash and the uniforms).
+"""
+
+from __future__ import annotations
+
+import hashlib
+from typing import Final
+
+import numpy as np
+
+from wsnsim.base.arrays import Floats, Keys
+
+MASK: Final = 0xFFFF_FFFF_FFFF_FFFF
+GOLDEN: Final = 0x9E37_79B9_7F4A_7C15
+FIRST: Final = 0xBF58_476D_1CE4_E5B9
+SECOND: Final = 0x94D0_49BB_1331_11EB
+
+
+def name_hash(name: str) -> int:
+    """A stable 32-bit number for a stream's name (Python's own hash differs between processes)."""
+    return int.from_bytes(hashlib.blake2b(name.encode(), digest_size=4).digest(), "little")
+
+
+class Streams:
+    """Random streams by purpose. They depend on seed and replicate only, never on the tracker or the order of asking."""
+
+    def __init__(self, seed: int, replicate: int) -> None:
+        self.seed = seed
+        self.replicate = replicate
+
+    def _sequence(self, name: str) -> np.random.SeedSequence:
+        return np.random.SeedSequence(self.seed, spawn_key=(self.replicate, name_hash(name)))
+
+    def __call__(self, name: str) -> np.random.Generator:
+        """A fresh Generator at the start of the named stream."""
+        return np.random.Generator(np.random.Philox(self._sequence(name)))
+
+    def key(self, name: str) -> int:
+        """The 64-bit key of the named stream, for counter draws."""
+        return int(self._sequence(name).generate_state(1, np.uint64)[0])
+
+
+def mix(x: int) -> int:
+    """The SplitMix64 finaliser (Steele, Lea, Flood 2014) on one integer."""
+    x &= MASK
+    x = ((x ^ (x >> 30)) * FIRST) & MASK
+    x = ((x ^ (x >> 27)) * SECOND) & MASK
+    return x ^ (x >> 31)
+
+
+def derive(key: int, *numbers: int) -> int:
+    """A key for (key, numbers...): equal arguments, equal key; any difference, an unrelated one."""
+    for number in numbers:
+        key = mix(key + (number + 1) * GOLDEN)
+    return key
+
+
+def derive_all(key: int, numbers: np.ndarray) -> Keys:
+    """`derive(key, i)` for every i of an integer array, as (n,) uint64."""
+    with np.errstate(over="ignore"):
+        return _mix_all(np.uint64(key) + (np.asarray(numbers).astype(np.uint64) + np.uint64(1)) * np.uint64(GOLDEN))
+
+
+def uniforms(keys: Keys, draw: int) -> Floats:
+    """The `draw`-th uniform on [0, 1) of each key, with 53 bits."""
+    return (_hashes(keys, draw) >> np.uint64(11)).astype(np.float64) * 2.0**-53
+
+
+def normals(keys: Keys, draw: int) -> Floats:
+    """The `draw`-th standard normal of each key: Box-Muller on draws 2*draw and 2*draw + 1."""
+    radius = np.sqrt(-2.0 * np.log1p(-uniforms(keys, 2 * draw)))
+    return radius * np.cos(2.0 * np.pi * uniforms(keys, 2 * draw + 1))
+
+
+def _hashes(keys: Keys, draw: int) -> Keys:
+    with np.errstate(over="ignore"):
+        return _mix_all(np.asarray(keys, np.uint64) + np.uint64(((draw + 1) * GOLDEN) & MASK))
+
+
+def _mix_all(x: Keys) -> Keys:
+    with np.errstate(over="ignore"):
+        x = (x ^ (x >> np.uint64(30))) * np.uint64(FIRST)
+        x = (x ^ (x >> np.uint64(27))) * np.uint64(SECOND)
+        return x ^ (x >> np.uint64(31))

@@ -1,0 +1,201 @@
+"""The tables of a result: their columns, units and categories. What the network writes, the file stores and pandas reads.
+
+A category column holds small unsigned integers; its meanings travel with it. The words of `events.what` may grow at run time (a
+tracker names its own parcels): a recorder holds them as `Words`, and writes their meanings when it closes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+KINDS: Final = (
+    "wake", "sleep", "sense", "elect", "join", "announce", "allocate", "send", "receive", "drop", "collide", "compute",
+    "estimate", "handover", "relay", "lost", "reacquire", "crash", "restart", "death",
+)  # fmt: skip
+CAUSES: Final = ("tx_electronics", "tx_amplifier", "rx", "overhear", "cpu", "sense", "idle", "sleep", "switch")
+EVENT_CAUSES: Final = ("none", "tx", "rx", "overhear", "cpu", "sense", "idle", "sleep", "switch")
+STATUSES: Final = ("complete", "partial", "failed")
+KIND: Final = {name: code for code, name in enumerate(KINDS)}
+CAUSE: Final = {name: code for code, name in enumerate(CAUSES)}
+EVENT_CAUSE: Final = {name: code for code, name in enumerate(EVENT_CAUSES)}
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """One column: NumPy type, SI unit ('1' for a count, '' for an identifier), what it holds, and its categories if any."""
+
+    name: str
+    dtype: str
+    units: str
+    description: str
+    meanings: tuple[str, ...] = ()
+    smooth: bool = False
+
+
+def _c(name: str, dtype: str, units: str, description: str, meanings: tuple[str, ...] = (), smooth: bool = False) -> Column:
+    return Column(name, dtype, units, description, meanings, smooth)
+
+
+_REPLICATE = _c("replicate", "u4", "", "number of the replicate")
+_TARGET = _c("target", "u2", "", "number of the target")
+_STEP = _c("step", "u4", "", "number of the step; step 0 is the start")
+_TIME = _c("time", "f8", "s", "simulated time", smooth=True)
+_NODE = _c("node", "i4", "", "number of the node")
+
+TABLES: Final[dict[str, tuple[Column, ...]]] = {
+    "runs": (
+        _REPLICATE,
+        _c("status", "u1", "", "how the run ended", STATUSES),
+        _c("steps", "u4", "1", "steps simulated after the start"),
+        _c("rmse", "f8", "m", "root mean square position error over steps and targets"),
+        _c("median_error", "f8", "m", "median position error over steps and targets"),
+        _c("lost", "u1", "1", "1 if a track was lost at the end"),
+        _c("energy", "f8", "J", "energy that the network spent"),
+        _c("handovers", "u4", "1", "handovers begun"),
+        _c("frames_sent", "u8", "1", "bursts put on the air, each hop counted"),
+        _c("frames_lost", "u8", "1", "bursts of which at least one packet did not arrive"),
+        _c("packets_sent", "u8", "1", "packets put on the air, each hop counted"),
+        _c("alive", "u4", "1", "nodes alive at the end"),
+        _c("first_death", "f8", "s", "when the first node died; NaN if none did"),
+        _c("half_dead", "f8", "s", "when half of the nodes had died; NaN if they had not"),
+        _c("coverage", "f8", "1", "fraction of the field within sensing range of a living node at the end"),
+        _c("cpu_seconds", "f8", "s", "processor time that the run took"),
+        _c("fingerprint", "u8", "", "64-bit digest of the (time, node, kind, peer, bits) stream"),
+    ),
+    "tracks": (
+        _REPLICATE,
+        _TARGET,
+        _c("rmse", "f8", "m", "root mean square position error over steps"),
+        _c("median_error", "f8", "m", "median position error over steps"),
+        _c("lost", "u1", "1", "1 if the track was lost at the end"),
+        _c("reacquired", "u4", "1", "how often the track was started anew from readings"),
+        _c("late", "u4", "1", "estimates that missed their step, skipped steps included"),
+        _c("reports", "u4", "1", "estimates issued"),
+    ),
+    "nodes": (
+        _REPLICATE,
+        _NODE,
+        _c("x", "f8", "m", "position", smooth=True),
+        _c("y", "f8", "m", "position", smooth=True),
+        _c("gain", "f8", "1", "gain of the node's sensor"),
+        _c("energy_initial", "f8", "J", "charge at the start"),
+        _c("energy_left", "f8", "J", "charge at the end: initial less spent"),
+        _c("died_at", "f8", "s", "when the node died; NaN if it lives"),
+    ),
+    "truth": (_REPLICATE, _TARGET, _STEP, _TIME),
+    "estimates": (
+        _REPLICATE,
+        _TARGET,
+        _STEP,
+        _TIME,
+        _c("issued", "f8", "s", "when the head had the estimate; NaN for a skipped step"),
+        _c("sd_x", "f8", "m", "standard deviation of the position that the filter claims"),
+        _c("sd_y", "f8", "m", "standard deviation of the position that the filter claims"),
+        _c("error", "f8", "m", "distance from the true position; NaN for a skipped step"),
+        _c("head", "i4", "", "node that leads; -1 if none does"),
+        _c("active", "u2", "1", "members that sense, the head included"),
+        _c("members", "u2", "1", "members of the cluster, the head included"),
+        _c("readings", "u2", "1", "readings that entered this step's computation, on whichever node"),
+        _c("received", "f8", "s", "when the sink had the estimate; NaN without a sink"),
+        _c("late", "u1", "1", "1 if the estimate missed its step"),
+        _c("woken", "u2", "1", "nodes that woke at this step"),
+        _c("ineffective", "u2", "1", "nodes woken by a message though the target is out of their range"),
+        _c("effective_particles", "f8", "1", "effective number of the particles that the head knows; NaN if it has none"),
+    ),
+    "events": (
+        _REPLICATE,
+        _TIME,
+        _STEP,
+        _TARGET,
+        _NODE,
+        _c("kind", "u1", "", "what happened", KINDS),
+        _c("what", "u1", "", "what the parcel carried, or a word on the event"),
+        _c("frame", "u4", "", "number of the burst on the air; 0 if none"),
+        _c("sequence", "u4", "", "number of the message, kept over hops; 0 if none"),
+        _c("peer", "i4", "", "the other node; -1 for a broadcast or none"),
+        _c("packets", "u4", "1", "packets in the burst (sent, or arrived)"),
+        _c("bits", "u4", "1", "bits in the burst (sent, or listened to)"),
+        _c("joules", "f8", "J", "energy that this node spent on it"),
+        _c("cause", "u1", "", "what the energy went into; tx is both transmit causes", EVENT_CAUSES),
+    ),
+    "energy": (
+        _REPLICATE,
+        _NODE,
+        _c("cause", "u1", "", "what the energy went into", CAUSES),
+        _c("joules", "f8", "J", "energy spent; rows of zero are left out"),
+    ),
+    "energy_steps": (
+        _REPLICATE,
+        _STEP,
+        _TIME,
+        _c("cause", "u1", "", "what the energy went into", CAUSES),
+        _c("joules", "f8", "J", "energy that the network spent in this step; rows of zero are left out"),
+    ),
+    "clusters": (
+        _REPLICATE,
+        _TARGET,
+        _c("cluster", "u4", "", "number of the cluster within the track"),
+        _c("formed", "f8", "s", "when it formed"),
+        _c("released", "f8", "s", "when it dissolved; NaN if the run ended first"),
+        _c("head", "i4", "", "node that leads"),
+        _c("members", "u2", "1", "members, the head included"),
+        _c("previous_head", "i4", "", "head that handed over to it; -1 if none did"),
+        _c("hops", "u2", "1", "hops that the handover took; 0 if none"),
+        _c("handover_bits", "u8", "1", "bits put on the air to hand over to it, each hop counted"),
+    ),
+    "particles": (_REPLICATE, _TARGET, _STEP, _NODE, _c("weight", "f8", "1", "normalised over the whole set")),
+}
+STATE_AFTER: Final = {"truth": "time", "estimates": "issued", "particles": "node"}
+"""Tables that carry the motion model's state columns, and after which column."""
+RECORDED_BY_DEFAULT: Final = {name: name != "particles" for name in TABLES}
+
+
+def columns_of(table: str, states: Iterable[tuple[str, str]] = ()) -> tuple[Column, ...]:
+    """The table's columns, with the motion model's state columns, given as (name, unit), in their place."""
+    columns = TABLES[table]
+    if table not in STATE_AFTER:
+        return columns
+    cut = 1 + next(i for i, column in enumerate(columns) if column.name == STATE_AFTER[table])
+    state = tuple(_c(name, "f8", unit, "state of the target", smooth=True) for name, unit in states)
+    return columns[:cut] + state + columns[cut:]
+
+
+class Words:
+    """The words of a category that grows at run time, each with its code. Holds at most 256."""
+
+    def __init__(self, words: Iterable[str] = ("",)) -> None:
+        self._codes = {word: code for code, word in enumerate(words)}
+
+    def code(self, word: str) -> int:
+        """The word's code, a new one if it is new."""
+        code = self._codes.setdefault(word, len(self._codes))
+        assert code < 256, f"more than 256 different words in events.what, the last being {word!r}"
+        return code
+
+    def all(self) -> tuple[str, ...]:
+        """The words, in the order of their codes."""
+        return tuple(self._codes)
+
+
+class Memory:
+    """A recorder that keeps everything in memory, for notebooks and tests: `memory.table('estimates')['error']`."""
+
+    def __init__(self, wanted: Mapping[str, bool] | None = None) -> None:
+        self._wanted = dict(RECORDED_BY_DEFAULT if wanted is None else wanted)
+        self._pieces: dict[str, list[Mapping[str, Any]]] = {}
+        self.words = Words()
+
+    def wants(self, table: str) -> bool:
+        return self._wanted.get(table, False)
+
+    def write(self, table: str, columns: Mapping[str, Any]) -> None:
+        self._pieces.setdefault(table, []).append(columns)
+
+    def table(self, name: str) -> dict[str, np.ndarray]:
+        """The columns written so far, joined."""
+        pieces = self._pieces.get(name, [])
+        return {key: np.concatenate([np.asarray(piece[key]) for piece in pieces]) for key in (pieces[0] if pieces else ())}

@@ -1,0 +1,68 @@
+"""Counter noise: the j-th draw of a 64-bit key, with no state and no order. The NumPy twin is `base.rng`.
+
+    uniform(key, draw) -> float, normal(key, draw) -> float      inlined into the kernels that draw
+    particle_keys(keys, offsets, tag) -> (N,) uint64             a key a particle, from a key a member
+
+`SWITCHES` are the switches of every kernel here: NumPy's division (the default's checks block vectorisation), and the fast-math
+flags that keep tests for NaN and infinity alive.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+from numba import njit
+
+from numpy.typing import NDArray
+
+SWITCHES: Final[dict[str, Any]] = {
+    "cache": True,
+    "nogil": True,
+    "error_model": "numpy",
+    "fastmath": {"contract", "nsz", "arcp", "reassoc"},
+}
+
+GOLDEN = np.uint64(0x9E37_79B9_7F4A_7C15)
+FIRST = np.uint64(0xBF58_476D_1CE4_E5B9)
+SECOND = np.uint64(0x94D0_49BB_1331_11EB)
+ONE = np.uint64(1)
+S11 = np.uint64(11)
+S27 = np.uint64(27)
+S30 = np.uint64(30)
+S31 = np.uint64(31)
+
+
+@njit(inline="always", **SWITCHES)
+def mix(x):  # type: ignore[no-untyped-def]
+    """The SplitMix64 finaliser (Steele, Lea, Flood 2014)."""
+    x = (x ^ (x >> S30)) * FIRST
+    x = (x ^ (x >> S27)) * SECOND
+    return x ^ (x >> S31)
+
+
+@njit(inline="always", **SWITCHES)
+def uniform(key, draw):  # type: ignore[no-untyped-def]
+    """The `draw`-th uniform on [0, 1) of a key, with 53 bits."""
+    return np.float64(mix(key + (np.uint64(draw) + ONE) * GOLDEN) >> S11) * 2.0**-53
+
+
+@njit(inline="always", **SWITCHES)
+def normal(key, draw):  # type: ignore[no-untyped-def]
+    """The `draw`-th standard normal of a key: Box-Muller on its uniforms 2*draw and 2*draw + 1."""
+    radius = np.sqrt(-2.0 * np.log1p(-uniform(key, 2 * draw)))
+    return radius * np.cos(2.0 * np.pi * uniform(key, 2 * draw + 1))
+
+
+@njit(**SWITCHES)
+def particle_keys(keys: NDArray[np.uint64], offsets: NDArray[np.int64], tag: int) -> NDArray[np.uint64]:
+    """(N,) keys: particle j of member m gets derive(keys[m], tag, j - offsets[m]). `offsets` is (members + 1,), ends at N.
+
+    `tag` separates the purposes that one member's key serves within a step.
+    """
+    result = np.empty(offsets[-1], np.uint64)
+    for m in range(keys.size):
+        base = mix(keys[m] + (np.uint64(tag) + ONE) * GOLDEN)
+        for j in range(offsets[m], offsets[m + 1]):
+            result[j] = mix(base + (np.uint64(j - offsets[m]) + ONE) * GOLDEN)
+    return result
