@@ -1,1 +1,58 @@
-"""wsnsim: a discrete-event simulator of wireless sensor networks that track moving targets."""
+"""wsnsim: a discrete-event simulator of wireless sensor networks that track moving targets, joule by joule.
+
+    import wsnsim
+
+    wsnsim.run("pso_mhpf", replicates=30, out="results/pso_mhpf.h5")
+    wsnsim.read("results/pso_mhpf.h5", "estimates").groupby("step").error.median()
+
+The public face, imported when first used. Nothing else is public.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from wsnsim.analysis.frames import read
+    from wsnsim.base.asks import Broadcast, Compute, Gather, Local, Member, Parcel, Scatter, Send
+    from wsnsim.base.part import Quantity, part
+    from wsnsim.base.ports import Estimate, Scene, Tracker
+    from wsnsim.experiment import run, simulate
+    from wsnsim.scenario import load
+
+__version__ = "0.1.0"
+
+_HOMES = {
+    "run": "wsnsim.experiment",
+    "simulate": "wsnsim.experiment",
+    "load": "wsnsim.scenario",
+    "read": "wsnsim.analysis.frames",
+    "part": "wsnsim.base.part",
+    "Quantity": "wsnsim.base.part",
+    "Tracker": "wsnsim.base.ports",
+    "Scene": "wsnsim.base.ports",
+    "Estimate": "wsnsim.base.ports",
+    "Member": "wsnsim.base.asks",
+    "Parcel": "wsnsim.base.asks",
+    "Local": "wsnsim.base.asks",
+    "Gather": "wsnsim.base.asks",
+    "Scatter": "wsnsim.base.asks",
+    "Broadcast": "wsnsim.base.asks",
+    "Send": "wsnsim.base.asks",
+    "Compute": "wsnsim.base.asks",
+}
+__all__ = [
+    "Broadcast", "Compute", "Estimate", "Gather", "Local", "Member", "Parcel", "Quantity", "Scatter", "Scene", "Send", "Tracker",
+    "load", "part", "read", "run", "simulate",
+]  # fmt: skip
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'wsnsim' has no attribute {name!r}")
+    return getattr(importlib.import_module(_HOMES[name]), name)
+
+
+def __dir__() -> list[str]:
+    return sorted([*__all__, "__version__"])

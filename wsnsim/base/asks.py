@@ -21,13 +21,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, TypeAlias, TypeVar
+from typing import Any, Final, TypeAlias, TypeVar
 
 import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats
 
 NodeId: TypeAlias = int
+PACKET_BITS: Final = 96
+"""A packet of Jiang (2013), section 5: 12 bytes, of which 4 are header and 8 payload."""
 Belief = TypeVar("Belief")
 
 

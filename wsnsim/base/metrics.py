@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats
@@ -54,3 +56,17 @@ def time_mean_rmse(errors: Floats) -> float:
 def lost_fraction(lost: Bools) -> float:
     """The fraction of tracks that were lost."""
     return float(np.mean(lost)) if len(lost) else float("nan")
+
+
+def bootstrap_interval(
+    errors: Floats, statistic: Callable[[Floats], float], draws: int = 400, confidence: float = 0.95
+) -> tuple[float, float]:
+    """The percentile bootstrap interval of a statistic over replicates (the rows of `errors`); NaN with fewer than three."""
+    count = len(errors)
+    if count < 3:
+        return float("nan"), float("nan")
+    rng = np.random.Generator(np.random.Philox(count))
+    values = [statistic(errors[rng.integers(0, count, count)]) for _ in range(draws)]
+    tail = (1.0 - confidence) / 2.0
+    low, high = np.nanquantile(values, [tail, 1.0 - tail])
+    return float(low), float(high)

@@ -178,9 +178,10 @@ class LinkModel(Protocol):
 
 
 class Mac(Protocol):
-    """When a frame gets the channel. `kind` names the mechanism that the network room performs; fields are its parameters."""
+    """When a frame gets the channel. `mechanism` names what the network room performs; the fields are its parameters."""
 
-    kind: str
+    @property
+    def mechanism(self) -> str: ...
 
 
 class SleepSchedule(Protocol):
@@ -190,9 +191,10 @@ class SleepSchedule(Protocol):
 
 
 class WakeUp(Protocol):
-    """How nodes ahead of the target are woken. `kind` names it."""
+    """How nodes ahead of the target are woken. `mechanism` names what the network room performs."""
 
-    kind: str
+    @property
+    def mechanism(self) -> str: ...
 
 
 class Acquire(Protocol):
@@ -212,7 +214,24 @@ class PriorModel(Protocol):
 
 
 class ClusterPolicy(Protocol):
-    """Who leads, who follows, and until when."""
+    """Who leads, who follows, and until when.
+
+    `minimum_active`: a cluster that forms with fewer sensing members holds a network-wide election. `threshold`: joules that a
+    head must hold, None for the paper's rule. `is_open`: whoever senses belongs, without a frame, and nobody hands over.
+    `calls_election`: the node nearest to the forecast calls an election instead of leading itself.
+    """
+
+    @property
+    def minimum_active(self) -> int: ...
+
+    @property
+    def threshold(self) -> float | None: ...
+
+    @property
+    def is_open(self) -> bool: ...
+
+    @property
+    def calls_election(self) -> bool: ...
 
     def elect(self, ids: Sequence[int], strengths: Sequence[float], able: Sequence[bool]) -> int | None:
         """The head among candidates that sense, given each one's reading and whether its charge exceeds the threshold."""
@@ -223,6 +242,13 @@ class ClusterPolicy(Protocol):
     def successor(self, forecast: Floats, positions: Floats, able: Bools) -> int | None:
         """The node to hand over to, given the predicted position (2,), all nodes' positions (N, 2) and who is able (N,)."""
         ...
+
+
+class Routing(Protocol):
+    """What a relayed message minimises: `weight` is 'energy' or 'hop'."""
+
+    @property
+    def weight(self) -> str: ...
 
 
 class Recorder(Protocol):
@@ -288,7 +314,7 @@ class Parts:
     wakeup: WakeUp
     clusters: ClusterPolicy
     acquire: Acquire
-    routing: Any
+    routing: Routing
     tracker: Tracker[Any]
     cpu: Any = None
     until_clusters: int | None = None

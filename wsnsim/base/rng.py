@@ -65,6 +65,14 @@ def derive_all(key: int, numbers: np.ndarray) -> Keys:
         return _mix_all(np.uint64(key) + (np.asarray(numbers).astype(np.uint64) + np.uint64(1)) * np.uint64(GOLDEN))
 
 
+def derive_each(keys: Keys, *numbers: Keys) -> Keys:
+    """`derive(key, i, k, ...)` element by element over equally long uint64 arrays."""
+    with np.errstate(over="ignore"):
+        for column in numbers:
+            keys = _mix_all(keys + (column + np.uint64(1)) * np.uint64(GOLDEN))
+    return keys
+
+
 def uniforms(keys: Keys, draw: int) -> Floats:
     """The `draw`-th uniform on [0, 1) of each key, with 53 bits."""
     return (_hashes(keys, draw) >> np.uint64(11)).astype(np.float64) * 2.0**-53

@@ -110,7 +110,7 @@ TABLES: Final[dict[str, tuple[Column, ...]]] = {
         _REPLICATE,
         _TIME,
         _STEP,
-        _TARGET,
+        _c("target", "i2", "", "number of the target; -1 if the event concerns none"),
         _NODE,
         _c("kind", "u1", "", "what happened", KINDS),
         _c("what", "u1", "", "what the parcel carried, or a word on the event"),
@@ -197,5 +197,11 @@ class Memory:
 
     def table(self, name: str) -> dict[str, np.ndarray]:
         """The columns written so far, joined."""
-        pieces = self._pieces.get(name, [])
-        return {key: np.concatenate([np.asarray(piece[key]) for piece in pieces]) for key in (pieces[0] if pieces else ())}
+        pieces = [equally_long(piece) for piece in self._pieces.get(name, [])]
+        return {key: np.concatenate([piece[key] for piece in pieces]) for key in (pieces[0] if pieces else ())}
+
+
+def equally_long(columns: Mapping[str, Any]) -> dict[str, np.ndarray]:
+    """The columns of one `write` as arrays of one length: a scalar stands for a column of itself."""
+    arrays = np.broadcast_arrays(*(np.atleast_1d(values) for values in columns.values()))
+    return dict(zip(columns, arrays, strict=True))

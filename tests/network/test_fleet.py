@@ -1,0 +1,51 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from wsnsim.base.tables import CAUSES
+from wsnsim.network.fleet import SPENT, Fleet
+
+
+def fleet(battery: float = 1.0, count: int = 5) -> Fleet:
+    positions = np.column_stack([np.arange(count) * 10.0, np.zeros(count)])
+    return Fleet(positions, np.ones((count, 1)), battery, 15.0)
+
+
+@given(st.lists(st.tuples(st.integers(0, 4), st.integers(0, 8), st.floats(0, 0.4)), max_size=60))
+def test_the_sum_over_causes_is_what_a_node_spent_and_never_more_than_its_battery(charges):
+    nodes = fleet()
+    for node, cause, joules in charges:
+        if nodes.alive[node]:
+            nodes.spend(node, cause, joules)
+    for node, book in nodes.books.items():
+        assert sum(book[:SPENT]) == pytest.approx(book[SPENT], rel=1e-9, abs=1e-15)
+        assert book[SPENT] <= 1.0
+        assert nodes.alive[node] == (book[SPENT] < 1.0)
+    assert sum(nodes.totals) == pytest.approx(sum(book[SPENT] for book in nodes.books.values()), rel=1e-9, abs=1e-15)
+
+
+def test_a_charge_that_does_not_suffice_is_paid_in_part_and_kills():
+    died = []
+    nodes = fleet(battery=1.0)
+    nodes.on_death = died.append
+    assert nodes.spend(2, CAUSES.index("cpu"), 0.75) == 0.75
+    assert nodes.spend_transmit(2, 0.3, 0.2) == 0.25
+    assert died == [2]
+    assert nodes.books[2][CAUSES.index("tx_electronics")] == pytest.approx(0.15)
+    assert nodes.books[2][CAUSES.index("tx_amplifier")] == pytest.approx(0.10)
+    assert nodes.left(2) == 0.0
+
+
+def test_reading_energy_changes_nothing_and_opens_no_book():
+    nodes = fleet()
+    assert nodes.left(3) == 1.0
+    assert nodes.able(0.5).all()
+    assert nodes.all_left().tolist() == [1.0] * 5
+    assert nodes.books == {}
+
+
+def test_neighbours_are_those_within_reach_without_oneself():
+    nodes = fleet()
+    assert nodes.neighbours(0) == [1]
+    assert nodes.neighbours(2) == [1, 3]

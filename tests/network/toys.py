@@ -1,0 +1,149 @@
+"""A tracker so simple that its every message can be counted by hand, and a world to put it in."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from wsnsim.base.asks import PACKET_BITS, Compute, Gather, Member, Parcel, Send
+from wsnsim.base.ports import Estimate, Parts
+from wsnsim.base.rng import Streams
+from wsnsim.base.tables import Memory
+from wsnsim.models.acquire import AroundTruth, FromReadings
+from wsnsim.models.clusters import StrongestSignal
+from wsnsim.models.deploy import Uniform
+from wsnsim.models.energy import FirstOrder
+from wsnsim.models.links import Disk, IdealMac, MinimumEnergy
+from wsnsim.models.motion import BoundedVelocity
+from wsnsim.models.sensing import AcousticEnergy
+from wsnsim.models.sleep import EventWake
+from wsnsim.models.wakeup import NoWakeUp
+from wsnsim.network.rows import write_rows
+from wsnsim.network.world import Outcome, World
+
+
+def reading_of(member: Member) -> Parcel:
+    return Parcel(member.reading, 1, PACKET_BITS, "reading")
+
+
+class Centroid:
+    """Gathers every reading, one packet each, and estimates the position by their weighted centroid."""
+
+    member_cycles = 0.0
+
+    def __init__(self, cycles: float = 0.0) -> None:
+        self.cycles = cycles
+        self.answers: list[dict[int, Any]] = []
+        self.scenes: list[Any] = []
+        self.closed = 0
+
+    def start(self, prior: Estimate, scene: Any) -> Iterator[Any]:
+        yield from ()
+        return prior.mean
+
+    def step(self, belief: Any, scene: Any) -> Iterator[Any]:
+        self.scenes.append(scene)
+        try:
+            answer = yield Gather(reading_of)
+            yield Compute(self.cycles)
+        except GeneratorExit:
+            self.closed += 1
+            raise
+        self.answers.append(answer)
+        if not answer:
+            return belief
+        ids = [node for node in scene.ids if node in answer]
+        weights = np.array([answer[node][0] for node in ids])
+        points = scene.positions[[scene.ids.index(node) for node in ids]]
+        x, y = weights @ points / weights.sum()
+        return np.array([x, belief[1], y, belief[3]])
+
+    def hand_over(self, belief: Any, scene: Any, successor: int) -> Iterator[Any]:
+        mask = yield Send(successor, Parcel(belief, 4, PACKET_BITS, "belief"))
+        return belief if mask.any() else None
+
+    def estimate(self, belief: Any) -> Estimate:
+        return Estimate(belief, np.eye(4))
+
+    def forecast(self, belief: Any, scene: Any, ahead: int) -> Estimate:
+        return Estimate(scene.motion.advance(belief[:, None], scene.dt)[:, 0], np.eye(4))
+
+
+def parts(**changes: Any) -> Parts:
+    """The Jiang set-up for 50 steps, tracked by the centroid; `changes` replace parts."""
+    motion, sensor = BoundedVelocity(start=(-45.0, -20.0, -50.0, -35.0)), AcousticEnergy()
+    values: dict[str, Any] = {
+        "name": "toy",
+        "seed": 7,
+        "steps": 50,
+        "dt": 0.04,
+        "prior": AroundTruth(),
+        "deploy": Uniform(nodes=256, width=400.0, height=400.0),
+        "motions": (motion,),
+        "sensor": sensor,
+        "filter_motions": (motion,),
+        "filter_sensor": sensor,
+        "energy": FirstOrder(),
+        "link": Disk(reach=75.0),
+        "mac": IdealMac(),
+        "sleep": EventWake(),
+        "wakeup": NoWakeUp(),
+        "clusters": StrongestSignal(),
+        "acquire": FromReadings(),
+        "routing": MinimumEnergy(),
+        "tracker": Centroid(),
+    }
+    values.update(changes)
+    if "motions" in changes:
+        values["filter_motions"] = values["motions"]
+    return Parts(**values)
+
+
+class Run:
+    """One run of a world, with everything that it recorded."""
+
+    def __init__(self, made: Parts, positions: Any = None, truths: Any = None, replicate: int = 0) -> None:
+        streams = Streams(made.seed, replicate)
+        self.parts = made
+        self.memory = Memory()
+        if positions is None:
+            positions = made.deploy.draw(made.sensor.reach, streams("deploy"))
+        self.positions = np.asarray(positions, dtype=np.float64)
+        traits = np.ones((len(self.positions), 1))
+        if truths is None:
+            stream = streams("truth")
+            truths = [motion.truth(made.steps, made.dt, stream) for motion in made.motions]
+        self.truths = truths
+        priors = [Estimate(truth[0], np.diag([25.0, 9.0, 25.0, 9.0])) for truth in truths]
+        world = World(made, replicate, self.positions, traits, truths, priors, streams, self.memory)
+        self.outcome: Outcome = world.run()
+        self.errors = write_rows(self.outcome, made, replicate, truths, self.memory)
+
+    def events(self, kind: str, what: str | None = None) -> list[dict[str, Any]]:
+        """The rows of one kind of event, and of one word if given."""
+        from wsnsim.base.tables import KIND
+
+        table = self.memory.table("events")
+        if not table:
+            return []
+        keep = table["kind"] == KIND[kind]
+        if what is not None:
+            keep &= table["what"] == self.memory.words.code(what)
+        rows = [{name: column[i] for name, column in table.items()} for i in np.flatnonzero(keep)]
+        return rows
+
+
+def standing(point: tuple[float, float], steps: int) -> np.ndarray:
+    """A target that stands still."""
+    return np.tile([point[0], 0.0, point[1], 0.0], (steps + 1, 1))
+
+
+def passing(start: tuple[float, float], velocity: tuple[float, float], steps: int, dt: float = 0.04) -> np.ndarray:
+    """A target that moves in a straight line."""
+    times = np.arange(steps + 1)[:, None] * dt
+    truth = np.empty((steps + 1, 4))
+    truth[:, [0, 2]] = np.array(start) + times * np.array(velocity)
+    truth[:, [1, 3]] = velocity
+    return truth

@@ -1,0 +1,174 @@
+"""The smallest parts that can stand behind each role, so that the scenario room is tested without the other rooms.
+
+`base_scenario()` is a whole scenario of them; their kinds are dotted paths into this file.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Iterator
+from typing import Annotated, Any, Literal
+
+from wsnsim.base.errors import Fault
+from wsnsim.base.part import Quantity, part
+
+
+def kind(name: str) -> str:
+    """The dotted path of a class of this file."""
+    return f"{__name__}:{name}"
+
+
+class _Port:
+    """Answers to every method that a port asks for; the scenario room calls none but `assumed`."""
+
+    columns = ("px", "vx", "py", "vy")
+
+    def assumed(self, *beliefs: Any) -> Any:
+        return (self, *beliefs)
+
+    def _nothing(self, *arguments: Any) -> None:
+        raise AssertionError("the scenario room should not call this")
+
+    draw = truth = propagate = advance = matrices = log_transition = _nothing
+    draw_traits = measure = log_likelihood = linearise = transmit = receive = compute = sense = arrivals = perfect = _nothing
+    estimate = elect = must_hand_over = successor = start = step = hand_over = forecast = _nothing
+
+
+@part
+class Prior(_Port):
+    """A prior."""
+
+    sd: Annotated[tuple[float, ...], Quantity(gt=0), "standard deviations"] = (5.0, 3.0, 5.0, 3.0)
+
+
+@part
+class Deploy(_Port):
+    """A deployment that finds fault with too few nodes."""
+
+    nodes: Annotated[int, Quantity("", ge=1), "number of nodes"]
+    width: Annotated[float, Quantity("m", gt=0), "width of the field"] = 400.0
+    height: Annotated[float, Quantity("m", gt=0), "height of the field"] = 400.0
+    cover: bool = True
+    path: str = ""
+
+    def faults(self, parts: Any) -> Iterator[Fault]:
+        if self.nodes < 3:
+            yield Fault(("deploy", "nodes"), f"{self.nodes} nodes cannot make a cluster")
+        if self.nodes < 2:
+            yield Fault(("clusters", "minimum_active"), "more members than nodes")
+
+
+@part
+class Motion(_Port):
+    """A motion that refuses a bound of 13 m by itself."""
+
+    start: Annotated[tuple[float, float, float, float], Quantity("m"), "start state"] = (0.0, 0.0, 0.0, 0.0)
+    bound: Annotated[float, Quantity("m", gt=0), "distance from which it turns back"] = 180.0
+
+    def __post_init__(self) -> None:
+        if self.bound == 13:
+            raise ValueError("13 m brings bad luck")
+
+
+@part
+class FlatMotion(_Port):
+    """A motion with other state columns."""
+
+    columns = ("x",)
+
+
+@part
+class Sensor(_Port):
+    """A sensor."""
+
+    reach: Annotated[float, Quantity("m", gt=0), "sensing range"] = 60.0
+    decay: Annotated[float, Quantity("", gt=0, le=6), "path loss exponent"] = 2.2
+    samples: Annotated[int, Quantity("", ge=1), "samples"] = 1000
+
+
+@part
+class Energy(_Port):
+    """An energy model."""
+
+    electronics: Annotated[float, Quantity("J/bit", ge=0), "per bit"] = 50e-9
+    amplifier: Annotated[float, Quantity("J/bit/m2", ge=0), "per bit and m2"] = 100e-12
+    battery: Annotated[float, Quantity("J", gt=0), "charge"] = 2.0
+
+
+@part
+class Link(_Port):
+    """A link."""
+
+    reach: Annotated[float, Quantity("m", gt=0), "nominal range of a link"]
+    loss: Annotated[float, Quantity("", ge=0, lt=1), "probability per packet"] = 0.0
+    power: Annotated[float | None, Quantity("W", gt=0), "transmit power"] = None
+
+
+@part
+class Plain(_Port):
+    """Stands behind roles without parameters."""
+
+
+@part
+class Clusters(_Port):
+    """A cluster policy."""
+
+    minimum_active: Annotated[int, Quantity("", ge=1), "members that must sense"] = 3
+
+
+@part
+class Tracker(_Port):
+    """A tracker."""
+
+    particles: Annotated[int, Quantity("", ge=1), "particles"] = 400
+    measurements: Annotated[Literal["own", "all"], "whose readings a member weighs with"] = "own"
+    copy: bool = False
+
+
+@part
+class GainTracker(_Port):
+    """A tracker with a field of its own that is called like a short form."""
+
+    gains: Annotated[float, Quantity("", gt=0), "not the filter's belief"] = 3.0
+
+
+class NoPart(_Port):
+    """Lacks the decorator."""
+
+
+@part
+class NoTracker:
+    """Lacks a tracker's methods."""
+
+
+@part
+class OddField(_Port):
+    """Has a field that no scenario can write."""
+
+    numbers: dict[str, float] | None = None
+
+
+_BASE = {
+    "name": "small",
+    "seed": 1,
+    "duration": 4.0,
+    "prior": {"kind": kind("Prior")},
+    "deploy": {"kind": kind("Deploy"), "nodes": 16},
+    "motion": {"kind": kind("Motion")},
+    "sensor": {"kind": kind("Sensor")},
+    "energy": {"kind": kind("Energy")},
+    "link": {"kind": kind("Link"), "reach": 75.0},
+    "mac": {"kind": kind("Plain")},
+    "routing": {"kind": kind("Plain")},
+    "sleep": {"kind": kind("Plain")},
+    "wakeup": {"kind": kind("Plain")},
+    "clusters": {"kind": kind("Clusters")},
+    "acquire": {"kind": kind("Plain")},
+    "tracker": {"kind": kind("Tracker")},
+}
+
+
+def base_scenario(**changes: Any) -> dict[str, Any]:
+    """A scenario of stand-ins, with top-level keys changed (None removes one)."""
+    scenario = copy.deepcopy(_BASE) | changes
+    return {key: value for key, value in scenario.items() if value is not None}

@@ -1,0 +1,175 @@
+"""A result as a DataFrame, and what a result file is about.
+
+read(path_or_glob, table, columns=None) -> DataFrame        as `wsnsim.read`
+info(path) -> dict,  info_text(path) -> str                 as `wsnsim info`
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import pandas as pd
+from pandas.api.types import union_categoricals
+
+from wsnsim import recording
+from wsnsim.base.errors import ResultError
+
+FIGURES: Final = {
+    "rmse": ("RMSE", "{:.3f} m"),
+    "median_error": ("median error", "{:.3f} m"),
+    "lost": ("runs that lost a track", "{:.1%}"),
+    "energy": ("energy", "{:.4g} J"),
+    "handovers": ("handovers", "{:.1f}"),
+    "frames_sent": ("frames sent", "{:.0f}"),
+    "frames_lost": ("frames lost", "{:.0f}"),
+    "alive": ("nodes alive", "{:.1f}"),
+    "cpu_seconds": ("processor time", "{:.2f} s"),
+}
+"""Which columns of `runs` sum a file up, with the words and the form that a terminal shows."""
+
+
+def read(path: str | Path, table: str, columns: Sequence[str] | None = None) -> pd.DataFrame:
+    """A table of a result file, or of all files that a pattern such as 'results/*.h5' names, one below the other.
+
+    Categories come as pandas Categoricals. With a pattern there is a further column `file`.
+
+    Raises:
+        ResultError: there is no such file, table or column (the nearest name is given), or a file cannot be read.
+    """
+    path = Path(path)
+    if path.exists() or not set("*?[") & set(str(path)):
+        return _read_one(path, table, columns)
+    files = sorted(Path(path.anchor).glob(str(path.relative_to(path.anchor))))
+    if not files:
+        raise ResultError(f"{path}: no file has such a name")
+    frames = [_read_one(file, table, columns) for file in files]
+    for file, frame in zip(files, frames, strict=True):
+        if list(frame) != list(frames[0]):
+            raise ResultError(f"{file}: table {table} has other columns than in {files[0]}; say which ones to read")
+    joined = pd.DataFrame({name: _joined([frame[name] for frame in frames]) for name in frames[0]})
+    joined["file"] = _file_column(files, frames)
+    return joined
+
+
+def info(path: str | Path) -> dict[str, Any]:
+    """What a result file is about, without reading its long tables.
+
+    Keys: file, bytes, status, schema_version, wsnsim_version, name, seed, replicates, tables ({name: {rows, columns,
+    bytes}}), figures (means of `runs`; `lost` is the fraction of runs that lost a track), fingerprints, provenance.
+    """
+    root = recording.attributes(path)
+    sizes = recording.tables(path)
+    scenario = _json(path, "scenario/resolved_json")
+    runs = recording.read_table(path, "runs") if "runs" in sizes else {}
+    return {
+        "file": str(path),
+        "bytes": Path(path).stat().st_size,
+        "status": root["status"],
+        "schema_version": root["schema_version"],
+        "wsnsim_version": root["wsnsim_version"],
+        "name": scenario.get("name"),
+        "seed": scenario.get("seed"),
+        "replicates": len(runs["replicate"]) if runs else None,
+        "tables": {
+            name: {"rows": size.rows, "columns": list(size.columns), "bytes": size.stored_bytes}
+            for name, size in sizes.items()
+        },
+        "figures": _figures(runs),
+        "fingerprints": [f"{value:016x}" for value in runs.get("fingerprint", ())],
+        "provenance": _json(path, "provenance_json"),
+    }
+
+
+def info_text(path: str | Path) -> str:
+    """The same for a terminal."""
+    about = info(path)
+    runs = "" if about["replicates"] is None else f", {about['replicates']} replicate{'s' * (about['replicates'] != 1)}"
+    lines = [
+        f"{about['file']}: {about['status']}, {_size(about['bytes'])}",
+        f"scenario     {about['name'] or '(not stored)'}, seed {about['seed']}{runs}",
+        *_provenance_lines(about["provenance"], about["wsnsim_version"]),
+        "",
+        *_table_lines(about["tables"]),
+    ]
+    if about["figures"]:
+        lines += ["", *_figure_lines(about["figures"])]
+    if len(about["fingerprints"]) == 1:
+        lines.append(f"{'fingerprint':<25}{about['fingerprints'][0]}")
+    return "\n".join(lines)
+
+
+def _read_one(path: str | Path, table: str, columns: Sequence[str] | None) -> pd.DataFrame:
+    arrays = recording.read_table(path, table, columns)
+    return pd.DataFrame(
+        {name: _series(values, recording.meanings(path, table, name)) for name, values in arrays.items()}
+    )
+
+
+def _series(values: np.ndarray, words: tuple[str, ...]) -> Any:
+    return pd.Categorical.from_codes(values, list(words)) if words else values
+
+
+def _joined(pieces: list[pd.Series]) -> Any:
+    """One column below the other. Categories that grew in different orders are brought together by their words."""
+    if isinstance(pieces[0].dtype, pd.CategoricalDtype):
+        return union_categoricals(pieces)
+    return np.concatenate([piece.to_numpy() for piece in pieces])
+
+
+def _file_column(files: list[Path], frames: list[pd.DataFrame]) -> pd.Categorical:
+    owners = np.repeat(np.arange(len(files)), [len(frame) for frame in frames])
+    return pd.Categorical.from_codes(owners, [str(file) for file in files])
+
+
+def _json(path: str | Path, name: str) -> dict[str, Any]:
+    """One of the file's JSON texts; empty if the file holds none, as a run killed early leaves it."""
+    try:
+        return json.loads(recording.read_text(path, name))
+    except ResultError:
+        return {}
+
+
+def _figures(runs: dict[str, np.ndarray]) -> dict[str, float]:
+    """Means over the runs of the file; those of a column that is nowhere known are left out."""
+    known = {name: runs[name][np.isfinite(runs[name])] for name in FIGURES if name in runs}
+    return {name: float(values.mean()) for name, values in known.items() if values.size}
+
+
+def _figure_lines(figures: dict[str, float]) -> list[str]:
+    return [f"{FIGURES[name][0]:<25}{FIGURES[name][1].format(value)}" for name, value in figures.items()]
+
+
+def _provenance_lines(made: dict[str, Any], version: str) -> list[str]:
+    if not made:
+        return [f"made by      wsnsim {version}"]
+    commit = made.get("git") or {}
+    tree = f" (commit {commit['commit'][:12]}{', changed' * commit['dirty']})" if commit else ""
+    versions = made.get("packages", {})
+    return [
+        f"made by      wsnsim {version}{tree}, Python {made.get('python')}, NumPy {versions.get('numpy')}",
+        f"command      {made.get('command_line')}",
+        f"from, to     {made.get('start')}, {made.get('end', 'not ended')}",
+        f"machine      {made.get('platform')} ({' '.join(made.get('cpu_features', []))})",
+    ]
+
+
+def _table_lines(sizes: dict[str, dict[str, Any]]) -> list[str]:
+    rows = [
+        (name, f"{size['rows']:,}", str(len(size["columns"])), _size(size["bytes"])) for name, size in sizes.items()
+    ]
+    return [
+        f"{name:<13}{count:>12}{wide:>9}{stored:>12}"
+        for name, count, wide, stored in [("table", "rows", "columns", "stored"), *rows]
+    ]
+
+
+def _size(count: float) -> str:
+    for unit in ("B", "kB", "MB"):
+        if count < 1000:
+            return f"{count:.0f} B" if unit == "B" else f"{count:.1f} {unit}"
+        count /= 1000
+    return f"{count:.1f} GB"

@@ -1,0 +1,90 @@
+"""Logarithm, exponential and normal pairs that the compiler can vectorise: Numba's own call the C library once a number.
+
+    log(x), exp(y)             one float64 each, within a few units of the last place
+    normal_pair(key, pair)     two standard normals of a counter key (Box-Muller: its cosine and its sine)
+
+They are inlined into the kernels that use them. Numba's cache does not notice an edit here: touch the kernels' files too.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from wsnsim.kernels.noise import SWITCHES, uniform
+
+ONE_BITS = np.int64(0x3FF0_0000_0000_0000)
+SQRT_HALF_BITS = np.int64(0x3FE6_A09E_667F_3BCD)
+EXPONENT_BITS = np.int64(0x7FF0_0000_0000_0000)
+LOG_TWO = 0.6931471805599453
+LOWEST = -700.0
+
+
+@njit(inline="always", **SWITCHES)
+def log(x):  # type: ignore[no-untyped-def]
+    """The natural logarithm of a positive normal number.
+
+    x = 2^e m with m in [sqrt(1/2), sqrt(2)), and log m = 2 artanh((m - 1)/(m + 1)) as its series to the 15th power (error 2e-15).
+    Whatever is added to reals here is small: the kernels' switches allow the compiler to distribute and to reorder.
+    """
+    bits = np.float64(x).view(np.int64)
+    shifted = np.int64(bits + (ONE_BITS - SQRT_HALF_BITS))
+    exponent = np.float64(np.int32(shifted >> 52)) - 1023.0
+    m = np.int64(bits - (shifted & EXPONENT_BITS) + ONE_BITS).view(np.float64)
+    s = (m - 1.0) / (m + 1.0)
+    z = s * s
+    low = (2.0 + 2.0 / 3.0 * z) + (2.0 / 5.0 + 2.0 / 7.0 * z) * (z * z)
+    high = (2.0 / 9.0 + 2.0 / 11.0 * z) + (2.0 / 13.0 + 2.0 / 15.0 * z) * (z * z)
+    p = low + high * ((z * z) * (z * z))
+    return exponent * LOG_TWO + s * p
+
+
+@njit(inline="always", **SWITCHES)
+def exp(y):  # type: ignore[no-untyped-def]
+    """e to the power y <= 700; below -700 it stays at e^-700 = 1e-304, so that the result is a normal number.
+
+    y = k log 2 + r with |r| <= log(2)/2, and e^r as its Taylor series to the 11th power (relative error 3e-14).
+    """
+    y = y if y > LOWEST else LOWEST
+    k = np.floor(y * 1.4426950408889634 + 0.5)
+    r = y - k * LOG_TWO
+    low = (1.0 + r) + (0.5 + r / 6.0) * (r * r)
+    middle = (1.0 / 24.0 + r / 120.0) + (1.0 / 720.0 + r / 5040.0) * (r * r)
+    high = (1.0 / 40320.0 + r / 362880.0) + (1.0 / 3628800.0 + r / 39916800.0) * (r * r)
+    fourth = (r * r) * (r * r)
+    p = low + (middle + high * fourth) * fourth
+    return p * np.int64((np.int64(np.int32(k)) + 1023) << 52).view(np.float64)
+
+
+@njit(inline="always", **SWITCHES)
+def normal_pair(key, pair):  # type: ignore[no-untyped-def]
+    """The `pair`-th pair of standard normals of a key: radius and angle from its uniforms 2*pair and 2*pair + 1.
+
+    The first is `noise.normal(key, pair)` up to rounding. The turn is split into quarters, with Taylor series on [-π/4, π/4].
+    """
+    radius = np.sqrt(-2.0 * log(1.0 - uniform(key, 2 * pair)))
+    turn = uniform(key, 2 * pair + 1)
+    quarter = np.floor(4.0 * turn + 0.5)
+    a = (turn - 0.25 * quarter) * 6.283185307179586
+    z = a * a
+    sine = 1.0 / 6227020800.0
+    sine = sine * z - 1.0 / 39916800.0
+    sine = sine * z + 1.0 / 362880.0
+    sine = sine * z - 1.0 / 5040.0
+    sine = sine * z + 1.0 / 120.0
+    sine = sine * z - 1.0 / 6.0
+    sine = a + a * z * sine
+    cosine = -1.0 / 87178291200.0
+    cosine = cosine * z + 1.0 / 479001600.0
+    cosine = cosine * z - 1.0 / 3628800.0
+    cosine = cosine * z + 1.0 / 40320.0
+    cosine = cosine * z - 1.0 / 720.0
+    cosine = cosine * z + 1.0 / 24.0
+    cosine = cosine * z - 0.5
+    cosine = cosine * z + 1.0
+    odd = (quarter == 1.0) | (quarter == 3.0)
+    first = sine if odd else cosine
+    second = cosine if odd else sine
+    first = -first if (quarter == 1.0) | (quarter == 2.0) else first
+    second = -second if (quarter == 2.0) | (quarter == 3.0) else second
+    return radius * first, radius * second

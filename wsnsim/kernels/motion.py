@@ -1,0 +1,71 @@
+"""A target of bounded velocity (Jiang, Song, Lin 2013, eqs. 1-4), for many states at once.
+
+    law = (T, a, c1, c2)                 the step and the drift's constants
+    root = (l11, l21, l22)               the lower Cholesky factor of one axis' process covariance
+    states (4, N): rows px, vx, py, vy; the axes move independently of each other
+"""
+
+from __future__ import annotations
+
+from typing import TypeAlias
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from wsnsim.kernels.elementary import normal_pair
+from wsnsim.kernels.noise import SWITCHES
+
+Floats: TypeAlias = NDArray[np.float64]
+Drift: TypeAlias = tuple[float, float, float, float]
+Root: TypeAlias = tuple[float, float, float]
+
+
+@njit(inline="always", **SWITCHES)
+def _drifted(position, velocity, law):  # type: ignore[no-untyped-def]
+    """One axis a step on: F1 while |p| <= a, else F2, which pulls back and slows down (eqs. 2-3)."""
+    step, bound, c1, c2 = law
+    pull = c1 * position + c2 * velocity
+    pull = 0.0 if abs(position) <= bound else pull
+    return position + step * velocity, velocity - step * pull
+
+
+@njit(**SWITCHES)
+def advance(states: Floats, law: Drift) -> Floats:
+    """(4, N): A(x) x, each state one step on without noise."""
+    result = np.empty(states.shape)
+    for axis in range(0, 4, 2):
+        for j in range(states.shape[1]):
+            result[axis, j], result[axis + 1, j] = _drifted(states[axis, j], states[axis + 1, j], law)
+    return result
+
+
+@njit(**SWITCHES)
+def propagate(states: Floats, keys: NDArray[np.uint64], law: Drift, root: Root) -> Floats:
+    """(4, N): A(x) x + w, each state one step on. Axis x takes the first pair of normals of the particle's key, axis y the second."""
+    l11, l21, l22 = root
+    result = np.empty(states.shape)
+    for axis in range(0, 4, 2):
+        for j in range(states.shape[1]):
+            position, velocity = _drifted(states[axis, j], states[axis + 1, j], law)
+            first, second = normal_pair(keys[j], axis // 2)
+            result[axis, j] = position + l11 * first
+            result[axis + 1, j] = velocity + l21 * first + l22 * second
+    return result
+
+
+@njit(**SWITCHES)
+def log_transition(after: Floats, before: Floats, law: Drift, root: Root) -> Floats:
+    """(N,) log N(after; A(before) before, process covariance), -inf where it is not a number. l11 and l22 must not be zero."""
+    l11, l21, l22 = root
+    constant = -2.0 * np.log(2.0 * np.pi) - 2.0 * np.log(l11 * l22)
+    result = np.empty(before.shape[1])
+    for j in range(result.size):
+        square = 0.0
+        for axis in range(0, 4, 2):
+            position, velocity = _drifted(before[axis, j], before[axis + 1, j], law)
+            first = (after[axis, j] - position) / l11
+            second = (after[axis + 1, j] - velocity - l21 * first) / l22
+            square += first * first + second * second
+        result[j] = constant - 0.5 * square if square < np.inf else -np.inf
+    return result

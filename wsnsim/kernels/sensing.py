@@ -1,0 +1,112 @@
+"""The energy of a sound at a sensor (Jiang, Song, Lin 2013, eqs. 5-8), for many points at once.
+
+    law = (σ², I, α, 2c/N_sam, inflation)         the sensor's constants, a tuple of five floats
+    signal s = I d^-α, with d floored at 1 m      mean μ = σ² + g s, variance R = (2c/N_sam) μ² + inflation s²
+
+Points are given by their coordinates x (N,) and y (N,); positions are (S, 2), gains (S,). A point that is not finite has the
+log-likelihood -inf, and so has a point against a reading that is not a number: never NaN, never an exception.
+"""
+
+from __future__ import annotations
+
+from typing import TypeAlias
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from wsnsim.kernels.elementary import exp, log
+from wsnsim.kernels.noise import SWITCHES
+
+Floats: TypeAlias = NDArray[np.float64]
+Law: TypeAlias = tuple[float, float, float, float, float]
+
+LOG_TWO_PI = 1.8378770664093453
+
+
+@njit(inline="always", **SWITCHES)
+def signal_at(squared, intensity, decay):  # type: ignore[no-untyped-def]
+    """I d^-α as I exp(-α/2 log d²), given d²; d is floored at 1 m."""
+    return intensity * exp(-0.5 * decay * log(squared if squared > 1.0 else 1.0))
+
+
+@njit(inline="always", **SWITCHES)
+def _close(result, x, y, count):  # type: ignore[no-untyped-def]
+    """From the sum of (z - μ)²/R + log R of `count` readings to their log-likelihood; -inf where nothing can be known."""
+    for j in range(x.size):
+        value = -0.5 * (result[j] + count * LOG_TWO_PI)
+        known = (value > -np.inf) & (abs(x[j]) < np.inf) & (abs(y[j]) < np.inf)
+        result[j] = value if known else -np.inf
+
+
+@njit(**SWITCHES)
+def own_log_likelihood(
+    x: Floats, y: Floats, readings: Floats, positions: Floats, gains: Floats, owners: NDArray[np.int64], law: Law
+) -> Floats:
+    """(N,) log p(readings[owners[j]] | target at point j): every particle against its own node's reading.
+
+    What belongs to the owners is collected first, so that the second loop vectorises. Raises IndexError for an unknown owner.
+    """
+    noise, intensity, decay, spread, inflation = law
+    squared, gain, reading = np.empty(x.size), np.empty(x.size), np.empty(x.size)
+    for j in range(x.size):
+        s = owners[j]
+        if s < 0 or s >= readings.size:
+            raise IndexError("a particle is owned by a reading that is not there")
+        squared[j] = (x[j] - positions[s, 0]) ** 2 + (y[j] - positions[s, 1]) ** 2
+        gain[j] = gains[s]
+        reading[j] = readings[s]
+    result = np.empty(x.size)
+    for j in range(x.size):
+        signal = signal_at(squared[j], intensity, decay)
+        mean = noise + gain[j] * signal
+        variance = spread * mean * mean + inflation * signal * signal
+        result[j] = (reading[j] - mean) ** 2 / variance + log(variance)
+    _close(result, x, y, 1)
+    return result
+
+
+@njit(**SWITCHES)
+def joint_log_likelihood(x: Floats, y: Floats, readings: Floats, positions: Floats, gains: Floats, law: Law) -> Floats:
+    """(N,) log p(all S readings | target at point j). The logarithm is taken once for the product of four variances."""
+    noise, intensity, decay, spread, inflation = law
+    result, product = np.zeros(x.size), np.ones(x.size)
+    for s in range(readings.size):
+        reading, x_sensor, y_sensor, gain = readings[s], positions[s, 0], positions[s, 1], gains[s]
+        for j in range(x.size):
+            signal = signal_at((x[j] - x_sensor) ** 2 + (y[j] - y_sensor) ** 2, intensity, decay)
+            mean = noise + gain * signal
+            variance = spread * mean * mean + inflation * signal * signal
+            result[j] += (reading - mean) ** 2 / variance
+            product[j] *= variance
+        if s % 4 == 3 or s == readings.size - 1:
+            for j in range(x.size):
+                result[j] += log(product[j])
+                product[j] = 1.0
+    _close(result, x, y, readings.size)
+    return result
+
+
+@njit(**SWITCHES)
+def linearised(x: Floats, y: Floats, positions: Floats, gains: Floats, law: Law) -> tuple[Floats, Floats, Floats]:
+    """Expected readings (S, N), their gradients in x and y (S, 2, N), their variances (S, N).
+
+    ∂μ/∂x = -α g s (x - x_s) / d², and 0 within the floor of 1 m. A point that is not finite counts as infinitely far.
+    """
+    noise, intensity, decay, spread, inflation = law
+    means = np.empty((gains.size, x.size))
+    gradients = np.empty((gains.size, 2, x.size))
+    variances = np.empty((gains.size, x.size))
+    for s in range(gains.size):
+        x_sensor, y_sensor, gain = positions[s, 0], positions[s, 1], gains[s]
+        for j in range(x.size):
+            squared = (x[j] - x_sensor) ** 2 + (y[j] - y_sensor) ** 2
+            known = squared < np.inf
+            signal = signal_at(squared, intensity, decay) if known else 0.0
+            slope = -decay * gain * signal / squared if (squared > 1.0) & known else 0.0
+            mean = noise + gain * signal
+            means[s, j] = mean
+            gradients[s, 0, j] = slope * (x[j] - x_sensor) if known else 0.0
+            gradients[s, 1, j] = slope * (y[j] - y_sensor) if known else 0.0
+            variances[s, j] = spread * mean * mean + inflation * signal * signal
+    return means, gradients, variances

@@ -1,0 +1,91 @@
+"""The particle-swarm move and its Metropolis-Hastings test (Jiang 2013, section 3), for many nodes' swarms end to end.
+
+Shapes: cloud, velocity, best (D, N); fitness (N,) log-likelihoods; offsets (M + 1,) cut the columns into nodes. One
+iteration uses the 2 D + 1 uniforms from `draw` on of each particle's key: r1 and r2 of component d are draws 2d and
+2d + 1, u is the last.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from wsnsim.kernels.elementary import log
+from wsnsim.kernels.noise import SWITCHES, uniform
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Keys = NDArray[np.uint64]
+
+
+@njit(**SWITCHES)
+def fly(
+    cloud: Floats,
+    velocity: Floats,
+    best: Floats,
+    best_fitness: Floats,
+    offsets: Ints,
+    keys: Keys,
+    draw: int,
+    phi1: float,
+    phi2: float,
+    length: float,
+    random_factors: bool,
+) -> Floats:
+    """(D, N) where the swarm would go; velocities are updated in place, whether the move is accepted later or not.
+
+    gB is the best that any particle of the *same node* has been so far (our choice: a node knows no other's).
+    Eqs. (18), (19).
+    """
+    proposal = np.empty_like(cloud)
+    for m in range(offsets.size - 1):
+        leader, top = offsets[m], -np.inf
+        for j in range(offsets[m], offsets[m + 1]):
+            if best_fitness[j] > top:
+                leader, top = j, best_fitness[j]
+        for d in range(cloud.shape[0]):
+            at_best = best[d, leader] if offsets[m] < offsets[m + 1] else 0.0
+            for j in range(offsets[m], offsets[m + 1]):
+                r1 = uniform(keys[j], draw + 2 * d) if random_factors else 1.0
+                r2 = uniform(keys[j], draw + 2 * d + 1) if random_factors else 1.0
+                # eq. 18: V += phi1 r1 (pB - x) + phi2 r2 (gB - x)
+                v = velocity[d, j] + phi1 * r1 * (best[d, j] - cloud[d, j]) + phi2 * r2 * (at_best - cloud[d, j])
+                velocity[d, j] = v
+                proposal[d, j] = cloud[d, j] + v * length  # eq. 19
+    return proposal
+
+
+@njit(**SWITCHES)
+def accept(
+    cloud: Floats,
+    fitness: Floats,
+    prior: Floats,
+    proposal: Floats,
+    proposal_fitness: Floats,
+    proposal_prior: Floats,
+    best: Floats,
+    best_fitness: Floats,
+    keys: Keys,
+    draw: int,
+) -> int:
+    """How many proposals were accepted; cloud, fitness, prior and the particles' own best are updated in place.
+
+    Accepted if u < min(r, 1), r = [p(z|x') π(x')] / [p(z|x) π(x)], in logs; a ratio that is no number is a rejection.
+    Eqs. (20)-(24), with the ratio of the Q taken as one.
+    """
+    limits = np.empty(keys.size)
+    for j in range(keys.size):
+        limits[j] = log(uniform(keys[j], draw + 2 * cloud.shape[0]))
+    accepted = 0
+    for j in range(keys.size):
+        if limits[j] < proposal_fitness[j] + proposal_prior[j] - fitness[j] - prior[j]:
+            accepted += 1
+            fitness[j], prior[j] = proposal_fitness[j], proposal_prior[j]
+            for d in range(cloud.shape[0]):
+                cloud[d, j] = proposal[d, j]
+        if fitness[j] > best_fitness[j]:
+            best_fitness[j] = fitness[j]
+            for d in range(cloud.shape[0]):
+                best[d, j] = cloud[d, j]
+    return accepted

@@ -1,0 +1,137 @@
+"""How a track starts: from a prior around the truth, and anew from readings alone.
+
+    draw(start (D,), rng) -> Estimate
+    estimate(readings (S,), positions (S, 2), traits (S, T), sensor, motion, prior) -> Estimate
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated
+
+import numpy as np
+
+from wsnsim.base.arrays import Floats
+from wsnsim.base.errors import Fault
+from wsnsim.base.part import Quantity, part
+from wsnsim.base.ports import Estimate, MotionModel, Parts, SensorModel
+
+LEVELS = 8
+
+
+@part
+class AroundTruth:
+    """A Gaussian prior whose mean is drawn around the true start, the same draw for every tracker.
+
+    Our choice, with its standard deviations: Jiang, Song, Lin (2013) gives no prior.
+    """
+
+    sd: Annotated[tuple[float, ...], Quantity("", gt=0), "standard deviation of each state column, in SI units"] = (5.0, 3.0, 5.0, 3.0)
+    mean: Annotated[tuple[float, ...] | None, Quantity(""), "mean of each state column; left out: drawn around the start"] = None
+
+    def draw(self, start: Floats, rng: np.random.Generator) -> Estimate:
+        """What every filter is told: N(m0, diag(sd²)) with m0 ~ N(start, diag(sd²)), or the mean given."""
+        sd = np.array(self.sd)
+        mean = start + sd * rng.standard_normal(sd.size) if self.mean is None else np.array(self.mean)
+        return Estimate(mean=mean, cov=np.diag(sd**2))
+
+    def faults(self, parts: Parts) -> Iterator[Fault]:
+        """A prior of another dimension than the state."""
+        columns = parts.motions[0].columns
+        for key, values in (("sd", self.sd), ("mean", self.mean)):
+            if values is not None and len(values) != len(columns):
+                yield Fault(("prior", key), f"{len(values)} values for a state of {len(columns)} columns: {' '.join(columns)}")
+
+
+@part
+class FromReadings:
+    """A new track from the readings that arrived: position by their likelihood, the rest by the spread of the prior about zero.
+
+    Our choice; Jiang, Song, Lin (2013) has no re-acquisition. The position's mean and covariance are those of its likelihood on a
+    lattice that shrinks about them. One reading gives a ring about its node, two give both their crossings, many give the inverse
+    of Fisher's information. No reading counts for more than `outlier` standard deviations, so that a few false ones are outvoted.
+    """
+
+    lattice: Annotated[int, Quantity("", ge=11, le=201), "points along a side of the lattice"] = 41
+    outlier: Annotated[float, Quantity("", gt=0), "standard deviations beyond which a reading is not blamed on the position"] = 6.0
+    floor: Annotated[float, Quantity("m", gt=0), "least standard deviation of the position"] = 1.0
+
+    def estimate(
+        self, readings: Floats, positions: Floats, traits: Floats, sensor: SensorModel, motion: MotionModel, prior: Estimate
+    ) -> Estimate:
+        """A start from S >= 1 readings. The position's standard deviation lies between `floor` and the sensor's reach.
+
+        Readings that are not finite are left out; if none is left, the target may be anywhere about the nodes. Other columns than
+        the position get mean 0 and the prior's mean square, mean² + variance: nothing is known of them.
+        """
+        known = np.isfinite(readings)
+        point, spread = self._locate(readings[known], positions[known], traits[known], sensor, _box(positions, sensor.reach))
+        mean = np.zeros(prior.mean.size)
+        cov = np.diag(prior.mean**2 + np.diag(prior.cov))
+        place = list(motion.position)
+        mean[place] = point
+        cov[np.ix_(place, place)] = _bounded(spread, self.floor, sensor.reach)
+        return Estimate(mean=mean, cov=cov)
+
+    def _locate(
+        self, readings: Floats, positions: Floats, traits: Floats, sensor: SensorModel, box: tuple[Floats, Floats]
+    ) -> tuple[Floats, Floats]:
+        """Mean (2,) and covariance (2, 2) of the position within a box, given as its centre and half width, both (2,).
+
+        While the likelihood is too sharp for the lattice it is tempered until it covers a few points, and the box shrinks to four
+        standard deviations about the mean.
+        """
+        centre, half = box
+        for _ in range(LEVELS):
+            points = _lattice(centre, half, self.lattice)
+            weights, whole = _tempered(self._score(points, readings, positions, traits, sensor))
+            centre, spread = _moments(points, weights)
+            narrower = np.minimum(half, 4.0 * np.sqrt(np.diag(spread)))
+            if whole or np.all(narrower > 0.9 * half):
+                break
+            half = narrower
+        return centre, spread
+
+    def _score(
+        self, points: Floats, readings: Floats, positions: Floats, traits: Floats, sensor: SensorModel
+    ) -> Floats:
+        """(N,) the log-likelihood of the readings at points (2, N), each reading's part bounded below."""
+        means, _, variances = sensor.linearise(points, positions, traits)
+        squares = np.minimum((readings[:, None] - means) ** 2 / variances, self.outlier**2)
+        return -0.5 * (squares + np.log(variances)).sum(axis=0)
+
+
+def _box(positions: Floats, reach: float) -> tuple[Floats, Floats]:
+    """Centre and half width of where a target may be that some of the nodes sense."""
+    low, high = positions.min(axis=0), positions.max(axis=0)
+    return (low + high) / 2, (high - low) / 2 + reach
+
+
+def _lattice(centre: Floats, half: Floats, side: int) -> Floats:
+    """(2, side²) points of a square lattice, its edges included."""
+    offsets = np.linspace(-1.0, 1.0, side)
+    x, y = np.meshgrid(centre[0] + half[0] * offsets, centre[1] + half[1] * offsets)
+    return np.stack([x.ravel(), y.ravel()])
+
+
+def _tempered(score: Floats, enough: float = 12.0) -> tuple[Floats, bool]:
+    """Weights exp(β score), normalised, and whether β is 1: the largest 2^-n that leaves `enough` effective points."""
+    above = score - score.max()
+    for halvings in range(64):
+        weights = np.exp(above * 0.5**halvings)
+        weights /= weights.sum()
+        if (weights**2).sum() * enough <= 1.0:
+            return weights, halvings == 0
+    return weights, False
+
+
+def _moments(points: Floats, weights: Floats) -> tuple[Floats, Floats]:
+    mean = points @ weights
+    apart = points - mean[:, None]
+    return mean, (apart * weights) @ apart.T
+
+
+def _bounded(cov: Floats, floor: float, cap: float) -> Floats:
+    """The covariance with its standard deviations, along its own axes, between floor and cap."""
+    values, vectors = np.linalg.eigh((cov + cov.T) / 2)
+    return (vectors * np.clip(values, floor**2, cap**2)) @ vectors.T

@@ -1,0 +1,90 @@
+"""Who leads, who follows, and until when.
+
+    elect(ids, strengths, able) -> id or None      must_hand_over(active, members) -> bool
+    successor(forecast (2,), positions (N, 2), able (N,)) -> id or None
+
+`is_open` clusters take in whoever senses, without a frame; the members of the others are fixed when they form.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated, ClassVar, Literal
+
+import numpy as np
+
+from wsnsim.base.arrays import Bools, Floats
+from wsnsim.base.part import Quantity, part
+
+
+@part
+class StrongestSignal:
+    """The loudest node leads, until too few of its members sense the target.
+
+    Handover when N_act < `minimum_active`, or N_act / N_cluster < `handover_fraction`; the node nearest to the predicted target
+    then leads, or calls an election (`successor_rule: elect`, the paper's other reading).
+
+    Source: Jiang, Song, Lin (2013), section 2.3.
+    """
+
+    is_open: ClassVar[bool] = False
+
+    handover_fraction: Annotated[float, Quantity("", ge=0, le=1), "hand over below this fraction of members that sense"] = 0.25
+    minimum_active: Annotated[int, Quantity("", ge=1), "hand over below this number of members that sense, the head included"] = 3
+    successor_rule: Annotated[Literal["nearest", "elect"], "who leads next: the nearest node, or whom it has elected"] = "nearest"
+    threshold: Annotated[
+        float | None, Quantity("J", ge=0), "charge that a head must exceed; left out: a packet sent and received, a step computed"
+    ] = None
+
+    @property
+    def calls_election(self) -> bool:
+        """Whether the node nearest to the forecast calls an election instead of leading."""
+        return self.successor_rule == "elect"
+
+    def elect(self, ids: Sequence[int], strengths: Sequence[float], able: Sequence[bool]) -> int | None:
+        """The loudest of those able; of equally loud ones the lowest id. None if nobody is able."""
+        candidates = [(-strength, i) for i, strength, fit in zip(ids, strengths, able, strict=True) if fit]
+        return min(candidates)[1] if candidates else None
+
+    def must_hand_over(self, active: int, members: int) -> bool:
+        """Whether too few of `members`, the head included, sense: fewer than the minimum, or than the fraction."""
+        return active < self.minimum_active or active < self.handover_fraction * members
+
+    def successor(self, forecast: Floats, positions: Floats, able: Bools) -> int | None:
+        """The able node nearest to the predicted position (2,). None if nobody is able."""
+        return _nearest(forecast, positions, able)
+
+
+@part
+class Central:
+    """A cluster for reference: one head for good, near a fixed point, and whoever senses is a member.
+
+    Our choice, for trackers that know every reading; no paper's protocol. Nobody is elected: `successor` appoints the head, at the
+    start and when the old one has died, wherever the target is.
+    """
+
+    is_open: ClassVar[bool] = True
+    calls_election: ClassVar[bool] = False
+
+    x: Annotated[float, Quantity("m"), "the head is the able node nearest to (x, y)"] = 0.0
+    y: Annotated[float, Quantity("m"), "the head is the able node nearest to (x, y)"] = 0.0
+    threshold: Annotated[float | None, Quantity("J", ge=0), "charge that a head must exceed; left out: as for other clusters"] = None
+
+    def elect(self, ids: Sequence[int], strengths: Sequence[float], able: Sequence[bool]) -> int | None:
+        """None: the head is appointed by its place, not elected."""
+        return None
+
+    def must_hand_over(self, active: int, members: int) -> bool:
+        """Never."""
+        return False
+
+    def successor(self, forecast: Floats, positions: Floats, able: Bools) -> int | None:
+        """The able node nearest to (x, y), wherever the target goes. None if nobody is able."""
+        return _nearest(np.array([self.x, self.y]), positions, able)
+
+
+def _nearest(point: Floats, positions: Floats, able: Bools) -> int | None:
+    """The able node nearest to a point; of equally near ones the lowest id."""
+    squared = np.where(able, ((positions - point) ** 2).sum(axis=1), np.inf)
+    nearest = int(np.argmin(squared)) if squared.size else -1
+    return nearest if nearest >= 0 and able[nearest] else None

@@ -1,0 +1,132 @@
+"""How a target moves. A model gives truth, predictions and transition densities, all from one process covariance.
+
+    propagate(states (D, N), dt, keys (N,)) -> (D, N)
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterator
+from typing import Annotated, ClassVar, Literal
+
+import numpy as np
+
+from wsnsim.base.arrays import Floats, Keys
+from wsnsim.base.errors import Fault, RunError
+from wsnsim.base.part import Quantity, part
+from wsnsim.base.ports import Field, Parts
+from wsnsim.kernels import motion as kernels
+
+
+@part
+class BoundedVelocity:
+    """Constant velocity within a bound, turned back and slowed down beyond it, on each axis of its own.
+
+    x⁺ = A(x) x + w with A = blkdiag(F_x, F_y): F1 = [1 T; 0 1] while |p| <= a, else F2 = [1 T; -T c1, 1 - T c2].
+    The paper gives two covariances of w that cannot both hold: G Gᵀ with G = [T² σ0/2; T σ0], and Q = q [T³/2 T²/2; T²/2 T].
+    `noise: both`, our choice, is their sum; the others are the literal readings.
+
+    Source: Jiang, Song, Lin (2013), eqs. 1-4 and table 2.
+    """
+
+    columns: ClassVar[tuple[str, ...]] = ("px", "vx", "py", "vy")
+    units: ClassVar[tuple[str, ...]] = ("m", "m/s", "m", "m/s")
+    position: ClassVar[tuple[int, int]] = (0, 2)
+
+    bound: Annotated[float, Quantity("m", gt=0), "a: distance from an axis' origin beyond which the target is turned back"] = 180.0
+    c1: Annotated[float, Quantity("1/s2", ge=0), "pull towards the origin beyond the bound"] = 0.75
+    c2: Annotated[float, Quantity("1/s", ge=0), "drag beyond the bound"] = 1.0
+    q: Annotated[float, Quantity("m2/s3", ge=0), "intensity of the process noise Q"] = 0.002
+    sigma0: Annotated[float, Quantity("m/s2", ge=0), "σ0: standard deviation of the random acceleration that enters by G"] = 1.0
+    noise: Annotated[Literal["both", "q_only", "g_only"], "which of the paper's two covariances act"] = "both"
+    start: Annotated[tuple[float, float, float, float], Quantity(""), "state at time 0: px, vx, py, vy in m and m/s"] = (
+        -45.0,
+        -20.0,
+        -50.0,
+        -35.0,
+    )
+
+    def truth(self, steps: int, dt: float, rng: np.random.Generator) -> Floats:
+        """(steps + 1, 4): one trajectory from the start state."""
+        l11, l21, l22 = self._root(dt)
+        draws = rng.standard_normal((steps, 2, 2))
+        noise = np.empty((steps, 4))
+        noise[:, 0::2] = l11 * draws[..., 0]
+        noise[:, 1::2] = l21 * draws[..., 0] + l22 * draws[..., 1]
+        states = np.empty((steps + 1, 4))
+        states[0] = self.start
+        law = self._law(dt)
+        for step in range(steps):
+            states[step + 1] = kernels.advance(states[step, :, None], law)[:, 0] + noise[step]
+        return states
+
+    def propagate(self, states: Floats, dt: float, keys: Keys) -> Floats:
+        """(4, N): each state one step on, with process noise (eq. 1)."""
+        return kernels.propagate(np.ascontiguousarray(states), keys, self._law(dt), self._root(dt))
+
+    def advance(self, states: Floats, dt: float) -> Floats:
+        """(4, N): each state one step on, without noise."""
+        return kernels.advance(np.ascontiguousarray(states), self._law(dt))
+
+    def matrices(self, states: Floats, dt: float) -> tuple[Floats, Floats]:
+        """A (N, 4, 4) at each state, and the covariance (4, 4) of the process noise (eqs. 2-4)."""
+        transition = np.zeros((states.shape[1], 4, 4))
+        for p, v in ((0, 1), (2, 3)):
+            beyond = ~(np.abs(states[p]) <= self.bound)
+            transition[:, p, p] = 1.0
+            transition[:, p, v] = dt
+            transition[:, v, p] = np.where(beyond, -dt * self.c1, 0.0)
+            transition[:, v, v] = np.where(beyond, 1.0 - dt * self.c2, 1.0)
+        (a, b, c), _ = self._covariance(dt)
+        return transition, np.kron(np.eye(2), np.array([[a, b], [b, c]]))
+
+    def log_transition(self, after: Floats, before: Floats, dt: float) -> Floats:
+        """(N,) log p(after | before); -inf where either is not finite.
+
+        Raises:
+            RunError: the process covariance is singular, and there is no density: `noise: g_only`, or q = 0.
+        """
+        root = self._root(dt)
+        if not root[0] * root[2] > 0.0:
+            raise RunError(
+                "motion: the process noise is singular (noise: g_only, or q: 0), so the transition has no density; "
+                "use noise: both or q_only with q > 0"
+            )
+        return kernels.log_transition(np.ascontiguousarray(after), np.ascontiguousarray(before), self._law(dt), root)
+
+    def assumed(self, noise_scale: float) -> BoundedVelocity:
+        """The model as a filter believes it: process covariance times `noise_scale`, since both terms grow with it."""
+        return dataclasses.replace(self, q=self.q * noise_scale, sigma0=self.sigma0 * math.sqrt(noise_scale))
+
+    def faults(self, parts: Parts) -> Iterator[Fault]:
+        """A start outside the field."""
+        field = Field(parts.deploy.width, parts.deploy.height)
+        x, y = (self.start[i] for i in self.position)
+        if not field.contains(np.array([[x, y]]))[0]:
+            several = len(parts.motions) > 1
+            path = ("targets", _index(parts, self), "start") if several else ("motion", "start")
+            yield Fault(path, f"({x:g}, {y:g}) m is outside the field, which reaches ±{field.width / 2:g} m by ±{field.height / 2:g} m")
+
+    def _law(self, dt: float) -> kernels.Drift:
+        return dt, self.bound, self.c1, self.c2
+
+    def _covariance(self, dt: float) -> tuple[tuple[float, float, float], float]:
+        """One axis' covariance [a b; b c], and its determinant in closed form, free of cancellation."""
+        q = 0.0 if self.noise == "g_only" else self.q
+        s = 0.0 if self.noise == "q_only" else self.sigma0**2
+        a = s * dt**4 / 4 + q * dt**3 / 2
+        b = s * dt**3 / 2 + q * dt**2 / 2
+        c = s * dt**2 + q * dt
+        return (a, b, c), q * q * dt**4 / 4 + s * q * dt**5 / 4
+
+    def _root(self, dt: float) -> kernels.Root:
+        """The lower Cholesky factor (l11, l21, l22) of one axis' covariance, singular ones included."""
+        (a, b, _), determinant = self._covariance(dt)
+        if a == 0.0:
+            return 0.0, 0.0, 0.0
+        return math.sqrt(a), b / math.sqrt(a), math.sqrt(determinant / a)
+
+
+def _index(parts: Parts, motion: BoundedVelocity) -> int:
+    return next(i for i, other in enumerate(parts.motions) if other is motion)

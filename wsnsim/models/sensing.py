@@ -1,0 +1,131 @@
+"""What a node measures of a target. A model gives readings for the truth, and likelihoods and slopes for the filters.
+
+    log_likelihood(points (2, N), readings (S,), positions (S, 2), traits (S, T), owners (N,) | None) -> (N,)
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar
+
+import numpy as np
+
+from wsnsim.base.arrays import Floats, Ints
+from wsnsim.base.part import Quantity, part
+from wsnsim.kernels import sensing as kernels
+
+FLOOR = 1.0
+"""m: no distance counts as less (our choice: d^-α has no bound)."""
+
+
+@part
+class AcousticEnergy:
+    """The energy of a sound, which falls with a power of the distance, averaged over samples.
+
+    μ = σ² + g I d^-α, R = (2c/N_sam) μ², z = μ + N(0, R). R depends on the state, so log R stays in the likelihood.
+    Each node has a gain g, uniform within ±`gain_spread` of 1 and constant.
+
+    Source: Jiang, Song, Lin (2013), eqs. 5-8 and table 2. The paper gives neither I nor σ²: ours make signal and noise about
+    equal at the edge of the reach.
+    """
+
+    trait_names: ClassVar[tuple[str, ...]] = ("gain",)
+
+    reach: Annotated[float, Quantity("m", gt=0), "R_s: a target within it is sensed"] = 60.0
+    decay: Annotated[float, Quantity("", gt=0), "α: exponent of the loss with distance"] = 2.2
+    samples: Annotated[int, Quantity("", ge=1), "N_sam: samples averaged in a reading"] = 1000
+    nonlinearity: Annotated[float, Quantity("", gt=0), "c: grows the variance of a reading"] = 1.5
+    intensity: Annotated[float, Quantity("", gt=0), "I: energy of the target's sound at 1 m"] = 1e4
+    noise: Annotated[float, Quantity("", gt=0), "σ²: energy of the background noise"] = 1.0
+    gain_spread: Annotated[float, Quantity("", ge=0, lt=1), "γ: half the width of the gains about 1"] = 0.3
+
+    def draw_traits(self, nodes: int, rng: np.random.Generator) -> Floats:
+        """(nodes, 1): each node's gain."""
+        return rng.uniform(1.0 - self.gain_spread, 1.0 + self.gain_spread, (nodes, 1))
+
+    def measure(self, points: Floats, positions: Floats, traits: Floats, noise: Floats) -> Floats:
+        """(n,) readings: pair i is a target at points[i], a sensor at positions[i] with traits[i], a standard normal (eqs. 6-8)."""
+        squared = np.maximum(((points - positions) ** 2).sum(axis=1), FLOOR**2)
+        mean = self.noise + traits[:, 0] * self.intensity * squared ** (-self.decay / 2)
+        return mean * (1.0 + np.sqrt(2.0 * self.nonlinearity / self.samples) * noise)
+
+    def log_likelihood(
+        self, points: Floats, readings: Floats, positions: Floats, traits: Floats, owners: Ints | None = None
+    ) -> Floats:
+        """(N,) log p(readings | target at points (2, N)): of all S readings, or of reading owners[j] alone for particle j.
+
+        No readings: zeros. A point that is not finite, or a reading that is not a number: -inf.
+        """
+        return _log_likelihood(self.law(), points, readings, positions, traits[:, 0], owners)
+
+    def linearise(self, points: Floats, positions: Floats, traits: Floats) -> tuple[Floats, Floats, Floats]:
+        """At points (2, N): expected readings (S, N), their gradients in x and y (S, 2, N), their variances (S, N)."""
+        return _linearised(self.law(), points, positions, traits[:, 0])
+
+    def assumed(self, gains: str, inflate: bool) -> AcousticEnergy | UncalibratedAcousticEnergy:
+        """The model as a filter believes it: of gains that are 'known' (calibrated nodes) or 'unknown' (taken as 1)."""
+        return self if gains == "known" else UncalibratedAcousticEnergy(sensor=self, inflate=inflate)
+
+    def law(self, inflation: float = 0.0) -> kernels.Law:
+        """The constants that the kernels take; `inflation` adds that much of the squared signal to the variance."""
+        return self.noise, self.intensity, self.decay, 2.0 * self.nonlinearity / self.samples, inflation
+
+
+@part
+class UncalibratedAcousticEnergy:
+    """What a filter believes of an `AcousticEnergy` whose gains it does not know: every gain is 1.
+
+    With `inflate`, R' = R + (γ²/3) (I d^-α)²: the variance of the gain times the squared signal (0.03 at ±30 %). Not in the
+    paper; our choice.
+    """
+
+    sensor: AcousticEnergy
+    inflate: bool
+
+    trait_names: ClassVar[tuple[str, ...]] = AcousticEnergy.trait_names
+
+    @property
+    def reach(self) -> float:
+        """R_s of the true sensor, in m."""
+        return self.sensor.reach
+
+    def draw_traits(self, nodes: int, rng: np.random.Generator) -> Floats:
+        """(nodes, 1): ones."""
+        return np.ones((nodes, 1))
+
+    def measure(self, points: Floats, positions: Floats, traits: Floats, noise: Floats) -> Floats:
+        """(n,) readings of sensors whose gain is 1, with the variance that the filter believes."""
+        means, _, variances = self.linearise(points.T, positions, traits)
+        return np.diagonal(means) + np.sqrt(np.diagonal(variances)) * noise
+
+    def log_likelihood(
+        self, points: Floats, readings: Floats, positions: Floats, traits: Floats, owners: Ints | None = None
+    ) -> Floats:
+        """(N,) as `AcousticEnergy.log_likelihood`, with gains of 1 and the variance R'."""
+        return _log_likelihood(self.law(), points, readings, positions, np.ones(len(positions)), owners)
+
+    def linearise(self, points: Floats, positions: Floats, traits: Floats) -> tuple[Floats, Floats, Floats]:
+        """As `AcousticEnergy.linearise`, with gains of 1 and the variance R'."""
+        return _linearised(self.law(), points, positions, np.ones(len(positions)))
+
+    def assumed(self, gains: str, inflate: bool) -> AcousticEnergy | UncalibratedAcousticEnergy:
+        """The belief that another filter has of the same sensor."""
+        return self.sensor.assumed(gains, inflate)
+
+    def law(self) -> kernels.Law:
+        """The constants that the kernels take, with the gain's variance if it inflates R."""
+        return self.sensor.law(self.sensor.gain_spread**2 / 3.0 if self.inflate else 0.0)
+
+
+def _log_likelihood(
+    law: kernels.Law, points: Floats, readings: Floats, positions: Floats, gains: Floats, owners: Ints | None
+) -> Floats:
+    x, y = np.ascontiguousarray(points[0]), np.ascontiguousarray(points[1])
+    positions, gains = np.ascontiguousarray(positions), np.ascontiguousarray(gains)
+    if owners is None or not readings.size:
+        return kernels.joint_log_likelihood(x, y, readings, positions, gains, law)
+    return kernels.own_log_likelihood(x, y, readings, positions, gains, owners, law)
+
+
+def _linearised(law: kernels.Law, points: Floats, positions: Floats, gains: Floats) -> tuple[Floats, Floats, Floats]:
+    x, y = np.ascontiguousarray(points[0]), np.ascontiguousarray(points[1])
+    return kernels.linearised(x, y, np.ascontiguousarray(positions), np.ascontiguousarray(gains), law)

@@ -1,0 +1,113 @@
+"""From a parcel to its destination: one hop where it is in reach, relayed where it is not.
+
+    air.carry(letters) -> simpy.Event                    fires when every letter has ended; see `Letter.mask`
+    air.broadcast(sources, parcels, target) -> (event, frames)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import simpy
+
+from wsnsim.base.arrays import Bools
+from wsnsim.base.asks import Parcel, all_arrived
+from wsnsim.base.tables import EVENT_CAUSE, KIND
+from wsnsim.network.fleet import Fleet
+from wsnsim.network.journal import Journal
+from wsnsim.network.mac import IdealMac
+from wsnsim.network.medium import EVERYONE, Frame, Medium, burst
+from wsnsim.network.routing import Router
+
+
+@dataclass(slots=True)
+class Letter:
+    """A parcel under way from a node to another. After `carry`: what arrived, over how many hops, for how many bits on the air."""
+
+    source: int
+    to: int
+    parcel: Parcel
+    mask: Bools
+    arrived: bool = False
+    hops: int = 0
+    bits: int = 0
+
+
+def letter(source: int, to: int, parcel: Parcel) -> Letter:
+    """A letter about to be sent."""
+    return Letter(source, to, parcel, all_arrived(parcel.packets))
+
+
+class Air:
+    """What nodes use to send."""
+
+    def __init__(
+        self, env: simpy.Environment, fleet: Fleet, mac: IdealMac, medium: Medium, router: Router, journal: Journal
+    ) -> None:
+        self._env = env
+        self._fleet = fleet
+        self._mac = mac
+        self._medium = medium
+        self._router = router
+        self._journal = journal
+
+    def carry(self, letters: Sequence[Letter], target: int) -> simpy.Event:
+        """Put letters on the air; the event fires when the last has arrived or is lost."""
+        direct, far = [], []
+        for item in letters:
+            if item.source == item.to:
+                item.arrived = True
+            elif self._fleet.distance(item.source, item.to) <= self._fleet.reach:
+                direct.append(item)
+            else:
+                far.append(item)
+        events: list[simpy.Event] = [self._env.process(self._relay(item, target)) for item in far]
+        if direct or not far:
+            events.append(self._one_hop(direct, target))
+        return events[0] if len(events) == 1 else self._env.all_of(events)
+
+    def broadcast(
+        self, sources: Sequence[int], parcels: Sequence[Parcel], target: int
+    ) -> tuple[simpy.Event, list[Frame]]:
+        """Each source sends its parcel once to everyone within reach; `frame.heard` says who got it."""
+        frames = [burst(source, EVERYONE, parcel, target) for source, parcel in zip(sources, parcels, strict=True)]
+        return self._mac.send(frames), frames
+
+    def _one_hop(self, letters: list[Letter], target: int) -> simpy.Event:
+        frames = [burst(item.source, item.to, item.parcel, target) for item in letters]
+        event = self._mac.send(frames)
+        assert event.callbacks is not None
+        event.callbacks.append(lambda _: self._settle(letters, frames))
+        return event
+
+    def _settle(self, letters: list[Letter], frames: list[Frame]) -> None:
+        for item, frame in zip(letters, frames, strict=True):
+            item.mask, item.arrived = frame.mask, frame.packets > 0
+            item.hops, item.bits = 1, item.parcel.packets * item.parcel.packet_bits
+
+    def _relay(self, item: Letter, target: int) -> Any:
+        path = self._router.path(item.source, item.to)
+        if path is None:
+            self._no_path(item, target)
+            return
+        sequence, mask, packets = 0, item.mask, item.parcel.packets
+        for source, to in zip(path[:-1], path[1:], strict=True):
+            frame = Frame(source, to, item.parcel, target, mask, packets, sequence, relayed=source != item.source)
+            item.hops += 1
+            item.bits += frame.bits
+            yield self._mac.send([frame])
+            sequence, mask, packets = frame.sequence, frame.mask, frame.packets
+            if packets == 0:
+                break
+        item.mask, item.arrived = mask, packets > 0
+
+    def _no_path(self, item: Letter, target: int) -> None:
+        item.mask = np.zeros(item.parcel.packets, dtype=np.bool_)
+        self._medium.frames_lost += 1
+        self._journal.add(
+            (self._env.now, self._medium.step, target, item.source, KIND["drop"], self._journal.code("no_path"), 0, 0,
+             item.to, item.parcel.packets, 0, 0.0, EVENT_CAUSE["none"])
+        )  # fmt: skip

@@ -1,0 +1,144 @@
+"""Performs a tracker's asks on the network, and pays for them: the only place where mathematics meets the clock.
+
+    belief = yield from Driver(stage, target, head, members).perform(tracker.step(belief, scene))
+
+A head that dies in the middle closes the flow: its belief is gone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Sequence
+from typing import Any
+
+import simpy
+
+from wsnsim.base.arrays import Bools
+from wsnsim.base.asks import Broadcast, Compute, Delivery, Flow, Gather, Local, Member, Parcel, Scatter, Send
+from wsnsim.base.errors import RunError
+from wsnsim.base.tables import CAUSE, EVENT_CAUSE, KIND
+from wsnsim.network.air import Letter, letter
+from wsnsim.network.stage import Stage
+
+Performance = Generator[simpy.Event, Any, Any]
+COMPUTE, CPU, CPU_LEDGER = KIND["compute"], EVENT_CAUSE["cpu"], CAUSE["cpu"]
+
+
+class HeadDied(Exception):
+    """The head ran out of charge in the middle of a flow."""
+
+
+class Driver:
+    """One head's way to its cluster. `members` holds every member, the head included, with memory of this cluster's epoch.
+
+    `readings`: how many entered the last computation. `bits`: put on the air so far. `hops`: of the last `Send`.
+    """
+
+    def __init__(self, stage: Stage, target: int, head: int, members: dict[int, Member]) -> None:
+        self._stage = stage
+        self._target = target
+        self._head = head
+        self._members = members
+        self.readings = 0
+        self.bits = 0
+        self.hops = 0
+
+    def perform(self, flow: Flow[Any]) -> Performance:
+        """Drive a flow to its end and give its belief. Raises HeadDied; whatever ends it early closes the flow."""
+        answer: Any = None
+        try:
+            while True:
+                try:
+                    ask = flow.send(answer)
+                except StopIteration as end:
+                    return end.value
+                if type(ask) is Local:
+                    answer = self._local(ask)
+                elif type(ask) is Compute:
+                    self._pay(self._head, ask.cycles)
+                    answer = None
+                elif type(ask) is Gather:
+                    answer = yield from self._gather(ask)
+                elif type(ask) is Scatter:
+                    answer = yield from self._scatter(ask)
+                elif type(ask) is Broadcast:
+                    answer = yield from self._broadcast(ask)
+                elif type(ask) is Send:
+                    answer = yield from self._send(ask)
+                else:
+                    raise RunError(f"a tracker asked for {ask!r}; asks are Local, Compute, Gather, Scatter, Broadcast and Send")
+                if not self._stage.fleet.alive[self._head]:
+                    raise HeadDied
+        finally:
+            flow.close()
+
+    def _addressed(self, who: Sequence[int] | None) -> list[Member]:
+        alive, members = self._stage.fleet.alive, self._members
+        if who is None:
+            return [member for member in members.values() if member.reading is not None and alive[member.id]]
+        return [members[node] for node in who if node in members and alive[node]]
+
+    def _local(self, ask: Local) -> tuple[int, ...]:
+        addressed = self._addressed(ask.who)
+        if ask.work_all is not None and addressed:
+            ask.work_all(addressed)
+        else:
+            for member in addressed:
+                ask.work(member)
+        self.readings = sum(member.reading is not None for member in addressed)
+        cycles = ask.cycles
+        for member in addressed:
+            self._pay(member.id, cycles(member) if callable(cycles) else cycles)
+        alive = self._stage.fleet.alive
+        return tuple(member.id for member in addressed if alive[member.id])
+
+    def _pay(self, node: int, cycles: float) -> None:
+        """Book a computation. Nothing is logged of what costs nothing."""
+        stage = self._stage
+        joules = stage.parts.energy.compute(cycles)
+        if joules > 0:
+            spent = stage.fleet.spend(node, CPU_LEDGER, joules)
+            stage.journal.add(
+                (stage.env.now, stage.step, self._target, node, COMPUTE, 0, 0, 0, -1, 0, 0, spent, CPU)
+            )
+
+    def _gather(self, ask: Gather) -> Generator[simpy.Event, Any, dict[int, tuple[Any, Bools]]]:
+        letters = []
+        for member in self._addressed(ask.who):
+            parcel = ask.parcel_of(member)
+            if parcel is not None:
+                letters.append(letter(member.id, self._head, parcel))
+        yield from self._carry(letters)
+        answer = {item.source: (item.parcel.payload, item.mask) for item in letters if item.arrived}
+        if letters and letters[0].parcel.what == "reading":
+            self.readings = len(answer)
+        return answer
+
+    def _scatter(self, ask: Scatter) -> Generator[simpy.Event, Any, dict[int, Bools]]:
+        letters = [letter(self._head, node, parcel) for node, parcel in ask.parcels.items() if node in self._members]
+        packets = sum(item.parcel.packets for item in letters if item.to != self._head)
+        self._stage.log("allocate", self._target, self._head, packets=packets)
+        yield from self._carry(letters)
+        return {item.to: self._deliver(item.to, item.parcel, item.mask) for item in letters if item.arrived}
+
+    def _broadcast(self, ask: Broadcast) -> Generator[simpy.Event, Any, dict[int, Bools]]:
+        event, (frame,) = self._stage.air.broadcast([self._head], [ask.parcel], self._target)
+        yield event
+        return {node: self._deliver(node, ask.parcel, mask) for node, mask in frame.heard.items() if node in self._members}
+
+    def _send(self, ask: Send) -> Generator[simpy.Event, Any, Bools]:
+        item = letter(self._head, ask.to, ask.parcel)
+        yield from self._carry([item])
+        self.hops = item.hops
+        return item.mask
+
+    def _carry(self, letters: list[Letter]) -> Generator[simpy.Event, Any, None]:
+        if any(item.source != item.to for item in letters):
+            yield self._stage.air.carry(letters, self._target)
+            self.bits += sum(item.bits for item in letters)
+        else:
+            for item in letters:
+                item.arrived = True
+
+    def _deliver(self, node: int, parcel: Parcel, mask: Bools) -> Bools:
+        self._members[node].inbox.append(Delivery(parcel.what, parcel.payload, mask))
+        return mask

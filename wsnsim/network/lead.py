@@ -1,0 +1,261 @@
+"""What a head does: form its cluster, run the tracker step by step, and hand over when the cluster no longer suffices.
+
+Jiang (2013), section 2.3. One SimPy process a head and target; it ends when the head has handed over, or died.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import simpy
+
+from wsnsim.base.asks import PACKET_BITS, Parcel
+from wsnsim.base.ports import Estimate, Scene
+from wsnsim.network.air import letter
+from wsnsim.network.cluster import Cluster
+from wsnsim.network.driver import Driver, HeadDied
+from wsnsim.network.stage import Stage
+from wsnsim.network.track import ClusterRecord, Election, Issued, Track, ballot_box
+
+Waiting = Generator[simpy.Event, Any, Any]
+
+
+@dataclass(slots=True)
+class Mission:
+    """What a new head starts from: a belief of an earlier step that reached it, or, for a new track, the readings it knows.
+
+    `elected`: a network-wide election has already chosen this head. `at_once`: it acts in the present step, not at the next tick.
+    """
+
+    belief: Any = None
+    belief_step: int = 0
+    readings: Mapping[int, float] | None = None
+    previous_head: int = -1
+    hops: int = 0
+    bits: int = 0
+    elected: bool = False
+    at_once: bool = False
+
+
+@dataclass(slots=True)
+class Crew:
+    """How a head reaches other nodes' processes: give one the lead, have all candidates stand, tell members their role."""
+
+    appoint: Callable[[Track, int, Mission], None]
+    call_election: Callable[[Track, Election], None]
+    enlist: Callable[[Track, Cluster], None]
+    release: Callable[[Track, Cluster], None]
+    end_run: Callable[[], None]
+
+
+def lead(stage: Stage, crew: Crew, track: Track, head: int, mission: Mission) -> Waiting:
+    """A head's life for one target, from taking over until handing on."""
+    try:
+        if not mission.at_once:
+            yield track.tick
+        yield from _lead(stage, crew, track, head, mission)
+    except (HeadDied, simpy.Interrupt):
+        if track.head == head:
+            _give_up(stage, crew, track, "head_died")
+
+
+def _lead(stage: Stage, crew: Crew, track: Track, head: int, mission: Mission) -> Waiting:
+    cluster = yield from _form(stage, crew, track, head, mission)
+    if cluster is None:
+        return
+    driver = Driver(stage, track.target, head, cluster.members)
+    tracker = stage.parts.tracker
+    belief, last = mission.belief, mission.belief_step
+    if mission.readings is not None:
+        last = stage.step
+        scene = cluster.scene(0)
+        prior = yield from _begin(stage, track, head, mission.readings)
+        belief = yield from driver.perform(tracker.start(prior, scene))
+        _issue(stage, track, scene, driver, tracker.estimate(belief))
+        yield track.tick
+    waits_for = _patience(stage, track, cluster)
+    while True:
+        scene = cluster.scene(stage.step - last)
+        last = stage.step
+        belief = yield from driver.perform(tracker.step(belief, scene))
+        _issue(stage, track, scene, driver, tracker.estimate(belief))
+        if waits_for is not None and waits_for != set(stage.sensing[track.target]):
+            waits_for = None
+        if waits_for is None and stage.parts.clusters.must_hand_over(cluster.active(), len(cluster.roster())):
+            yield from _hand_over(stage, crew, track, cluster, belief, scene)
+            return
+        yield track.tick
+
+
+def _form(stage: Stage, crew: Crew, track: Track, head: int, mission: Mission) -> Generator[simpy.Event, Any, Cluster | None]:
+    """Announce, let those who sense and hear join; None if a network-wide election gave the lead to another node."""
+    policy, target = stage.parts.clusters, track.target
+    joined: list[int] = []
+    if not policy.is_open:
+        joined = yield from _recruit(stage, track, head)
+    cluster = Cluster(stage, target, head, joined, policy.is_open)
+    too_few = not policy.is_open and cluster.active() < policy.minimum_active
+    if too_few and not mission.elected and mission.readings is None:
+        winner = yield from _vote(stage, crew, track)
+        mission.elected = True
+        if winner is not None and winner != head:
+            yield from _pass_on(stage, crew, track, cluster, winner, mission)
+            return None
+    record = ClusterRecord(len(track.clusters), head, mission.previous_head, stage.env.now, len(cluster.members))
+    record.hops, record.handover_bits = mission.hops, mission.bits
+    track.clusters.append(record)
+    track.cluster = cluster
+    crew.enlist(track, cluster)
+    return cluster
+
+
+def _begin(stage: Stage, track: Track, head: int, readings: Mapping[int, float]) -> Generator[simpy.Event, Any, Estimate]:
+    """What a new track starts from: at the start the scenario's prior, later the readings that reached the head."""
+    first, track.started = not track.started, True
+    if first and stage.step == 0:
+        return track.prior
+    track.reacquired += not first
+    stage.log("reacquire", track.target, head)
+    if stage.parts.clusters.is_open:
+        readings = yield from _ask_everyone(stage, track, head)
+    if not readings:
+        raise HeadDied
+    fleet, parts = stage.fleet, stage.parts
+    nodes = np.array(sorted(readings), dtype=np.int64)
+    values = np.array([readings[node] for node in nodes.tolist()])
+    return parts.acquire.estimate(
+        values, fleet.positions[nodes], fleet.traits[nodes], parts.filter_sensor, parts.filter_motions[track.target], track.prior
+    )
+
+
+def _ask_everyone(stage: Stage, track: Track, head: int) -> Generator[simpy.Event, Any, dict[int, float]]:
+    """The readings of all who sense, sent to a head that was not elected by its neighbours."""
+    sensing = stage.sensing[track.target]
+    letters = [letter(node, head, Parcel(value, 1, PACKET_BITS, "reading")) for node, value in sensing.items()]
+    if letters:
+        yield stage.air.carry(letters, track.target)
+    return {item.source: sensing[item.source] for item in letters if item.arrived and item.source in sensing}
+
+
+def _recruit(stage: Stage, track: Track, head: int) -> Generator[simpy.Event, Any, list[int]]:
+    """One announcement at reach, one join from each sensing node that heard it; who joined, ascending."""
+    target = track.target
+    stage.log("announce", target, head)
+    event, (frame,) = stage.air.broadcast([head], [Parcel(None, 1, PACKET_BITS, "announce")], target)
+    yield event
+    if not stage.fleet.alive[head]:
+        raise HeadDied
+    heard = [node for node in sorted(frame.heard) if node in stage.sensing[target] and stage.fleet.alive[node]]
+    letters = [letter(node, head, Parcel(None, 1, PACKET_BITS, "join")) for node in heard]
+    if letters:
+        yield stage.air.carry(letters, target)
+    if not stage.fleet.alive[head]:
+        raise HeadDied
+    joined = [item.source for item in letters if item.arrived]
+    for node in joined:
+        stage.log("join", target, node, peer=head)
+    return joined
+
+
+def _vote(stage: Stage, crew: Crew, track: Track) -> Generator[simpy.Event, Any, int | None]:
+    """A network-wide election; the winner, or None where nobody is able."""
+    election = ballot_box(stage, track, fills_vacancy=False)
+    if not election.strengths:
+        return None
+    crew.call_election(track, election)
+    winner: int | None = yield election.closed
+    if winner is not None:
+        stage.log("elect", track.target, winner)
+    return winner
+
+
+def _pass_on(stage: Stage, crew: Crew, track: Track, cluster: Cluster, winner: int, mission: Mission) -> Waiting:
+    """Send a belief that was never dealt out to the node that won the election; it acts in this very step."""
+    driver = Driver(stage, track.target, cluster.head, cluster.members)
+    scene = cluster.scene(stage.step - mission.belief_step)
+    flow = stage.parts.tracker.hand_over(mission.belief, scene, winner)
+    yield from _send_belief(stage, crew, track, driver, flow, winner, mission)
+
+
+def _hand_over(stage: Stage, crew: Crew, track: Track, cluster: Cluster, belief: Any, scene: Scene) -> Waiting:
+    """Find the successor, send it what there is, and dissolve the cluster; it leads from the next tick on."""
+    parts, target = stage.parts, track.target
+    if parts.until_clusters is not None and len(track.clusters) >= parts.until_clusters:
+        crew.end_run()
+        return
+    forecast = parts.tracker.forecast(belief, scene, 1)
+    point = forecast.mean[list(parts.filter_motions[target].position)]
+    successor = parts.clusters.successor(point, stage.fleet.positions, stage.fleet.able(stage.threshold))
+    mission = Mission(belief_step=stage.step, previous_head=cluster.head)
+    track.handovers += 1
+    if successor is not None and parts.clusters.calls_election:
+        successor = yield from _wake_and_vote(stage, crew, track, cluster.head, successor)
+        mission.elected = True
+    if successor is None:
+        _give_up(stage, crew, track, "no_successor")
+        return
+    stage.log("handover", target, cluster.head, peer=successor)
+    driver = Driver(stage, target, cluster.head, cluster.members)
+    flow = parts.tracker.hand_over(belief, scene, successor)
+    _dissolve(stage, crew, track)
+    yield from _send_belief(stage, crew, track, driver, flow, successor, mission)
+
+
+def _wake_and_vote(stage: Stage, crew: Crew, track: Track, head: int, near: int) -> Generator[simpy.Event, Any, int | None]:
+    """`successor: elect`: wake the node nearest to the forecast; at the next tick it calls an election, which the head awaits."""
+    wake = letter(head, near, Parcel(None, 1, PACKET_BITS, "wake"))
+    yield stage.air.carry([wake], track.target)
+    yield track.tick
+    winner = yield from _vote(stage, crew, track)
+    if winner is not None:
+        return winner
+    return near if wake.arrived and stage.fleet.alive[near] else None
+
+
+def _send_belief(
+    stage: Stage, crew: Crew, track: Track, driver: Driver, flow: Any, successor: int, mission: Mission
+) -> Waiting:
+    belief = yield from driver.perform(flow)
+    if belief is None or not stage.fleet.alive[successor]:
+        _give_up(stage, crew, track, "handover_lost")
+        return
+    handed_on = replace(mission, belief=belief, at_once=mission.elected)
+    handed_on.hops, handed_on.bits = mission.hops + driver.hops, mission.bits + driver.bits
+    crew.appoint(track, successor, handed_on)
+
+
+def _dissolve(stage: Stage, crew: Crew, track: Track) -> None:
+    """The cluster's members are free; what they remember of it is forgotten."""
+    if track.cluster is not None:
+        track.clusters[-1].released = stage.env.now
+        crew.release(track, track.cluster)
+        track.cluster = None
+
+
+def _give_up(stage: Stage, crew: Crew, track: Track, why: str) -> None:
+    """The belief is gone: say so, and leave the track to the next election."""
+    stage.log("lost", track.target, -1 if track.head is None else track.head, why)
+    _dissolve(stage, crew, track)
+    track.head = None
+
+
+def _patience(stage: Stage, track: Track, cluster: Cluster) -> set[int] | None:
+    """A cluster that is too small after a network-wide election stays until other nodes sense the target (our choice)."""
+    policy = stage.parts.clusters
+    if policy.is_open or cluster.active() >= policy.minimum_active:
+        return None
+    return set(stage.sensing[track.target])
+
+
+def _issue(stage: Stage, track: Track, scene: Scene, driver: Driver, estimate: Estimate) -> None:
+    """Record an estimate. The one at the start is the prior's, and none."""
+    if scene.step == 0:
+        return
+    stage.log("estimate", track.target, scene.head)
+    assert np.all(np.isfinite(estimate.mean)), f"the tracker's estimate at step {scene.step} is not finite: {estimate.mean}"
+    track.estimates[scene.step] = Issued(
+        scene.step, stage.env.now, estimate, scene.head, scene.active, len(scene.roster), driver.readings
+    )

@@ -1,0 +1,52 @@
+"""The path that a message takes where its destination is out of reach. networkx lives here.
+
+    Router(fleet, energy, weight).path(source, to) -> [source, ..., to], or None where there is none
+"""
+
+from __future__ import annotations
+
+import networkx as nx
+
+from wsnsim.base.ports import EnergyModel
+from wsnsim.network.fleet import Fleet
+
+
+class Router:
+    """Shortest paths among living nodes, by energy a bit ('energy') or by hops ('hop'). The graph is made when first needed."""
+
+    def __init__(self, fleet: Fleet, energy: EnergyModel, weight: str) -> None:
+        self._fleet = fleet
+        self._energy = energy
+        self._weight = weight
+        self._graph: nx.Graph | None = None
+
+    def path(self, source: int, to: int) -> list[int] | None:
+        """The cheapest path from a node to another over living nodes, both ends included."""
+        graph = self._graph if self._graph is not None else self._build()
+        for end in (source, to):
+            if end not in graph:
+                return None
+        try:
+            return list(nx.bidirectional_dijkstra(graph, source, to, weight="cost")[1])
+        except nx.NetworkXNoPath:
+            return None
+
+    def bury(self, node: int) -> None:
+        """A dead node relays nothing."""
+        if self._graph is not None and node in self._graph:
+            self._graph.remove_node(node)
+
+    def _build(self) -> nx.Graph:
+        fleet = self._fleet
+        graph = nx.Graph()
+        graph.add_nodes_from(node for node in range(fleet.size) if fleet.alive[node])
+        for a, b in sorted(fleet.tree.query_pairs(fleet.reach)):
+            if fleet.alive[a] and fleet.alive[b]:
+                graph.add_edge(a, b, cost=self._cost(fleet.distance(a, b)))
+        self._graph = graph
+        return graph
+
+    def _cost(self, distance: float) -> float:
+        if self._weight == "hop":
+            return 1.0
+        return sum(self._energy.transmit(1.0, distance)) + self._energy.receive(1.0)

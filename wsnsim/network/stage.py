@@ -1,0 +1,46 @@
+"""What the processes of one run share: the clock, the nodes, the air, the log. Each field has one owner that changes it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field as with_default
+
+import simpy
+
+from wsnsim.base.ports import Field, Parts
+from wsnsim.base.tables import EVENT_CAUSE, KIND
+from wsnsim.network.air import Air
+from wsnsim.network.fleet import Fleet
+from wsnsim.network.journal import Journal
+from wsnsim.network.medium import Medium
+from wsnsim.network.sensed import Sensed
+
+
+@dataclass(slots=True)
+class Stage:
+    """The shared services. `step` is the world's clock; `sensing[target]` is {node: reading} of the living nodes in range now."""
+
+    env: simpy.Environment
+    parts: Parts
+    fleet: Fleet
+    journal: Journal
+    medium: Medium
+    air: Air
+    sensed: list[Sensed]
+    field: Field
+    threshold: float
+    tracker_key: int
+    step: int = 0
+    sensing: list[dict[int, float]] = with_default(default_factory=list)
+
+    def log(
+        self, kind: str, target: int, node: int, what: str = "", peer: int = -1, packets: int = 0, bits: int = 0
+    ) -> None:
+        """An event that costs no energy of its own."""
+        self.journal.add(
+            (self.env.now, self.step, target, node, KIND[kind], self.journal.code(what), 0, 0, peer, packets, bits, 0.0,
+             EVENT_CAUSE["none"])
+        )  # fmt: skip
+
+    def able(self, node: int) -> bool:
+        """Whether a node lives and its charge exceeds the threshold (Jiang 2013, section 4, step 2)."""
+        return self.fleet.alive[node] and self.fleet.left(node) > self.threshold

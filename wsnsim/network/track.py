@@ -1,0 +1,110 @@
+"""One target's track: who leads, what was estimated, which clusters there were; and an election, where nobody leads.
+
+What stands here outlives heads. A belief does not: it lives in its head's process, and dies with it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import simpy
+
+from wsnsim.base.arrays import Bools
+from wsnsim.base.ports import ClusterPolicy, Estimate
+from wsnsim.network.cluster import Cluster
+from wsnsim.network.stage import Stage
+
+
+@dataclass(slots=True)
+class Issued:
+    """One estimate as it was issued."""
+
+    step: int
+    issued: float
+    estimate: Estimate
+    head: int
+    active: int
+    members: int
+    readings: int
+
+
+@dataclass(slots=True)
+class ClusterRecord:
+    """One cluster's row."""
+
+    number: int
+    head: int
+    previous_head: int
+    formed: float
+    members: int = 1
+    released: float = float("nan")
+    hops: int = 0
+    handover_bits: int = 0
+
+
+@dataclass(slots=True)
+class Track:
+    """The track of one target. `head` is None where nobody leads; `tick` fires once a step, after the nodes have sensed.
+
+    `prior` is what every filter is told at the start; `heads` has who led at the beginning of each step, -1 for nobody.
+    """
+
+    target: int
+    prior: Estimate
+    tick: simpy.Event
+    head: int | None = None
+    cluster: Cluster | None = None
+    election: Election | None = None
+    started: bool = False
+    reacquired: int = 0
+    handovers: int = 0
+    heads: list[int] = field(default_factory=list)
+    estimates: dict[int, Issued] = field(default_factory=dict)
+    clusters: list[ClusterRecord] = field(default_factory=list)
+
+
+class Election:
+    """Candidates broadcast their strength; when the last has, the loudest of those able is head.
+
+    `closed` fires with the winner, or None. `fills_vacancy`: nobody leads, so the winner takes the lead of itself.
+    """
+
+    def __init__(
+        self, env: simpy.Environment, strengths: Mapping[int, float], policy: ClusterPolicy, fills_vacancy: bool
+    ) -> None:
+        self.strengths = strengths
+        self.fills_vacancy = fills_vacancy
+        self.closed = env.event()
+        self._policy = policy
+        self._pending = set(strengths)
+        self._ballots: dict[int, Mapping[int, Bools]] = {}
+
+    def report(self, node: int, heard: Mapping[int, Bools]) -> None:
+        """A candidate's broadcast is out, and reached those in `heard`."""
+        self._ballots[node] = heard
+        self._withdraw(node)
+
+    def withdraw(self, node: int) -> None:
+        """A candidate died before, or after, its broadcast."""
+        self._ballots.pop(node, None)
+        self._withdraw(node)
+
+    def _withdraw(self, node: int) -> None:
+        self._pending.discard(node)
+        if not self._pending and not self.closed.triggered:
+            ids = sorted(self._ballots)
+            strengths = [self.strengths[i] for i in ids]
+            self.closed.succeed(self._policy.elect(ids, strengths, [True] * len(ids)) if ids else None)
+
+    def readings_at(self, node: int) -> dict[int, float]:
+        """{candidate: reading} that a candidate knows after the election."""
+        return {i: self.strengths[i] for i, heard in sorted(self._ballots.items()) if i == node or node in heard}
+
+
+def ballot_box(stage: Stage, track: Track, fills_vacancy: bool) -> Election:
+    """An election among the nodes that sense the track's target now and are able."""
+    readings = stage.sensing[track.target]
+    able = {node: reading for node, reading in readings.items() if stage.able(node)}
+    return Election(stage.env, able, stage.parts.clusters, fills_vacancy)
+

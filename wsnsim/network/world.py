@@ -1,0 +1,247 @@
+"""One run: the clock, the nodes that wake, the tracks that they keep, and what is written of it.
+
+    World(parts, replicate, positions, traits, truths, prior, streams, recorder).run() -> Outcome
+
+At each step: nodes that came into range wake, all in range sense, a track that nobody leads calls an election, and every head is
+given its tick. The cost follows what is awake and what is sent.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+import simpy
+
+from wsnsim.base.arrays import Floats
+from wsnsim.base.asks import PACKET_BITS
+from wsnsim.base.errors import RunError, WsnsimError
+from wsnsim.base.ports import Estimate, Field, Parts, Recorder
+from wsnsim.base.rng import Streams
+from wsnsim.base.tables import CAUSE, CAUSES, EVENT_CAUSE, KIND
+from wsnsim.network.air import Air
+from wsnsim.network.cluster import Cluster
+from wsnsim.network.fleet import Fleet
+from wsnsim.network.journal import Journal
+from wsnsim.network.lead import Crew, Mission
+from wsnsim.network.mac import make_mac
+from wsnsim.network.medium import Medium
+from wsnsim.network.node import Node
+from wsnsim.network.routing import Router
+from wsnsim.network.sensed import Sensed
+from wsnsim.network.stage import Stage
+from wsnsim.network.track import Election, Track, ballot_box
+
+SENSE: Final = KIND["sense"]
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What a run leaves behind."""
+
+    fleet: Fleet
+    tracks: tuple[Track, ...]
+    woken: tuple[int, ...]
+    steps: int
+    frames_sent: int
+    frames_lost: int
+    packets_sent: int
+    fingerprint: int
+
+
+class World:
+    """One network, its targets, and the clock."""
+
+    def __init__(
+        self,
+        parts: Parts,
+        replicate: int,
+        positions: Floats,
+        traits: Floats,
+        truths: Sequence[Floats],
+        priors: Sequence[Estimate],
+        streams: Streams,
+        recorder: Recorder,
+    ) -> None:
+        self._replicate = replicate
+        self._recorder = recorder
+        self._env = env = simpy.Environment()
+        journal = Journal(recorder, replicate)
+        fleet = Fleet(positions, traits, parts.energy.battery, parts.link.reach)
+        fleet.on_death = self._bury
+        medium = Medium(env, fleet, journal, parts.energy, parts.link, streams.key("link"))
+        self._router = Router(fleet, parts.energy, parts.routing.weight)
+        sensed = [
+            Sensed(target, truth[:, list(motion.position)], positions, traits, parts.sensor, fleet.tree, streams.key("sense"))
+            for target, (truth, motion) in enumerate(zip(truths, parts.motions, strict=True))
+        ]
+        self._stage = Stage(
+            env=env,
+            parts=parts,
+            fleet=fleet,
+            journal=journal,
+            medium=medium,
+            air=Air(env, fleet, make_mac(env, medium, parts.mac), medium, self._router, journal),
+            sensed=sensed,
+            field=Field(parts.deploy.width, parts.deploy.height),
+            threshold=energy_threshold(parts),
+            tracker_key=streams.key("tracker"),
+            sensing=[{} for _ in truths],
+        )
+        self._tracks = tuple(Track(target, prior, env.event()) for target, prior in enumerate(priors))
+        self._nodes: dict[int, Node] = {}
+        self._crew = Crew(self._appoint, self._call_election, self._enlist, self._release, self._end_run)
+        self._ended = env.event()
+        self._woken: list[int] = []
+        self._spent = [0.0] * len(CAUSES)
+
+    def run(self, progress: Callable[[float], None] | None = None) -> Outcome:
+        """Run to the end. A failure names seed, replicate and simulated time."""
+        clock = self._env.process(self._clock(progress))
+        try:
+            self._env.run(until=self._env.any_of([clock, self._ended]))
+        except WsnsimError:
+            raise
+        except Exception as reason:
+            parts = self._stage.parts
+            raise RunError(
+                f"the run failed at {self._env.now:g} s of simulated time (seed {parts.seed}, replicate {self._replicate}):"
+                f" {type(reason).__name__}: {reason}"
+            ) from reason
+        self._close_step()
+        stage, medium = self._stage, self._stage.medium
+        return Outcome(
+            stage.fleet, self._tracks, tuple(self._woken), stage.step, medium.frames_sent, medium.frames_lost,
+            medium.packets_sent, stage.journal.fingerprint(),
+        )  # fmt: skip
+
+    def _clock(self, progress: Callable[[float], None] | None) -> Generator[simpy.Event, Any, None]:
+        stage, dt = self._stage, self._stage.parts.dt
+        for step in range(stage.parts.steps + 1):
+            if step:
+                self._close_step()
+            stage.step = step
+            stage.medium.begin_step(step)
+            stage.journal.drain()
+            self._woken.append(0)
+            for track in self._tracks:
+                self._sense(track.target, step)
+            for track in self._tracks:
+                self._tick(track)
+            if progress:
+                progress(self._env.now)
+            yield self._env.timeout((step + 1) * dt - self._env.now)
+
+    def _sense(self, target: int, step: int) -> None:
+        """Wake who came into range, let go who left it, and take everybody's reading."""
+        stage, sensed, alive = self._stage, self._stage.sensed[target], self._stage.fleet.alive
+        for index in sensed.vanished(step):
+            if alive[index]:
+                self._node(index).lose_target(target)
+        for index in sensed.appeared(step):
+            if alive[index]:
+                self._node(index).hear_target(target)
+                self._woken[-1] += 1
+        joules = stage.parts.energy.sense()
+        cause = EVENT_CAUSE["sense" if joules else "none"]
+        readings = {index: value for index, value in sensed.readings(step).items() if alive[index]}
+        if joules:
+            for index in readings:
+                stage.fleet.spend(index, CAUSE["sense"], joules)
+            readings = {index: value for index, value in readings.items() if alive[index]}
+        now = self._env.now
+        stage.journal.extend(
+            [(now, step, target, index, SENSE, 0, 0, 0, -1, 0, 0, joules, cause) for index in readings]
+        )
+        stage.sensing[target] = readings
+
+    def _tick(self, track: Track) -> None:
+        """Give the track's head its tick; where nobody leads, let those who sense elect one."""
+        tick, track.tick = track.tick, self._env.event()
+        track.heads.append(-1 if track.head is None else track.head)
+        if track.head is None and track.election is None:
+            self._fill_vacancy(track)
+        tick.succeed()
+
+    def _fill_vacancy(self, track: Track) -> None:
+        stage, policy = self._stage, self._stage.parts.clusters
+        if policy.is_open:
+            able = stage.fleet.able(stage.threshold)
+            head = policy.successor(np.zeros(2), stage.fleet.positions, able)
+            if head is not None and (stage.sensing[track.target] or stage.step == 0):
+                self._appoint(track, head, Mission(readings={}, elected=True, at_once=True))
+            return
+        election = ballot_box(stage, track, fills_vacancy=True)
+        if election.strengths:
+            self._call_election(track, election)
+
+    def _close_step(self) -> None:
+        """Write what the network has spent since the step began."""
+        stage = self._stage
+        if self._recorder.wants("energy_steps"):
+            totals = stage.fleet.totals
+            spent = [(cause, totals[cause] - before) for cause, before in enumerate(self._spent) if totals[cause] != before]
+            self._spent = list(totals)
+            if spent:
+                causes, joules = zip(*spent, strict=True)
+                time = stage.step * stage.parts.dt
+                self._recorder.write(
+                    "energy_steps",
+                    {"replicate": self._replicate, "step": stage.step, "time": time, "cause": causes, "joules": joules},
+                )
+
+    def _node(self, index: int) -> Node:
+        """The node's process, born when first needed."""
+        node = self._nodes.get(index)
+        if node is None:
+            node = self._nodes[index] = Node(self._stage, self._crew, index)
+        return node
+
+    def _appoint(self, track: Track, head: int, mission: Mission) -> None:
+        track.head = head
+        self._node(head).take_lead(track, mission)
+
+    def _call_election(self, track: Track, election: Election) -> None:
+        track.election = election
+        assert election.closed.callbacks is not None
+        election.closed.callbacks.append(lambda _: setattr(track, "election", None))
+        for index in election.strengths:
+            self._node(index).stand(track, election)
+
+    def _enlist(self, track: Track, cluster: Cluster) -> None:
+        if not self._stage.parts.clusters.is_open:
+            for index in cluster.members:
+                self._node(index).serve(track.target)
+
+    def _release(self, track: Track, cluster: Cluster) -> None:
+        if not self._stage.parts.clusters.is_open:
+            for index in cluster.roster():
+                self._node(index).dismiss(track.target)
+
+    def _end_run(self) -> None:
+        if not self._ended.triggered:
+            self._ended.succeed()
+
+    def _bury(self, index: int) -> None:
+        """A charge has reached zero: the node is gone at this instant, whatever it did."""
+        stage = self._stage
+        stage.fleet.died_at[index] = self._env.now
+        stage.log("death", -1, index)
+        self._router.bury(index)
+        for track in self._tracks:
+            stage.sensing[track.target].pop(index, None)
+            if track.election is not None and index in track.election.strengths:
+                track.election.withdraw(index)
+        if index in self._nodes:
+            self._nodes[index].die()
+
+
+def energy_threshold(parts: Parts) -> float:
+    """Joules that a node must hold to be chosen: one packet sent at reach, one received, one step's processing (Jiang 2013, 4.2)."""
+    if parts.clusters.threshold is not None:
+        return parts.clusters.threshold
+    energy = parts.energy
+    operations = getattr(parts.tracker, "member_cycles", 0.0)
+    return sum(energy.transmit(PACKET_BITS, parts.link.reach)) + energy.receive(PACKET_BITS) + energy.compute(operations)

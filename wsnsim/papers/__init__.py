@@ -1,0 +1,1 @@
+"""One file a source paper: its published numbers, and which set-up they belong to. Imports nothing heavy."""

@@ -1,0 +1,38 @@
+"""Jiang, Song, Lin (2013): what the paper prints for PSO-MHPF, IPF and PPF (section 5, table 2, figures 8 and 9)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+SOURCE: Final = "Jiang 2013"
+RMSE: Final = {"pso_mhpf": 2.5347, "ipf": 3.3710, "ppf": 4.5519}
+"""Metres: the time mean of eq. (26)."""
+ENERGY: Final = {"pso_mhpf": 1.82, "ipf": 2.33, "ppf": 2.45}
+"""Joules that the network spent by the end of the run."""
+CLUSTERS: Final = {"pso_mhpf": 16}
+"""Horizontal segments of figure 6."""
+TABLE_2: Final[Mapping[str, Mapping[str, Any]]] = {
+    "deploy": {"kind": "uniform", "nodes": 256, "width": 400.0, "height": 400.0},
+    "motion": {"kind": "bounded_velocity", "bound": 180.0, "c1": 0.75, "c2": 1.0, "q": 0.002},
+    "sensor": {"kind": "acoustic_energy", "reach": 60.0, "decay": 2.2, "samples": 1000, "nonlinearity": 1.5},
+    "energy": {"kind": "first_order", "electronics": 50e-9, "amplifier": 100e-12},
+    "link": {"kind": "disk", "reach": 75.0},
+    "mac": {"kind": "ideal"},
+    "clusters": {"kind": "strongest_signal"},
+    "tracker": {"particles": 400},
+}
+
+
+def published(resolved: Mapping[str, Any]) -> dict[str, float]:
+    """The paper's figures for a resolved scenario: 'rmse' (m), 'energy' (J), 'clusters'. Empty unless it is the paper's set-up."""
+    kind = resolved.get("tracker", {}).get("kind", "")
+    same = all(_matches(resolved.get(role) or {}, values) for role, values in TABLE_2.items())
+    if not same or resolved.get("step") != 0.04:
+        return {}
+    figures = {"rmse": RMSE, "energy": ENERGY, "clusters": CLUSTERS}
+    return {name: float(table[kind]) for name, table in figures.items() if kind in table}
+
+
+def _matches(role: Mapping[str, Any], values: Mapping[str, Any]) -> bool:
+    return all(role.get(key) == value for key, value in values.items())

@@ -1,0 +1,76 @@
+"""What made a result: versions, commit, command, machine. Read before a run starts; nothing here changes a run.
+
+provenance(command_line, seed, plugins) -> dict that JSON can hold
+"""
+
+from __future__ import annotations
+
+import os
+import platform
+import subprocess
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any, Final
+
+import h5py
+import numpy as np
+
+PACKAGES: Final = (
+    "wsnsim", "numpy", "scipy", "numba", "llvmlite", "simpy", "networkx", "h5py", "pandas", "pydantic", "pyyaml",
+)  # fmt: skip
+
+
+def provenance(command_line: str, seed: int, plugins: Sequence[str] = ()) -> dict[str, Any]:
+    """Versions, git commit of the wsnsim checkout if it is one, seed, command line, plug-ins, platform and start (UTC).
+
+    `cpu_features` are the instruction sets that NumPy found: its log and exp differ in the last bit between kinds of
+    processor, so the same bits are promised on the same kind only. No path, user or host name is stored but what the
+    command line itself names.
+    """
+    return {
+        "command_line": command_line,
+        "seed": seed,
+        "plugins": list(plugins),
+        "python": platform.python_version(),
+        "packages": {name: _version(name) for name in PACKAGES} | {"hdf5": h5py.version.hdf5_version},
+        "git": _checkout(Path(__file__).resolve().parents[2]),
+        "platform": platform.platform(),
+        "machine": platform.machine(),
+        "cpu_features": cpu_features(),
+        "start": datetime.now(UTC).isoformat(timespec="seconds"),
+    }
+
+
+def cpu_features() -> list[str]:
+    """The instruction sets that NumPy dispatches on, found on this machine."""
+    config = np.show_config(mode="dicts")
+    extensions = config.get("SIMD Extensions", {}) if config else {}
+    return [*extensions.get("baseline", []), *extensions.get("found", [])]
+
+
+def _version(package: str) -> str | None:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return None
+
+
+def _checkout(root: Path) -> dict[str, Any] | None:
+    """Commit and whether tracked files differ from it; None outside a git checkout, or without git."""
+    if not (root / ".git").exists():
+        return None
+    commit = _git(root, "rev-parse", "HEAD")
+    changes = _git(root, "status", "--porcelain", "--untracked-files=no")
+    return None if commit is None or changes is None else {"commit": commit, "dirty": bool(changes)}
+
+
+def _git(root: Path, *arguments: str) -> str | None:
+    environment = os.environ | {"GIT_OPTIONAL_LOCKS": "0", "LC_ALL": "C"}
+    command = ["git", "-C", str(root), *arguments]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=10, env=environment, check=True)
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return done.stdout.strip()

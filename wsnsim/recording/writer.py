@@ -1,0 +1,205 @@
+"""The recorder that writes a result file. A final name is always a complete file.
+
+    with ResultFile(Path("results/x.h5"), [("px", "m"), ("vx", "m/s")], {"truth": True}) as file: ...
+
+Rows go to NAME.<host>.<pid>.tmp beside it, which is closed, synchronised and renamed on a clean exit, and removed on an
+exception.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import re
+import socket
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from types import TracebackType
+from typing import Any, final
+
+import h5py
+
+from wsnsim.base.errors import ResultError
+from wsnsim.base.tables import TABLES, Words, columns_of
+from wsnsim.recording.buffer import TableBuffer, write_meanings
+from wsnsim.recording.layout import (
+    COMPLETE,
+    FLUSH_EVERY,
+    SCHEMA_VERSION,
+    TEXTS,
+    WRITING,
+    cannot_write,
+    wsnsim_version,
+)
+
+
+@final
+class ResultFile:
+    """A `base.ports.Recorder` behind a context manager.
+
+    `states` names the motion model's columns with their units; `wanted` says which tables are kept, rows of the others
+    are dropped; `status` is what the root says once the file is whole.
+
+    Raises:
+        ResultError: the file cannot be written (no such folder, disk full ...); the temporary file is removed.
+    """
+
+    def __init__(
+        self, path: Path, states: Sequence[tuple[str, str]], wanted: Mapping[str, bool], *, status: str = COMPLETE
+    ) -> None:
+        strange = wanted.keys() - TABLES.keys()
+        assert not strange, f"no such tables: {', '.join(sorted(strange))}"
+        self.path = Path(path)
+        self.words = Words()
+        self._states = tuple(states)
+        self._wanted = tuple(table for table in TABLES if wanted.get(table, False))
+        self._status = status
+        self._buffers: dict[str, TableBuffer] = {}
+        self._provenance: str | None = None
+        self._flushed_at = float("-inf")
+
+    def __enter__(self) -> ResultFile:
+        if not self.path.parent.is_dir():
+            raise ResultError(f"{self.path}: cannot be written: there is no folder {self.path.parent}")
+        if self.path.is_dir():
+            raise ResultError(f"{self.path}: cannot be written: it is a folder")
+        try:
+            self._file = _create_beside(self.path)
+        except OSError as error:
+            raise cannot_write(self.path, error) from error
+        self._tmp = Path(self._file.filename)
+        with self._whole_or_gone():
+            self._begin()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        if kind is not None:
+            self._discard()
+            return
+        with self._whole_or_gone():
+            self._finish()
+
+    def wants(self, table: str) -> bool:
+        """Whether rows of the table are kept."""
+        return table in self._wanted
+
+    def write(self, table: str, columns: Mapping[str, Any]) -> None:
+        """Take rows of a table, all of its columns: arrays or lists of one length, scalars repeated to it."""
+        assert table in TABLES, f"no such table: {table}"
+        buffer = self._buffers.get(table)
+        if buffer is None:
+            return
+        try:
+            if buffer.append(columns):
+                self._flush_if_due()
+        except (OSError, RuntimeError) as error:
+            raise cannot_write(self.path, error) from error
+
+    def set_text(self, name: str, text: str) -> None:
+        """Store one of `layout.TEXTS`. To `provenance_json` the end of the run is added when the file closes."""
+        assert name in TEXTS, f"no such text: {name}"
+        if name == "provenance_json":
+            self._provenance = text
+        try:
+            _put_text(self._file, name, text)
+        except (OSError, RuntimeError) as error:
+            raise cannot_write(self.path, error) from error
+
+    def _begin(self) -> None:
+        attributes = self._file.attrs
+        attributes["schema_version"] = SCHEMA_VERSION
+        attributes["wsnsim_version"] = wsnsim_version()
+        attributes["status"] = WRITING
+        attributes["states"] = [name for name, _ in self._states]
+        attributes["state_units"] = [unit for _, unit in self._states]
+        for table in self._wanted:
+            self._buffers[table] = TableBuffer(self._file.create_group(table), columns_of(table, self._states))
+        self._file.flush()
+
+    def _flush_if_due(self) -> None:
+        now = time.monotonic()
+        if now - self._flushed_at >= FLUSH_EVERY:
+            self._write_words()
+            self._file.flush()
+            self._flushed_at = now
+
+    def _write_words(self) -> None:
+        if "events" in self._buffers and "what" in self._file["events"]:
+            write_meanings(self._file["events/what"], self.words.all())
+
+    def _finish(self) -> None:
+        for buffer in self._buffers.values():
+            buffer.finish()
+        self._write_words()
+        if self._provenance is not None and self._status == COMPLETE:
+            ended = json.loads(self._provenance) | {"end": datetime.now(UTC).isoformat(timespec="seconds")}
+            _put_text(self._file, "provenance_json", json.dumps(ended))
+        self._file.attrs["status"] = self._status
+        self._file.close()
+        _synchronise(self._tmp)
+        self._tmp.replace(self.path)
+        with contextlib.suppress(OSError):  # some file systems do not synchronise folders
+            _synchronise(self.path.parent)
+
+    def _discard(self) -> None:
+        """Close and remove the temporary file. On a full disk closing fails too; the file goes all the same."""
+        with contextlib.suppress(OSError, RuntimeError):
+            self._file.close()
+        with contextlib.suppress(OSError):
+            self._tmp.unlink(missing_ok=True)
+
+    @contextlib.contextmanager
+    def _whole_or_gone(self) -> Iterator[None]:
+        try:
+            yield
+        except (OSError, RuntimeError) as error:
+            self._discard()
+            raise cannot_write(self.path, error) from error
+        except BaseException:
+            self._discard()
+            raise
+
+
+def _create_beside(path: Path) -> h5py.File:
+    """A new temporary file beside `path`; its name gets a number where a killed run of our process id left its own."""
+    host = re.sub(r"\W", "-", socket.gethostname().split(".")[0]) or "host"
+    stem = f"{path.name.removesuffix('.h5')}.{host}.{os.getpid()}"
+    tries = 0
+    while True:
+        try:
+            return _create(path.with_name(f"{stem}{f'-{tries}' if tries else ''}.tmp"))
+        except FileExistsError:
+            tries += 1
+
+
+def _create(tmp: Path) -> h5py.File:
+    """A new HDF5 file that HDF5 1.10 reads.
+
+    Its metadata reach the disk at a flush only, so that a killed run's file is that of the last flush; chunks are
+    written at once, so that a full disk is noticed when it happens.
+    """
+    file = h5py.File(tmp, "x", libver=("earliest", "v110"), rdcc_nbytes=0)
+    config = file.id.get_mdc_config()
+    config.evictions_enabled = False
+    config.incr_mode = config.decr_mode = config.flash_incr_mode = 0
+    file.id.set_mdc_config(config)
+    return file
+
+
+def _put_text(file: h5py.File, name: str, text: str) -> None:
+    if name in file:
+        del file[name]
+    file.create_dataset(name, data=text, dtype=h5py.string_dtype())
+
+
+def _synchronise(path: Path) -> None:
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

@@ -1,0 +1,175 @@
+"""Every kind of every role: its name in a scenario, where its class lives, and what it is, as strings.
+
+Nothing heavy is imported here: `wsnsim list` reads these rows, and a test compares them with the classes. A kind comes from this
+table, from an installed package (entry-point groups `wsnsim.trackers`, `wsnsim.motions`, `wsnsim.sensors` ...: `Role.group`), or
+from a dotted path written as the kind itself (`kind: mylab.trackers:Mine`). The table wins where names collide.
+
+    load_class(find("tracker", "pso_mhpf")) -> the class
+"""
+
+from __future__ import annotations
+
+import functools
+import importlib
+import importlib.metadata
+from dataclasses import dataclass
+from typing import Any, Final
+
+from wsnsim.base.errors import UsageError, did_you_mean
+
+JIANG: Final = "Jiang, Song, Lin (2013)"
+
+
+@dataclass(frozen=True)
+class Row:
+    """One kind. `state`, `messages` (per step) and `variants` are said of trackers; `plugin` names the package it came with."""
+
+    kind: str
+    path: str
+    idea: str
+    paper: str = ""
+    state: str = ""
+    messages: str = ""
+    variants: str = ""
+    plugin: str = ""
+
+
+@dataclass(frozen=True)
+class Role:
+    """A role of a scenario: what it decides, the port behind it, the kind it has when left out (None: it must be given)."""
+
+    name: str
+    purpose: str
+    port: str
+    default: str | None
+    rows: tuple[Row, ...]
+
+    @property
+    def plural(self) -> str:
+        """The role's name for several of a kind: trackers, energies, clusters."""
+        if self.name.endswith("y"):
+            return self.name[:-1] + "ies"
+        return self.name if self.name.endswith("s") else self.name + "s"
+
+    @property
+    def group(self) -> str:
+        """The entry-point group that adds kinds to the role."""
+        return f"wsnsim.{self.plural}"
+
+
+_ROLES: Final = (
+    Role("prior", "what every filter is told at the start", "PriorModel", "around_truth", (
+        Row("around_truth", "wsnsim.models.acquire:AroundTruth", "a Gaussian whose mean is drawn around the true start", JIANG),
+    )),
+    Role("deploy", "where the nodes stand", "Deployment", None, (
+        Row("uniform", "wsnsim.models.deploy:Uniform", "uniform at random, redrawn until the field is covered", JIANG),
+        Row("grid", "wsnsim.models.deploy:Grid", "a regular grid"),
+        Row("jittered_grid", "wsnsim.models.deploy:JitteredGrid", "a regular grid, each node moved at random"),
+        Row("file", "wsnsim.models.deploy:FromFile", "positions from a CSV file with columns x, y"),
+    )),
+    Role("motion", "how the target moves", "MotionModel", None, (
+        Row("bounded_velocity", "wsnsim.models.motion:BoundedVelocity",
+            "near-constant velocity, turned back beyond a bound", f"{JIANG}, eq. 1-4"),
+    )),
+    Role("sensor", "what a node measures of the target", "SensorModel", None, (
+        Row("acoustic_energy", "wsnsim.models.sensing:AcousticEnergy",
+            "received energy that falls with a power of the distance", f"{JIANG}, eq. 5-8"),
+    )),
+    Role("energy", "what each act costs in joules", "EnergyModel", None, (
+        Row("first_order", "wsnsim.models.energy:FirstOrder", "electronics per bit, amplifier per bit and distance squared",
+            f"{JIANG}, eq. 9-11; Heinzelman (2000)"),
+        Row("first_order_2002", "wsnsim.models.energy:FirstOrder2002", "free space near, multipath beyond a crossover",
+            "Heinzelman (2002)"),
+    )),
+    Role("link", "who hears whom", "LinkModel", None, (
+        Row("disk", "wsnsim.models.links:Disk", "everyone within a fixed reach", JIANG),
+    )),
+    Role("mac", "when a frame gets the channel", "Mac", "ideal", (
+        Row("ideal", "wsnsim.models.links:IdealMac", "no contention; delivered within the instant", JIANG),
+    )),
+    Role("routing", "which path a relayed message takes", "Routing", "minimum_energy", (
+        Row("minimum_energy", "wsnsim.models.links:MinimumEnergy", "the path that costs the fewest joules"),
+        Row("minimum_hop", "wsnsim.models.links:MinimumHop", "the path with the fewest hops"),
+    )),
+    Role("sleep", "which nodes sense and listen when", "SleepSchedule", "event_wake", (
+        Row("event_wake", "wsnsim.models.sleep:EventWake", "dormant nodes keep sensor and receiver on", JIANG),
+    )),
+    Role("wakeup", "how nodes ahead of the target are woken", "WakeUp", "none", (
+        Row("none", "wsnsim.models.wakeup:NoWakeUp", "nobody is woken ahead of the target", JIANG),
+    )),
+    Role("clusters", "who leads, who follows, and until when", "ClusterPolicy", "strongest_signal", (
+        Row("strongest_signal", "wsnsim.models.clusters:StrongestSignal",
+            "the loudest node leads until too few of its members sense", f"{JIANG}, section 2.3"),
+        Row("central", "wsnsim.models.clusters:Central", "one head for good, near a fixed point; whoever senses is a member"),
+    )),
+    Role("acquire", "how a track starts anew from readings", "Acquire", "readings", (
+        Row("readings", "wsnsim.models.acquire:FromReadings", "position from the readings that arrived, the rest from the prior"),
+    )),
+    Role("tracker", "the tracking strategy", "Tracker", None, (
+        Row("pso_mhpf", "wsnsim.trackers.pso_mhpf:PsoMhpf", "", JIANG),
+        Row("ipf", "wsnsim.trackers.information_pf:InformationPf", "", JIANG),
+        Row("ppf", "wsnsim.trackers.parallel_pf:ParallelPf", "", JIANG),
+        Row("central_pf", "wsnsim.trackers.centralised:CentralPf", "", JIANG),
+    )),
+)  # fmt: skip
+ROLES: Final = {role.name: role for role in _ROLES}
+
+
+def role_named(word: str) -> Role:
+    """The role of this name, singular or plural. Raises UsageError with the nearest one."""
+    for role in _ROLES:
+        if word in (role.name, role.plural):
+            return role
+    raise UsageError(f"unknown role '{word}' ({did_you_mean(word, [role.plural for role in _ROLES])})")
+
+
+def kinds(role: str) -> dict[str, Row]:
+    """Every kind of a role by name, installed plug-ins included; importing none of them."""
+    own = {row.kind: row for row in ROLES[role].rows}
+    return own | {row.kind: row for row in _installed().get(ROLES[role].group, ()) if row.kind not in own}
+
+
+def find(role: str, kind: str) -> Row:
+    """The row of a kind, or of the class that a dotted path names. Raises LookupError with the nearest kind."""
+    if ":" in kind:
+        return Row(kind, kind, "")
+    known = kinds(role)
+    if kind not in known:
+        raise LookupError(f"unknown {role} '{kind}' ({did_you_mean(kind, known)})")
+    return known[kind]
+
+
+def load_class(row: Row) -> type[Any]:
+    """The class of a row. Raises ImportError with the import's own reason, in one line."""
+    module, _, name = row.path.partition(":")
+    named = row.path if row.kind == row.path else f"'{row.kind}' ({row.path})"
+    try:
+        found: Any = importlib.import_module(module)
+        for step in name.split("."):
+            found = getattr(found, step)
+    except (Exception, SystemExit) as reason:  # whatever a plug-in's module may raise
+        said = " ".join(str(reason).split())
+        raise ImportError(f"{named} cannot be imported: {type(reason).__name__}: {said}") from reason
+    if not isinstance(found, type):
+        raise ImportError(f"{named} is no class")
+    return found
+
+
+def plugins() -> tuple[str, ...]:
+    """What installed packages add, for provenance: 'mylab 1.0: wsnsim.trackers mine'."""
+    return tuple(f"{row.plugin}: {group} {row.kind}" for group, rows in sorted(_installed().items()) for row in rows)
+
+
+@functools.cache
+def _installed() -> dict[str, tuple[Row, ...]]:
+    groups: dict[str, tuple[Row, ...]] = {}
+    for group in (role.group for role in _ROLES):
+        points = sorted(importlib.metadata.entry_points(group=group), key=lambda point: point.name)
+        if points:
+            groups[group] = tuple(_row(point) for point in points)
+    return groups
+
+
+def _row(point: importlib.metadata.EntryPoint) -> Row:
+    package = f"{point.dist.name} {point.dist.version}" if point.dist else "an installed package"
+    return Row(point.name, point.value, f"plug-in of {package}", plugin=package)

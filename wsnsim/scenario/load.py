@@ -1,0 +1,199 @@
+"""A text becomes a scenario: find the file, lay it on what it extends, lay `--set` on that, check it all.
+
+    load('pso_mhpf', ['link.reach=80 m']) -> Scenario
+
+Nothing heavy is imported before it is used: `wsnsim list` passes through here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from wsnsim.base.errors import Fault, ScenarioError, did_you_mean
+
+if TYPE_CHECKING:
+    from wsnsim.scenario.schema import Scenario
+    from wsnsim.scenario.tree import Node, Text
+
+LARGEST_FILE: Final = 10_000_000
+SUFFIXES: Final = (".yaml", ".yml")
+
+
+def load(source: str | Path | Mapping[str, Any], overrides: Iterable[str] = ()) -> Scenario:
+    """The scenario that a file, a shipped scenario's name or a dict says, with `overrides` such as 'link.reach=80 m' laid on it.
+
+    Raises:
+        ScenarioError: with every fault found, each at its place.
+    """
+    from wsnsim.scenario.schema import validate
+
+    if isinstance(source, Mapping):
+        tree, faults, origin = _from_dict(source)
+    else:
+        tree, faults, origin = _from_file(source)
+    if tree is None:
+        raise ScenarioError(faults)
+    tree, wrong = _overridden(tree, overrides)
+    scenario, found = validate(tree)
+    faults = [*faults, *wrong, *found]
+    if scenario is None or faults:
+        raise ScenarioError(_in_order(faults))
+    scenario._source = origin
+    return scenario
+
+
+def shipped() -> dict[str, Path]:
+    """The scenarios that come with wsnsim, by name."""
+    package = Path(__file__).resolve().parent.parent
+    for folder in (package / "_scenarios", package.parent / "scenarios"):
+        if folder.is_dir():
+            return {path.stem: path for path in sorted(folder.glob("*.yaml"))}
+    return {}
+
+
+def find(source: str | Path, folder: Path | None = None) -> Path | None:
+    """The file of this name (from `folder`, with or without '.yaml'), or else the shipped scenario; None if there is neither."""
+    start = Path(source) if folder is None else folder / source
+    for path in (start, *(start.with_name(start.name + suffix) for suffix in SUFFIXES if start.name)):
+        if path.exists() and not path.is_dir():
+            return path
+    known = shipped().get(str(source).removesuffix(".yaml"))
+    return known or (start if start.is_dir() else None)
+
+
+def _from_file(source: str | Path) -> tuple[Node | None, list[Fault], tuple[str, str]]:
+    from wsnsim.scenario.tree import Text
+
+    path = find_or_none(source)
+    if path is None:
+        return None, [_nowhere(source, Text(str(source), Path()))], ("", "")
+    content, faults = _content(path)
+    if content is None:
+        return None, faults, ("", "")
+    tree, faults = _gathered(path, content, ())
+    return tree, faults, (str(path), content)
+
+
+def find_or_none(source: str | Path, folder: Path | None = None) -> Path | None:
+    """`find`, where a name that no file can have is one that is not found."""
+    try:
+        return find(source, folder)
+    except (OSError, ValueError):
+        return None
+
+
+def _nowhere(source: str | Path, text: Text) -> Fault:
+    from wsnsim.scenario.tree import Spot
+
+    return Spot(text).fault((), f"there is no such file, and no shipped scenario of this name ({_nearest(source)})")
+
+
+def _nearest(source: str | Path) -> str:
+    return did_you_mean(Path(source).stem, shipped())
+
+
+def _content(path: Path) -> tuple[str | None, list[Fault]]:
+    """The text of a file; None and a fault if it is no text."""
+    try:
+        with path.open("rb") as file:
+            raw = file.read(LARGEST_FILE + 1)
+    except IsADirectoryError:
+        return None, [Fault((), "is a folder, expected a scenario file", str(path))]
+    except OSError as error:
+        return None, [Fault((), f"cannot be read: {error.strerror}", str(path))]
+    if len(raw) > LARGEST_FILE:
+        return None, [Fault((), f"is larger than {LARGEST_FILE // 1_000_000} MB, which no scenario is", str(path))]
+    try:
+        text = raw.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = "\0"
+    if "\0" in text:
+        return None, [Fault((), "is a binary file (or not UTF-8), expected YAML text", str(path))]
+    return text, []
+
+
+def _gathered(path: Path, content: str, through: tuple[Path, ...]) -> tuple[Node | None, list[Fault]]:
+    """The tree of a file, laid on that of the file it extends. `through`: the files that led here."""
+    from wsnsim.scenario.reader import read
+    from wsnsim.scenario.tree import Text
+
+    text = Text(str(path), path.parent, tuple(content.splitlines()) or ("",))
+    tree, faults = read(content, text)
+    if tree is None or not isinstance(tree.value, dict) or "extends" not in tree.value:
+        return tree, faults
+    return _extended(tree, faults, path.parent, (*through, path.resolve()))
+
+
+def _extended(tree: Node, faults: list[Fault], folder: Path, through: tuple[Path, ...]) -> tuple[Node | None, list[Fault]]:
+    from wsnsim.scenario.tree import mapping, merged
+
+    own = mapping({key: entry for key, entry in tree.value.items() if key != "extends"}, tree.spot)
+    node = tree.value["extends"].node
+    path = find_or_none(node.value, folder) if isinstance(node.value, str) and node.value else None
+    if path is None:
+        said = f"there is no scenario {node.value!r}" if isinstance(node.value, str) else "expected the name of a scenario"
+        return own, [*faults, node.spot.fault(("extends",), f"{said} ({_nearest(str(node.value))})")]
+    if path.resolve() in through:
+        return own, [*faults, node.spot.fault(("extends",), f"{path} extends itself")]
+    content, wrong = _content(path)
+    base, found = (None, wrong) if content is None else _gathered(path, content, through)
+    return (own if base is None else merged(base, own)), [*faults, *found]
+
+
+def _from_dict(source: Mapping[str, Any]) -> tuple[Node | None, list[Fault], tuple[str, str]]:
+    import yaml
+
+    from wsnsim.scenario.reader import of_dict
+    from wsnsim.scenario.tree import BROKEN, Text, plain
+
+    tree, faults = of_dict(source, Text("", Path.cwd()))
+    if tree.value is BROKEN or faults:
+        return tree, faults, ("", "")
+    written = yaml.safe_dump(plain(tree), sort_keys=False, allow_unicode=True)
+    if "extends" in tree.value:
+        tree, faults = _extended(tree, faults, Path.cwd(), ())
+    return tree, faults, ("", written)
+
+
+def _overridden(tree: Node, overrides: Iterable[str]) -> tuple[Node, list[Fault]]:
+    """The tree with each 'a.b.c=value' laid on it; kinds first, since a new kind replaces its role."""
+    from wsnsim.scenario.tree import assigned
+
+    faults: list[Fault] = []
+    for override in sorted(overrides, key=lambda text: not text.partition("=")[0].strip().endswith(".kind")):
+        keys, node, wrong = _assignment(override)
+        faults += wrong
+        if node is None or not isinstance(tree.value, dict):
+            continue
+        try:
+            tree = assigned(tree, keys, node)
+        except LookupError as error:
+            faults.append(node.spot.fault(keys, str(error.args[0])))
+    return tree, faults
+
+
+def _assignment(override: str) -> tuple[tuple[str | int, ...], Node | None, list[Fault]]:
+    from wsnsim.scenario.reader import read
+    from wsnsim.scenario.tree import Text
+
+    written, sign, value = override.partition("=")
+    pieces = [piece.strip() for piece in written.split(".")]
+    if not sign or not all(pieces) or not value.strip():
+        return (), None, [Fault((), "expected KEY=VALUE, such as link.reach='80 m'", f"--set {override}")]
+    keys = tuple(int(piece) if piece.isascii() and piece.isdigit() and len(piece) < 10 else piece for piece in pieces)
+    if keys[0] == "extends":
+        return (), None, [Fault((), "'extends' can be written in a file only", f"--set {written}")]
+    node, faults = read(value, Text(f"--set {'.'.join(pieces)}", Path.cwd(), (), keys))
+    return keys, node, faults
+
+
+def _in_order(faults: Iterable[Fault]) -> list[Fault]:
+    """Faults in the order of their text, as far as they stand in one; each once."""
+
+    def place(fault: Fault) -> tuple[str, int, int]:
+        name, line, column = (fault.place.rsplit(":", 2) + ["", ""])[:3]
+        return (name, int(line), int(column)) if line.isdigit() and column.isdigit() else (fault.place, 0, 0)
+
+    return sorted(dict.fromkeys(faults), key=place)

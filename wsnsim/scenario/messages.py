@@ -1,0 +1,122 @@
+"""What pydantic finds wrong, in the words of a scenario and at its place.
+
+    faults_of(validation_error, model, tree) -> [Fault, ...]
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final, get_args
+
+from pydantic import BaseModel, ValidationError
+
+from wsnsim.base.errors import Fault, did_you_mean
+from wsnsim.scenario.fields import described
+from wsnsim.scenario.tree import BROKEN, Key, Keys, Node, child, spot_of
+from wsnsim.scenario.units import shown
+
+BOUNDS: Final = {
+    "greater_than": ("gt", "greater than"),
+    "greater_than_equal": ("ge", "at least"),
+    "less_than": ("lt", "less than"),
+    "less_than_equal": ("le", "at most"),
+}
+EXPECTED: Final = {"bool_type": "true or false", "string_type": "text", "model_type": "a mapping", "tuple_type": "a list"}
+
+
+def faults_of(error: ValidationError, model: type[BaseModel], tree: Node) -> list[Fault]:
+    """One fault a path: alternatives of a union that all fail are said in one message."""
+    said: dict[Keys, list[str]] = {}
+    at_key = set()
+    for problem in error.errors(include_url=False):
+        path = _written(problem["loc"], tree)
+        if _is_broken(tree, path):
+            continue
+        message = _message(problem, path, model)
+        if message not in said.setdefault(path, []):
+            said[path].append(message)
+        if problem["type"] == "extra_forbidden":
+            at_key.add(path)
+    return [spot_of(tree, path, path in at_key).fault(path, "; or ".join(words)) for path, words in said.items()]
+
+
+def _written(location: tuple[Key, ...], tree: Node) -> Keys:
+    """The location without the marks that pydantic leaves where it tried the alternatives of a union."""
+    path: list[Key] = []
+    node: Node | None = tree
+    for key in location:
+        if node is not None and isinstance(node.value, dict if isinstance(key, str) else list):
+            path.append(key)
+            node = child(node, key)
+    return tuple(path)
+
+
+def _is_broken(tree: Node, path: Keys) -> bool:
+    node: Node | None = tree
+    for key in path:
+        node = child(node, key) if node is not None else None
+    return node is not None and node.value is BROKEN
+
+
+def _message(problem: Any, path: Keys, model: type[BaseModel]) -> str:
+    kind, value, context = problem["type"], problem["input"], problem.get("ctx", {})
+    if kind in BOUNDS:
+        name, words = BOUNDS[kind]
+        return f"must be {words} {context[name]:g}, is {value:g}"
+    if kind in EXPECTED:
+        return f"expected {EXPECTED[kind]}, got {described(value)}"
+    if kind == "literal_error":
+        known = literals(_annotation(model, path))
+        return f"unknown value {shown(value)} ({did_you_mean(str(value), known)})" if known else problem["msg"]
+    if kind == "missing":
+        about = _description(model, path)
+        return "is missing" + (f": {about}" if about else "")
+    if kind == "extra_forbidden":
+        inside = _annotation(model, path[:-1])
+        return f"unknown key, {did_you_mean(str(path[-1]), sorted(inside.model_fields))}"
+    return str(context.get("said", problem["msg"]))
+
+
+def literals(annotation: Any) -> list[str]:
+    """Every text that the Literals within an annotation allow."""
+    found: list[str] = []
+    for argument in get_args(annotation):
+        found += [argument] if isinstance(argument, str) else literals(argument)
+    return found
+
+
+def _annotation(model: Any, path: Keys) -> Any:
+    """The annotation that a model gives a path; a model where there is one."""
+    here: Any = model
+    for key in path:
+        inside = here if _is_model(here) else _first_model(here)
+        if inside is not None and isinstance(key, str):
+            here = inside.model_fields[key].annotation
+        else:
+            arguments = [argument for argument in get_args(_unwrapped(here)) if argument is not ...]
+            here = arguments[min(int(key), len(arguments) - 1)] if arguments else here
+    return _first_model(here) or here
+
+
+def _description(model: Any, path: Keys) -> str | None:
+    inside = _annotation(model, path[:-1])
+    field = inside.model_fields.get(path[-1]) if _is_model(inside) else None
+    return field.description if field else None
+
+
+def _is_model(thing: Any) -> bool:
+    return isinstance(thing, type) and issubclass(thing, BaseModel)
+
+
+def _first_model(annotation: Any) -> Any:
+    if _is_model(annotation):
+        return annotation
+    return next((inner for argument in get_args(annotation) if (inner := _first_model(argument)) is not None), None)
+
+
+def _unwrapped(annotation: Any) -> Any:
+    """An annotation without Annotated and without None."""
+    arguments = [argument for argument in get_args(annotation) if argument is not type(None)]
+    if hasattr(annotation, "__metadata__") or (len(arguments) == 1 and len(get_args(annotation)) == 2):
+        return _unwrapped(arguments[0])
+    return annotation
+

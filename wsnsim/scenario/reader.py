@@ -1,0 +1,218 @@
+"""YAML text becomes a tree, with every fault of the text at once.
+
+    read(text, source) -> (Node or None, faults);  of_dict(mapping) -> the same for a caller's dict
+
+YAML is read as PyYAML composes it, with the scalar rules of YAML 1.2's core schema: 1e3 is a float, 010 is ten, 12:30:00, no and on
+are text. Duplicate keys are faults; `<<` merge keys may repeat a key.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import yaml
+
+from wsnsim.base.errors import Fault
+from wsnsim.scenario.tree import BROKEN, Entry, Keys, Node, Spot, Text, mapping, sequence
+from wsnsim.scenario.units import shown
+
+DEEPEST: Final = 40
+LARGEST: Final = 200_000
+TAG: Final = "tag:yaml.org,2002:"
+INT: Final = re.compile(r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+")
+FLOAT: Final = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?|[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)")
+BOOL: Final = re.compile(r"true|True|TRUE|false|False|FALSE")
+NULL: Final = re.compile(r"~|null|Null|NULL|")
+
+
+class _CoreLoader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]
+    """PyYAML's loader with the core schema's resolvers and a floor to its recursion. Our choice: 40 levels."""
+
+    yaml_implicit_resolvers: dict[str, Any] = {}  # noqa: RUF012
+    levels = 0
+
+    def descend_resolver(self, node: Any, index: Any) -> None:
+        self.levels += 1
+        if self.levels > DEEPEST:
+            mark = node.start_mark if node is not None else None
+            raise yaml.composer.ComposerError(None, None, f"nested deeper than {DEEPEST} levels", mark)
+
+    def ascend_resolver(self) -> None:
+        self.levels -= 1
+
+
+for _tag, _pattern, _first in (
+    ("bool", BOOL, list("tTfF")),
+    ("int", INT, list("-+0123456789")),
+    ("float", FLOAT, list("-+.0123456789")),
+    ("null", NULL, ["~", "n", "N", ""]),
+    ("merge", re.compile("<<"), ["<"]),
+):
+    _CoreLoader.add_implicit_resolver(TAG + _tag, re.compile(f"(?:{_pattern.pattern})$"), _first)
+
+
+def read(content: str, text: Text) -> tuple[Node | None, list[Fault]]:
+    """The tree of a YAML text. None if it is no YAML, or holds nothing; the faults say why."""
+    try:
+        node = yaml.compose(content, Loader=_CoreLoader)
+    except yaml.MarkedYAMLError as error:
+        return None, [_syntax_fault(error, text)]
+    except yaml.reader.ReaderError as error:
+        return None, [_character_fault(content, error, text)]
+    except UnicodeError:
+        return None, [Spot(text).fault((), "not text: it holds half of a surrogate pair")]
+    if node is None:
+        return None, [Spot(text).fault((), "is empty")]
+    reading = _Reading(text)
+    return reading.node(node, ()), reading.faults
+
+
+def _syntax_fault(error: yaml.MarkedYAMLError, text: Text) -> Fault:
+    mark = error.problem_mark or error.context_mark
+    spot = Spot(text, mark.line, mark.column) if mark else Spot(text)
+    said = " ".join(piece for piece in (error.problem, error.context) if piece)
+    return spot.fault(text.keys, f"not valid YAML: {said}")
+
+
+def _character_fault(content: str, error: yaml.reader.ReaderError, text: Text) -> Fault:
+    before = content[: error.position]
+    spot = Spot(text, before.count("\n"), len(before) - before.rfind("\n") - 1)
+    code = error.character if isinstance(error.character, int) else ord(error.character)
+    return spot.fault(text.keys, f"not valid YAML: the character U+{code:04X} is not allowed")
+
+
+@dataclass
+class _Reading:
+    """One text being read: the faults so far, what aliases have given, and the nodes that are open (an alias to one never ends)."""
+
+    text: Text
+    faults: list[Fault] = field(default_factory=list)
+    known: dict[int, Node] = field(default_factory=dict)
+    open: set[int] = field(default_factory=set)
+
+    def node(self, source: yaml.Node, path: Keys) -> Node:
+        if id(source) in self.known:
+            return self.known[id(source)]
+        if id(source) in self.open:
+            return self.complain(source, path, "an anchor cannot hold itself")
+        self.open.add(id(source))
+        node = self.fresh(source, path)
+        self.open.discard(id(source))
+        if node.size > LARGEST:
+            node = self.complain(source, path, f"holds more than {LARGEST} values once its aliases are spelt out")
+        self.known[id(source)] = node
+        return node
+
+    def fresh(self, source: yaml.Node, path: Keys) -> Node:
+        if isinstance(source, yaml.ScalarNode):
+            return self.scalar(source, path)
+        if source.tag not in (TAG + "map", TAG + "seq"):
+            return self.complain(source, path, f"unknown tag {shown(source.tag.removeprefix(TAG))}")
+        if isinstance(source, yaml.MappingNode):
+            return mapping(self.entries(source, path), self.spot(source))
+        return sequence([self.node(item, (*path, i)) for i, item in enumerate(source.value)], self.spot(source))
+
+    def entries(self, source: yaml.MappingNode, path: Keys) -> dict[str, Entry]:
+        """A mapping's own entries, laid over those that its merge keys bring."""
+        own: dict[str, Entry] = {}
+        brought: dict[str, Entry] = {}
+        for key, value in source.value:
+            if not isinstance(key, yaml.ScalarNode):
+                self.complain(key, path, "a key must be a word")
+            elif key.tag == TAG + "merge":
+                brought = self.brought(value, path) | brought
+            elif key.value in own:
+                first = own[key.value].spot.line + 1
+                self.complain(key, path, f"duplicate key {shown(key.value)} (first at line {first})")
+            else:
+                own[key.value] = Entry(self.spot(key), self.node(value, (*path, key.value)))
+        return brought | own
+
+    def brought(self, source: yaml.Node, path: Keys) -> dict[str, Entry]:
+        """What a merge key brings: of several mappings, the earlier wins."""
+        found: dict[str, Entry] = {}
+        for item in source.value if isinstance(source, yaml.SequenceNode) else [source]:
+            node = self.node(item, path)
+            if isinstance(node.value, dict):
+                found = node.value | found
+            else:
+                self.complain(item, path, "'<<' merges mappings only")
+        return found
+
+    def scalar(self, source: yaml.ScalarNode, path: Keys) -> Node:
+        tag = source.tag.removeprefix(TAG)
+        if tag not in ("str", "int", "float", "bool", "null", "merge", "!"):
+            return self.complain(source, path, f"unknown tag {shown(tag)}")
+        try:
+            return Node(_value(tag, source.value), self.spot(source))
+        except ValueError as error:
+            return self.complain(source, path, str(error))
+
+    def spot(self, source: yaml.Node) -> Spot:
+        return Spot(self.text, source.start_mark.line, source.start_mark.column)
+
+    def complain(self, source: yaml.Node, path: Keys, message: str) -> Node:
+        self.faults.append(self.spot(source).fault((*self.text.keys, *path), message))
+        return Node(BROKEN, self.spot(source))
+
+
+def _value(tag: str, text: str) -> Any:
+    """The value of a scalar. Raises ValueError where a tag was forced on a text, or a number is too large."""
+    rule = {"int": INT, "float": FLOAT, "bool": BOOL, "null": NULL}.get(tag)
+    if rule is None:
+        return text
+    if not rule.fullmatch(text) and not (tag == "float" and INT.fullmatch(text)):
+        raise ValueError(f"{shown(text)} is no {tag}")
+    if tag == "null":
+        return None
+    if tag == "bool":
+        return text.lower() == "true"
+    return _integer(text) if tag == "int" else _real(text)
+
+
+def _integer(text: str) -> int:
+    if len(text) > 400:
+        raise ValueError(f"{shown(text)} is beyond what a number can hold")
+    return int(text[2:], 8 if text[1] == "o" else 16) if text[:2] in ("0o", "0x") else int(text)
+
+
+def _real(text: str) -> float:
+    if text.lower().endswith(("inf", "nan")):
+        return float(text.replace(".", "", 1))
+    value = float(text if not text.startswith(("0x", "0o")) else _integer(text))
+    if math.isinf(value):
+        raise ValueError(f"{shown(text)} is beyond what a number can hold")
+    return value
+
+
+def of_dict(values: Any, text: Text, path: Keys = (), inside: frozenset[int] = frozenset()) -> tuple[Node, list[Fault]]:
+    """The tree of a caller's dict; tuples and arrays are lists, NumPy scalars their values, paths text."""
+    spot = Spot(text)
+    if len(path) > DEEPEST or id(values) in inside:
+        return Node(BROKEN, spot), [spot.fault(path, f"nested deeper than {DEEPEST} levels, or within itself")]
+    if hasattr(values, "tolist"):
+        values = values.tolist()
+    if isinstance(values, Mapping | list | tuple):
+        return _of_many(values, text, path, inside | {id(values)})
+    if hasattr(values, "__fspath__"):
+        return Node(str(values), spot), []
+    if values is None or isinstance(values, bool | int | float | str):
+        return Node(values, spot), []
+    return Node(BROKEN, spot), [spot.fault(path, f"a {type(values).__name__} cannot stand in a scenario")]
+
+
+def _of_many(values: Any, text: Text, path: Keys, inside: frozenset[int]) -> tuple[Node, list[Fault]]:
+    spot = Spot(text)
+    pairs = values.items() if isinstance(values, Mapping) else enumerate(values)
+    inner = {}
+    for name, value in pairs:
+        key = str(name) if isinstance(values, Mapping) else name
+        inner[key] = of_dict(value, text, (*path, key), inside)
+    faults = [fault for _, found in inner.values() for fault in found]
+    if isinstance(values, Mapping):
+        return mapping({key: Entry(spot, node) for key, (node, _) in inner.items()}, spot), faults
+    return sequence([node for node, _ in inner.values()], spot), faults

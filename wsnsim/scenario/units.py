@@ -1,0 +1,195 @@
+"""Quantities with units: '60 m', '250 kbit/s', '50 nJ/bit', '-85 dBm' become SI floats, exactly.
+
+    si('50 nJ/bit', 'J/bit') -> 5e-8
+
+The table is exact: number and factor are multiplied as decimals of 60 digits and rounded once, so '50 nJ' and 5e-8 are the same
+float. Quotients and powers compose freely ('100 pJ/bit/m2', 'm^2', 'm²'). A unit that the table does not know (a plug-in's 'lx')
+means just itself.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+import re
+from dataclasses import dataclass
+from decimal import Context, Decimal, localcontext
+from typing import Final
+
+from wsnsim.base.errors import did_you_mean
+
+BASES: Final = ("m", "kg", "s", "A", "rad", "bit", "dB")
+Dimension = tuple[int, ...]
+NONE: Final[Dimension] = (0,) * len(BASES)
+EXACT: Final = Context(prec=60, Emax=99_999, Emin=-99_999, traps=[])
+PREFIXES: Final = {"p": "1e-12", "n": "1e-9", "u": "1e-6", "m": "1e-3", "c": "1e-2", "k": "1e3", "M": "1e6", "G": "1e9"}
+PI: Final = "3.14159265358979323846264338327950288419716939937510582097494"
+
+# symbol: (factor to SI, powers of the bases, prefixes that it takes)
+SYMBOLS: Final[dict[str, tuple[str, dict[str, int], str]]] = {
+    "1": ("1", {}, ""),
+    "%": ("0.01", {}, ""),
+    "ppm": ("1e-6", {}, ""),
+    "m": ("1", {"m": 1}, "numck"),
+    "g": ("1e-3", {"kg": 1}, "mk"),
+    "s": ("1", {"s": 1}, "pnum"),
+    "min": ("60", {"s": 1}, ""),
+    "h": ("3600", {"s": 1}, ""),
+    "d": ("86400", {"s": 1}, ""),
+    "Hz": ("1", {"s": -1}, "mkMG"),
+    "A": ("1", {"A": 1}, "num"),
+    "Ah": ("3600", {"A": 1, "s": 1}, "m"),
+    "V": ("1", {"kg": 1, "m": 2, "s": -3, "A": -1}, "umk"),
+    "F": ("1", {"kg": -1, "m": -2, "s": 4, "A": 2}, "pnum"),
+    "J": ("1", {"kg": 1, "m": 2, "s": -2}, "pnumkM"),
+    "Wh": ("3600", {"kg": 1, "m": 2, "s": -2}, "mk"),
+    "W": ("1", {"kg": 1, "m": 2, "s": -3}, "pnumkM"),
+    "bit": ("1", {"bit": 1}, "kMG"),
+    "B": ("8", {"bit": 1}, "kMG"),
+    "rad": ("1", {"rad": 1}, "m"),
+    "deg": (str(EXACT.divide(Decimal(PI), Decimal(180))), {"rad": 1}, ""),
+    "dB": ("1", {"dB": 1}, ""),
+}
+WORDS: Final = {
+    "m": "length", "m2": "area", "m3": "volume", "kg": "mass", "s": "time", "Hz": "frequency", "m/s": "speed",
+    "m/s2": "acceleration", "A": "current", "Ah": "charge", "V": "voltage", "F": "capacitance", "J": "energy", "W": "power",
+    "bit": "information", "bit/s": "rate", "rad": "angle", "dB": "level", "J/bit": "energy per bit",
+    "J/bit/m2": "energy per bit and area", "J/bit/m4": "energy per bit and squared area",
+}  # fmt: skip
+QUANTITY: Final = re.compile(r"([-+]?(?:\.\d+|\d+(?:\.\d*)?)(?:[eE][-+]?\d+)?|[-+]?\.inf)\s*([^\d\s].*|1\s*/.*)?", re.ASCII)
+FACTOR: Final = re.compile(r"(1$|%|[^\W\d_]+)(?:\^?(-?[1-9]))?")
+SPELLING: Final = str.maketrans({"²": "2", "³": "3", "⁴": "4", "µ": "u", "μ": "u", "·": "*", "°": "deg"})
+
+
+class UnitError(ValueError):
+    """A quantity that cannot be read, or is of the wrong dimension. `str(error)` says what is expected."""
+
+
+@dataclass(frozen=True)
+class Unit:
+    """A factor to SI and the powers of `BASES`; `words` says the dimension; `decibel` marks dBm, which is no factor."""
+
+    factor: Decimal
+    dimension: Dimension
+    words: str
+    decibel: bool = False
+
+
+def si(text: str, unit: str) -> float:
+    """The SI value of a quantity that should have the dimension of `unit` ('' for a pure number; 'dBm' stays dBm).
+
+    Raises:
+        UnitError: no number, an unknown unit, another dimension, or a value that no float holds.
+    """
+    match = QUANTITY.fullmatch(text.strip())
+    if match is None:
+        raise UnitError(f"expected {wanted(unit)}, got the text {shown(text)}")
+    number, written = match.group(1), match.group(2)
+    if number.endswith(".inf"):
+        number = number.replace(".inf", "Infinity")
+    elif not written:
+        raise UnitError(f"expected {wanted(unit)}, got the text {shown(text)}: remove the quotes, or name a unit")
+    with localcontext(EXACT):
+        value = float(_convert(Decimal(number), (written or "").strip(), unit))
+    if math.isnan(value) or (math.isinf(value) and "Inf" not in number):
+        raise UnitError(f"{shown(text)} is beyond what a number can hold")
+    return value
+
+
+def _convert(number: Decimal, written: str, unit: str) -> Decimal:
+    expected = parse(unit)
+    if not written or (written == unit and (expected is None or expected.decibel)):
+        return number
+    given = parse(written)
+    if given is None:
+        raise UnitError(f"unknown unit {shown(written)} ({_nearest(written)}), expected {wanted(unit)}")
+    if expected is None or given.dimension != expected.dimension:
+        raise UnitError(f"{shown(written)} is {_article(given)}, expected {wanted(unit)}")
+    if given.decibel:
+        return Decimal(10) ** ((number - 30) / 10)
+    value = number * given.factor
+    return 10 * value.log10() + 30 if expected.decibel else value
+
+
+@functools.lru_cache(maxsize=1024)
+def parse(text: str) -> Unit | None:
+    """The unit that a text names, such as 'nJ/bit/m2'; None if the table does not know it."""
+    if not text:
+        return Unit(Decimal(1), NONE, "pure number")
+    if text == "dBm":
+        return Unit(Decimal(1), _dimension({"kg": 1, "m": 2, "s": -3}), "power", decibel=True)
+    factor, dimension, words = Decimal(1), NONE, []
+    pieces = re.split(r"\s*([/*])\s*", text.translate(SPELLING))
+    for sign, piece in zip(["*", *pieces[1::2]], pieces[::2], strict=True):
+        match = FACTOR.fullmatch(piece)
+        known = _table().get(match.group(1)) if match else None
+        if match is None or known is None:
+            return None
+        power = int(match.group(2) or 1)
+        words.append(("" if not words else " per " if sign == "/" else " times ") + _word(_times(known[1], power), piece))
+        power = -power if sign == "/" else power
+        factor = EXACT.multiply(factor, EXACT.power(known[0], power))
+        dimension = tuple(a + b for a, b in zip(dimension, _times(known[1], power), strict=True))
+    return Unit(factor, dimension, _words().get(dimension) or "".join(words))
+
+
+def wanted(unit: str) -> str:
+    """What a message expects: "length (for example '1 m')"."""
+    known = parse(unit)
+    if known is None:
+        return f"a number (of {unit})"
+    return "a pure number" if known.dimension == NONE else f"{known.words} (for example '1 {unit}')"
+
+
+def shown(value: object) -> str:
+    """A value as a message quotes it: on one line, and not longer than a line."""
+    text = repr(value) if not isinstance(value, str) else "'" + "".join(c if c.isprintable() else "?" for c in value) + "'"
+    return text if len(text) <= 60 else f"{text[:50]}…{text[-8:]}"
+
+
+def _nearest(written: str) -> str:
+    guess = did_you_mean(written, [*_table(), "dBm"])
+    return guess if guess.startswith("did") else "see 'wsnsim schema' for units"
+
+
+def _article(unit: Unit) -> str:
+    return "a pure number" if unit.dimension == NONE else f"a unit of {unit.words}"
+
+
+def _word(dimension: Dimension, piece: str) -> str:
+    return "one" if dimension == NONE else _words().get(dimension, piece)
+
+
+def _times(dimension: Dimension, power: int) -> Dimension:
+    return tuple(power * exponent for exponent in dimension)
+
+
+def _dimension(powers: dict[str, int]) -> Dimension:
+    return tuple(powers.get(base, 0) for base in BASES)
+
+
+@functools.cache
+def _table() -> dict[str, tuple[Decimal, Dimension]]:
+    """Every symbol, with and without its prefixes."""
+    table = {}
+    for symbol, (factor, powers, prefixes) in SYMBOLS.items():
+        for prefix in ["", *prefixes]:
+            scale = Decimal(PREFIXES[prefix]) if prefix else Decimal(1)
+            assert prefix + symbol not in table, f"two units are written {prefix + symbol}"
+            table[prefix + symbol] = (EXACT.multiply(scale, Decimal(factor)), _dimension(powers))
+    return table
+
+
+@functools.cache
+def _words() -> dict[Dimension, str]:
+    """What each dimension is called."""
+    words = {}
+    for text, word in WORDS.items():
+        dimension = NONE
+        for sign, piece in zip(["*", *re.findall(r"[/*]", text)], re.split(r"[/*]", text), strict=True):
+            match = FACTOR.fullmatch(piece)
+            assert match, f"{text} in the table of words is no unit"
+            power = int(match.group(2) or 1) * (-1 if sign == "/" else 1)
+            dimension = tuple(a + b for a, b in zip(dimension, _times(_table()[match.group(1)][1], power), strict=True))
+        words[dimension] = word
+    return words
