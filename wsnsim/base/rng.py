@@ -61,15 +61,13 @@ def derive(key: int, *numbers: int) -> int:
 
 def derive_all(key: int, numbers: np.ndarray) -> Keys:
     """`derive(key, i)` for every i of an integer array, as (n,) uint64."""
-    with np.errstate(over="ignore"):
-        return _mix_all(np.uint64(key) + (np.asarray(numbers).astype(np.uint64) + np.uint64(1)) * np.uint64(GOLDEN))
+    return _mix_all(np.uint64(key) + (numbers.astype(np.uint64) + np.uint64(1)) * np.uint64(GOLDEN))
 
 
 def derive_each(keys: Keys, *numbers: Keys) -> Keys:
-    """`derive(key, i, k, ...)` element by element over equally long uint64 arrays."""
-    with np.errstate(over="ignore"):
-        for column in numbers:
-            keys = _mix_all(keys + (column + np.uint64(1)) * np.uint64(GOLDEN))
+    """`derive(key, i, k, ...)` element by element over uint64 arrays that fit together."""
+    for column in numbers:
+        keys = _mix_all(keys + (column + np.uint64(1)) * np.uint64(GOLDEN))
     return keys
 
 
@@ -85,12 +83,11 @@ def normals(keys: Keys, draw: int) -> Floats:
 
 
 def _hashes(keys: Keys, draw: int) -> Keys:
-    with np.errstate(over="ignore"):
-        return _mix_all(np.asarray(keys, np.uint64) + np.uint64(((draw + 1) * GOLDEN) & MASK))
+    return _mix_all(keys + np.uint64(((draw + 1) * GOLDEN) & MASK))
 
 
 def _mix_all(x: Keys) -> Keys:
-    with np.errstate(over="ignore"):
-        x = (x ^ (x >> np.uint64(30))) * np.uint64(FIRST)
-        x = (x ^ (x >> np.uint64(27))) * np.uint64(SECOND)
-        return x ^ (x >> np.uint64(31))
+    """The finaliser over an array; products wrap around, as they shall."""
+    x = (x ^ (x >> np.uint64(30))) * np.uint64(FIRST)
+    x = (x ^ (x >> np.uint64(27))) * np.uint64(SECOND)
+    return x ^ (x >> np.uint64(31))

@@ -6,11 +6,13 @@ import numpy as np
 
 from wsnsim.base.asks import Member
 from wsnsim.base.ports import Scene
-from wsnsim.base.rng import derive, derive_all
+from wsnsim.base.rng import derive, derive_all, derive_each
 from wsnsim.network.stage import Stage
 
 HEAD_KEY = 0xFFFF_FFFF
 """In the place of a node's number, for the draws that a head makes for the whole track."""
+KEYS_AHEAD = 64
+"""Steps for which keys are derived at once."""
 
 
 class Cluster:
@@ -20,7 +22,12 @@ class Cluster:
         self._stage = stage
         self._target = target
         self._open = is_open
-        self._before: tuple[int, ...] = ()
+        self._track_key = derive(stage.tracker_key, target)
+        self._keys: list[list[int]] = []
+        self._keyed: tuple[tuple[int, ...], int] = ((), 0)
+        self._ids: tuple[int, ...] = ()
+        self._traits = stage.fleet.traits[:0]
+        self._positions = stage.fleet.positions[:0]
         self.head = head
         self.members: dict[int, Member] = {}
         for node in [head, *joined]:
@@ -34,31 +41,27 @@ class Cluster:
         """Living members, sensing or not."""
         alive, sensing = self._stage.fleet.alive, self._stage.sensing[self._target]
         if self._open:
-            return tuple(node for node in self.members if alive[node] and (node in sensing or node == self.head))
-        return tuple(node for node in self.members if alive[node])
+            return tuple([node for node in self.members if alive[node] and (node in sensing or node == self.head)])
+        return tuple([node for node in self.members if alive[node]])
 
     def active(self) -> int:
-        """N_act: how many members sense now."""
+        """N_act: how many living members sense now."""
         sensing = self._stage.sensing[self._target]
-        return sum(node in sensing for node in self.roster())
+        return sum([node in sensing for node in self.members])
 
     def scene(self, steps: int) -> Scene:
         """What the head knows at the stage's step; gives each member its reading and its key."""
-        stage, parts, fleet = self._stage, self._stage.parts, self._stage.fleet
+        stage, parts = self._stage, self._stage.parts
         readings = stage.sensing[self._target]
         if self._open:
             for node in readings:
                 if node not in self.members:
                     self._admit(node)
         roster = self.roster()
-        ids = tuple(node for node in roster if node in readings)
-        base = derive(stage.tracker_key, self._target, stage.step)
-        keys = derive_all(base, np.array(roster, dtype=np.int64)).tolist()
-        for node, key in zip(roster, keys, strict=True):
+        for node, key in zip(roster, self._keys_of(roster), strict=True):
             member = self.members[node]
             member.reading, member.key = readings.get(node), key
-        before, self._before = self._before, ids
-        index = np.array(ids, dtype=np.int64)
+        joined, left = self._look_around(tuple([node for node in roster if node in readings]))
         return Scene(
             time=stage.step * parts.dt,
             step=stage.step,
@@ -66,14 +69,37 @@ class Cluster:
             dt=parts.dt,
             target=self._target,
             head=self.head,
-            ids=ids,
-            positions=fleet.positions[index],
-            traits=fleet.traits[index],
+            ids=self._ids,
+            positions=self._positions,
+            traits=self._traits,
             roster=roster,
-            joined=tuple(node for node in ids if node not in before),
-            left=tuple(node for node in before if node not in ids and fleet.alive[node]),
+            joined=joined,
+            left=left,
             field=stage.field,
             motion=parts.filter_motions[self._target],
             sensor=parts.filter_sensor,
-            key=derive(base, HEAD_KEY),
+            key=derive(self._track_key, stage.step, HEAD_KEY),
         )
+
+    def _look_around(self, ids: tuple[int, ...]) -> tuple[tuple[int, ...], tuple[int, ...]]:
+        """Who began and who ceased to sense, since the last look."""
+        before, fleet = self._ids, self._stage.fleet
+        if ids == before:
+            return (), ()
+        index = np.array(ids, dtype=np.int64)
+        self._ids, self._positions, self._traits = ids, fleet.positions[index], fleet.traits[index]
+        gone = [node for node in before if node not in ids]
+        for node in gone:
+            self.members[node].reading = None
+        return tuple([node for node in ids if node not in before]), tuple([node for node in gone if fleet.alive[node]])
+
+    def _keys_of(self, roster: tuple[int, ...]) -> list[int]:
+        """The members' keys of this step: derive(tracker key, target, step, node)."""
+        keyed, first = self._keyed
+        step = self._stage.step
+        if keyed != roster or not first <= step < first + KEYS_AHEAD:
+            bases = derive_all(self._track_key, np.arange(step, step + KEYS_AHEAD))
+            nodes = np.array(roster, dtype=np.int64).astype(np.uint64)
+            self._keys = derive_each(bases[:, None], nodes[None, :]).tolist()
+            self._keyed, first = (roster, step), step
+        return self._keys[step - first]

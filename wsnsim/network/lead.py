@@ -27,11 +27,11 @@ Waiting = Generator[simpy.Event, Any, Any]
 class Mission:
     """What a new head starts from: a belief of an earlier step that reached it, or, for a new track, the readings it knows.
 
-    `elected`: a network-wide election has already chosen this head. `at_once`: it acts in the present step, not at the next tick.
+    Either is of step `belief_step`. `elected`: a network-wide election has already chosen this head. `at_once`: it acts in the present step, not at the next tick.
     """
 
+    belief_step: int
     belief: Any = None
-    belief_step: int = 0
     readings: Mapping[int, float] | None = None
     previous_head: int = -1
     hops: int = 0
@@ -70,18 +70,17 @@ def _lead(stage: Stage, crew: Crew, track: Track, head: int, mission: Mission) -
     tracker = stage.parts.tracker
     belief, last = mission.belief, mission.belief_step
     if mission.readings is not None:
-        last = stage.step
         scene = cluster.scene(0)
-        prior = yield from _begin(stage, track, head, mission.readings)
+        prior = yield from _begin(stage, track, head, mission)
         belief = yield from driver.perform(tracker.start(prior, scene))
-        _issue(stage, track, scene, driver, tracker.estimate(belief))
+        _issue(stage, track, last, scene, driver, tracker.estimate(belief))
         yield track.tick
     waits_for = _patience(stage, track, cluster)
     while True:
         scene = cluster.scene(stage.step - last)
         last = stage.step
         belief = yield from driver.perform(tracker.step(belief, scene))
-        _issue(stage, track, scene, driver, tracker.estimate(belief))
+        _issue(stage, track, last, scene, driver, tracker.estimate(belief))
         if waits_for is not None and waits_for != set(stage.sensing[track.target]):
             waits_for = None
         if waits_for is None and stage.parts.clusters.must_hand_over(cluster.active(), len(cluster.roster())):
@@ -112,11 +111,12 @@ def _form(stage: Stage, crew: Crew, track: Track, head: int, mission: Mission) -
     return cluster
 
 
-def _begin(stage: Stage, track: Track, head: int, readings: Mapping[int, float]) -> Generator[simpy.Event, Any, Estimate]:
+def _begin(stage: Stage, track: Track, head: int, mission: Mission) -> Generator[simpy.Event, Any, Estimate]:
     """What a new track starts from: at the start the scenario's prior, later the readings that reached the head."""
     first, track.started = not track.started, True
-    if first and stage.step == 0:
+    if first and mission.belief_step == 0:
         return track.prior
+    readings = mission.readings
     track.reacquired += not first
     stage.log("reacquire", track.target, head)
     if stage.parts.clusters.is_open:
@@ -189,7 +189,7 @@ def _hand_over(stage: Stage, crew: Crew, track: Track, cluster: Cluster, belief:
     forecast = parts.tracker.forecast(belief, scene, 1)
     point = forecast.mean[list(parts.filter_motions[target].position)]
     successor = parts.clusters.successor(point, stage.fleet.positions, stage.fleet.able(stage.threshold))
-    mission = Mission(belief_step=stage.step, previous_head=cluster.head)
+    mission = Mission(stage.step, previous_head=cluster.head)
     track.handovers += 1
     if successor is not None and parts.clusters.calls_election:
         successor = yield from _wake_and_vote(stage, crew, track, cluster.head, successor)
@@ -250,12 +250,12 @@ def _patience(stage: Stage, track: Track, cluster: Cluster) -> set[int] | None:
     return set(stage.sensing[track.target])
 
 
-def _issue(stage: Stage, track: Track, scene: Scene, driver: Driver, estimate: Estimate) -> None:
-    """Record an estimate. The one at the start is the prior's, and none."""
-    if scene.step == 0:
+def _issue(stage: Stage, track: Track, step: int, scene: Scene, driver: Driver, estimate: Estimate) -> None:
+    """Record the estimate of a step. What is believed at step 0 is the prior, and no estimate."""
+    if step == 0:
         return
     stage.log("estimate", track.target, scene.head)
-    assert np.all(np.isfinite(estimate.mean)), f"the tracker's estimate at step {scene.step} is not finite: {estimate.mean}"
-    track.estimates[scene.step] = Issued(
-        scene.step, stage.env.now, estimate, scene.head, scene.active, len(scene.roster), driver.readings
+    assert np.all(np.isfinite(estimate.mean)), f"the tracker's estimate at step {step} is not finite: {estimate.mean}"
+    track.estimates[step] = Issued(
+        step, stage.env.now, estimate, scene.head, scene.active, len(scene.roster), driver.readings
     )

@@ -105,5 +105,6 @@ class Node:
             return
         if winner == self.index and election.fills_vacancy:
             stage.log("elect", track.target, self.index)
-            mission = Mission(readings=election.readings_at(self.index), elected=True, at_once=True)
+            readings = election.readings_at(self.index)
+            mission = Mission(election.step, readings=readings, elected=True, at_once=True)
             self._crew.appoint(track, self.index, mission)

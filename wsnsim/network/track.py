@@ -67,12 +67,13 @@ class Track:
 class Election:
     """Candidates broadcast their strength; when the last has, the loudest of those able is head.
 
-    `closed` fires with the winner, or None. `fills_vacancy`: nobody leads, so the winner takes the lead of itself.
+    `closed` fires with the winner, or None. `step` is when the strengths were read. `fills_vacancy`: nobody leads, so the winner takes the lead of itself.
     """
 
     def __init__(
-        self, env: simpy.Environment, strengths: Mapping[int, float], policy: ClusterPolicy, fills_vacancy: bool
+        self, env: simpy.Environment, step: int, strengths: Mapping[int, float], policy: ClusterPolicy, fills_vacancy: bool
     ) -> None:
+        self.step = step
         self.strengths = strengths
         self.fills_vacancy = fills_vacancy
         self.closed = env.event()
@@ -106,5 +107,5 @@ def ballot_box(stage: Stage, track: Track, fills_vacancy: bool) -> Election:
     """An election among the nodes that sense the track's target now and are able."""
     readings = stage.sensing[track.target]
     able = {node: reading for node, reading in readings.items() if stage.able(node)}
-    return Election(stage.env, able, stage.parts.clusters, fills_vacancy)
+    return Election(stage.env, stage.step, able, stage.parts.clusters, fills_vacancy)
 

@@ -146,10 +146,12 @@ class World:
                 self._woken[-1] += 1
         joules = stage.parts.energy.sense()
         cause = EVENT_CAUSE["sense" if joules else "none"]
-        readings = {index: value for index, value in sensed.readings(step).items() if alive[index]}
+        readings = sensed.readings(step)
         if joules:
             for index in readings:
-                stage.fleet.spend(index, CAUSE["sense"], joules)
+                if alive[index]:
+                    stage.fleet.spend(index, CAUSE["sense"], joules)
+        if stage.fleet.died_at:
             readings = {index: value for index, value in readings.items() if alive[index]}
         now = self._env.now
         stage.journal.extend(
@@ -171,7 +173,7 @@ class World:
             able = stage.fleet.able(stage.threshold)
             head = policy.successor(np.zeros(2), stage.fleet.positions, able)
             if head is not None and (stage.sensing[track.target] or stage.step == 0):
-                self._appoint(track, head, Mission(readings={}, elected=True, at_once=True))
+                self._appoint(track, head, Mission(stage.step, readings={}, elected=True, at_once=True))
             return
         election = ballot_box(stage, track, fills_vacancy=True)
         if election.strengths:
