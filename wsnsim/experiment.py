@@ -167,7 +167,8 @@ def run(
     with recording.ResultFile(Path(out), states, parts.record) as file:
         file.set_text("scenario/source_yaml", loaded.source_yaml)
         file.set_text("scenario/resolved_json", json.dumps({**scenarios.resolved(loaded), "replicates": count}))
-        file.provenance = recording.provenance(command_line, parts.seed, scenarios.plugins(loaded))
+        made_by = recording.provenance(command_line, parts.seed, scenarios.plugins(loaded))
+        file.set_text("provenance_json", json.dumps(made_by))
         for replicate in range(count):
             tell = _teller(progress, replicate, count, parts.steps * parts.dt, began)
             summaries.append(_simulate(parts, replicate, file, tell))
@@ -206,7 +207,7 @@ def verify(path: Path) -> Verification:
     resolved = rerun_source(path)
     parts = scenarios.build(scenarios.load(resolved))
     stored = json.loads(recording.read_text(path, "provenance_json"))
-    differing = _differing(stored, recording.provenance("", parts.seed, {}))
+    differing = _differing(stored, recording.provenance("", parts.seed))
     runs, kept = recording.read_table(path, "runs"), recording.read_table(path, "estimates")
     rows = []
     for index, replicate in enumerate(runs["replicate"].tolist()):
@@ -238,7 +239,8 @@ def _compare(
 
 def _differing(stored: Mapping[str, Any], here: Mapping[str, Any]) -> list[str]:
     """What differs between the place of a result and here, of what can change the last bit."""
-    return [name for name in ("versions", "cpu_features") if stored.get(name) != here.get(name)]
+    names = {"python": "Python", "packages": "packages", "cpu_features": "CPU features"}
+    return [word for name, word in names.items() if stored.get(name) != here.get(name)]
 
 
 def _verification_text(path: Path, rows: list[dict[str, Any]], differing: list[str], ok: bool) -> str:

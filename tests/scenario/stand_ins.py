@@ -30,7 +30,9 @@ class _Port:
         raise AssertionError("the scenario room should not call this")
 
     draw = truth = propagate = advance = matrices = log_transition = _nothing
-    draw_traits = measure = log_likelihood = linearise = transmit = receive = compute = sense = arrivals = perfect = _nothing
+    draw_traits = measure = log_likelihood = linearise = transmit = receive = compute = sense = arrivals = perfect = (
+        _nothing
+    )
     estimate = elect = must_hand_over = successor = start = step = hand_over = forecast = _nothing
 
 

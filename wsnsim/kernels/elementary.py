@@ -1,9 +1,10 @@
-"""Logarithm, exponential and normal pairs that the compiler can vectorise: Numba's own call the C library once a number.
+"""Logarithm, exponential and normal pairs that the compiler can vectorise, where Numba's call the C library.
 
     log(x), exp(y)             one float64 each, within a few units of the last place
     normal_pair(key, pair)     two standard normals of a counter key (Box-Muller: its cosine and its sine)
 
-They are inlined into the kernels that use them. Numba's cache does not notice an edit here: touch the kernels' files too.
+They are inlined into the kernels that use them. Numba's cache does not notice an edit here: touch the kernels' files
+too.
 """
 
 from __future__ import annotations
@@ -21,11 +22,12 @@ LOWEST = -700.0
 
 
 @njit(inline="always", **SWITCHES)
-def log(x):  # type: ignore[no-untyped-def]
+def log(x):
     """The natural logarithm of a positive normal number.
 
-    x = 2^e m with m in [sqrt(1/2), sqrt(2)), and log m = 2 artanh((m - 1)/(m + 1)) as its series to the 15th power (error 2e-15).
-    Whatever is added to reals here is small: the kernels' switches allow the compiler to distribute and to reorder.
+    x = 2^e m with m in [sqrt(1/2), sqrt(2)), and log m = 2 artanh((m - 1)/(m + 1)) as its series to the 15th power
+    (error 2e-15). Whatever is added to reals here is small: the kernels' switches allow the compiler to distribute
+    and to reorder.
     """
     bits = np.float64(x).view(np.int64)
     shifted = np.int64(bits + (ONE_BITS - SQRT_HALF_BITS))
@@ -40,7 +42,7 @@ def log(x):  # type: ignore[no-untyped-def]
 
 
 @njit(inline="always", **SWITCHES)
-def exp(y):  # type: ignore[no-untyped-def]
+def exp(y):
     """e to the power y <= 700; below -700 it stays at e^-700 = 1e-304, so that the result is a normal number.
 
     y = k log 2 + r with |r| <= log(2)/2, and e^r as its Taylor series to the 11th power (relative error 3e-14).
@@ -57,10 +59,11 @@ def exp(y):  # type: ignore[no-untyped-def]
 
 
 @njit(inline="always", **SWITCHES)
-def normal_pair(key, pair):  # type: ignore[no-untyped-def]
+def normal_pair(key, pair):
     """The `pair`-th pair of standard normals of a key: radius and angle from its uniforms 2*pair and 2*pair + 1.
 
-    The first is `noise.normal(key, pair)` up to rounding. The turn is split into quarters, with Taylor series on [-π/4, π/4].
+    The first is `noise.normal(key, pair)` up to rounding. The turn is split into quarters, with Taylor series on
+    [-π/4, π/4].
     """
     radius = np.sqrt(-2.0 * log(1.0 - uniform(key, 2 * pair)))
     turn = uniform(key, 2 * pair + 1)

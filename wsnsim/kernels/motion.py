@@ -1,8 +1,8 @@
 """A target of bounded velocity (Jiang, Song, Lin 2013, eqs. 1-4), for many states at once.
 
-    law = (T, a, c1, c2)                 the step and the drift's constants
-    root = (l11, l21, l22)               the lower Cholesky factor of one axis' process covariance
-    states (4, N): rows px, vx, py, vy; the axes move independently of each other
+law = (T, a, c1, c2)                 the step and the drift's constants
+root = (l11, l21, l22)               the lower Cholesky factor of one axis' process covariance
+states (4, N): rows px, vx, py, vy; the axes move independently of each other
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ Root: TypeAlias = tuple[float, float, float]
 
 
 @njit(inline="always", **SWITCHES)
-def _drifted(position, velocity, law):  # type: ignore[no-untyped-def]
+def _drifted(position, velocity, law):
     """One axis a step on: F1 while |p| <= a, else F2, which pulls back and slows down (eqs. 2-3)."""
     step, bound, c1, c2 = law
     pull = c1 * position + c2 * velocity
@@ -42,7 +42,10 @@ def advance(states: Floats, law: Drift) -> Floats:
 
 @njit(**SWITCHES)
 def propagate(states: Floats, keys: NDArray[np.uint64], law: Drift, root: Root) -> Floats:
-    """(4, N): A(x) x + w, each state one step on. Axis x takes the first pair of normals of the particle's key, axis y the second."""
+    """(4, N): A(x) x + w, each state one step on.
+
+    Axis x takes the first pair of normals of the particle's key, axis y the second.
+    """
     l11, l21, l22 = root
     result = np.empty(states.shape)
     for axis in range(0, 4, 2):
@@ -56,7 +59,7 @@ def propagate(states: Floats, keys: NDArray[np.uint64], law: Drift, root: Root) 
 
 @njit(**SWITCHES)
 def log_transition(after: Floats, before: Floats, law: Drift, root: Root) -> Floats:
-    """(N,) log N(after; A(before) before, process covariance), -inf where it is not a number. l11 and l22 must not be zero."""
+    """(N,) log N(after; A(before) before, covariance), -inf where it is not a number. l11 and l22 must not be zero."""
     l11, l21, l22 = root
     constant = -2.0 * np.log(2.0 * np.pi) - 2.0 * np.log(l11 * l22)
     result = np.empty(before.shape[1])

@@ -66,7 +66,10 @@ def weigh(log_weights: Floats, offsets: Ints) -> Floats:
 
 @njit(**SWITCHES)
 def moments(cloud: Floats, log_weights: Floats, offsets: Ints) -> tuple[Floats, Floats]:
-    """Weighted means (M, D) and covariances (M, D, D) of the segments of a cloud (D, N); zeros for an empty segment."""
+    """Weighted means (M, D) and covariances (M, D, D) of the segments of a cloud (D, N).
+
+    Zeros for an empty segment. A particle without weight does not count, finite or not.
+    """
     size, segments = cloud.shape[0], offsets.size - 1
     means, covs = np.zeros((segments, size)), np.zeros((segments, size, size))
     weights, _ = relative_weights(log_weights, offsets)
@@ -75,12 +78,16 @@ def moments(cloud: Floats, log_weights: Floats, offsets: Ints) -> tuple[Floats, 
         total = 0.0
         for j in range(offsets[m], offsets[m + 1]):
             total += weights[j]
+            if weights[j] == 0.0:
+                continue
             for d in range(size):
                 means[m, d] += weights[j] * cloud[d, j]
         for d in range(size):
             means[m, d] /= max(total, 1.0)
         for j in range(offsets[m], offsets[m + 1]):
             share = weights[j] / total
+            if share == 0.0:
+                continue
             for d in range(size):
                 around[d] = cloud[d, j] - means[m, d]
                 for e in range(d + 1):

@@ -3,8 +3,8 @@
     law = (σ², I, α, 2c/N_sam, inflation)         the sensor's constants, a tuple of five floats
     signal s = I d^-α, with d floored at 1 m      mean μ = σ² + g s, variance R = (2c/N_sam) μ² + inflation s²
 
-Points are given by their coordinates x (N,) and y (N,); positions are (S, 2), gains (S,). A point that is not finite has the
-log-likelihood -inf, and so has a point against a reading that is not a number: never NaN, never an exception.
+Points are given by their coordinates x (N,) and y (N,); positions are (S, 2), gains (S,). A point that is not finite
+has the log-likelihood -inf, and so has a point against a reading that is not a number: never NaN, never an exception.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ LOG_TWO_PI = 1.8378770664093453
 
 
 @njit(inline="always", **SWITCHES)
-def signal_at(squared, intensity, decay):  # type: ignore[no-untyped-def]
+def signal_at(squared, intensity, decay):
     """I d^-α as I exp(-α/2 log d²), given d²; d is floored at 1 m."""
     return intensity * exp(-0.5 * decay * log(squared if squared > 1.0 else 1.0))
 
 
 @njit(inline="always", **SWITCHES)
-def _close(result, x, y, count):  # type: ignore[no-untyped-def]
-    """From the sum of (z - μ)²/R + log R of `count` readings to their log-likelihood; -inf where nothing can be known."""
+def _close(result, x, y, count):
+    """From the sum of (z - μ)²/R + log R of `count` readings to their log-likelihood; -inf where nothing is known."""
     for j in range(x.size):
         value = -0.5 * (result[j] + count * LOG_TWO_PI)
         known = (value > -np.inf) & (abs(x[j]) < np.inf) & (abs(y[j]) < np.inf)
@@ -45,7 +45,8 @@ def own_log_likelihood(
 ) -> Floats:
     """(N,) log p(readings[owners[j]] | target at point j): every particle against its own node's reading.
 
-    What belongs to the owners is collected first, so that the second loop vectorises. Raises IndexError for an unknown owner.
+    What belongs to the owners is collected first, so that the second loop vectorises. Raises IndexError for an
+    unknown owner.
     """
     noise, intensity, decay, spread, inflation = law
     squared, gain, reading = np.empty(x.size), np.empty(x.size), np.empty(x.size)

@@ -1,12 +1,13 @@
 """How a track starts: from a prior around the truth, and anew from readings alone.
 
-    draw(start (D,), rng) -> Estimate
-    estimate(readings (S,), positions (S, 2), traits (S, T), sensor, motion, prior) -> Estimate
+draw(start (D,), rng) -> Estimate
+estimate(readings (S,), positions (S, 2), traits (S, T), sensor, motion, prior) -> Estimate
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from math import inf
 from typing import Annotated
 
 import numpy as np
@@ -16,7 +17,9 @@ from wsnsim.base.errors import Fault
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Estimate, MotionModel, Parts, SensorModel
 
+DEVIATIONS = (5.0, 3.0, 5.0, 3.0)
 LEVELS = 8
+"""How often the lattice may shrink, by a factor of 3 or so each time."""
 
 
 @part
@@ -26,8 +29,10 @@ class AroundTruth:
     Our choice, with its standard deviations: Jiang, Song, Lin (2013) gives no prior.
     """
 
-    sd: Annotated[tuple[float, ...], Quantity("", gt=0), "standard deviation of each state column, in SI units"] = (5.0, 3.0, 5.0, 3.0)
-    mean: Annotated[tuple[float, ...] | None, Quantity(""), "mean of each state column; left out: drawn around the start"] = None
+    sd: Annotated[tuple[float, ...], Quantity("", gt=0, lt=inf), "deviation of each column, SI units"] = DEVIATIONS
+    mean: Annotated[
+        tuple[float, ...] | None, Quantity("", gt=-inf, lt=inf), "of each column; left out: drawn around the start"
+    ] = None
 
     def draw(self, start: Floats, rng: np.random.Generator) -> Estimate:
         """What every filter is told: N(m0, diag(sd²)) with m0 ~ N(start, diag(sd²)), or the mean given."""
@@ -40,32 +45,43 @@ class AroundTruth:
         columns = parts.motions[0].columns
         for key, values in (("sd", self.sd), ("mean", self.mean)):
             if values is not None and len(values) != len(columns):
-                yield Fault(("prior", key), f"{len(values)} values for a state of {len(columns)} columns: {' '.join(columns)}")
+                yield Fault(
+                    ("prior", key), f"{len(values)} values for a state of {len(columns)} columns: {' '.join(columns)}"
+                )
 
 
 @part
 class FromReadings:
-    """A new track from the readings that arrived: position by their likelihood, the rest by the spread of the prior about zero.
+    """A new track from the readings that arrived: position by their likelihood, the rest from the spread of the prior.
 
-    Our choice; Jiang, Song, Lin (2013) has no re-acquisition. The position's mean and covariance are those of its likelihood on a
-    lattice that shrinks about them. One reading gives a ring about its node, two give both their crossings, many give the inverse
-    of Fisher's information. No reading counts for more than `outlier` standard deviations, so that a few false ones are outvoted.
+    Our choice; Jiang, Song, Lin (2013) has no re-acquisition. The position's mean and covariance are those of its
+    likelihood on a lattice that shrinks about them. One reading gives a ring about its node, two give both their
+    crossings, many give the inverse of Fisher's information. Beyond `outlier` standard deviations a reading's weight
+    grows with their logarithm only (Student's t instead of a Gaussian), so that a few false readings are outvoted.
     """
 
     lattice: Annotated[int, Quantity("", ge=11, le=201), "points along a side of the lattice"] = 41
-    outlier: Annotated[float, Quantity("", gt=0), "standard deviations beyond which a reading is not blamed on the position"] = 6.0
-    floor: Annotated[float, Quantity("m", gt=0), "least standard deviation of the position"] = 1.0
+    outlier: Annotated[float, Quantity("", gt=0), "standard deviations beyond which a reading is taken for false"] = 6.0
+    floor: Annotated[float, Quantity("m", gt=0, lt=inf), "least standard deviation of the position"] = 1.0
 
     def estimate(
-        self, readings: Floats, positions: Floats, traits: Floats, sensor: SensorModel, motion: MotionModel, prior: Estimate
+        self,
+        readings: Floats,
+        positions: Floats,
+        traits: Floats,
+        sensor: SensorModel,
+        motion: MotionModel,
+        prior: Estimate,
     ) -> Estimate:
         """A start from S >= 1 readings. The position's standard deviation lies between `floor` and the sensor's reach.
 
-        Readings that are not finite are left out; if none is left, the target may be anywhere about the nodes. Other columns than
-        the position get mean 0 and the prior's mean square, mean² + variance: nothing is known of them.
+        Readings that are not finite are left out; if none is left, the target may be anywhere about the nodes. Other
+        columns than the position get mean 0 and the prior's mean square, mean² + variance: nothing is known of them.
         """
         known = np.isfinite(readings)
-        point, spread = self._locate(readings[known], positions[known], traits[known], sensor, _box(positions, sensor.reach))
+        point, spread = self._locate(
+            readings[known], positions[known], traits[known], sensor, _box(positions, sensor.reach)
+        )
         mean = np.zeros(prior.mean.size)
         cov = np.diag(prior.mean**2 + np.diag(prior.cov))
         place = list(motion.position)
@@ -78,26 +94,26 @@ class FromReadings:
     ) -> tuple[Floats, Floats]:
         """Mean (2,) and covariance (2, 2) of the position within a box, given as its centre and half width, both (2,).
 
-        While the likelihood is too sharp for the lattice it is tempered until it covers a few points, and the box shrinks to four
-        standard deviations about the mean.
+        While the likelihood is too sharp for the lattice, the box shrinks to the best of the lattice's points. Where they
+        lie apart, as the two crossings of two rings, it cannot, and the likelihood is tempered until it covers a few.
         """
-        centre, half = box
         for _ in range(LEVELS):
-            points = _lattice(centre, half, self.lattice)
-            weights, whole = _tempered(self._score(points, readings, positions, traits, sensor))
-            centre, spread = _moments(points, weights)
-            narrower = np.minimum(half, 4.0 * np.sqrt(np.diag(spread)))
-            if whole or np.all(narrower > 0.9 * half):
+            points = _lattice(*box, self.lattice)
+            score = self._score(points, readings, positions, traits, sensor)
+            weights, whole = _tempered(score)
+            narrower = _around_best(points, score, self.lattice)
+            if whole or np.all(narrower[1] > 0.9 * box[1]):
                 break
-            half = narrower
-        return centre, spread
+            box = narrower
+        return _moments(points, weights)
 
     def _score(
         self, points: Floats, readings: Floats, positions: Floats, traits: Floats, sensor: SensorModel
     ) -> Floats:
-        """(N,) the log-likelihood of the readings at points (2, N), each reading's part bounded below."""
+        """(N,) the log-likelihood of the readings at points (2, N), with the tails of Student's t."""
         means, _, variances = sensor.linearise(points, positions, traits)
-        squares = np.minimum((readings[:, None] - means) ** 2 / variances, self.outlier**2)
+        limit = self.outlier**2
+        squares = limit * np.log1p((readings[:, None] - means) ** 2 / (limit * variances))
         return -0.5 * (squares + np.log(variances)).sum(axis=0)
 
 
@@ -112,6 +128,14 @@ def _lattice(centre: Floats, half: Floats, side: int) -> Floats:
     offsets = np.linspace(-1.0, 1.0, side)
     x, y = np.meshgrid(centre[0] + half[0] * offsets, centre[1] + half[1] * offsets)
     return np.stack([x.ravel(), y.ravel()])
+
+
+def _around_best(points: Floats, score: Floats, side: int) -> tuple[Floats, Floats]:
+    """The box, as centre and half width, of the twentieth of the points that score best, and one step more."""
+    best = points[:, np.argpartition(score, -(score.size // 20))[-(score.size // 20) :]]
+    low, high = best.min(axis=1), best.max(axis=1)
+    step = (points.max(axis=1) - points.min(axis=1)) / (side - 1)
+    return (low + high) / 2, (high - low) / 2 + step
 
 
 def _tempered(score: Floats, enough: float = 12.0) -> tuple[Floats, bool]:

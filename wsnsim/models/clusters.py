@@ -21,20 +21,23 @@ from wsnsim.base.part import Quantity, part
 class StrongestSignal:
     """The loudest node leads, until too few of its members sense the target.
 
-    Handover when N_act < `minimum_active`, or N_act / N_cluster < `handover_fraction`; the node nearest to the predicted target
-    then leads, or calls an election (`successor_rule: elect`, the paper's other reading).
+    Handover when N_act < `minimum_active`, or N_act / N_cluster < `handover_fraction`; the node nearest to the
+    predicted target then leads, or calls an election (`successor_rule: elect`, the paper's other reading).
+
+    A head must hold more than `threshold`: left out, what it takes to send a packet at reach, to receive one and to
+    compute one step (our reading of the paper's energy threshold).
 
     Source: Jiang, Song, Lin (2013), section 2.3.
     """
 
     is_open: ClassVar[bool] = False
 
-    handover_fraction: Annotated[float, Quantity("", ge=0, le=1), "hand over below this fraction of members that sense"] = 0.25
-    minimum_active: Annotated[int, Quantity("", ge=1), "hand over below this number of members that sense, the head included"] = 3
-    successor_rule: Annotated[Literal["nearest", "elect"], "who leads next: the nearest node, or whom it has elected"] = "nearest"
-    threshold: Annotated[
-        float | None, Quantity("J", ge=0), "charge that a head must exceed; left out: a packet sent and received, a step computed"
-    ] = None
+    handover_fraction: Annotated[
+        float, Quantity("", ge=0, le=1), "hand over below this share of members that sense"
+    ] = 0.25
+    minimum_active: Annotated[int, Quantity("", ge=1), "hand over when fewer sense, head included"] = 3
+    successor_rule: Annotated[Literal["nearest", "elect"], "who leads next"] = "nearest"
+    threshold: Annotated[float | None, Quantity("J", ge=0), "charge a head must exceed; left out: one step's"] = None
 
     @property
     def calls_election(self) -> bool:
@@ -48,7 +51,7 @@ class StrongestSignal:
 
     def must_hand_over(self, active: int, members: int) -> bool:
         """Whether too few of `members`, the head included, sense: fewer than the minimum, or than the fraction."""
-        return active < self.minimum_active or active < self.handover_fraction * members
+        return active < self.minimum_active or active / members < self.handover_fraction
 
     def successor(self, forecast: Floats, positions: Floats, able: Bools) -> int | None:
         """The able node nearest to the predicted position (2,). None if nobody is able."""
@@ -59,16 +62,17 @@ class StrongestSignal:
 class Central:
     """A cluster for reference: one head for good, near a fixed point, and whoever senses is a member.
 
-    Our choice, for trackers that know every reading; no paper's protocol. Nobody is elected: `successor` appoints the head, at the
-    start and when the old one has died, wherever the target is.
+    Our choice, for trackers that know every reading; no paper's protocol. Nobody is elected: `successor` appoints the
+    head, at the start and when the old one has died, wherever the target is.
     """
 
     is_open: ClassVar[bool] = True
     calls_election: ClassVar[bool] = False
+    minimum_active: ClassVar[int] = 1
 
     x: Annotated[float, Quantity("m"), "the head is the able node nearest to (x, y)"] = 0.0
     y: Annotated[float, Quantity("m"), "the head is the able node nearest to (x, y)"] = 0.0
-    threshold: Annotated[float | None, Quantity("J", ge=0), "charge that a head must exceed; left out: as for other clusters"] = None
+    threshold: Annotated[float | None, Quantity("J", ge=0), "charge a head must exceed; left out: one step's"] = None
 
     def elect(self, ids: Sequence[int], strengths: Sequence[float], able: Sequence[bool]) -> int | None:
         """None: the head is appointed by its place, not elected."""

@@ -8,6 +8,7 @@ Idle listening, sleep and switching cost nothing in these models: they allow no 
 from __future__ import annotations
 
 import math
+from math import inf
 from typing import Annotated
 
 from wsnsim.base.part import Quantity, part
@@ -19,17 +20,20 @@ class FirstOrder:
 
     E_tx = k E_elec + k E_amp d², E_rx = k E_elec, E_cpu = N_c C V².
 
-    Source: Jiang, Song, Lin (2013), eqs. 9-11, after Heinzelman and others (2000). The paper gives neither battery nor C, V and the
-    cycles of an operation: ours are 2 J, a StrongARM-class processor, and 1 (10 is nearer to reals in software).
+    Source: Jiang, Song, Lin (2013), eqs. 9-11, after Heinzelman and others (2000). The paper gives neither battery
+    nor C, V and the cycles of an operation: ours are 2 J, a StrongARM-class processor, and 1 (10 is nearer to reals
+    in software).
     """
 
-    electronics: Annotated[float, Quantity("J/bit", ge=0), "E_elec: sending or receiving a bit"] = 50e-9
-    amplifier: Annotated[float, Quantity("J/bit/m2", ge=0), "E_amp: radiating a bit"] = 100e-12
+    electronics: Annotated[float, Quantity("J/bit", ge=0, lt=inf), "E_elec: sending or receiving a bit"] = 50e-9
+    amplifier: Annotated[float, Quantity("J/bit/m2", ge=0, lt=inf), "E_amp: radiating a bit"] = 100e-12
     battery: Annotated[float, Quantity("J", gt=0), "a node's charge at the start; .inf for no limit"] = 2.0
-    capacitance: Annotated[float, Quantity("F", ge=0), "C: capacitance switched in a cycle"] = 0.67e-9
-    voltage: Annotated[float, Quantity("V", ge=0), "V_dd: supply of the processor"] = 1.5
-    cycles_per_operation: Annotated[float, Quantity("", gt=0), "processor cycles that one stated operation takes"] = 1.0
-    sensing: Annotated[float, Quantity("J", ge=0), "taking one reading"] = 0.0
+    capacitance: Annotated[float, Quantity("F", ge=0, lt=inf), "C: capacitance switched in a cycle"] = 0.67e-9
+    voltage: Annotated[float, Quantity("V", ge=0, lt=inf), "V_dd: supply of the processor"] = 1.5
+    cycles_per_operation: Annotated[
+        float, Quantity("", gt=0, lt=inf), "processor cycles that one stated operation takes"
+    ] = 1.0
+    sensing: Annotated[float, Quantity("J", ge=0, lt=inf), "taking one reading"] = 0.0
 
     def transmit(self, bits: float, distance: float) -> tuple[float, float]:
         """(electronics, amplifier) joules of sending `bits` over `distance` m (eq. 9)."""
@@ -58,15 +62,19 @@ class FirstOrder2002:
     microsensor networks". Battery and processor as in `FirstOrder`.
     """
 
-    electronics: Annotated[float, Quantity("J/bit", ge=0), "E_elec: sending or receiving a bit"] = 50e-9
-    free_space: Annotated[float, Quantity("J/bit/m2", gt=0), "ε_fs: radiating a bit over a short link"] = 10e-12
-    multipath: Annotated[float, Quantity("J/bit/m4", gt=0), "ε_mp: radiating a bit over a long link"] = 0.0013e-12
-    aggregation: Annotated[float, Quantity("J/bit", ge=0), "E_DA: aggregating a bit of a signal"] = 5e-9
+    electronics: Annotated[float, Quantity("J/bit", ge=0, lt=inf), "E_elec: sending or receiving a bit"] = 50e-9
+    free_space: Annotated[float, Quantity("J/bit/m2", gt=0, lt=inf), "ε_fs: radiating a bit over a short link"] = 10e-12
+    multipath: Annotated[float, Quantity("J/bit/m4", gt=0, lt=inf), "ε_mp: radiating a bit over a long link"] = (
+        0.0013e-12
+    )
+    aggregation: Annotated[float, Quantity("J/bit", ge=0, lt=inf), "E_DA: aggregating a bit of a signal"] = 5e-9
     battery: Annotated[float, Quantity("J", gt=0), "a node's charge at the start; .inf for no limit"] = 2.0
-    capacitance: Annotated[float, Quantity("F", ge=0), "C: capacitance switched in a cycle"] = 0.67e-9
-    voltage: Annotated[float, Quantity("V", ge=0), "V_dd: supply of the processor"] = 1.5
-    cycles_per_operation: Annotated[float, Quantity("", gt=0), "processor cycles that one stated operation takes"] = 1.0
-    sensing: Annotated[float, Quantity("J", ge=0), "taking one reading"] = 0.0
+    capacitance: Annotated[float, Quantity("F", ge=0, lt=inf), "C: capacitance switched in a cycle"] = 0.67e-9
+    voltage: Annotated[float, Quantity("V", ge=0, lt=inf), "V_dd: supply of the processor"] = 1.5
+    cycles_per_operation: Annotated[
+        float, Quantity("", gt=0, lt=inf), "processor cycles that one stated operation takes"
+    ] = 1.0
+    sensing: Annotated[float, Quantity("J", ge=0, lt=inf), "taking one reading"] = 0.0
 
     @property
     def crossover(self) -> float:

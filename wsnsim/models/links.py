@@ -2,7 +2,8 @@
 
     arrivals(distance, packets, key) -> (packets,) bool
 
-Channel access and routing are performed by the network room; their parts carry the name of the mechanism and its parameters.
+Channel access and routing are performed by the network room; their parts carry the name of the mechanism and its
+parameters.
 """
 
 from __future__ import annotations
@@ -21,7 +22,8 @@ from wsnsim.base.rng import derive_all, uniforms
 class Disk:
     """Two nodes hear each other within a fixed reach, and not beyond.
 
-    Source: Jiang, Song, Lin (2013), table 2 (R_c). `loss` is our addition: each packet of a burst is lost independently.
+    Source: Jiang, Song, Lin (2013), table 2 (R_c). `loss` is our addition: each packet of a burst is lost
+    independently.
     """
 
     reach: Annotated[float, Quantity("m", gt=0), "R_c: nominal range of a link"] = 75.0
@@ -50,12 +52,12 @@ class IdealMac:
 
     mechanism: ClassVar[str] = "ideal"
 
-    rate: Annotated[float | None, Quantity("bit/s", gt=0), "bits on the air in a second; left out, no time passes"] = None
+    rate: Annotated[float | None, Quantity("bit/s", gt=0), "of the air; left out: no time passes"] = None
 
 
 @part
 class MinimumEnergy:
-    """Relay along the path that costs the fewest joules to send and to receive (our choice: Jiang 2013 names no routing)."""
+    """Relay along the path that costs the fewest joules to send and to receive (our choice: the paper names none)."""
 
     weight: ClassVar[str] = "energy"
 

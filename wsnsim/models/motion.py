@@ -1,6 +1,6 @@
 """How a target moves. A model gives truth, predictions and transition densities, all from one process covariance.
 
-    propagate(states (D, N), dt, keys (N,)) -> (D, N)
+propagate(states (D, N), dt, keys (N,)) -> (D, N)
 """
 
 from __future__ import annotations
@@ -8,6 +8,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Iterator
+from math import inf
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
@@ -18,14 +19,16 @@ from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Field, Parts
 from wsnsim.kernels import motion as kernels
 
+START = (-45.0, -20.0, -50.0, -35.0)
+
 
 @part
 class BoundedVelocity:
     """Constant velocity within a bound, turned back and slowed down beyond it, on each axis of its own.
 
     x⁺ = A(x) x + w with A = blkdiag(F_x, F_y): F1 = [1 T; 0 1] while |p| <= a, else F2 = [1 T; -T c1, 1 - T c2].
-    The paper gives two covariances of w that cannot both hold: G Gᵀ with G = [T² σ0/2; T σ0], and Q = q [T³/2 T²/2; T²/2 T].
-    `noise: both`, our choice, is their sum; the others are the literal readings.
+    The paper gives two covariances of w that cannot both hold: G Gᵀ with G = [T² σ0/2; T σ0], and
+    Q = q [T³/2 T²/2; T²/2 T], on each axis. `noise: both`, our choice, is their sum; the others are literal readings.
 
     Source: Jiang, Song, Lin (2013), eqs. 1-4 and table 2.
     """
@@ -34,18 +37,15 @@ class BoundedVelocity:
     units: ClassVar[tuple[str, ...]] = ("m", "m/s", "m", "m/s")
     position: ClassVar[tuple[int, int]] = (0, 2)
 
-    bound: Annotated[float, Quantity("m", gt=0), "a: distance from an axis' origin beyond which the target is turned back"] = 180.0
-    c1: Annotated[float, Quantity("1/s2", ge=0), "pull towards the origin beyond the bound"] = 0.75
-    c2: Annotated[float, Quantity("1/s", ge=0), "drag beyond the bound"] = 1.0
-    q: Annotated[float, Quantity("m2/s3", ge=0), "intensity of the process noise Q"] = 0.002
-    sigma0: Annotated[float, Quantity("m/s2", ge=0), "σ0: standard deviation of the random acceleration that enters by G"] = 1.0
+    bound: Annotated[float, Quantity("m", gt=0), "a: where the target is turned back"] = 180.0
+    c1: Annotated[float, Quantity("1/s2", ge=0, lt=inf), "pull towards the origin beyond the bound"] = 0.75
+    c2: Annotated[float, Quantity("1/s", ge=0, lt=inf), "drag beyond the bound"] = 1.0
+    q: Annotated[float, Quantity("m2/s3", ge=0, lt=inf), "intensity of the process noise Q"] = 0.002
+    sigma0: Annotated[float, Quantity("m/s2", ge=0, lt=inf), "σ0: deviation of the random acceleration in G"] = 1.0
     noise: Annotated[Literal["both", "q_only", "g_only"], "which of the paper's two covariances act"] = "both"
-    start: Annotated[tuple[float, float, float, float], Quantity(""), "state at time 0: px, vx, py, vy in m and m/s"] = (
-        -45.0,
-        -20.0,
-        -50.0,
-        -35.0,
-    )
+    start: Annotated[
+        tuple[float, float, float, float], Quantity("", gt=-inf, lt=inf), "px, vx, py, vy at time 0, in m and m/s"
+    ] = START
 
     def truth(self, steps: int, dt: float, rng: np.random.Generator) -> Floats:
         """(steps + 1, 4): one trajectory from the start state."""
@@ -106,7 +106,10 @@ class BoundedVelocity:
         if not field.contains(np.array([[x, y]]))[0]:
             several = len(parts.motions) > 1
             path = ("targets", _index(parts, self), "start") if several else ("motion", "start")
-            yield Fault(path, f"({x:g}, {y:g}) m is outside the field, which reaches ±{field.width / 2:g} m by ±{field.height / 2:g} m")
+            yield Fault(
+                path,
+                f"({x:g}, {y:g}) m is outside the field of {field.width:g} m by {field.height:g} m around (0, 0)",
+            )
 
     def _law(self, dt: float) -> kernels.Drift:
         return dt, self.bound, self.c1, self.c2

@@ -1,10 +1,11 @@
 """What a node measures of a target. A model gives readings for the truth, and likelihoods and slopes for the filters.
 
-    log_likelihood(points (2, N), readings (S,), positions (S, 2), traits (S, T), owners (N,) | None) -> (N,)
+log_likelihood(points (2, N), readings (S,), positions (S, 2), traits (S, T), owners (N,) | None) -> (N,)
 """
 
 from __future__ import annotations
 
+from math import inf
 from typing import Annotated, ClassVar
 
 import numpy as np
@@ -24,18 +25,18 @@ class AcousticEnergy:
     μ = σ² + g I d^-α, R = (2c/N_sam) μ², z = μ + N(0, R). R depends on the state, so log R stays in the likelihood.
     Each node has a gain g, uniform within ±`gain_spread` of 1 and constant.
 
-    Source: Jiang, Song, Lin (2013), eqs. 5-8 and table 2. The paper gives neither I nor σ²: ours make signal and noise about
-    equal at the edge of the reach.
+    Source: Jiang, Song, Lin (2013), eqs. 5-8 and table 2. The paper gives neither I nor σ²: ours make signal and
+    noise about equal at the edge of the reach.
     """
 
     trait_names: ClassVar[tuple[str, ...]] = ("gain",)
 
     reach: Annotated[float, Quantity("m", gt=0), "R_s: a target within it is sensed"] = 60.0
-    decay: Annotated[float, Quantity("", gt=0), "α: exponent of the loss with distance"] = 2.2
+    decay: Annotated[float, Quantity("", gt=0, lt=inf), "α: exponent of the loss with distance"] = 2.2
     samples: Annotated[int, Quantity("", ge=1), "N_sam: samples averaged in a reading"] = 1000
-    nonlinearity: Annotated[float, Quantity("", gt=0), "c: grows the variance of a reading"] = 1.5
-    intensity: Annotated[float, Quantity("", gt=0), "I: energy of the target's sound at 1 m"] = 1e4
-    noise: Annotated[float, Quantity("", gt=0), "σ²: energy of the background noise"] = 1.0
+    nonlinearity: Annotated[float, Quantity("", gt=0, lt=inf), "c: grows the variance of a reading"] = 1.5
+    intensity: Annotated[float, Quantity("", gt=0, lt=inf), "I: energy of the target's sound at 1 m"] = 1e4
+    noise: Annotated[float, Quantity("", gt=0, lt=inf), "σ²: energy of the background noise"] = 1.0
     gain_spread: Annotated[float, Quantity("", ge=0, lt=1), "γ: half the width of the gains about 1"] = 0.3
 
     def draw_traits(self, nodes: int, rng: np.random.Generator) -> Floats:
@@ -43,7 +44,7 @@ class AcousticEnergy:
         return rng.uniform(1.0 - self.gain_spread, 1.0 + self.gain_spread, (nodes, 1))
 
     def measure(self, points: Floats, positions: Floats, traits: Floats, noise: Floats) -> Floats:
-        """(n,) readings: pair i is a target at points[i], a sensor at positions[i] with traits[i], a standard normal (eqs. 6-8)."""
+        """(n,) readings (eqs. 6-8): pair i is a target at points[i], a sensor at positions[i], its traits, a normal."""
         squared = np.maximum(((points - positions) ** 2).sum(axis=1), FLOOR**2)
         mean = self.noise + traits[:, 0] * self.intensity * squared ** (-self.decay / 2)
         return mean * (1.0 + np.sqrt(2.0 * self.nonlinearity / self.samples) * noise)
@@ -51,7 +52,7 @@ class AcousticEnergy:
     def log_likelihood(
         self, points: Floats, readings: Floats, positions: Floats, traits: Floats, owners: Ints | None = None
     ) -> Floats:
-        """(N,) log p(readings | target at points (2, N)): of all S readings, or of reading owners[j] alone for particle j.
+        """(N,) log p(readings | target at points (2, N)): of all S readings, or of reading owners[j] for particle j.
 
         No readings: zeros. A point that is not finite, or a reading that is not a number: -inf.
         """
@@ -74,8 +75,8 @@ class AcousticEnergy:
 class UncalibratedAcousticEnergy:
     """What a filter believes of an `AcousticEnergy` whose gains it does not know: every gain is 1.
 
-    With `inflate`, R' = R + (γ²/3) (I d^-α)²: the variance of the gain times the squared signal (0.03 at ±30 %). Not in the
-    paper; our choice.
+    With `inflate`, R' = R + (γ²/3) (I d^-α)²: the variance of the gain times the squared signal (0.03 at ±30 %). Not
+    in the paper; our choice.
     """
 
     sensor: AcousticEnergy

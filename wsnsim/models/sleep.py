@@ -9,6 +9,6 @@ from wsnsim.base.part import part
 
 @part
 class EventWake:
-    """A dormant node keeps its sensor and receiver on: the target, or a frame, wakes it (Jiang, Song, Lin 2013, section 2.3)."""
+    """A dormant node keeps sensor and receiver on: the target or a frame wakes it (Jiang, Song, Lin 2013, 2.3)."""
 
     always_listening: ClassVar[bool] = True

@@ -71,15 +71,22 @@ class TableBuffer:
 
 
 def _fitted(value: Any, column: Column, table: str) -> np.ndarray:
+    """The value as an array of the column's type, the same numbers.
+
+    A list is converted from itself, not by way of the type that NumPy guesses: integers beyond 2**63 would pass
+    through float.
+    """
     array = np.asarray(value)
     assert array.ndim <= 1, f"{table}.{column.name} takes a scalar or one dimension, not shape {array.shape}"
     if array.dtype == column.dtype:
         return array
-    with np.errstate(invalid="ignore", over="ignore"):
-        fitted = array.astype(column.dtype)
-    assert fitted.dtype.kind == "f" or np.array_equal(fitted, array), (
-        f"{table}.{column.name} holds values that do not fit {column.dtype}"
-    )
+    try:
+        with np.errstate(invalid="ignore", over="ignore"):
+            fitted = np.asarray(value, dtype=column.dtype)
+        fits = fitted.dtype.kind == "f" or np.array_equal(fitted, array)
+    except (OverflowError, ValueError):
+        fits = False
+    assert fits, f"{table}.{column.name} holds values that do not fit {column.dtype}"
     return fitted
 
 

@@ -9,6 +9,7 @@ exception.
 from __future__ import annotations
 
 import contextlib
+import itertools
 import json
 import os
 import re
@@ -59,6 +60,7 @@ class ResultFile:
         self._status = status
         self._buffers: dict[str, TableBuffer] = {}
         self._provenance: str | None = None
+        self._cleanup = contextlib.ExitStack()
         self._flushed_at = float("-inf")
 
     def __enter__(self) -> ResultFile:
@@ -67,10 +69,9 @@ class ResultFile:
         if self.path.is_dir():
             raise ResultError(f"{self.path}: cannot be written: it is a folder")
         try:
-            self._file = _create_beside(self.path)
+            self._tmp = _claim_beside(self.path)
         except OSError as error:
             raise cannot_write(self.path, error) from error
-        self._tmp = Path(self._file.filename)
         with self._whole_or_gone():
             self._begin()
         return self
@@ -111,6 +112,9 @@ class ResultFile:
             raise cannot_write(self.path, error) from error
 
     def _begin(self) -> None:
+        self._cleanup.callback(self._tmp.unlink, missing_ok=True)
+        self._file = _create(self._tmp)
+        self._cleanup.callback(self._file.close)
         attributes = self._file.attrs
         attributes["schema_version"] = SCHEMA_VERSION
         attributes["wsnsim_version"] = wsnsim_version()
@@ -149,9 +153,7 @@ class ResultFile:
     def _discard(self) -> None:
         """Close and remove the temporary file. On a full disk closing fails too; the file goes all the same."""
         with contextlib.suppress(OSError, RuntimeError):
-            self._file.close()
-        with contextlib.suppress(OSError):
-            self._tmp.unlink(missing_ok=True)
+            self._cleanup.close()
 
     @contextlib.contextmanager
     def _whole_or_gone(self) -> Iterator[None]:
@@ -165,16 +167,16 @@ class ResultFile:
             raise
 
 
-def _create_beside(path: Path) -> h5py.File:
+def _claim_beside(path: Path) -> Path:
     """A new temporary file beside `path`; its name gets a number where a killed run of our process id left its own."""
     host = re.sub(r"\W", "-", socket.gethostname().split(".")[0]) or "host"
     stem = f"{path.name.removesuffix('.h5')}.{host}.{os.getpid()}"
-    tries = 0
-    while True:
-        try:
-            return _create(path.with_name(f"{stem}{f'-{tries}' if tries else ''}.tmp"))
-        except FileExistsError:
-            tries += 1
+    for tries in itertools.count():
+        tmp = path.with_name(f"{stem}{f'-{tries}' if tries else ''}.tmp")
+        with contextlib.suppress(FileExistsError):
+            tmp.touch(exist_ok=False)
+            break
+    return tmp
 
 
 def _create(tmp: Path) -> h5py.File:
@@ -183,7 +185,7 @@ def _create(tmp: Path) -> h5py.File:
     Its metadata reach the disk at a flush only, so that a killed run's file is that of the last flush; chunks are
     written at once, so that a full disk is noticed when it happens.
     """
-    file = h5py.File(tmp, "x", libver=("earliest", "v110"), rdcc_nbytes=0)
+    file = h5py.File(tmp, "w", libver=("earliest", "v110"), rdcc_nbytes=0)
     config = file.id.get_mdc_config()
     config.evictions_enabled = False
     config.incr_mode = config.decr_mode = config.flash_incr_mode = 0

@@ -1,6 +1,6 @@
 """A scenario becomes parts: one frozen object a role, asked whether they can live together.
 
-    build(scenario) -> Parts;  resolved(scenario) -> dict
+    build(scenario) -> Parts;  resolved(scenario) -> dict;  plugins(scenario) -> (str, ...)
 
 Nothing heavy is imported before it is used: `wsnsim list` passes through here.
 """
@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from wsnsim.base.errors import Fault, ScenarioError
+from wsnsim.scenario.catalog import ROLES, find
 
 if TYPE_CHECKING:
     from wsnsim.base.ports import Parts
@@ -24,13 +25,15 @@ def build(scenario: Scenario) -> Parts:
     Raises:
         ScenarioError: with every fault that a part finds in itself or in the company of the others.
     """
+    from wsnsim.scenario.tree import in_order
+
     made, faults = _made(scenario)
     if faults:
-        raise ScenarioError(faults)
+        raise ScenarioError(in_order(faults))
     parts = _parts(scenario, made)
     faults = [scenario.spot(fault.path).fault(fault.path, fault.message) for fault in _found(scenario, parts)]
     if faults:
-        raise ScenarioError(faults)
+        raise ScenarioError(in_order(faults))
     return parts
 
 
@@ -41,6 +44,15 @@ def resolved(scenario: Scenario) -> dict[str, Any]:
     """
     plain: dict[str, Any] = _json(scenario.model_dump(mode="python"))
     return {key: value for key, value in plain.items() if value is not None}
+
+
+def plugins(scenario: Scenario) -> tuple[str, ...]:
+    """The kinds that did not come with wsnsim, for provenance: 'tracker mine (mylab 1.0)'."""
+    models = [(role, getattr(scenario, role)) for role in ROLES if role != "motion"]
+    chosen = {(role, model.kind) for role, model in [*models, *(("motion", m) for _, m in scenario.targets_given)]}
+    rows = [(role, find(role, kind)) for role, kind in sorted(chosen)]
+    added = [(role, row) for role, row in rows if row not in ROLES[role].rows]
+    return tuple(f"{role} {row.kind}" + (f" ({row.plugin})" if row.plugin else "") for role, row in added)
 
 
 def _json(value: Any) -> Any:
@@ -55,7 +67,6 @@ def _json(value: Any) -> Any:
 
 def _made(scenario: Scenario) -> tuple[dict[tuple[str | int, ...], Any], list[Fault]]:
     """Every part by its path; and what the classes themselves refuse."""
-    from wsnsim.scenario.catalog import ROLES
     from wsnsim.scenario.schema import built
 
     models = [((role,), getattr(scenario, role)) for role in ROLES if role != "motion"]
@@ -84,7 +95,7 @@ def _parts(scenario: Scenario, made: dict[tuple[str | int, ...], Any]) -> Parts:
         filter_motions=tuple(motion.assumed(assumes.noise_scale) for motion in motions),
         filter_sensor=roles["sensor"].assumed(assumes.gains, assumes.inflate),
         until_clusters=scenario.until.clusters if scenario.until else None,
-        record=scenario.record.model_dump(),
+        record=scenario.model_dump()["record"],
         origin=resolved(scenario),
         **roles,
     )
@@ -92,7 +103,7 @@ def _parts(scenario: Scenario, made: dict[tuple[str | int, ...], Any]) -> Parts:
 
 def _found(scenario: Scenario, parts: Parts) -> Iterator[Fault]:
     """What the parts say of one another, each fault once."""
-    asked = [getattr(parts, role) for role in type(parts).__dataclass_fields__ if role not in ("motions", "filter_motions")]
+    asked = [getattr(parts, role) for role in ROLES if role != "motion"]
     said = {fault for part in [*asked, *parts.motions] if hasattr(part, "faults") for fault in part.faults(parts)}
     yield from sorted(said, key=lambda fault: ([str(key) for key in fault.path], fault.message))
     first = parts.motions[0].columns
@@ -100,7 +111,3 @@ def _found(scenario: Scenario, parts: Parts) -> Iterator[Fault]:
         if motion.columns != first:
             names = " ".join(motion.columns), " ".join(first)
             yield Fault(path, f"its state is ({names[0]}), the first target's ({names[1]}): all must have the same")
-    for name in ("sd", "mean"):
-        given = getattr(parts.prior, name, None)
-        if isinstance(given, tuple) and len(given) != len(first):
-            yield Fault(("prior", name), f"has {len(given)} numbers, but the target's state has {len(first)} ({' '.join(first)})")

@@ -1,8 +1,8 @@
 """Every kind of every role: its name in a scenario, where its class lives, and what it is, as strings.
 
-Nothing heavy is imported here: `wsnsim list` reads these rows, and a test compares them with the classes. A kind comes from this
-table, from an installed package (entry-point groups `wsnsim.trackers`, `wsnsim.motions`, `wsnsim.sensors` ...: `Role.group`), or
-from a dotted path written as the kind itself (`kind: mylab.trackers:Mine`). The table wins where names collide.
+Nothing heavy is imported here: `wsnsim list` reads these rows, and a test compares them with the classes. A kind comes
+from this table, from an installed package (entry-point groups `wsnsim.trackers`, `wsnsim.motions` ...: `Role.group`),
+or from a dotted path written as the kind itself (`kind: mylab.trackers:Mine`). The table wins where names collide.
 
     load_class(find("tracker", "pso_mhpf")) -> the class
 """
@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import functools
 import importlib
-import importlib.metadata
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -22,7 +21,7 @@ JIANG: Final = "Jiang, Song, Lin (2013)"
 
 @dataclass(frozen=True)
 class Row:
-    """One kind. `state`, `messages` (per step) and `variants` are said of trackers; `plugin` names the package it came with."""
+    """One kind. `state`, `messages` (a step) and `variants` are a tracker's; `plugin` is the package it came with."""
 
     kind: str
     path: str
@@ -36,7 +35,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Role:
-    """A role of a scenario: what it decides, the port behind it, the kind it has when left out (None: it must be given)."""
+    """A role of a scenario: what it decides, its port, the kind it has when left out (None: it must be given)."""
 
     name: str
     purpose: str
@@ -47,8 +46,8 @@ class Role:
     @property
     def plural(self) -> str:
         """The role's name for several of a kind: trackers, energies, clusters."""
-        if self.name.endswith("y"):
-            return self.name[:-1] + "ies"
+        if self.name == "energy":
+            return "energies"
         return self.name if self.name.endswith("s") else self.name + "s"
 
     @property
@@ -59,7 +58,8 @@ class Role:
 
 _ROLES: Final = (
     Role("prior", "what every filter is told at the start", "PriorModel", "around_truth", (
-        Row("around_truth", "wsnsim.models.acquire:AroundTruth", "a Gaussian whose mean is drawn around the true start", JIANG),
+        Row("around_truth", "wsnsim.models.acquire:AroundTruth",
+            "a Gaussian whose mean is drawn around the true start", JIANG),
     )),
     Role("deploy", "where the nodes stand", "Deployment", None, (
         Row("uniform", "wsnsim.models.deploy:Uniform", "uniform at random, redrawn until the field is covered", JIANG),
@@ -76,8 +76,8 @@ _ROLES: Final = (
             "received energy that falls with a power of the distance", f"{JIANG}, eq. 5-8"),
     )),
     Role("energy", "what each act costs in joules", "EnergyModel", None, (
-        Row("first_order", "wsnsim.models.energy:FirstOrder", "electronics per bit, amplifier per bit and distance squared",
-            f"{JIANG}, eq. 9-11; Heinzelman (2000)"),
+        Row("first_order", "wsnsim.models.energy:FirstOrder",
+            "electronics per bit, amplifier per bit and distance squared", f"{JIANG}, eq. 9-11; Heinzelman (2000)"),
         Row("first_order_2002", "wsnsim.models.energy:FirstOrder2002", "free space near, multipath beyond a crossover",
             "Heinzelman (2002)"),
     )),
@@ -100,13 +100,21 @@ _ROLES: Final = (
     Role("clusters", "who leads, who follows, and until when", "ClusterPolicy", "strongest_signal", (
         Row("strongest_signal", "wsnsim.models.clusters:StrongestSignal",
             "the loudest node leads until too few of its members sense", f"{JIANG}, section 2.3"),
-        Row("central", "wsnsim.models.clusters:Central", "one head for good, near a fixed point; whoever senses is a member"),
+        Row("central", "wsnsim.models.clusters:Central",
+            "one head for good, near a fixed point; whoever senses is a member"),
     )),
     Role("acquire", "how a track starts anew from readings", "Acquire", "readings", (
-        Row("readings", "wsnsim.models.acquire:FromReadings", "position from the readings that arrived, the rest from the prior"),
+        Row("readings", "wsnsim.models.acquire:FromReadings",
+            "position from the readings that arrived, the rest from the prior"),
     )),
     Role("tracker", "the tracking strategy", "Tracker", None, (
-        Row("pso_mhpf", "wsnsim.trackers.pso_mhpf:PsoMhpf", "", JIANG),
+        Row("pso_mhpf", "wsnsim.trackers.pso_mhpf:PsoMhpf",
+            "particle filter on the members; resampling is a swarm's move under a Metropolis-Hastings test", JIANG,
+            state="particles on the active members; mean and covariance in the head",
+            messages="a local estimate up per member; moved particles when membership changes",
+            variants="measurements own|all, acceptance gaussian|transition|likelihood, random_factors, "
+            "step_length one|dt, estimate_when after|before, resample_first, resample_always, "
+            "fusion share|inverse_variance, feedback, handover particles|gaussian"),
         Row("ipf", "wsnsim.trackers.information_pf:InformationPf", "", JIANG),
         Row("ppf", "wsnsim.trackers.parallel_pf:ParallelPf", "", JIANG),
         Row("central_pf", "wsnsim.trackers.centralised:CentralPf", "", JIANG),
@@ -155,13 +163,10 @@ def load_class(row: Row) -> type[Any]:
     return found
 
 
-def plugins() -> tuple[str, ...]:
-    """What installed packages add, for provenance: 'mylab 1.0: wsnsim.trackers mine'."""
-    return tuple(f"{row.plugin}: {group} {row.kind}" for group, rows in sorted(_installed().items()) for row in rows)
-
-
 @functools.cache
 def _installed() -> dict[str, tuple[Row, ...]]:
+    import importlib.metadata  # slow to import, and not needed to say what a command does
+
     groups: dict[str, tuple[Row, ...]] = {}
     for group in (role.group for role in _ROLES):
         points = sorted(importlib.metadata.entry_points(group=group), key=lambda point: point.name)
@@ -170,6 +175,6 @@ def _installed() -> dict[str, tuple[Row, ...]]:
     return groups
 
 
-def _row(point: importlib.metadata.EntryPoint) -> Row:
+def _row(point: Any) -> Row:
     package = f"{point.dist.name} {point.dist.version}" if point.dist else "an installed package"
     return Row(point.name, point.value, f"plug-in of {package}", plugin=package)

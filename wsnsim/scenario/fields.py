@@ -2,8 +2,8 @@
 
     fields_of(part_class) -> {name: (annotation, Field)}
 
-A real number takes a quantity with unit ('60 m'), a whole number takes 400.0 but not 400.5, neither takes true or NaN; infinity only
-where nothing bounds it from above.
+A real number takes a quantity with unit ('60 m'), a whole number takes 400.0 but not 400.5, neither takes true or NaN;
+infinity only where nothing bounds it from above.
 """
 
 from __future__ import annotations
@@ -39,11 +39,12 @@ class Number:
     finite: bool = False
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        bounds = {name: bound for name in ("gt", "ge", "lt", "le") if (bound := getattr(self.quantity, name)) is not None}
-        if self.whole:
-            whole = {name: math.floor(bound) if name in ("gt", "le") else math.ceil(bound) for name, bound in bounds.items()}
-            return core_schema.no_info_before_validator_function(self.read, core_schema.int_schema(**whole))
-        return core_schema.no_info_before_validator_function(self.read, core_schema.float_schema(**bounds))
+        given = {name: getattr(self.quantity, name) for name in ("gt", "ge", "lt", "le")}
+        bounds = {name: bound for name, bound in given.items() if bound is not None and math.isfinite(bound)}
+        if not self.whole:
+            return core_schema.no_info_before_validator_function(self.read, core_schema.float_schema(**bounds))
+        whole = {name: math.floor(b) if name in ("gt", "le") else math.ceil(b) for name, b in bounds.items()}
+        return core_schema.no_info_before_validator_function(self.read, core_schema.int_schema(**whole))
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         number = handler(schema)
@@ -71,7 +72,9 @@ class Number:
             raise refusal(str(error)) from None
 
     def _takes(self, infinity: float) -> bool:
-        return not self.finite and (infinity < 0 or (self.quantity.lt is None and self.quantity.le is None))
+        """Whether nothing bounds the number on this side; `lt=inf` says that it must be finite."""
+        bounds = (self.quantity.lt, self.quantity.le) if infinity > 0 else (self.quantity.gt, self.quantity.ge)
+        return not self.finite and bounds == (None, None)
 
     def _real(self, number: float | int) -> float:
         try:
@@ -127,15 +130,18 @@ def annotation_of(kind: Any, quantity: Quantity) -> Any:
     if kind is float or kind is int:
         return Annotated[kind, Number(quantity, whole=kind is int)]
     if kind is str or kind is bool:
-        return Annotated[kind, Strict(kind.__name__)]
+        return Annotated[kind, Strict("str" if kind is str else "bool")]
     if origin is Literal or kind is type(None):
         return kind
     if origin is tuple:
         inner = tuple(argument if argument is ... else annotation_of(argument, quantity) for argument in arguments)
-        return Annotated[tuple[inner], BeforeValidator(Items(None if ... in arguments else len(arguments)))]  # type: ignore[valid-type]
+        items = Items(None if ... in arguments else len(arguments))
+        return Annotated[tuple[inner], BeforeValidator(items)]  # type: ignore[valid-type]
     if origin in (Union, types.UnionType):
         return Union[tuple(annotation_of(argument, quantity) for argument in arguments)]  # noqa: UP007
-    raise PartError(f"a field of type {kind} cannot be written in a scenario: use float, int, bool, str, Literal or tuple")
+    raise PartError(
+        f"has a field of type {kind}, which no scenario can write: use float, int, bool, str, Literal, tuple"
+    )
 
 
 def fields_of(part: type[Any]) -> dict[str, tuple[Any, Any]]:

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from wsnsim.base.errors import Fault, ScenarioError, did_you_mean
+from wsnsim.scenario.build import resolved
 
 if TYPE_CHECKING:
     from wsnsim.scenario.schema import Scenario
@@ -21,25 +22,31 @@ LARGEST_FILE: Final = 10_000_000
 SUFFIXES: Final = (".yaml", ".yml")
 
 
-def load(source: str | Path | Mapping[str, Any], overrides: Iterable[str] = ()) -> Scenario:
-    """The scenario that a file, a shipped scenario's name or a dict says, with `overrides` such as 'link.reach=80 m' laid on it.
+def load(source: str | Path | Mapping[str, Any] | Scenario, overrides: Iterable[str] = ()) -> Scenario:
+    """The scenario that a file, a shipped scenario's name or a dict says; a Scenario is given back as it is.
+
+    `overrides`, such as 'link.reach=80 m', are laid on it.
 
     Raises:
         ScenarioError: with every fault found, each at its place.
     """
-    from wsnsim.scenario.schema import validate
+    from wsnsim.scenario.check import validate
+    from wsnsim.scenario.schema import Scenario
+    from wsnsim.scenario.tree import in_order
 
+    if isinstance(source, Scenario):
+        return source if not overrides else load(resolved(source), overrides)
     if isinstance(source, Mapping):
         tree, faults, origin = _from_dict(source)
     else:
         tree, faults, origin = _from_file(source)
     if tree is None:
         raise ScenarioError(faults)
-    tree, wrong = _overridden(tree, overrides)
-    scenario, found = validate(tree)
+    changed, wrong = _overridden(tree, overrides)
+    scenario, found = validate(changed)
     faults = [*faults, *wrong, *found]
     if scenario is None or faults:
-        raise ScenarioError(_in_order(faults))
+        raise ScenarioError(in_order(faults))
     scenario._source = origin
     return scenario
 
@@ -54,7 +61,7 @@ def shipped() -> dict[str, Path]:
 
 
 def find(source: str | Path, folder: Path | None = None) -> Path | None:
-    """The file of this name (from `folder`, with or without '.yaml'), or else the shipped scenario; None if there is neither."""
+    """The file of this name (from `folder`, with or without '.yaml'), or else the shipped scenario, or else None."""
     start = Path(source) if folder is None else folder / source
     for path in (start, *(start.with_name(start.name + suffix) for suffix in SUFFIXES if start.name)):
         if path.exists() and not path.is_dir():
@@ -126,14 +133,18 @@ def _gathered(path: Path, content: str, through: tuple[Path, ...]) -> tuple[Node
     return _extended(tree, faults, path.parent, (*through, path.resolve()))
 
 
-def _extended(tree: Node, faults: list[Fault], folder: Path, through: tuple[Path, ...]) -> tuple[Node | None, list[Fault]]:
+def _extended(
+    tree: Node, faults: list[Fault], folder: Path, through: tuple[Path, ...]
+) -> tuple[Node | None, list[Fault]]:
     from wsnsim.scenario.tree import mapping, merged
 
     own = mapping({key: entry for key, entry in tree.value.items() if key != "extends"}, tree.spot)
     node = tree.value["extends"].node
     path = find_or_none(node.value, folder) if isinstance(node.value, str) and node.value else None
     if path is None:
-        said = f"there is no scenario {node.value!r}" if isinstance(node.value, str) else "expected the name of a scenario"
+        said = (
+            f"there is no scenario {node.value!r}" if isinstance(node.value, str) else "expected the name of a scenario"
+        )
         return own, [*faults, node.spot.fault(("extends",), f"{said} ({_nearest(str(node.value))})")]
     if path.resolve() in through:
         return own, [*faults, node.spot.fault(("extends",), f"{path} extends itself")]
@@ -152,9 +163,9 @@ def _from_dict(source: Mapping[str, Any]) -> tuple[Node | None, list[Fault], tup
     if tree.value is BROKEN or faults:
         return tree, faults, ("", "")
     written = yaml.safe_dump(plain(tree), sort_keys=False, allow_unicode=True)
-    if "extends" in tree.value:
-        tree, faults = _extended(tree, faults, Path.cwd(), ())
-    return tree, faults, ("", written)
+    if "extends" not in tree.value:
+        return tree, faults, ("", written)
+    return *_extended(tree, faults, Path.cwd(), ()), ("", written)
 
 
 def _overridden(tree: Node, overrides: Iterable[str]) -> tuple[Node, list[Fault]]:
@@ -187,13 +198,3 @@ def _assignment(override: str) -> tuple[tuple[str | int, ...], Node | None, list
         return (), None, [Fault((), "'extends' can be written in a file only", f"--set {written}")]
     node, faults = read(value, Text(f"--set {'.'.join(pieces)}", Path.cwd(), (), keys))
     return keys, node, faults
-
-
-def _in_order(faults: Iterable[Fault]) -> list[Fault]:
-    """Faults in the order of their text, as far as they stand in one; each once."""
-
-    def place(fault: Fault) -> tuple[str, int, int]:
-        name, line, column = (fault.place.rsplit(":", 2) + ["", ""])[:3]
-        return (name, int(line), int(column)) if line.isdigit() and column.isdigit() else (fault.place, 0, 0)
-
-    return sorted(dict.fromkeys(faults), key=place)

@@ -1,6 +1,6 @@
 """What pydantic finds wrong, in the words of a scenario and at its place.
 
-    faults_of(validation_error, model, tree) -> [Fault, ...]
+faults_of(validation_error, model, tree) -> [Fault, ...]
 """
 
 from __future__ import annotations
@@ -20,7 +20,12 @@ BOUNDS: Final = {
     "less_than": ("lt", "less than"),
     "less_than_equal": ("le", "at most"),
 }
-EXPECTED: Final = {"bool_type": "true or false", "string_type": "text", "model_type": "a mapping", "tuple_type": "a list"}
+EXPECTED: Final = {
+    "bool_type": "true or false",
+    "string_type": "text",
+    "model_type": "a mapping",
+    "tuple_type": "a list",
+}
 
 
 def faults_of(error: ValidationError, model: type[BaseModel], tree: Node) -> list[Fault]:
@@ -119,4 +124,3 @@ def _unwrapped(annotation: Any) -> Any:
     if hasattr(annotation, "__metadata__") or (len(arguments) == 1 and len(get_args(annotation)) == 2):
         return _unwrapped(arguments[0])
     return annotation
-

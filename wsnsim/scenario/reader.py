@@ -2,8 +2,8 @@
 
     read(text, source) -> (Node or None, faults);  of_dict(mapping) -> the same for a caller's dict
 
-YAML is read as PyYAML composes it, with the scalar rules of YAML 1.2's core schema: 1e3 is a float, 010 is ten, 12:30:00, no and on
-are text. Duplicate keys are faults; `<<` merge keys may repeat a key.
+YAML is read as PyYAML composes it, with the scalar rules of YAML 1.2's core schema: 1e3 is a float, 010 is ten, and
+12:30:00, no and on are text. Duplicate keys are faults; `<<` merge keys may repeat a key.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ def _character_fault(content: str, error: yaml.reader.ReaderError, text: Text) -
 
 @dataclass
 class _Reading:
-    """One text being read: the faults so far, what aliases have given, and the nodes that are open (an alias to one never ends)."""
+    """One text being read: its faults, what each node gave, and the nodes still open (an alias to one has no end)."""
 
     text: Text
     faults: list[Fault] = field(default_factory=list)
@@ -214,5 +214,5 @@ def _of_many(values: Any, text: Text, path: Keys, inside: frozenset[int]) -> tup
         inner[key] = of_dict(value, text, (*path, key), inside)
     faults = [fault for _, found in inner.values() for fault in found]
     if isinstance(values, Mapping):
-        return mapping({key: Entry(spot, node) for key, (node, _) in inner.items()}, spot), faults
+        return mapping({str(key): Entry(spot, node) for key, (node, _) in inner.items()}, spot), faults
     return sequence([node for node, _ in inner.values()], spot), faults

@@ -7,6 +7,7 @@ Trees are never changed: `merged` and `assigned` give new ones that share what s
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, TypeAlias
@@ -23,7 +24,7 @@ BROKEN: Final = object()
 
 @dataclass(frozen=True)
 class Text:
-    """What values come from: a file (its name and lines), one `--set` (its name and the keys it sets), or a caller's dict (no name).
+    """What values come from: a file (name and lines), one `--set` (name and keys), or a caller's dict (no name).
 
     `folder` is what relative paths in it start from.
     """
@@ -43,7 +44,7 @@ class Spot:
     column: int = 0
 
     def fault(self, path: Keys, message: str) -> Fault:
-        """A fault of this spot: 'x.yaml:3:5' with the line and a caret; '--set a.b', or the keys of a dict, as they are."""
+        """A fault of this spot: 'x.yaml:3:5' with the line and a caret; else '--set a.b', or the keys of the dict."""
         if self.text.lines:
             return Fault(path, message, f"{self.text.name}:{self.line + 1}:{self.column + 1}", self._excerpt())
         if self.text.name:
@@ -155,7 +156,9 @@ def assigned(node: Node, path: Keys, new: Node, depth: int = 0) -> Node:
     key, here = path[depth], dotted(path[:depth])
     if isinstance(node.value, list):
         if not (isinstance(key, int) and key < len(node.value)):
-            raise LookupError(f"there is no item {key} in {here}, which is a list of {len(node.value)} (the first is 0)")
+            raise LookupError(
+                f"there is no item {key} in {here}, which is a list of {len(node.value)} (the first is 0)"
+            )
         items = list(node.value)
         items[key] = assigned(items[key], path, new, depth + 1)
         return sequence(items, node.spot)
@@ -170,3 +173,13 @@ def _with(node: Node, key: str, path: Keys, new: Node, depth: int) -> dict[str, 
     old = node.value.get(key)
     inner = assigned(old.node if old else Node({}, new.spot), path, new, depth + 1)
     return {**node.value, key: Entry(old.spot if old else new.spot, inner)}
+
+
+def in_order(faults: Iterable[Fault]) -> list[Fault]:
+    """Faults in the order of their text, as far as they stand in one; each once."""
+
+    def place(fault: Fault) -> tuple[str, int, int]:
+        name, line, column = [*fault.place.rsplit(":", 2), "", ""][:3]
+        return (name, int(line), int(column)) if line.isdigit() and column.isdigit() else (fault.place, 0, 0)
+
+    return sorted(dict.fromkeys(faults), key=place)

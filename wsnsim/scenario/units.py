@@ -2,9 +2,9 @@
 
     si('50 nJ/bit', 'J/bit') -> 5e-8
 
-The table is exact: number and factor are multiplied as decimals of 60 digits and rounded once, so '50 nJ' and 5e-8 are the same
-float. Quotients and powers compose freely ('100 pJ/bit/m2', 'm^2', 'm²'). A unit that the table does not know (a plug-in's 'lx')
-means just itself.
+The table is exact: number and factor are multiplied as decimals of 60 digits and rounded once, so '50 nJ' and 5e-8 are
+the same float. Quotients and powers compose freely ('100 pJ/bit/m2', 'm^2', 'm²'). A unit that the table does not know
+(a plug-in's 'lx') means just itself.
 """
 
 from __future__ import annotations
@@ -52,11 +52,12 @@ SYMBOLS: Final[dict[str, tuple[str, dict[str, int], str]]] = {
 }
 WORDS: Final = {
     "m": "length", "m2": "area", "m3": "volume", "kg": "mass", "s": "time", "Hz": "frequency", "m/s": "speed",
-    "m/s2": "acceleration", "A": "current", "Ah": "charge", "V": "voltage", "F": "capacitance", "J": "energy", "W": "power",
-    "bit": "information", "bit/s": "rate", "rad": "angle", "dB": "level", "J/bit": "energy per bit",
+    "m/s2": "acceleration", "A": "current", "Ah": "charge", "V": "voltage", "F": "capacitance", "J": "energy",
+    "W": "power", "bit": "information", "bit/s": "rate", "rad": "angle", "dB": "level", "J/bit": "energy per bit",
     "J/bit/m2": "energy per bit and area", "J/bit/m4": "energy per bit and squared area",
 }  # fmt: skip
-QUANTITY: Final = re.compile(r"([-+]?(?:\.\d+|\d+(?:\.\d*)?)(?:[eE][-+]?\d+)?|[-+]?\.inf)\s*([^\d\s].*|1\s*/.*)?", re.ASCII)
+NUMBER: Final = r"[-+]?(?:\.\d+|\d+(?:\.\d*)?)(?:[eE][-+]?\d+)?|[-+]?\.inf"
+QUANTITY: Final = re.compile(rf"({NUMBER})\s*([^\d\s].*|1\s*/.*)?", re.ASCII)
 FACTOR: Final = re.compile(r"(1$|%|[^\W\d_]+)(?:\^?(-?[1-9]))?")
 SPELLING: Final = str.maketrans({"²": "2", "³": "3", "⁴": "4", "µ": "u", "μ": "u", "·": "*", "°": "deg"})
 
@@ -118,7 +119,8 @@ def parse(text: str) -> Unit | None:
         return Unit(Decimal(1), NONE, "pure number")
     if text == "dBm":
         return Unit(Decimal(1), _dimension({"kg": 1, "m": 2, "s": -3}), "power", decibel=True)
-    factor, dimension, words = Decimal(1), NONE, []
+    factor, dimension = Decimal(1), NONE
+    words: list[str] = []
     pieces = re.split(r"\s*([/*])\s*", text.translate(SPELLING))
     for sign, piece in zip(["*", *pieces[1::2]], pieces[::2], strict=True):
         match = FACTOR.fullmatch(piece)
@@ -126,7 +128,8 @@ def parse(text: str) -> Unit | None:
         if match is None or known is None:
             return None
         power = int(match.group(2) or 1)
-        words.append(("" if not words else " per " if sign == "/" else " times ") + _word(_times(known[1], power), piece))
+        joint = "" if not words else " per " if sign == "/" else " times "
+        words.append(joint + _word(_times(known[1], power), piece))
         power = -power if sign == "/" else power
         factor = EXACT.multiply(factor, EXACT.power(known[0], power))
         dimension = tuple(a + b for a, b in zip(dimension, _times(known[1], power), strict=True))
@@ -143,7 +146,7 @@ def wanted(unit: str) -> str:
 
 def shown(value: object) -> str:
     """A value as a message quotes it: on one line, and not longer than a line."""
-    text = repr(value) if not isinstance(value, str) else "'" + "".join(c if c.isprintable() else "?" for c in value) + "'"
+    text = repr(value) if not isinstance(value, str) else f"'{''.join(c if c.isprintable() else '?' for c in value)}'"
     return text if len(text) <= 60 else f"{text[:50]}…{text[-8:]}"
 
 

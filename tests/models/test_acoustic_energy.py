@@ -1,0 +1,135 @@
+"""The acoustic sensor: readings, likelihoods and slopes against SciPy and finite differences."""
+
+import numpy as np
+import pytest
+from scipy.stats import norm
+
+from wsnsim.models.sensing import AcousticEnergy
+
+SENSOR = AcousticEnergy()
+
+
+def moments(distances, gains, extra=0.0):
+    signal = 1e4 * np.maximum(distances, 1.0) ** -2.2
+    mean = 1.0 + gains * signal
+    return mean, 2 * 1.5 / 1000 * mean**2 + extra * signal**2
+
+
+def scene(count=7):
+    draw = np.random.default_rng(8)
+    positions, traits = draw.uniform(-50, 50, (count, 2)), SENSOR.draw_traits(count, draw)
+    points = draw.uniform(-50, 50, (2, 30))
+    distances = np.hypot(points[0] - positions[:, :1], points[1] - positions[:, 1:])
+    readings = SENSOR.measure(np.zeros((count, 2)), positions, traits, draw.standard_normal(count))
+    return points, readings, positions, traits, distances
+
+
+def test_signal_and_noise_are_about_equal_at_the_edge_of_the_reach():
+    assert 0.5 < moments(np.array([60.0]), 1.0)[0][0] - 1.0 < 2.0
+
+
+def test_readings_have_the_mean_and_the_variance_of_the_equations():
+    count = 100_000
+    points, positions = np.tile([20.0, 0.0], (count, 1)), np.zeros((count, 2))
+    traits, normals = np.full((count, 1), 1.2), np.random.default_rng(2).standard_normal(count)
+    readings = SENSOR.measure(points, positions, traits, normals)
+    mean, variance = moments(20.0, 1.2)
+    assert readings.mean() == pytest.approx(mean, rel=1e-3)
+    assert readings.var() == pytest.approx(variance, rel=0.02)
+
+
+def test_no_distance_counts_as_less_than_a_metre():
+    at = SENSOR.measure(np.array([[0.0, 0.0], [1.0, 0.0]]), np.zeros((2, 2)), np.ones((2, 1)), np.zeros(2))
+    assert at[0] == at[1] == pytest.approx(10_001.0)
+
+
+def test_gains_are_uniform_about_one():
+    gains = SENSOR.draw_traits(20_000, np.random.default_rng(1))
+    assert gains.shape == (20_000, 1)
+    assert gains.min() >= 0.7
+    assert gains.max() <= 1.3
+    assert gains.mean() == pytest.approx(1.0, abs=0.005)
+    assert gains.var() == pytest.approx(0.03, rel=0.03)
+
+
+def test_the_likelihood_of_all_readings_is_a_product_of_normals():
+    points, readings, positions, traits, distances = scene()
+    mean, variance = moments(distances, traits)
+    truth = norm.logpdf(readings[:, None], mean, np.sqrt(variance)).sum(axis=0)
+    assert np.allclose(SENSOR.log_likelihood(points, readings, positions, traits), truth, rtol=1e-10)
+
+
+def test_the_likelihood_of_a_particles_own_reading_is_one_normal():
+    points, readings, positions, traits, distances = scene()
+    owners = np.arange(30) % 7
+    mean, variance = moments(distances, traits)
+    truth = norm.logpdf(readings[owners], mean[owners, range(30)], np.sqrt(variance[owners, range(30)]))
+    assert np.allclose(SENSOR.log_likelihood(points, readings, positions, traits, owners), truth, rtol=1e-10)
+
+
+def test_without_readings_nothing_is_learnt():
+    points, *_ = scene()
+    nothing = SENSOR.log_likelihood(points, np.empty(0), np.empty((0, 2)), np.empty((0, 1)))
+    assert np.array_equal(nothing, np.zeros(30))
+
+
+def test_points_that_are_not_finite_are_impossible():
+    points, readings, positions, traits, _ = scene()
+    points[0, 0], points[1, 1] = np.nan, np.inf
+    for owners in (None, np.arange(30) % 7):
+        found = SENSOR.log_likelihood(points, readings, positions, traits, owners)
+        assert np.all(np.isneginf(found[:2]))
+        assert np.all(np.isfinite(found[2:]))
+
+
+def test_slopes_are_those_of_finite_differences():
+    points, _, positions, traits, _ = scene()
+    _, gradients, _ = SENSOR.linearise(points, positions, traits)
+    for axis in range(2):
+        shift = np.zeros((2, 1))
+        shift[axis] = 1e-5
+        above, below = (SENSOR.linearise(points + s, positions, traits)[0] for s in (shift, -shift))
+        assert np.allclose(gradients[:, axis], (above - below) / 2e-5, rtol=1e-5, atol=1e-5)
+
+
+def test_a_filter_that_knows_the_gains_believes_the_truth():
+    assert SENSOR.assumed("known", inflate=False) is SENSOR
+
+
+@pytest.mark.parametrize(("inflate", "extra"), [(False, 0.0), (True, 0.03)])
+def test_a_filter_that_does_not_know_the_gains_takes_them_as_one(inflate, extra):
+    points, readings, positions, traits, distances = scene()
+    belief = SENSOR.assumed("unknown", inflate)
+    mean, variance = moments(distances, 1.0, extra)
+    truth = norm.logpdf(readings[:, None], mean, np.sqrt(variance)).sum(axis=0)
+    assert np.allclose(belief.log_likelihood(points, readings, positions, traits), truth, rtol=1e-10)
+    means, _, variances = belief.linearise(points, positions, traits)
+    assert np.allclose(means, mean, rtol=1e-10)
+    assert np.allclose(variances, variance, rtol=1e-10)
+    assert belief.reach == SENSOR.reach
+    assert belief.assumed("known", inflate=False) is SENSOR
+
+
+def test_the_inflation_is_the_variance_of_the_gain():
+    """R' must be the variance of g I d^-α + noise over both gains and noise, to first order in the noise."""
+    draw, count = np.random.default_rng(3), 200_000
+    sensor = AcousticEnergy(samples=10**9)
+    readings = sensor.measure(
+        np.tile([10.0, 0.0], (count, 1)),
+        np.zeros((count, 2)),
+        sensor.draw_traits(count, draw),
+        draw.standard_normal(count),
+    )
+    _, _, variances = sensor.assumed("unknown", inflate=True).linearise(
+        np.array([[10.0], [0.0]]), np.zeros((1, 2)), np.ones((1, 1))
+    )
+    assert readings.var() == pytest.approx(variances[0, 0], rel=0.02)
+
+
+def test_what_the_belief_measures_is_what_it_believes():
+    belief, count = SENSOR.assumed("unknown", inflate=True), 800
+    normals = np.random.default_rng(4).standard_normal(count)
+    readings = belief.measure(np.tile([10.0, 0.0], (count, 1)), np.zeros((count, 2)), np.full((count, 1), 1.3), normals)
+    mean, variance = moments(10.0, 1.0, 0.03)
+    assert np.allclose(readings, mean + np.sqrt(variance) * normals, rtol=1e-10)
+    assert np.array_equal(belief.draw_traits(3, np.random.default_rng(1)), np.ones((3, 1)))

@@ -1,0 +1,140 @@
+"""Starting a track: around the truth, and anew from readings."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from wsnsim.base.ports import Estimate
+from wsnsim.models.acquire import AroundTruth, FromReadings
+from wsnsim.models.motion import BoundedVelocity
+from wsnsim.models.sensing import AcousticEnergy
+
+SENSOR, MOTION = AcousticEnergy(), BoundedVelocity()
+PRIOR = Estimate(mean=np.array([-45.0, -20.0, -50.0, -35.0]), cov=np.diag([25.0, 9.0, 25.0, 9.0]))
+TARGET = np.array([30.0, -12.0])
+
+
+def readings_of(positions, normals=None, target=TARGET):
+    count = len(positions)
+    traits = np.ones((count, 1))
+    normals = np.zeros(count) if normals is None else normals
+    return SENSOR.measure(np.tile(target, (count, 1)), positions, traits, normals), positions, traits
+
+
+def around(count, seed, target=TARGET):
+    draw = np.random.default_rng(seed)
+    angle, radius = draw.uniform(0, 2 * np.pi, count), 60 * np.sqrt(draw.random(count))
+    return target + np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
+
+
+def start(readings, positions, traits):
+    estimate = FromReadings().estimate(readings, positions, traits, SENSOR, MOTION, PRIOR)
+    return estimate, estimate.mean[[0, 2]], estimate.cov[np.ix_([0, 2], [0, 2])]
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_exact_readings_of_many_nodes_give_the_position(seed):
+    _, position, spread = start(*readings_of(around(8, seed)))
+    assert np.hypot(*(position - TARGET)) < 2.0
+    assert np.all(np.linalg.eigvalsh(spread) >= 1.0 - 1e-9)
+
+
+def test_the_error_is_as_large_as_the_covariance_says():
+    """Normalised squared errors of a 2-D Gaussian have mean 2; the floor of 1 m makes them smaller."""
+    squares = []
+    for seed in range(60):
+        normals = np.random.default_rng(1000 + seed).standard_normal(5)
+        _, position, spread = start(*readings_of(around(5, seed), normals))
+        squares.append((position - TARGET) @ np.linalg.solve(spread, position - TARGET))
+    assert 0.3 < np.mean(squares) < 2.6
+
+
+def test_many_noisy_readings_give_the_inverse_of_fishers_information():
+    """With a floor that does not bind, far nodes, and the variance's own information small beside the mean's."""
+    ring = TARGET + 40.0 * np.array([[np.cos(a), np.sin(a)] for a in np.linspace(0, 2 * np.pi, 6, endpoint=False)])
+    sensor = AcousticEnergy(samples=100)
+    readings = sensor.measure(np.tile(TARGET, (6, 1)), ring, np.ones((6, 1)), np.zeros(6))
+    estimate = FromReadings(floor=0.01).estimate(readings, ring, np.ones((6, 1)), sensor, MOTION, PRIOR)
+    _, gradients, variances = sensor.linearise(TARGET[:, None], ring, np.ones((6, 1)))
+    fisher = (gradients[:, :, 0].T / variances[:, 0]) @ gradients[:, :, 0]
+    assert np.allclose(estimate.cov[np.ix_([0, 2], [0, 2])], np.linalg.inv(fisher), rtol=0.3, atol=0.5)
+
+
+def test_one_reading_gives_a_ring_about_its_node():
+    """A ring of radius r has the variance r²/2 on each axis."""
+    node = TARGET + np.array([[0.0, 25.0]])
+    _, position, spread = start(*readings_of(node))
+    assert np.allclose(position, node[0], atol=1e-6)
+    assert np.allclose(spread, np.eye(2) * 25.0**2 / 2, rtol=0.1, atol=1.0)
+
+
+def test_one_loud_reading_puts_the_target_at_its_node():
+    node = TARGET + np.array([[0.5, 0.0]])
+    _, position, spread = start(*readings_of(node))
+    assert np.allclose(position, node[0], atol=0.1)
+    assert np.all(np.linalg.eigvalsh(spread) < 2.5)
+
+
+def test_two_readings_span_both_places_where_their_rings_cross():
+    nodes = TARGET + np.array([[-20.0, 15.0], [20.0, 15.0]])
+    _, position, spread = start(*readings_of(nodes))
+    assert np.allclose(position, TARGET + np.array([0.0, 15.0]), atol=1.5)
+    assert spread[1, 1] == pytest.approx(15.0**2, rel=0.15)
+    assert spread[0, 0] < 25.0
+
+
+@pytest.mark.parametrize("false_reading", [1e4, 1e-3, 500.0, 0.0, -50.0])
+def test_a_false_reading_among_many_is_outvoted(false_reading):
+    for seed in range(5):
+        readings, positions, traits = readings_of(around(16, seed))
+        readings[3] = false_reading
+        _, position, _ = start(readings, positions, traits)
+        assert np.hypot(*(position - TARGET)) < 5.0
+
+
+def test_readings_that_are_no_numbers_are_left_out():
+    readings, positions, traits = readings_of(around(9, 2))
+    readings[[0, 4]] = np.nan, np.inf
+    _, position, _ = start(readings, positions, traits)
+    assert np.hypot(*(position - TARGET)) < 2.0
+    _, position, spread = start(np.full(9, np.nan), positions, traits)
+    assert np.all(np.isfinite(position))
+    assert np.all(np.linalg.eigvalsh(spread) <= SENSOR.reach**2 + 1e-6)
+
+
+def test_nothing_but_the_position_is_learnt():
+    estimate, _, _ = start(*readings_of(around(8, 1)))
+    assert estimate.mean[1] == estimate.mean[3] == 0.0
+    assert estimate.cov[1, 1] == pytest.approx(20.0**2 + 9.0)
+    assert estimate.cov[3, 3] == pytest.approx(35.0**2 + 9.0)
+    assert np.array_equal(estimate.cov[[1, 3]][:, [0, 2]], np.zeros((2, 2)))
+    assert np.all(np.linalg.eigvalsh(estimate.cov) > 0.0)
+
+
+def test_positions_far_from_the_origin_are_found_as_well():
+    far = np.array([1e5, -3e4])
+    _, position, _ = start(*readings_of(around(8, 3, far), target=far))
+    assert np.hypot(*(position - far)) < 2.0
+
+
+def test_the_prior_is_drawn_around_the_start():
+    begin = np.array(MOTION.start)
+    means = np.array([AroundTruth().draw(begin, np.random.default_rng(seed)).mean for seed in range(2000)])
+    assert np.allclose(means.mean(axis=0), begin, atol=0.4)
+    assert np.allclose(means.std(axis=0), [5, 3, 5, 3], rtol=0.06)
+    assert np.array_equal(AroundTruth().draw(begin, np.random.default_rng(0)).cov, np.diag([25.0, 9.0, 25.0, 9.0]))
+
+
+def test_a_prior_may_be_given():
+    given = AroundTruth(sd=(1, 1, 1, 1), mean=(0, 1, 2, 3)).draw(np.array(MOTION.start), np.random.default_rng(0))
+    assert np.array_equal(given.mean, [0.0, 1.0, 2.0, 3.0])
+
+
+def test_a_prior_of_another_dimension_is_a_fault():
+    parts = SimpleNamespace(motions=(MOTION,))
+    [fault] = AroundTruth(sd=(5.0, 3.0)).faults(parts)
+    assert fault.path == ("prior", "sd")
+    assert "2 values for a state of 4 columns" in fault.message
+    assert [fault.path for fault in AroundTruth(mean=(1.0,)).faults(parts)] == [("prior", "mean")]
+    assert not list(AroundTruth().faults(parts))

@@ -1,0 +1,71 @@
+"""Elections, the handover condition at its edges, and successors."""
+
+import numpy as np
+import pytest
+
+from wsnsim.models.clusters import Central, StrongestSignal
+
+POSITIONS = np.array([[0.0, 0.0], [10.0, 0.0], [0.0, 20.0], [0.0, -20.0]])
+
+
+def test_the_loudest_of_those_able_leads():
+    policy = StrongestSignal()
+    assert policy.elect([4, 7, 9], [3.0, 8.0, 5.0], [True, True, True]) == 7
+    assert policy.elect([4, 7, 9], [3.0, 8.0, 5.0], [True, False, True]) == 9
+
+
+def test_of_equally_loud_nodes_the_lowest_id_leads():
+    policy = StrongestSignal()
+    assert policy.elect([9, 4, 7], [8.0, 8.0, 8.0], [True, True, True]) == 4
+    assert policy.elect([9, 4, 7], [8.0, 8.0, 8.0], [True, False, True]) == 7
+
+
+def test_without_anyone_able_nobody_leads():
+    assert StrongestSignal().elect([4, 7], [3.0, 8.0], [False, False]) is None
+    assert StrongestSignal().elect([], [], []) is None
+
+
+@pytest.mark.parametrize(
+    ("active", "members", "hands_over"),
+    [(3, 3, False), (2, 3, True), (2, 2, True), (0, 0, True), (0, 17, True), (3, 12, False), (3, 13, True), (4, 16, False), (4, 17, True), (17, 17, False)],
+)  # fmt: skip
+def test_a_cluster_hands_over_below_three_or_below_a_quarter(active, members, hands_over):
+    assert StrongestSignal().must_hand_over(active, members) is hands_over
+
+
+@pytest.mark.parametrize("members", range(1, 100))
+def test_an_exact_fraction_does_not_hand_over(members):
+    """active / members is compared as the same quotient is written, free of the rounding of a product."""
+    for active in range(1, members + 1):
+        policy = StrongestSignal(minimum_active=1, handover_fraction=active / members)
+        assert not policy.must_hand_over(active, members)
+        assert policy.must_hand_over(active - 1, members)
+
+
+def test_the_nearest_able_node_succeeds():
+    policy = StrongestSignal()
+    able = np.array([True, True, True, True])
+    assert policy.successor(np.array([9.0, 1.0]), POSITIONS, able) == 1
+    able[1] = False
+    assert policy.successor(np.array([9.0, 1.0]), POSITIONS, able) == 0
+    assert policy.successor(np.array([9.0, 1.0]), POSITIONS, np.zeros(4, bool)) is None
+
+
+def test_of_equally_near_nodes_the_lowest_id_succeeds():
+    able = np.array([False, False, True, True])
+    assert StrongestSignal().successor(np.zeros(2), POSITIONS, able) == 2
+
+
+def test_a_successor_may_call_an_election():
+    assert not StrongestSignal().calls_election
+    assert StrongestSignal(successor_rule="elect").calls_election
+
+
+def test_the_central_cluster_has_one_head_for_good_near_its_place():
+    policy, able = Central(x=9.0, y=0.0), np.ones(4, bool)
+    assert policy.is_open
+    assert policy.elect([2, 3], [1.0, 2.0], [True, True]) is None
+    assert policy.successor(np.array([0.0, 20.0]), POSITIONS, able) == 1
+    able[1] = False
+    assert policy.successor(np.array([0.0, 20.0]), POSITIONS, able) == 0
+    assert not policy.must_hand_over(0, 17)

@@ -1,0 +1,155 @@
+"""Where nodes stand: uniform, on grids, from a file; and what cannot be."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from wsnsim.base.errors import RunError
+from wsnsim.models.clusters import StrongestSignal
+from wsnsim.models.coverage import covers
+from wsnsim.models.deploy import FromFile, Grid, JitteredGrid, Uniform, cells
+from wsnsim.models.sensing import AcousticEnergy
+
+
+def generator(seed=1):
+    return np.random.default_rng(seed)
+
+
+def company(reach=60.0):
+    return SimpleNamespace(sensor=AcousticEnergy(reach=reach), clusters=StrongestSignal())
+
+
+def faults(part, reach=60.0):
+    return [(".".join(map(str, fault.path)), fault.message) for fault in part.faults(company(reach))]
+
+
+def written(folder, text):
+    path = folder / "nodes.csv"
+    path.write_text(text, encoding="utf-8")
+    return str(path)
+
+
+def test_a_uniform_deployment_covers_the_field_if_asked():
+    for seed in range(20):
+        positions = Uniform().draw(60.0, generator(seed))
+        assert positions.shape == (256, 2)
+        assert np.all(np.abs(positions) <= 200)
+        assert covers(positions, 60.0, 400, 400)
+
+
+def test_about_one_draw_in_twenty_is_thrown_away():
+    """The figure for 256 nodes on 400 m by 400 m with a reach of 60 m: about 1.05 draws a deployment."""
+    draw = generator()
+    covered = sum(covers(Uniform(cover=False).draw(60.0, draw), 60.0, 400, 400) for _ in range(300))
+    assert 0.90 < covered / 300 < 0.99
+
+
+def test_a_uniform_deployment_is_uniform():
+    positions = Uniform(nodes=40_000, width=200, height=100, cover=False).draw(1.0, generator())
+    counts, _, _ = np.histogram2d(*positions.T, bins=10, range=[[-100, 100], [-50, 50]])
+    assert np.all(np.abs(counts - 400) < 5 * np.sqrt(400))
+
+
+def test_a_field_that_no_draw_covers_is_an_error_that_counts_the_draws():
+    with pytest.raises(RunError, match="none of 3 draws of 20 nodes"):
+        Uniform(nodes=20, draws=3).draw(60.0, generator())
+
+
+def test_too_few_nodes_to_cover_are_a_fault_that_says_how_many_are_needed():
+    assert faults(Uniform(nodes=17)) == [
+        (
+            "deploy.cover",
+            "17 nodes with a sensing reach of 60 m cannot cover 400 m by 400 m: at least 18 are needed, or cover: false",
+        )
+    ]
+    assert not faults(Uniform(nodes=18))
+    assert not faults(Uniform(nodes=17, cover=False))
+
+
+def test_fewer_nodes_than_a_cluster_needs_are_a_fault():
+    assert faults(Uniform(nodes=2, cover=False)) == [
+        ("deploy.nodes", "2 nodes cannot make a cluster of clusters.minimum_active = 3 members")
+    ]
+
+
+@pytest.mark.parametrize("nodes", [1, 2, 3, 7, 16, 100, 255, 256, 257])
+@pytest.mark.parametrize(("width", "height"), [(400.0, 400.0), (800.0, 100.0), (90.0, 700.0)])
+def test_the_cells_of_a_grid_fill_the_field_with_one_node_each(nodes, width, height):
+    centres, sizes = cells(nodes, width, height)
+    assert centres.shape == (nodes, 2)
+    assert np.sum(sizes[:, 0] * sizes[:, 1]) == pytest.approx(width * height)
+    assert np.all(np.abs(centres) + sizes / 2 <= np.array([width, height]) / 2 + 1e-9)
+    assert len(np.unique(centres.round(6), axis=0)) == nodes
+
+
+def test_a_square_number_of_nodes_makes_a_square_grid():
+    positions = Grid(nodes=16, width=400, height=400).draw(60.0, generator())
+    assert np.allclose(sorted(set(positions[:, 0])), [-150, -50, 50, 150])
+    assert np.allclose(positions[:4], [[-150, -150], [-50, -150], [50, -150], [150, -150]])
+
+
+def test_a_grid_that_does_not_cover_is_a_fault():
+    assert not faults(Grid(nodes=16), reach=70.8)
+    [(path, message)] = faults(Grid(nodes=16), reach=70.6)
+    assert path == "deploy.cover"
+    assert "uncovered" in message
+    assert not faults(Grid(nodes=16, cover=False), reach=70.6)
+
+
+def test_jitter_keeps_a_node_in_its_part_of_the_cell():
+    centres, sizes = cells(100, 400, 400)
+    moved = JitteredGrid(nodes=100, jitter=0.5).draw(60.0, generator()) - centres
+    assert np.all(np.abs(moved) <= 0.25 * sizes)
+    assert np.std(moved[:, 0]) == pytest.approx(20 / np.sqrt(12), rel=0.2)
+    assert np.allclose(JitteredGrid(nodes=100, jitter=0.0).draw(60.0, generator()), centres)
+
+
+def test_a_jittered_grid_that_cannot_cover_gives_up():
+    with pytest.raises(RunError, match="none of 5 draws of 16 nodes"):
+        JitteredGrid(nodes=16, jitter=1.0, draws=5).draw(65.0, generator())
+
+
+def test_positions_come_from_a_file_in_its_order(tmp_path):
+    path = written(tmp_path, "node, x ,y\n0,1.5,-2\n\n1,0,0\n2,0,0\n")
+    part = FromFile(path=path, cover=False)
+    assert np.array_equal(part.draw(60.0, generator()), [[1.5, -2.0], [0.0, 0.0], [0.0, 0.0]])
+    assert not faults(part)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "nodes.csv:1: the header must name the columns x and y"),
+        ("x;y\n1;2\n", "nodes.csv:1: the header must name"),
+        ("x,y\n", "nodes.csv: holds no positions"),
+        ("x,y\n1,2\n3,four\n", "nodes.csv:3: x and y must be numbers, got '3' and 'four'"),
+        ("x,y\n1,2\n3\n", "nodes.csv:3: x and y must be numbers, got '3' and ''"),
+        ("x,y\n1,2\n\n0,201\n", "nodes.csv:4: (0, 201) m is outside the field of 400 m by 400 m"),
+        ("x,y\nnan,0\n", "nodes.csv:2: (nan, 0) m is outside the field"),
+    ],
+)
+def test_a_faulty_file_is_named_with_its_line(tmp_path, text, said):
+    part = FromFile(path=written(tmp_path, text))
+    with pytest.raises(RunError) as caught:
+        part.draw(60.0, generator())
+    assert said in str(caught.value)
+    [(path, message)] = faults(part)
+    assert path == "deploy.path"
+    assert said in message
+
+
+def test_a_file_that_cannot_be_read_is_named(tmp_path):
+    binary = tmp_path / "nodes.bin"
+    binary.write_bytes(b"\xff\xfe\x00\x01")
+    for path, said in ((tmp_path / "none.csv", "No such file"), (tmp_path, "directory"), (binary, "no CSV text")):
+        with pytest.raises(RunError, match="cannot be read") as caught:
+            FromFile(path=str(path)).draw(60.0, generator())
+        assert str(path) in str(caught.value)
+        assert said in str(caught.value)
+
+
+def test_nodes_from_a_file_must_cover_and_suffice(tmp_path):
+    part = FromFile(path=written(tmp_path, "x,y\n0,0\n"), width=100, height=100)
+    assert [path for path, _ in faults(part, reach=80.0)] == ["deploy.path"]
+    assert [path for path, _ in faults(part, reach=70.0)] == ["deploy.path", "deploy.cover"]

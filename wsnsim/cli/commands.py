@@ -1,0 +1,267 @@
+"""The commands: each reads its arguments, calls the room that does the work, and prints the answer."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import click
+
+from wsnsim import __version__
+from wsnsim.base.errors import ScenarioError, UsageError, did_you_mean
+from wsnsim.cli.progress import MODES, shown
+
+if TYPE_CHECKING:
+    from wsnsim.scenario.schema import Scenario
+
+HDF5_MARK: Final = b"\x89HDF\r\n\x1a\n"
+SCHEMA_VERSION: Final = 1
+
+
+class _Commands(click.Group):
+    """A group that names the nearest command when it has none of the name."""
+
+    def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
+        if args and self.get_command(ctx, args[0]) is None and not args[0].startswith("-"):
+            raise click.UsageError(f"no such command '{args[0]}' ({did_you_mean(args[0], self.commands)})", ctx)
+        return super().resolve_command(ctx, args)
+
+
+def _version(ctx: click.Context, option: click.Parameter, wanted: bool) -> None:
+    if wanted:
+        click.echo(f"wsnsim {__version__}")
+        ctx.exit()
+
+
+@click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+@click.option("--version", is_flag=True, is_eager=True, expose_value=False, callback=_version, help="Show the version.")
+def commands() -> None:
+    """Simulate wireless sensor networks that track moving targets, joule by joule.
+
+    SCENARIO is a YAML file, the name of a shipped scenario (`wsnsim list scenarios`), or a result whose scenario is run
+    again.
+    """
+
+
+_overrides = click.option(
+    "--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Change a value: link.reach='80 m'."
+)
+_json = click.option(
+    "--json", "as_json", is_flag=True, help="Answer with one JSON object (SI units; NaN and infinity are null)."
+)
+_result = click.argument("result", metavar="FILE", type=click.Path(path_type=Path))
+
+
+@commands.command()
+@click.argument("source", metavar="SCENARIO")
+@_overrides
+@click.option("--replicates", type=click.IntRange(min=1), metavar="N", help="Runs with other draws, into one file.")
+@click.option("--seed", type=click.IntRange(min=0), metavar="S", help="Seed of every random stream.")
+@click.option(
+    "--out", "-o", type=click.Path(path_type=Path), metavar="FILE.h5", help="Result; default results/NAME.h5."
+)
+@_json
+@click.option("--quiet", "-q", is_flag=True, help="No progress and no log.")
+@click.option("--progress", type=click.Choice(MODES), default="auto", show_default=True, help="How to show progress.")
+def run(
+    source: str,
+    overrides: tuple[str, ...],
+    replicates: int | None,
+    seed: int | None,
+    out: Path | None,
+    as_json: bool,
+    quiet: bool,
+    progress: str,
+) -> None:
+    """Run a scenario and write its result."""
+    seeded = overrides if seed is None else (*overrides, f"seed={seed}")
+    scenario = _loaded(source, seeded)
+    place = _writable(out, scenario.name)
+    from wsnsim import experiment
+    from wsnsim.analysis import summary
+    from wsnsim.papers import jiang2013
+    from wsnsim.scenario import resolved
+
+    show = shown("none" if quiet else progress)
+    try:
+        report = experiment.run(
+            scenario,
+            replicates=replicates,
+            out=place,
+            command_line=_command_line(),
+            progress=show.step if show else None,
+        )
+    finally:
+        if show:
+            show.close()
+    published = jiang2013.published(resolved(scenario))
+    if as_json:
+        _echo_json(summary.as_json(report, published))
+    else:
+        click.echo(summary.text(report, published, jiang2013.SOURCE))
+
+
+@commands.command()
+@click.argument("sources", metavar="SCENARIO...", nargs=-1, required=True)
+@_overrides
+def check(sources: tuple[str, ...], overrides: tuple[str, ...]) -> int:
+    """Find every fault of scenarios, running none."""
+    from wsnsim import scenario
+
+    wrong = 0
+    for source in sources:
+        try:
+            scenario.build(_loaded(source, overrides))
+        except ScenarioError as error:
+            wrong += 1
+            click.echo(str(error), err=True)
+        else:
+            click.echo(f"{source}: ok")
+    return 2 if wrong else 0
+
+
+@commands.command("list")
+@click.argument("role", required=False)
+@_json
+def list_(role: str | None, as_json: bool) -> None:
+    """Show the kinds of every role, or of one: trackers, motions, sensors ...; or the shipped scenarios."""
+    from wsnsim.cli import listing
+    from wsnsim.scenario.catalog import ROLES, role_named
+
+    of_scenarios = role in ("scenario", "scenarios")
+    roles = [] if of_scenarios else [role_named(role)] if role else list(ROLES.values())
+    if as_json:
+        _echo_json(listing.scenarios_json() if of_scenarios else listing.roles_json(roles))
+    else:
+        click.echo(listing.scenarios_text() if of_scenarios else listing.roles_text(roles))
+
+
+@commands.command()
+def schema() -> None:
+    """Print the JSON Schema of scenarios, installed plug-ins included."""
+    from wsnsim.scenario.json_schema import json_schema
+
+    click.echo(json.dumps(json_schema(), indent=2, ensure_ascii=False))
+
+
+@commands.command()
+@click.argument("name")
+def new(name: str) -> None:
+    """Write NAME.yaml, a commented scenario to start from."""
+    from wsnsim.scenario.schema import is_safe_name
+    from wsnsim.scenario.template import template
+
+    stem = name.removesuffix(".yaml")
+    if not is_safe_name(stem):
+        raise UsageError(f"'{name}' cannot name a scenario: use letters and digits, then also '_', '-' and '.'")
+    path = Path(f"{stem}.yaml")
+    try:
+        with path.open("x", encoding="utf-8") as file:
+            file.write(template(stem))
+    except FileExistsError:
+        raise UsageError(f"{path} exists already; it is left as it is") from None
+    except OSError as error:
+        raise UsageError(f"cannot write {path}: {error.strerror}") from None
+    click.echo(f"{path}: a scenario to start from; run it with: wsnsim run {path}")
+
+
+@commands.command()
+@_result
+@_json
+def info(result: Path, as_json: bool) -> None:
+    """Say what a result holds."""
+    from wsnsim.analysis import frames
+
+    if as_json:
+        _echo_json(frames.info(result))
+    else:
+        click.echo(frames.info_text(result))
+
+
+@commands.command()
+@_result
+@_json
+def verify(result: Path, as_json: bool) -> int:
+    """Run a result's scenario again and compare the fingerprints."""
+    from wsnsim import experiment
+
+    answer = experiment.verify(result)
+    if as_json:
+        _echo_json({"ok": answer.ok, "rows": answer.rows})
+    else:
+        click.echo(answer.text)
+    return 0 if answer.ok else 1
+
+
+@commands.command()
+@click.argument("left", metavar="X.tmp", type=click.Path(path_type=Path))
+@click.option("--out", "-o", type=click.Path(path_type=Path), metavar="FILE.h5", help="Where to write what is left.")
+def recover(left: Path, out: Path | None) -> None:
+    """Copy out what a killed run left in its temporary file."""
+    from wsnsim import recording
+
+    click.echo(f"{recording.recover(left, out)}: what was left, marked as partial")
+
+
+def _loaded(source: str, overrides: Sequence[str]) -> Scenario:
+    """The scenario of a file or name, or the one that a result holds."""
+    from wsnsim import scenario
+
+    if not _is_result(source):
+        return scenario.load(source, overrides)
+    from wsnsim import experiment
+
+    return scenario.load(experiment.rerun_source(Path(source)), overrides)
+
+
+def _is_result(source: str) -> bool:
+    try:
+        with Path(source).open("rb") as file:
+            return file.read(len(HDF5_MARK)) == HDF5_MARK
+    except (OSError, ValueError):
+        return source.endswith(".h5")
+
+
+def _writable(out: Path | None, name: str) -> Path:
+    """Where the result goes. Raises UsageError, before anything runs, if it cannot be written there."""
+    import tempfile
+
+    path = out or Path("results") / f"{name}.h5"
+    try:
+        if out is None:
+            path.parent.mkdir(parents=True, exist_ok=True)
+        if path.is_dir():
+            raise UsageError(f"--out {path} is a folder; give a file such as {path / name}.h5")
+        if path.exists() and not path.is_file():
+            raise UsageError(f"--out {path} is no regular file")
+        if not path.parent.exists():
+            raise UsageError(f"--out {path}: there is no folder {path.parent}; make it first")
+        with tempfile.TemporaryFile(dir=path.parent):
+            pass
+    except (OSError, ValueError) as error:
+        raise UsageError(f"cannot write {path}: {getattr(error, 'strerror', None) or error}") from None
+    return path
+
+
+def _echo_json(answer: dict[str, Any]) -> None:
+    click.echo(json.dumps(_finite({"schema_version": SCHEMA_VERSION} | answer), ensure_ascii=False, allow_nan=False))
+
+
+def _finite(value: Any) -> Any:
+    """JSON has no NaN and no infinity: they are null."""
+    if isinstance(value, dict):
+        return {str(key): _finite(inner) for key, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(inner) for inner in value]
+    if hasattr(value, "tolist"):
+        return _finite(value.tolist())
+    return None if isinstance(value, float) and value - value != 0 else value
+
+
+def _command_line() -> str:
+    import shlex
+
+    return shlex.join(["wsnsim", *sys.argv[1:]])

@@ -1,0 +1,118 @@
+"""Whether nodes cover the field: whether every point of it is within reach of one.
+
+covers(positions (N, 2), reach, width, height) -> bool, exactly      coverage(...) -> fraction, on a fixed lattice
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from wsnsim.base.arrays import Bools, Floats, Ints
+
+TURN = 2.0 * math.pi
+TOLERANCE = 1e-9
+"""Arcs that meet within so many radians leave no gap: it is what rounding takes from circles that touch exactly."""
+NEAREST = 16
+"""Neighbours tried first: they nearly always hide a circle, and a hidden circle stays hidden whoever else is there."""
+
+
+def nodes_needed(reach: float, width: float, height: float) -> int:
+    """The least number of nodes that might cover the field: no disc can do more than a hexagon that it circumscribes.
+
+    N >= 2 / (3 sqrt(3)) · area / reach² (Kershner 1939; for a convex polygon of at most six sides, Fejes Tóth 1953).
+    """
+    return math.ceil(2.0 / (3.0 * math.sqrt(3.0)) * width * height / reach**2 - TOLERANCE)
+
+
+def covers(positions: Floats, reach: float, width: float, height: float) -> bool:
+    """Whether every point of the field, its edge included, is within reach of a node. Exact up to 1e-9 rad.
+
+    If some of the field is covered and some is not, the border between them runs along an arc of a node's circle that
+    lies in the field and in no other disc. So it suffices that each circle is hidden: by other discs, or by lying
+    outside the field. Positions (N, 2) must be in the field. Costs O(N log N) where the nearest neighbours hide the
+    circle.
+
+    Source: the perimeter coverage of Huang and Tseng (2003), "The coverage problem in a wireless sensor network".
+    """
+    centres = np.unique(positions, axis=0)
+    if not len(centres):
+        return False
+    tree = cKDTree(centres)
+    doubtful = np.flatnonzero(
+        ~_hidden(centres, np.arange(len(centres)), *_nearest_pairs(tree, reach), reach, width, height)
+    )
+    return all(
+        _hidden(centres, np.array([i]), *_all_pairs(tree, int(i), reach), reach, width, height)[0] for i in doubtful
+    )
+
+
+def coverage(positions: Floats, reach: float, width: float, height: float, side: int = 200) -> float:
+    """The fraction of the field within reach of a node, on the centres of a fixed lattice of side² cells."""
+    if not len(positions):
+        return 0.0
+    x, y = np.meshgrid(*(length * ((np.arange(side) + 0.5) / side - 0.5) for length in (width, height)))
+    distances, _ = cKDTree(positions).query(
+        np.stack([x.ravel(), y.ravel()], axis=1), distance_upper_bound=reach * (1 + TOLERANCE)
+    )
+    return float(np.isfinite(distances).mean())
+
+
+def _nearest_pairs(tree: cKDTree, reach: float) -> tuple[Ints, Ints]:
+    """(circle, neighbour) index pairs: each node with its nearest ones whose discs meet its own."""
+    distances, neighbours = tree.query(tree.data, k=min(NEAREST + 1, tree.n), distance_upper_bound=2 * reach)
+    distances, neighbours = np.reshape(distances, (tree.n, -1)), np.reshape(neighbours, (tree.n, -1))
+    own = np.arange(tree.n)[:, None]
+    chosen = np.isfinite(distances) & (neighbours != own)
+    return np.broadcast_to(own, chosen.shape)[chosen], neighbours[chosen]
+
+
+def _all_pairs(tree: cKDTree, node: int, reach: float) -> tuple[Ints, Ints]:
+    """(circle, neighbour) index pairs of one node, as 0 and the neighbours' indices."""
+    neighbours = np.array([i for i in tree.query_ball_point(tree.data[node], 2 * reach) if i != node], dtype=np.int64)
+    return np.zeros(neighbours.size, dtype=np.int64), neighbours
+
+
+def _hidden(
+    centres: Floats, circles: Ints, owner: Ints, neighbour: Ints, reach: float, width: float, height: float
+) -> Bools:
+    """(n,) whether each of the circles is hidden by its neighbours: pairs (index into circles, index into centres)."""
+    apart = centres[neighbour] - centres[circles[owner]]
+    middle = np.arctan2(apart[:, 1], apart[:, 0])
+    half = np.arccos(np.minimum(np.hypot(apart[:, 0], apart[:, 1]) / (2 * reach), 1.0))
+    outer, outer_middle, outer_half = _outside(centres[circles], reach, width, height)
+    return _closed(
+        np.concatenate([owner, outer]),
+        np.concatenate([middle, outer_middle]),
+        np.concatenate([half, outer_half]),
+        len(circles),
+    )
+
+
+def _outside(centres: Floats, reach: float, width: float, height: float) -> tuple[Ints, Floats, Floats]:
+    """The arcs of circles that lie outside the field: (circle, middle, half angle), up to four a circle."""
+    corner = np.array([width, height]) / 2
+    gaps = np.concatenate([corner - centres, corner + centres], axis=1)
+    circle, edge = np.nonzero(gaps < reach)
+    middle = edge.astype(np.float64) * (math.pi / 2)
+    return circle, middle, np.arccos(np.clip(gaps[circle, edge] / reach, 0.0, 1.0))
+
+
+def _closed(owner: Ints, middle: Floats, half: Floats, circles: int) -> Bools:
+    """(circles,) whether the closed arcs [middle - half, middle + half] of each circle leave no gap."""
+    first = np.mod(middle - half, TURN)
+    last = first + 2 * half
+    wrapped = last > TURN
+    owner = np.concatenate([owner, owner[wrapped], np.arange(circles)])
+    first = np.concatenate([first, first[wrapped] - TURN, np.full(circles, TURN)])
+    last = np.concatenate([last, last[wrapped] - TURN, np.full(circles, TURN)])
+    order = np.lexsort((first, owner))
+    owner, first, last = owner[order], first[order], last[order]
+    base = owner * (3 * TURN)
+    reached = np.maximum.accumulate(np.concatenate([[0.0], np.maximum(last, 0.0) + base])[:-1])
+    gaps = first + base > np.maximum(reached, base) + 2 * TOLERANCE
+    hidden = np.ones(circles, dtype=np.bool_)
+    hidden[owner[gaps]] = False
+    return hidden

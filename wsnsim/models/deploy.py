@@ -1,0 +1,203 @@
+"""Where the nodes stand, and whether they cover the field: whether every point of it is within reach of a node.
+
+draw(reach, rng) -> positions (N, 2)
+covers(positions, reach, width, height) -> bool, exactly      coverage(...) -> fraction, on a fixed lattice
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Callable, Iterator
+from math import inf
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+
+from wsnsim.base.arrays import Floats
+from wsnsim.base.errors import Fault, RunError
+from wsnsim.base.part import Quantity, part
+from wsnsim.base.ports import Field, Parts
+from wsnsim.models.coverage import TOLERANCE, coverage, covers, nodes_needed
+
+
+@part
+class Uniform:
+    """Nodes uniform over the field, redrawn until every point of it is within sensing reach of a node.
+
+    Source: Jiang, Song, Lin (2013), table 2; about 1.05 draws are needed there. The cap on draws is our choice.
+    """
+
+    nodes: Annotated[int, Quantity("", ge=1), "number of nodes"] = 256
+    width: Annotated[float, Quantity("m", gt=0, lt=inf), "of the field, in x"] = 400.0
+    height: Annotated[float, Quantity("m", gt=0, lt=inf), "of the field, in y"] = 400.0
+    cover: Annotated[bool, "whether every point of the field must be within sensing reach of a node"] = True
+    draws: Annotated[int, Quantity("", ge=1), "draws after which coverage is given up"] = 1000
+
+    def draw(self, reach: float, rng: np.random.Generator) -> Floats:
+        """(N, 2) positions. Raises RunError if no draw covers the field."""
+        size = np.array([self.width, self.height])
+        return _until_covered(self, lambda: (rng.random((self.nodes, 2)) - 0.5) * size, reach)
+
+    def faults(self, parts: Parts) -> Iterator[Fault]:
+        """Too few nodes to cover the field, or to make a cluster."""
+        yield from _too_few(self, parts)
+
+
+@part
+class Grid:
+    """Nodes at the centres of nearly square cells, row by row; the last row holds the rest, spread evenly."""
+
+    nodes: Annotated[int, Quantity("", ge=1), "number of nodes"] = 256
+    width: Annotated[float, Quantity("m", gt=0, lt=inf), "of the field, in x"] = 400.0
+    height: Annotated[float, Quantity("m", gt=0, lt=inf), "of the field, in y"] = 400.0
+    cover: Annotated[bool, "whether every point of the field must be within sensing reach of a node"] = True
+
+    def draw(self, reach: float, rng: np.random.Generator) -> Floats:
+        """(N, 2) positions, row by row from the lower left; nothing is drawn."""
+        return cells(self.nodes, self.width, self.height)[0]
+
+    def faults(self, parts: Parts) -> Iterator[Fault]:
+        """Too few nodes to make a cluster, or a grid that does not cover the field."""
+        yield from _too_few(self, parts)
+        yield from _uncovered(self, cells(self.nodes, self.width, self.height)[0], parts)
+
+
+@part
+class JitteredGrid:
+    """Nodes on a grid as in `Grid`, each moved within a part of its cell; redrawn until the field is covered."""
+
+    nodes: Annotated[int, Quantity("", ge=1), "number of nodes"] = 256
+    width: Annotated[float, Quantity("m", gt=0, lt=inf), "of the field, in x"] = 400.0
+    height: Annotated[float, Quantity("m", gt=0, lt=inf), "of the field, in y"] = 400.0
+    jitter: Annotated[float, Quantity("", ge=0, le=1), "fraction of its cell within which a node is moved"] = 0.5
+    cover: Annotated[bool, "whether every point of the field must be within sensing reach of a node"] = True
+    draws: Annotated[int, Quantity("", ge=1), "draws after which coverage is given up"] = 1000
+
+    def draw(self, reach: float, rng: np.random.Generator) -> Floats:
+        """(N, 2) positions. Raises RunError if no draw covers the field."""
+        centres, sizes = cells(self.nodes, self.width, self.height)
+        return _until_covered(self, lambda: centres + self.jitter * sizes * (rng.random((self.nodes, 2)) - 0.5), reach)
+
+    def faults(self, parts: Parts) -> Iterator[Fault]:
+        """Too few nodes to cover the field, or to make a cluster."""
+        yield from _too_few(self, parts)
+
+
+@part
+class FromFile:
+    """Nodes at positions from a CSV file with the columns x and y, in m, the field's centre being (0, 0)."""
+
+    path: Annotated[str, "CSV file with a header that names x and y; other columns are ignored"]
+    width: Annotated[float, Quantity("m", gt=0, lt=inf), "of the field, in x"] = 400.0
+    height: Annotated[float, Quantity("m", gt=0, lt=inf), "of the field, in y"] = 400.0
+    cover: Annotated[bool, "whether every point of the field must be within sensing reach of a node"] = True
+
+    def draw(self, reach: float, rng: np.random.Generator) -> Floats:
+        """(N, 2) positions in the file's order. Raises RunError naming file and line if it cannot be read."""
+        return read_positions(self.path, Field(self.width, self.height))
+
+    def faults(self, parts: Parts) -> Iterator[Fault]:
+        """A file that cannot be read, too few nodes in it, or nodes that do not cover the field."""
+        try:
+            positions = read_positions(self.path, Field(self.width, self.height))
+        except RunError as error:
+            yield Fault(("deploy", "path"), str(error))
+            return
+        yield from _too_few_for_a_cluster(len(positions), "path", parts)
+        yield from _uncovered(self, positions, parts)
+
+
+def cells(nodes: int, width: float, height: float) -> tuple[Floats, Floats]:
+    """Centres (N, 2) and sizes (N, 2) of a grid's cells: ceil(sqrt(N width / height)) a row, the last what is left."""
+    columns = min(nodes, math.ceil(math.sqrt(nodes * width / height) - TOLERANCE))
+    rows = math.ceil(nodes / columns)
+    number = np.arange(nodes)
+    row, column = number // columns, number % columns
+    in_row = np.where(row == rows - 1, nodes - columns * (rows - 1), columns)
+    sizes = np.stack([width / in_row, np.full(nodes, height / rows)], axis=1)
+    return (np.stack([column, row], axis=1) + 0.5) * sizes - np.array([width, height]) / 2, sizes
+
+
+def read_positions(path: str, field: Field) -> Floats:
+    """(N, 2) positions in the file's order; several nodes may share one.
+
+    Raises:
+        RunError: the file cannot be read, or a line of it is no position in the field: names file and line.
+    """
+    try:
+        with Path(path).open(newline="", encoding="utf-8-sig") as file:
+            positions = list(_positions(path, csv.reader(file), field))
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        reason = error.strerror if isinstance(error, OSError) else f"no CSV text ({error})"
+        raise RunError(f"{path}: cannot be read: {reason}") from error
+    if not positions:
+        raise RunError(f"{path}: holds no positions")
+    return np.array(positions)
+
+
+def _positions(path: str, rows: Any, field: Field) -> Iterator[tuple[float, float]]:
+    header = [name.strip() for name in next(rows, [])]
+    if not {"x", "y"} <= set(header):
+        raise RunError(f"{path}:1: the header must name the columns x and y, for example 'x,y'")
+    for row in rows:
+        if any(cell.strip() for cell in row):
+            yield _position(f"{path}:{rows.line_num}", dict(zip(header, row, strict=False)), field)
+
+
+def _position(place: str, row: dict[str, str], field: Field) -> tuple[float, float]:
+    try:
+        x, y = float(row.get("x", "")), float(row.get("y", ""))
+    except ValueError:
+        raise RunError(f"{place}: x and y must be numbers, got {row.get('x', '')!r} and {row.get('y', '')!r}") from None
+    if not field.contains(np.array([[x, y]]))[0]:
+        raise RunError(
+            f"{place}: ({x:g}, {y:g}) m is outside the field of {field.width:g} m by {field.height:g} m around (0, 0)"
+        )
+    return x, y
+
+
+def _until_covered(part: Uniform | JitteredGrid, draw: Callable[[], Floats], reach: float) -> Floats:
+    for _ in range(part.draws if part.cover else 1):
+        positions = draw()
+        if not part.cover or covers(positions, reach, part.width, part.height):
+            return positions
+    raise RunError(
+        f"deploy: none of {part.draws} draws of {part.nodes} nodes with a sensing reach of {reach:g} m covered the "
+        f"field of {part.width:g} m by {part.height:g} m; use more nodes, a longer reach, or cover: false"
+    )
+
+
+def _too_few(part: Uniform | Grid | JitteredGrid, parts: Parts) -> Iterator[Fault]:
+    needed = nodes_needed(parts.sensor.reach, part.width, part.height)
+    if part.cover and part.nodes < needed:
+        yield Fault(
+            ("deploy", "cover"),
+            f"{part.nodes} nodes with a sensing reach of {parts.sensor.reach:g} m cannot cover {part.width:g} m by "
+            f"{part.height:g} m: at least {needed} are needed, or cover: false",
+        )
+    yield from _too_few_for_a_cluster(part.nodes, "nodes", parts)
+
+
+def _too_few_for_a_cluster(nodes: int, key: str, parts: Parts) -> Iterator[Fault]:
+    minimum = parts.clusters.minimum_active
+    if nodes < minimum:
+        yield Fault(
+            ("deploy", key), f"{nodes} nodes cannot make a cluster of clusters.minimum_active = {minimum} members"
+        )
+
+
+def _uncovered(part: Grid | FromFile, positions: Floats, parts: Parts) -> Iterator[Fault]:
+    """Fixed positions that leave a part of the field out of reach, unless their number alone is too small."""
+    if (
+        part.cover
+        and len(positions) >= nodes_needed(parts.sensor.reach, part.width, part.height)
+        and not covers(positions, parts.sensor.reach, part.width, part.height)
+    ):
+        share = coverage(positions, parts.sensor.reach, part.width, part.height)
+        yield Fault(
+            ("deploy", "cover"),
+            f"these {len(positions)} nodes with a sensing reach of {parts.sensor.reach:g} m leave about "
+            f"{100 * (1 - share):.2g} % of the field uncovered; use more nodes, a longer reach, or cover: false",
+        )

@@ -1,0 +1,210 @@
+"""A particle filter in the head, whose particles are drawn where an extended Kalman filter expects the target.
+
+The baseline IPF of Jiang, Song, Lin (2013), after van der Merwe, Doucet, de Freitas, Wan (2000). A step asks:
+
+    Gather: readings  Compute
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Annotated, ClassVar, Literal
+
+import numpy as np
+
+from wsnsim.base.arrays import Bools, Floats
+from wsnsim.base.asks import Compute, Flow, Member, Send
+from wsnsim.base.errors import Fault
+from wsnsim.base.part import Quantity, part
+from wsnsim.base.ports import Estimate, Parts, Scene
+from wsnsim.kernels import gaussian
+from wsnsim.kernels.noise import particle_keys
+from wsnsim.kernels.particles import moments, weigh
+from wsnsim.trackers.dealing import (
+    PREDICT_CYCLES,
+    Pool,
+    arrival_of,
+    handover_parcel,
+    no_particles,
+    resampled,
+    restored,
+    send_moments,
+)
+from wsnsim.trackers.moments import forecast, noise_faults, predicted, symmetric
+from wsnsim.trackers.parcels import arrived_groups, covariance_packets, state_packets
+from wsnsim.trackers.readings import Evidence, gather_readings
+from wsnsim.trackers.stacks import MOVE, propagated_by, snapshot
+
+
+@dataclass(frozen=True, slots=True)
+class InformationBelief:
+    """Everything is in the head: particles with weights, their moments, and each particle's own covariance (N, D, D).
+
+    Without `proposal: per_particle`, no particle has one: (0, D, D).
+    """
+
+    mean: Floats
+    cov: Floats
+    pool: Pool
+    covariances: Floats
+    head: int
+    effective: float = float("nan")
+
+
+@part
+class InformationPf:
+    """IPF: each particle is drawn from a Gaussian updated with all readings, and weighed by p(z|x) p(x|x_prev) / q(x).
+
+    `proposal`: `per_particle` carries a covariance with each particle, `local` starts each update from the process
+    noise, `cloud` draws all particles from one update of the whole cloud. The state-dependent variance of a reading is
+    taken where the update is linearised.
+    """
+
+    paper: ClassVar[str] = "Jiang, Song, Lin (2013)"
+    idea: ClassVar[str] = "particle filter in the head that draws from an extended Kalman filter's update"
+    state: ClassVar[str] = "particles in the head, each with a covariance"
+    messages: ClassVar[str] = "a reading up per member"
+    variants: ClassVar[str] = "proposal per_particle|local|cloud, handover particles|gaussian"
+
+    particles: Annotated[int, Quantity("", ge=1), "N_p: particles"] = 400
+    proposal: Annotated[
+        Literal["per_particle", "local", "cloud"], "whose covariance a particle's proposal starts from"
+    ] = "per_particle"
+    threshold: Annotated[float, Quantity("", ge=0, le=1), "resample below this fraction of effective particles"] = 0.5
+    handover: Annotated[Literal["particles", "gaussian"], "what a handover carries"] = "particles"
+
+    def faults(self, parts: Parts) -> Iterator[Fault]:
+        """The weights need a transition density, and so a process noise that can be inverted."""
+        yield from noise_faults(parts, "the weight of ipf")
+
+    def start(self, prior: Estimate, scene: Scene) -> Flow[InformationBelief]:
+        """Draw the particles from the prior, each with the prior's covariance."""
+        size = prior.mean.size
+        nothing = InformationBelief(prior.mean, prior.cov, no_particles(size), np.empty((0, size, size)), scene.head)
+        return (yield from self._full(nothing, scene))
+
+    def step(self, belief: InformationBelief, scene: Scene) -> Flow[InformationBelief]:
+        """One step: N_act - 1 readings reach the head, which does the rest."""
+        belief = yield from self._full(belief, scene)
+        seen = yield from gather_readings(scene)
+        yield Compute(self._cycles(len(seen.ids)) + PREDICT_CYCLES * (scene.steps - 1) * self.particles)
+        if not seen.ids:
+            return self._predicted(belief, scene)
+        if scene.steps > 1:
+            belief = self._predicted(belief, replace(scene, steps=scene.steps - 1))
+        return self._weighed(belief, seen, scene)
+
+    def hand_over(self, belief: InformationBelief, scene: Scene, successor: int) -> Flow[InformationBelief | None]:
+        """N_p + ceil(N_p / 4) + 4 packets to the successor, 3 N_p more for covariances; or the moments' 4 alone."""
+        size = belief.mean.size
+        if self.handover == "gaussian":
+            arrival = yield from send_moments(belief.mean, belief.cov, successor)
+            covariances = np.empty((0, size, size))
+        else:
+            parcel = handover_parcel(belief.pool, belief.mean, belief.cov)
+            first = parcel.packets
+            parcel.packets += len(belief.covariances) * covariance_packets(size)
+            parcel.payload = (*parcel.payload, belief.covariances)
+            mask = yield Send(successor, parcel)
+            arrival = arrival_of(belief.pool, belief.mean, belief.cov, mask[:first])
+            covariances = _arrived_covariances(belief, mask, first)
+        if arrival is None:
+            return None
+        return InformationBelief(arrival.mean, arrival.cov, arrival.pool, covariances, successor)
+
+    def estimate(self, belief: InformationBelief) -> Estimate:
+        """The weighted particles' moments; the effective number is that before resampling."""
+        return Estimate(belief.mean, belief.cov, belief.effective)
+
+    def forecast(self, belief: InformationBelief, scene: Scene, ahead: int) -> Estimate:
+        """The estimate `ahead` steps on."""
+        return forecast(self.estimate(belief), scene.motion, scene.dt, ahead)
+
+    def snapshot(self, belief: InformationBelief, members: Sequence[Member]) -> Iterator[tuple[int, Floats, Floats]]:
+        """(head, particles (D, n), weights (n,)): all of them."""
+        return snapshot([(belief.head, belief.pool.cloud, belief.pool.log_weights)])
+
+    def _cycles(self, sensors: int) -> float:
+        """Section 5: 300 + 110 S a particle; for `cloud` 400 + 70 S once and 100 + 40 S a particle; to predict, 40."""
+        if not sensors:
+            return PREDICT_CYCLES * self.particles
+        if self.proposal == "cloud":
+            return 400.0 + 70.0 * sensors + self.particles * (100.0 + 40.0 * sensors)
+        return self.particles * (300.0 + 110.0 * sensors)
+
+    def _full(self, belief: InformationBelief, scene: Scene) -> Flow[InformationBelief]:
+        """The belief with its full number of particles, each with a covariance if it carries one."""
+        pool, covariances = belief.pool, belief.covariances
+        count, size = pool.log_weights.size, belief.mean.size
+        if count != self.particles and count:
+            chosen = resampled(pool.log_weights, self.particles, scene.key)
+            pool = Pool(np.take(pool.cloud, chosen, axis=1), np.zeros(self.particles))
+            covariances = covariances[chosen] if len(covariances) else covariances
+        elif not count:
+            cloud = yield from restored(pool, belief.mean, belief.cov, self.particles, scene.key)
+            pool = Pool(cloud, np.zeros(self.particles))
+        if self.proposal == "per_particle" and len(covariances) != self.particles:
+            covariances = np.broadcast_to(belief.cov, (self.particles, size, size)).copy()
+        return replace(belief, pool=pool, covariances=covariances)
+
+    def _predicted(self, belief: InformationBelief, scene: Scene) -> InformationBelief:
+        """The belief without readings: particles moved with noise, covariances grown."""
+        covariances = belief.covariances
+        before = belief.pool.cloud
+        for _ in range(scene.steps if len(covariances) else 0):
+            covariances = gaussian.predict(covariances, *scene.motion.matrices(before, scene.dt))
+            before = scene.motion.advance(before, scene.dt)
+        cloud = propagated_by(scene.key, belief.pool.cloud, scene)[1]
+        mean, cov = predicted(belief.mean, belief.cov, scene.motion, scene.dt, scene.steps)
+        return InformationBelief(mean, cov, replace(belief.pool, cloud=cloud), covariances, scene.head)
+
+    def _weighed(self, belief: InformationBelief, seen: Evidence, scene: Scene) -> InformationBelief:
+        """Propose, weigh, and resample if too few particles are effective."""
+        before, motion, sensor = belief.pool.cloud, scene.motion, scene.sensor
+        means, covs = self._proposals(belief, seen, scene)
+        everyone = np.array([0, self.particles])
+        keys = particle_keys(np.array([scene.key], np.uint64), everyone, MOVE)
+        cloud, log_proposal = gaussian.sample(means, covs, keys)
+        points = cloud[list(motion.position)]
+        fitness = sensor.log_likelihood(points, seen.readings, seen.positions, seen.traits)
+        log_weights = belief.pool.log_weights + fitness + motion.log_transition(cloud, before, scene.dt) - log_proposal
+        effective = float(weigh(log_weights, everyone)[0])
+        mean, cov = (moment[0] for moment in moments(cloud, log_weights, everyone))
+        covariances = covs if self.proposal == "per_particle" else belief.covariances
+        pool = Pool(cloud, log_weights)
+        if effective < self.threshold * self.particles:
+            chosen = resampled(log_weights, self.particles, scene.key)
+            pool = Pool(np.take(cloud, chosen, axis=1), np.zeros(self.particles))
+            covariances = covariances[chosen] if len(covariances) else covariances
+        return InformationBelief(mean, symmetric(cov), pool, covariances, scene.head, effective)
+
+    def _proposals(self, belief: InformationBelief, seen: Evidence, scene: Scene) -> tuple[Floats, Floats]:
+        """Means (D, N) and covariances (N, D, D) that the particles are drawn from; one of each for `cloud`."""
+        motion = scene.motion
+        if self.proposal == "cloud":
+            centre, cov = moments(belief.pool.cloud, belief.pool.log_weights, np.array([0, self.particles]))
+            before, covs = np.ascontiguousarray(centre.T), cov
+        else:
+            before, covs = belief.pool.cloud, belief.covariances
+        transitions, noise = motion.matrices(before, scene.dt)
+        if self.proposal == "local":
+            covs = np.broadcast_to(noise, transitions.shape).copy()
+        else:
+            covs = gaussian.predict(covs, transitions, noise)
+        means = motion.advance(before, scene.dt)
+        x, y = motion.position
+        linear = scene.sensor.linearise(means[[x, y]], seen.positions, seen.traits)
+        gaussian.update(means, covs, *linear, seen.readings, x, y)
+        return means, covs
+
+
+def _arrived_covariances(belief: InformationBelief, mask: Bools, first: int) -> Floats:
+    """The covariances (m, D, D) of the arrived particles; a lost one becomes the mean of the others, or the cloud's."""
+    count, size = len(belief.covariances), belief.mean.size
+    if not count:
+        return belief.covariances
+    known = arrived_groups(mask[first:], count, covariance_packets(size))
+    spare = belief.covariances[known].mean(axis=0) if known.any() else belief.cov
+    covariances = np.where(known[:, None, None], belief.covariances, spare)
+    return covariances[arrived_groups(mask, count, state_packets(size))]

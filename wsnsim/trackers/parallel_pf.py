@@ -1,0 +1,311 @@
+"""A bootstrap particle filter whose particles are split over the members; the head resamples the whole set by counts.
+
+The baseline PPF of Jiang, Song, Lin (2013). What a step asks of the network:
+
+    [re-deal]  readings up, readings down  Local: predict and weigh  Gather: weights and local means
+    when too few particles are effective:  Scatter: counts  Local: replicate  surplus particles up and down
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Annotated, ClassVar, Literal, NamedTuple
+
+import numpy as np
+
+from wsnsim.base.arrays import Bools, Floats, Ints
+from wsnsim.base.asks import Flow, Gather, Local, Member, Parcel, Scatter
+from wsnsim.base.part import Quantity, part
+from wsnsim.base.ports import Estimate, Scene
+from wsnsim.kernels.particles import moments, weigh
+from wsnsim.trackers.dealing import (
+    PREDICT_CYCLES,
+    Deal,
+    Pool,
+    give,
+    no_particles,
+    pooled,
+    predict_only,
+    redeal,
+    resampled,
+    send_all,
+    send_moments,
+    undealt,
+    up_to_date,
+)
+from wsnsim.trackers.moments import forecast, fused, predicted, symmetric
+from wsnsim.trackers.parcels import (
+    UNKNOWN,
+    arrived_groups,
+    arrived_particles,
+    count_packets,
+    guessed,
+    log_mean,
+    parcel,
+    state_packets,
+    weight_packets,
+)
+from wsnsim.trackers.readings import evidence_at, share_readings
+from wsnsim.trackers.stacks import (
+    CLOUD,
+    LOG_WEIGHTS,
+    OwnReadings,
+    SharedReadings,
+    keep,
+    present,
+    propagated,
+    settle,
+    snapshot,
+    stacked,
+)
+
+LOCAL, COUNTS = "local", "counts"
+
+
+@dataclass(frozen=True, slots=True)
+class ParallelBelief:
+    """What the head knows: mean and covariance, of which `within` is one cloud's part, who holds how many, and weights.
+
+    `weights`: the log-weights (n,) of each member's particles, in their order, as they came up last.
+    """
+
+    mean: Floats
+    cov: Floats
+    within: Floats
+    deal: Deal
+    head: int
+    effective: float = float("nan")
+    weights: Mapping[int, Floats] = field(default_factory=dict)
+
+
+class LocalResult(NamedTuple):
+    """A member's own moments (mean (D,), covariance (D, D)) and the cycles that they took."""
+
+    mean: Floats
+    cov: Floats
+    cycles: float
+
+
+class Report(NamedTuple):
+    """Log-weights (n,) and local mean on their way up; only the head's own, which crosses nothing, has a covariance."""
+
+    log_weights: Floats
+    mean: Floats
+    cov: Floats | None
+
+
+class Tally(NamedTuple):
+    """The reports put together: log-weights (n,) of each holder's particles, and the local means (D,) that arrived."""
+
+    weights: dict[int, Floats]
+    means: dict[int, Floats]
+
+
+@part
+class ParallelPf:
+    """PPF: members predict and weigh their share, return the weights, and are told how often each particle survives.
+
+    Weights are kept on one scale over the whole set, so that a member that misses the counts keeps particles that are
+    weighed rightly. Resampling restores the full number of particles after a loss.
+    """
+
+    paper: ClassVar[str] = "Jiang, Song, Lin (2013)"
+    idea: ClassVar[str] = (
+        "bootstrap particle filter split evenly over the members; the head resamples the whole by counts"
+    )
+    state: ClassVar[str] = "particles on the active members; mean, covariance and weights in the head"
+    messages: ClassVar[str] = (
+        "readings up and down; weights and a mean up; when resampling counts down, surplus particles"
+    )
+    variants: ClassVar[str] = "measurements all|own, handover particles|gaussian"
+
+    particles: Annotated[int, Quantity("", ge=1), "N_p: particles in all"] = 400
+    measurements: Annotated[Literal["all", "own"], "which readings a member weighs with"] = "all"
+    threshold: Annotated[float, Quantity("", ge=0, le=1), "resample below this fraction of effective particles"] = 0.5
+    handover: Annotated[Literal["particles", "gaussian"], "what a handover carries"] = "particles"
+
+    def start(self, prior: Estimate, scene: Scene) -> Flow[ParallelBelief]:
+        """Draw the particles from the prior at the head and deal them out."""
+        deal = undealt(no_particles(prior.mean.size))
+        deal = yield from self._up_to_date(deal, prior.mean, prior.cov, scene)
+        return ParallelBelief(prior.mean, prior.cov, prior.cov, deal, scene.head)
+
+    def step(self, belief: ParallelBelief, scene: Scene) -> Flow[ParallelBelief]:
+        """One step; without an active member everything is only predicted."""
+        deal = yield from self._up_to_date(belief.deal, belief.mean, belief.cov, scene)
+        if not scene.ids:
+            deal = yield from predict_only(deal, scene)
+            return replace(self._predicted(belief, deal, scene), weights=belief.weights)
+        if self.measurements == "all":
+            yield from share_readings(scene)
+
+        def work_all(members: list[Member]) -> None:
+            self._weigh(members, scene)
+
+        yield Local(lambda member: work_all([member]), lambda member: member.memory[LOCAL].cycles, work_all)
+        answer = yield Gather(lambda member: _report(member, scene.head))
+        tally = _tallied(answer, deal)
+        after = self._fused(belief, deal, scene, tally, answer)
+        if after.effective < self.threshold * sum(weights.size for weights in after.weights.values()):
+            after = yield from self._resample(after, scene)
+        return after
+
+    def hand_over(self, belief: ParallelBelief, scene: Scene, successor: int) -> Flow[ParallelBelief | None]:
+        """Members to head n packets each; head to successor N_p + ceil(N_p / 4) + 4, or the 4 of the moments alone.
+
+        The weights need no packets on their way to the head: they came up with the last step.
+        """
+        if self.handover == "gaussian":
+            arrival = yield from send_moments(belief.mean, belief.cov, successor)
+        else:
+            pool = belief.deal.whole
+            if pool is None:
+                answer = yield Gather(lambda member: give(member, self.particles, common=0.0), tuple(belief.deal.held))
+                pool = _weighed(answer, belief.weights)
+            arrival = yield from send_all(pool or no_particles(belief.mean.size), belief.mean, belief.cov, successor)
+        if arrival is None:
+            return None
+        return ParallelBelief(arrival.mean, arrival.cov, arrival.cov, undealt(arrival.pool), successor)
+
+    def estimate(self, belief: ParallelBelief) -> Estimate:
+        """The fused estimate; the effective number is that of the whole set before resampling."""
+        return Estimate(belief.mean, belief.cov, belief.effective)
+
+    def forecast(self, belief: ParallelBelief, scene: Scene, ahead: int) -> Estimate:
+        """The fused estimate `ahead` steps on."""
+        return forecast(self.estimate(belief), scene.motion, scene.dt, ahead)
+
+    def snapshot(self, belief: ParallelBelief, members: Sequence[Member]) -> Iterator[tuple[int, Floats, Floats]]:
+        """(node, particles (D, n), weights (n,)) of each holder, the weights normalised over the whole set."""
+        whole = belief.deal.whole
+        if whole is not None:
+            return snapshot([(belief.head, whole.cloud, whole.log_weights)])
+        return snapshot([(member.id, *present(member, belief.mean.size)) for member in members])
+
+    def _up_to_date(self, deal: Deal, mean: Floats, cov: Floats, scene: Scene) -> Flow[Deal]:
+        return up_to_date(deal, mean, cov, self.particles, self.handover == "gaussian", scene)
+
+    def _predicted(self, belief: ParallelBelief, deal: Deal, scene: Scene) -> ParallelBelief:
+        """The belief when nothing arrived: the motion's prediction, its covariance grown."""
+        mean, cov = predicted(belief.mean, belief.cov, scene.motion, scene.dt, scene.steps)
+        _, within = predicted(belief.mean, belief.within, scene.motion, scene.dt, scene.steps)
+        return ParallelBelief(mean, cov, within, deal, scene.head)
+
+    def _weigh(self, members: list[Member], scene: Scene) -> None:
+        """Predict and weigh each member's particles, 40 + 30 S operations each, S the readings that it has."""
+        stack, heard = stacked(members, len(scene.motion.columns))
+        likelihood: OwnReadings | SharedReadings
+        if self.measurements == "own":
+            likelihood = OwnReadings.of(members, scene.sensor, scene.motion)
+        else:
+            evidence = [evidence_at(member, news) for member, news in zip(members, heard, strict=True)]
+            likelihood = SharedReadings(scene.sensor, list(scene.motion.position), evidence)
+        _, stack.cloud = propagated(stack.cloud, stack.offsets, stack.keys, scene)
+        fitness = likelihood(stack.cloud, np.arange(len(members)), stack.offsets)
+        stack.log_weights = stack.log_weights + np.where(np.isnan(fitness), -np.inf, fitness)
+        means, covs = moments(stack.cloud, stack.log_weights, stack.offsets)
+        stack.store(members)
+        cycles = stack.counts * (PREDICT_CYCLES * scene.steps + 30.0 * np.array(likelihood.sensors))
+        for member, *result in zip(members, means, covs, cycles.tolist(), strict=True):
+            member.memory[LOCAL] = LocalResult(*result)
+
+    def _fused(
+        self,
+        belief: ParallelBelief,
+        deal: Deal,
+        scene: Scene,
+        tally: Tally,
+        answer: dict[int, tuple[Report, Bools]],
+    ) -> ParallelBelief:
+        """Local means by the sums of their weights; the covariance is their spread and that of one cloud.
+
+        That is the head's own, or where it has none, the last it had, predicted.
+        """
+        log_weights = np.concatenate([np.empty(0), *tally.weights.values()])
+        effective = float(weigh(log_weights, np.array([0, log_weights.size]))[0])
+        if not tally.means:
+            return replace(self._predicted(belief, deal, scene), effective=effective, weights=tally.weights)
+        top = max(tally.weights[node].max() for node in tally.means)
+        if not np.isfinite(top):
+            return replace(self._predicted(belief, deal, scene), effective=effective, weights=tally.weights)
+        sums = np.array([np.exp(tally.weights[node] - top).sum() for node in tally.means])
+        mean, spread = fused(np.array(list(tally.means.values())), sums)
+        within = answer[scene.head][0].cov if scene.head in answer else None
+        if within is None:
+            within = predicted(belief.mean, belief.within, scene.motion, scene.dt, scene.steps)[1]
+        cov = symmetric(spread + within)
+        return ParallelBelief(mean, cov, within, deal, scene.head, effective, tally.weights)
+
+    def _resample(self, belief: ParallelBelief, scene: Scene) -> Flow[ParallelBelief]:
+        """Tell each holder how often its particles survive, ceil(n / 8) packets, and even out the numbers.
+
+        The common log-weight afterwards rides in the header of the first packet (our choice). As many are drawn as the
+        filter should have: what was lost is made good.
+        """
+        log_weights = np.concatenate(list(belief.weights.values()))
+        level = log_mean(log_weights)
+        drawn = np.bincount(resampled(log_weights, self.particles, scene.key), minlength=log_weights.size)
+        cuts = np.cumsum([weights.size for weights in belief.weights.values()])[:-1]
+        counts = dict(zip(belief.weights, np.split(drawn, cuts), strict=True))
+        heard = yield Scatter(
+            {node: parcel((copies, level), count_packets(copies.size), COUNTS) for node, copies in counts.items()}
+        )
+        yield Local(_replicate, 0.0, None, tuple(heard))
+        held = {node: copies.size for node, copies in counts.items()}
+        held |= {node: int(_copies(counts[node], mask).sum()) for node, mask in heard.items()}
+        deal = yield from redeal(replace(belief.deal, held=held), scene, common=level)
+        return replace(belief, deal=deal, weights={})
+
+
+def _report(member: Member, head: int) -> Parcel | None:
+    """Weights, four to a packet, and the local mean."""
+    log_weights = member.memory.get(LOG_WEIGHTS)
+    if log_weights is None or not log_weights.size:
+        return None
+    result: LocalResult = member.memory[LOCAL]
+    packets = weight_packets(log_weights.size) + state_packets(result.mean.size)
+    return parcel(Report(log_weights, result.mean, result.cov if member.id == head else None), packets, "weights")
+
+
+def _tallied(answer: dict[int, tuple[Report, Bools]], deal: Deal) -> Tally:
+    """What arrived, with the mean of all others for each weight that did not; a holder unheard of counts as it was."""
+    weights = {node: np.full(count, UNKNOWN) for node, count in deal.held.items() if count}
+    means = {}
+    for node, (report, mask) in answer.items():
+        size = report.log_weights.size
+        known = np.repeat(mask[: weight_packets(size)], 4)[:size]
+        weights[node] = np.where(known, report.log_weights, UNKNOWN)
+        if arrived_groups(mask[weight_packets(size) :], 1, state_packets(report.mean.size))[0]:
+            means[node] = report.mean
+    everything = guessed(np.concatenate([np.empty(0), *weights.values()]))
+    cuts = np.cumsum([piece.size for piece in weights.values()])[:-1]
+    return Tally(dict(zip(weights, np.split(everything, cuts), strict=True)) if weights else {}, means)
+
+
+def _copies(counts: Ints, mask: Bools) -> Ints:
+    """How often each particle survives on its node: as often as it was told, once if the packet was lost."""
+    told = np.repeat(mask, 8)[: counts.size]
+    return np.where(told, counts, 1)
+
+
+def _replicate(member: Member) -> None:
+    """Keep each particle as often as the head says, all with the same weight."""
+    for news in settle(member):
+        if news.what == COUNTS:
+            counts, level = news.payload
+            copies = _copies(counts, news.mask)
+            keep(member, np.repeat(member.memory[CLOUD], copies, axis=1), np.full(int(copies.sum()), level))
+
+
+def _weighed(answer: dict[int, tuple[tuple[Floats, float], Bools]], weights: Mapping[int, Floats]) -> Pool | None:
+    """The particles that arrived, with the weights that the head has of them."""
+    pieces = []
+    for node, (sent, mask) in answer.items():
+        cloud, equal = arrived_particles(sent, mask)
+        if node in weights and weights[node].size == sent[0].shape[1]:
+            arrived = arrived_groups(mask, weights[node].size, state_packets(cloud.shape[0]))
+            pieces.append((cloud, weights[node][arrived]))
+        else:
+            pieces.append((cloud, np.full_like(equal, UNKNOWN)))
+    return pooled(pieces)

@@ -1,0 +1,338 @@
+"""A particle filter on the members of a cluster, whose resampling is a swarm's move tested by Metropolis and Hastings.
+
+Jiang, Song, Lin (2013), sections 3 and 4. What a step asks of the network:
+
+    [re-deal]  [readings up, readings down]  Local: filter the own share  Gather: local estimates  [Broadcast: feedback]
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Annotated, ClassVar, Literal, NamedTuple
+
+import numpy as np
+
+from wsnsim.base.arrays import Bools, Floats, Ints
+from wsnsim.base.asks import Broadcast, Flow, Gather, Local, Member, Parcel
+from wsnsim.base.errors import Fault
+from wsnsim.base.part import Quantity, part
+from wsnsim.base.ports import Estimate, Parts, Scene
+from wsnsim.kernels.gaussian import fit, log_density
+from wsnsim.kernels.particles import moments, weigh
+from wsnsim.trackers.dealing import (
+    PREDICT_CYCLES,
+    Deal,
+    give,
+    no_particles,
+    pooled,
+    predict_only,
+    resampled,
+    send_all,
+    send_moments,
+    undealt,
+    up_to_date,
+)
+from wsnsim.trackers.flock import Flock, Pull, flock_of, moved, resampled_flock
+from wsnsim.trackers.moments import forecast, fused, fused_by_variance, noise_faults, predicted, symmetric
+from wsnsim.trackers.parcels import arrived_groups, arrived_particles, parcel, state_packets
+from wsnsim.trackers.readings import evidence_at, share_readings
+from wsnsim.trackers.stacks import (
+    CLOUD,
+    LOG_WEIGHTS,
+    OwnReadings,
+    SharedReadings,
+    Stack,
+    keep,
+    present,
+    propagated,
+    settle,
+    snapshot,
+    stacked,
+)
+
+LOCAL = "local"
+RIDGE = 1e-3
+"""m², (m/s)²: added to the diagonal of a fitted covariance, which fewer than five particles leave singular."""
+
+
+@dataclass(frozen=True, slots=True)
+class SwarmBelief:
+    """What the head knows: fused mean and covariance, of which `within` is one cloud's part, and who holds how many."""
+
+    mean: Floats
+    cov: Floats
+    within: Floats
+    deal: Deal
+    head: int
+    effective: float = float("nan")
+
+
+class LocalResult(NamedTuple):
+    """What a member makes of its share in a step: moments, the effective number before the move, and the cycles."""
+
+    mean: Floats
+    cov: Floats
+    effective: float
+    cycles: float
+
+
+class Report(NamedTuple):
+    """A local estimate on its way to the head; only the head's own, which crosses nothing, carries a covariance."""
+
+    mean: Floats
+    variances: Floats | None
+    own: LocalResult | None
+
+
+@part
+class PsoMhpf:
+    """PSO-MHPF: members predict, weigh and move their own particles; only local estimates travel.
+
+    The move is a heuristic and no valid Markov chain: the proposal depends on the whole swarm's past, the ratio of the
+    proposals is taken as one, and the paper's posterior, a sum of Diracs, cannot be evaluated at a new point.
+    `acceptance` says what stands in for it: a Gaussian fitted to the node's predicted particles (our choice), the
+    particle's own transition density, or nothing but the likelihood, which loses the target. After the move weights are
+    equal and the last iterate alone is kept, so that a burn-in has no effect of its own; unless `resample_first`, the
+    weights before it are thrown away, as in the paper. Without random factors and with a step length of one, eq. (18)
+    has a double root at -1 and swings up: literal, and kept. The particles' share of the head is our choice too.
+    """
+
+    paper: ClassVar[str] = "Jiang, Song, Lin (2013)"
+    idea: ClassVar[str] = (
+        "particle filter on the members; resampling is a swarm's move under a Metropolis-Hastings test"
+    )
+    state: ClassVar[str] = "particles on the active members; mean and covariance in the head"
+    messages: ClassVar[str] = "a local estimate up per member; moved particles when membership changes"
+    variants: ClassVar[str] = (
+        "measurements own|all, acceptance gaussian|transition|likelihood, random_factors, step_length one|dt, "
+        "estimate_when after|before, resample_first, resample_always, fusion share|inverse_variance, feedback, "
+        "handover particles|gaussian"
+    )
+
+    particles: Annotated[int, Quantity("", ge=1), "N_p: particles in all"] = 400
+    iterations: Annotated[int, Quantity("", ge=0), "moves of the swarm per step"] = 2
+    phi1: Annotated[float, Quantity("", ge=0), "pull towards the particle's own best, eq. 18"] = 2.0
+    phi2: Annotated[float, Quantity("", ge=0), "pull towards the node's best, eq. 18"] = 2.0
+    random_factors: Annotated[bool, "whether uniform random factors scale the pulls"] = True
+    step_length: Annotated[Literal["one", "dt"], "what a velocity is multiplied by, eq. 19: one, or the time step"] = (
+        "one"
+    )
+    acceptance: Annotated[
+        Literal["gaussian", "transition", "likelihood"],
+        "what stands beside the likelihood in the acceptance ratio, eq. 20",
+    ] = "gaussian"
+    measurements: Annotated[Literal["own", "all"], "which readings a member weighs with"] = "own"
+    threshold: Annotated[
+        float, Quantity("", ge=0, le=1), "the swarm moves below this fraction of effective particles"
+    ] = 0.5
+    resample_always: Annotated[bool, "whether the swarm moves at every step, as in Fig. 3"] = False
+    resample_first: Annotated[bool, "whether a systematic resampling comes before the move"] = False
+    estimate_when: Annotated[
+        Literal["after", "before"], "whether local estimates are taken after or before the move"
+    ] = "after"
+    fusion: Annotated[Literal["share", "inverse_variance"], "how the head weighs local estimates"] = "share"
+    feedback: Annotated[bool, "whether the head broadcasts the fused estimate and members shift their particles"] = (
+        False
+    )
+    handover: Annotated[Literal["particles", "gaussian"], "what a handover carries"] = "particles"
+
+    def faults(self, parts: Parts) -> Iterator[Fault]:
+        """The transition density needs a process noise that can be inverted."""
+        if self.acceptance == "transition":
+            yield from noise_faults(parts, "acceptance: transition")
+
+    def start(self, prior: Estimate, scene: Scene) -> Flow[SwarmBelief]:
+        """Draw the particles from the prior at the head and deal them out; paid like a handover's deal-out."""
+        deal = undealt(no_particles(prior.mean.size))
+        deal = yield from self._up_to_date(deal, prior.mean, prior.cov, scene)
+        return SwarmBelief(prior.mean, prior.cov, prior.cov, deal, scene.head)
+
+    def step(self, belief: SwarmBelief, scene: Scene) -> Flow[SwarmBelief]:
+        """One step: N_act - 1 local estimates reach the head; without an active member everything is only predicted."""
+        deal = yield from self._up_to_date(belief.deal, belief.mean, belief.cov, scene)
+        if not scene.ids:
+            deal = yield from predict_only(deal, scene)
+            return self._predicted(belief, deal, scene)
+        if self.measurements == "all":
+            yield from share_readings(scene)
+
+        def work_all(members: list[Member]) -> None:
+            self._filter(members, scene)
+
+        yield Local(lambda member: work_all([member]), _cycles_taken, work_all)
+        answer = yield Gather(lambda member: self._report(member, scene.head))
+        after = self._fused(belief, deal, scene, answer)
+        if self.feedback:
+            yield from _feed_back(after, scene)
+        return after
+
+    def hand_over(self, belief: SwarmBelief, scene: Scene, successor: int) -> Flow[SwarmBelief | None]:
+        """Members to head n packets each; head to successor N_p + ceil(N_p / 4) + 4, or the 4 of the moments alone.
+
+        The paper counts no packet for the members' weights: a member whose weights differ resamples its share first
+        (our choice), with its own key.
+        """
+        if self.handover == "gaussian":
+            arrival = yield from send_moments(belief.mean, belief.cov, successor)
+        else:
+            pool = belief.deal.whole
+            if pool is None:
+                answer = yield Gather(_give_all, tuple(belief.deal.held))
+                pool = pooled([arrived_particles(payload, mask) for payload, mask in answer.values()])
+            arrival = yield from send_all(pool or no_particles(belief.mean.size), belief.mean, belief.cov, successor)
+        if arrival is None:
+            return None
+        return SwarmBelief(arrival.mean, arrival.cov, arrival.cov, undealt(arrival.pool), successor)
+
+    def estimate(self, belief: SwarmBelief) -> Estimate:
+        """The fused estimate; the effective number is that of the head's own share before its move."""
+        return Estimate(belief.mean, belief.cov, belief.effective)
+
+    def forecast(self, belief: SwarmBelief, scene: Scene, ahead: int) -> Estimate:
+        """The fused estimate `ahead` steps on."""
+        return forecast(self.estimate(belief), scene.motion, scene.dt, ahead)
+
+    def snapshot(self, belief: SwarmBelief, members: Sequence[Member]) -> Iterator[tuple[int, Floats, Floats]]:
+        """(node, particles (D, n), weights (n,)) of each holder, the weights normalised over the whole set."""
+        whole = belief.deal.whole
+        if whole is not None:
+            return snapshot([(belief.head, whole.cloud, whole.log_weights)])
+        return snapshot([(member.id, *present(member, belief.mean.size)) for member in members])
+
+    def _up_to_date(self, deal: Deal, mean: Floats, cov: Floats, scene: Scene) -> Flow[Deal]:
+        return up_to_date(deal, mean, cov, self.particles, self.handover == "gaussian", scene)
+
+    def _predicted(self, belief: SwarmBelief, deal: Deal, scene: Scene) -> SwarmBelief:
+        """The belief when nothing arrived: the motion's prediction, its covariance grown."""
+        mean, cov = predicted(belief.mean, belief.cov, scene.motion, scene.dt, scene.steps)
+        _, within = predicted(belief.mean, belief.within, scene.motion, scene.dt, scene.steps)
+        return SwarmBelief(mean, cov, within, deal, scene.head)
+
+    def _filter(self, members: list[Member], scene: Scene) -> None:
+        """Predict, weigh and move each member's particles (section 4, steps 5-8); the result stays in its memory."""
+        stack, heard = stacked(members, len(scene.motion.columns))
+        likelihood: OwnReadings | SharedReadings
+        if self.measurements == "own":
+            likelihood = OwnReadings.of(members, scene.sensor, scene.motion)
+        else:
+            evidence = [evidence_at(member, news) for member, news in zip(members, heard, strict=True)]
+            likelihood = SharedReadings(scene.sensor, list(scene.motion.position), evidence)
+        before, stack.cloud = propagated(stack.cloud, stack.offsets, stack.keys, scene)  # eq. 12
+        fitness = likelihood(stack.cloud, np.arange(len(members)), stack.offsets)
+        stack.log_weights = stack.log_weights + fitness  # eq. 13
+        effective = weigh(stack.log_weights, stack.offsets)  # eq. 14
+        moving = (effective < self.threshold * stack.counts) | self.resample_always
+        if self.estimate_when == "before":
+            means, covs = moments(stack.cloud, stack.log_weights, stack.offsets)
+        if moving.any():
+            self._move(stack, flock_of(stack, before, fitness, moving), likelihood, scene)
+        if self.estimate_when == "after":
+            means, covs = moments(stack.cloud, stack.log_weights, stack.offsets)  # eq. 16
+        stack.store(members)
+        cycles = self._cycles(stack.counts, likelihood.sensors, moving, scene.steps)
+        for member, *result in zip(members, means, covs, effective.tolist(), cycles, strict=True):
+            member.memory[LOCAL] = LocalResult(*result)
+
+    def _cycles(self, counts: Ints, sensors: list[int], moving: Bools, steps: int) -> list[float]:
+        """Section 5: predict and weigh 40 + 30 S per particle, Gaussian fit 30, each iteration 50 + 30 S."""
+        readings = np.array(sensors)
+        moves = (30.0 if self.acceptance == "gaussian" else 0.0) + self.iterations * (50.0 + 30.0 * readings)
+        taken: list[float] = (counts * (PREDICT_CYCLES * steps + 30.0 * readings + moves * moving)).tolist()
+        return taken
+
+    def _move(self, stack: Stack, flock: Flock, likelihood: OwnReadings | SharedReadings, scene: Scene) -> None:
+        """Move swarms in place of a resampling, and give them equal weights (section 3, step 4)."""
+        reference = fit(flock.cloud, flock.offsets, RIDGE) if self.acceptance == "gaussian" else None
+        if self.resample_first:
+            flock = resampled_flock(flock)
+        length = scene.dt if self.step_length == "dt" else 1.0
+        pull = Pull(self.iterations, self.phi1, self.phi2, length, self.random_factors)
+        stack.cloud[:, flock.columns] = moved(flock, likelihood, self._log_prior(flock, reference, scene), pull)
+        stack.log_weights[flock.columns] = 0.0
+
+    def _log_prior(
+        self, flock: Flock, reference: tuple[Floats, Floats] | None, scene: Scene
+    ) -> Callable[[Floats], Floats]:
+        """(D, N) → (N,) log π of eq. (20), up to a constant of each particle."""
+        if reference is not None:
+            return lambda points: log_density(points, *reference, flock.offsets)
+        if self.acceptance == "transition":
+            return lambda points: scene.motion.log_transition(points, flock.before, scene.dt)
+        return lambda points: np.zeros(points.shape[1])
+
+    def _report(self, member: Member, head: int) -> Parcel | None:
+        """A member's local estimate, one packet; a second one carries its variances if the head weighs by them."""
+        result: LocalResult | None = member.memory.get(LOCAL)
+        if result is None or not member.memory[CLOUD].shape[1]:
+            return None
+        variances = np.diag(result.cov) if self.fusion == "inverse_variance" else None
+        packets = state_packets(result.mean.size) * (1 if variances is None else 2)
+        return parcel(Report(result.mean, variances, result if member.id == head else None), packets, "estimate")
+
+    def _fused(
+        self, belief: SwarmBelief, deal: Deal, scene: Scene, answer: dict[int, tuple[Report, Bools]]
+    ) -> SwarmBelief:
+        """Local estimates by their share of the particles, the shares renormalised over those that arrived.
+
+        The covariance is the spread of the local means plus that of one cloud: the head's own, or where it has none,
+        the last it had, predicted.
+        """
+        packets = state_packets(belief.mean.size)
+        reports = {
+            node: (report, mask) for node, (report, mask) in answer.items() if arrived_groups(mask, 1, packets)[0]
+        }
+        if not reports:
+            return self._predicted(belief, deal, scene)
+        means = np.array([report.mean for report, _ in reports.values()])
+        shares = np.array([deal.held.get(node, 0) for node in reports], dtype=np.float64)
+        if self.fusion == "inverse_variance":
+            variances = _reported_variances(list(reports.values()), packets)
+            if variances is not None:
+                mean, spread, within = fused_by_variance(means, variances)
+                return SwarmBelief(mean, symmetric(spread + within), within, deal, scene.head)
+        mean, spread = fused(means, shares)
+        own = answer[scene.head][0].own if scene.head in answer else None
+        if own is None:
+            _, within = predicted(belief.mean, belief.within, scene.motion, scene.dt, scene.steps)
+            return SwarmBelief(mean, symmetric(spread + within), within, deal, scene.head)
+        return SwarmBelief(mean, symmetric(spread + own.cov), own.cov, deal, scene.head, own.effective)
+
+
+def _cycles_taken(member: Member) -> float:
+    result: LocalResult = member.memory[LOCAL]
+    return result.cycles
+
+
+def _give_all(member: Member) -> Parcel | None:
+    """All of a member's particles, equally weighted, without weights."""
+    member.inbox = settle(member)
+    log_weights = member.memory.get(LOG_WEIGHTS, np.empty(0))
+    if log_weights.size and np.any(log_weights != log_weights[0]):
+        columns = resampled(log_weights, log_weights.size, member.key)
+        keep(member, np.take(member.memory[CLOUD], columns, axis=1), np.zeros(log_weights.size))
+    return give(member, log_weights.size, common=0.0)
+
+
+def _reported_variances(reports: list[tuple[Report, Bools]], packets: int) -> Floats | None:
+    """(M, D) the variances sent, a lost one taken to be the mean of the others'; None where all are lost."""
+    known = np.array([bool(mask[packets:].all()) for _, mask in reports])
+    if not known.any():
+        return None
+    variances = np.array([report.variances for report, _ in reports])
+    variances[~known] = variances[known].mean(axis=0)
+    return variances
+
+
+def _feed_back(belief: SwarmBelief, scene: Scene) -> Flow[None]:
+    """One broadcast of the fused estimate; whoever hears it shifts its particles by what its own mean is off."""
+    yield Broadcast(parcel(belief.mean, state_packets(belief.mean.size), "feedback"))
+
+    def shift(member: Member) -> None:
+        heard = [news.payload for news in settle(member) if news.what == "feedback" and news.mask.all()]
+        target = belief.mean if member.id == scene.head else heard[-1] if heard else None
+        if target is not None and LOCAL in member.memory and CLOUD in member.memory:
+            offset = target - member.memory[LOCAL].mean
+            member.memory[CLOUD] = member.memory[CLOUD] + offset[:, None]
+
+    yield Local(shift, lambda member: float(member.memory[CLOUD].size if CLOUD in member.memory else 0))

@@ -1,0 +1,85 @@
+"""Readings on their way to those who weigh with them: up to the head, and from there to everyone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wsnsim.base.arrays import Floats
+from wsnsim.base.asks import Broadcast, Delivery, Flow, Gather, Member, Parcel, Scatter
+from wsnsim.base.ports import Scene
+from wsnsim.trackers.parcels import parcel, weight_packets
+
+READINGS = "readings"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Evidence:
+    """Readings (S,) of nodes `ids`, with the nodes' positions (S, 2) and traits (S, T)."""
+
+    ids: tuple[int, ...]
+    readings: Floats
+    positions: Floats
+    traits: Floats
+
+
+def reading_parcel(member: Member) -> Parcel | None:
+    """A member's own reading, in one packet; nothing if it does not sense or its sensor gives no number."""
+    if member.reading is None or not np.isfinite(member.reading):
+        return None
+    return parcel(member.reading, 1, "reading")
+
+
+def gather_readings(scene: Scene) -> Flow[Evidence]:
+    """The readings that reached the head, its own for nothing: one packet a member. Positions and traits are known."""
+    answer = yield Gather(reading_parcel)
+    rows = [row for row, node in enumerate(scene.ids) if node in answer]
+    values = np.array([answer[scene.ids[row]][0] for row in rows], dtype=np.float64)
+    return Evidence(tuple(scene.ids[row] for row in rows), values, scene.positions[rows], scene.traits[rows])
+
+
+def share_readings(scene: Scene) -> Flow[Evidence]:
+    """Readings up, then all that arrived down again in one broadcast, four to a packet; they wait in the inboxes.
+
+    A member must know where the others stand to use their readings: our choice is that they told each other when the
+    cluster formed, at no cost of its own.
+    """
+    evidence = yield from gather_readings(scene)
+    if not evidence.ids:
+        return evidence
+    everything = parcel(evidence, weight_packets(len(evidence.ids)), READINGS)
+    yield Broadcast(everything)
+    if scene.head in scene.ids:
+        yield Scatter({scene.head: everything})
+    return evidence
+
+
+def own_evidence(member: Member) -> Evidence:
+    """What a member has measured itself: one reading, or none."""
+    count = 0 if member.reading is None else 1
+    values = np.array([member.reading][:count], dtype=np.float64)
+    return Evidence((member.id,)[:count], values, member.position[None, :][:count], member.traits[None, :][:count])
+
+
+def evidence_at(member: Member, heard: list[Delivery]) -> Evidence:
+    """The readings that a member has: those of the broadcast whose packets arrived, and always its own."""
+    for delivery in heard:
+        if delivery.what == READINGS:
+            shared: Evidence = delivery.payload
+            if delivery.mask.all() and (member.reading is None or member.id in shared.ids):
+                return shared
+            return _merged(member, shared, np.repeat(delivery.mask, 4)[: len(shared.ids)])
+    return own_evidence(member)
+
+
+def _merged(member: Member, shared: Evidence, arrived: np.ndarray) -> Evidence:
+    """The arrived part of what was shared, the member's own reading from itself."""
+    rows = [row for row, node in enumerate(shared.ids) if arrived[row] and node != member.id]
+    own = own_evidence(member)
+    return Evidence(
+        tuple(shared.ids[row] for row in rows) + own.ids,
+        np.concatenate([shared.readings[rows], own.readings]),
+        np.concatenate([shared.positions[rows], own.positions]),
+        np.concatenate([shared.traits[rows], own.traits]),
+    )
