@@ -223,8 +223,8 @@ def _compare(
     replicate: int, before: Mapping[str, Any], again: Mapping[str, Any], kept: Mapping[str, Any], memory: Memory
 ) -> dict[str, Any]:
     """One replicate's row: whether all is equal, and whether it is close."""
-    pairs = [(kept[name], column) for name, column in memory.table("estimates").items() if name in kept]
-    pairs += [(np.float64(before[name]), np.float64(again[name])) for name in ("energy", "rmse")]
+    pairs: list[tuple[Any, Any]] = [(kept[name], column) for name, column in memory.table("estimates").items() if name in kept]
+    pairs += [(before[name], again[name]) for name in ("energy", "rmse")]
     same_events = int(before["fingerprint"]) == int(again["fingerprint"])
     equal = all(np.array_equal(a, b, equal_nan=True) for a, b in pairs)
     close = all(np.shape(a) == np.shape(b) and np.allclose(a, b, rtol=1e-6, atol=1e-9, equal_nan=True) for a, b in pairs)

@@ -56,7 +56,7 @@ def test_the_exponential_agrees_with_the_library_and_stays_normal_below():
 
 
 def test_a_power_made_of_both_keeps_its_digits_when_the_compiler_reorders():
-    """Fast-math once distributed a factor over a large constant inside the logarithm, and lost a tenth of the result."""
+    """Fast-math once distributed a factor over a large constant in the logarithm, and lost a tenth of the result."""
     d = np.linspace(1.0, 1e5, 5001)
     assert np.allclose(powers(d, -1.1), d**-1.1, rtol=1e-12, atol=0.0)
 

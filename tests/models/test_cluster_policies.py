@@ -27,7 +27,10 @@ def test_without_anyone_able_nobody_leads():
 
 @pytest.mark.parametrize(
     ("active", "members", "hands_over"),
-    [(3, 3, False), (2, 3, True), (2, 2, True), (0, 0, True), (0, 17, True), (3, 12, False), (3, 13, True), (4, 16, False), (4, 17, True), (17, 17, False)],
+    [
+        (3, 3, False), (2, 3, True), (2, 2, True), (0, 0, True), (0, 17, True),
+        (3, 12, False), (3, 13, True), (4, 16, False), (4, 17, True), (17, 17, False),
+    ],
 )  # fmt: skip
 def test_a_cluster_hands_over_below_three_or_below_a_quarter(active, members, hands_over):
     assert StrongestSignal().must_hand_over(active, members) is hands_over

@@ -57,12 +57,8 @@ def test_a_field_that_no_draw_covers_is_an_error_that_counts_the_draws():
 
 
 def test_too_few_nodes_to_cover_are_a_fault_that_says_how_many_are_needed():
-    assert faults(Uniform(nodes=17)) == [
-        (
-            "deploy.cover",
-            "17 nodes with a sensing reach of 60 m cannot cover 400 m by 400 m: at least 18 are needed, or cover: false",
-        )
-    ]
+    said = "17 nodes with a sensing reach of 60 m cannot cover 400 m by 400 m: at least 18 are needed, or cover: false"
+    assert faults(Uniform(nodes=17)) == [("deploy.cover", said)]
     assert not faults(Uniform(nodes=18))
     assert not faults(Uniform(nodes=17, cover=False))
 

@@ -18,7 +18,6 @@ from hypothesis import strategies as st
 from wsnsim.base.errors import ResultError
 from wsnsim.base.tables import KINDS, TABLES, columns_of
 from wsnsim.recording import ResultFile, attributes, meanings, read_table, read_text, tables
-from wsnsim.recording import buffer as buffer_room
 
 EVERYTHING = dict.fromkeys(TABLES, True)
 
@@ -86,15 +85,15 @@ def test_any_columns_in_any_pieces_come_back_bit_by_bit(tmp_path_factory, pieces
     path = tmp_path_factory.mktemp("any") / "x.h5"
     names = ("cluster", "head", "formed", "handover_bits", "members")
     types = {column.name: column.dtype for column in columns_of("clusters")}
-    with pytest.MonkeyPatch.context() as patch, ResultFile(path, (), {"clusters": True}) as file:
-        patch.setattr(buffer_room, "CHUNK", 8)
-        file._buffers["clusters"] = buffer_room.TableBuffer(file._file["clusters"], columns_of("clusters"))
-        for piece in pieces:
-            values = dict(zip(names, zip(*piece, strict=True), strict=True)) if piece else dict.fromkeys(names, ())
-            rest = {name: 1 for name in types if name not in names}
-            for name, column in values.items():
-                rest[name] = list(column) if as_lists else np.array(column, types[name])
-            file.write("clusters", rest)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("wsnsim.recording.buffer.CHUNK", 8)
+        with ResultFile(path, (), {"clusters": True}) as file:
+            for piece in pieces:
+                values = zip(*piece, strict=True) if piece else [()] * len(names)
+                rows = {name: 1 for name in types if name not in names}
+                for name, column in zip(names, values, strict=True):
+                    rows[name] = list(column) if as_lists else np.array(column, types[name])
+                file.write("clusters", rows)
     read = read_table(path, "clusters")
     whole = [row for piece in pieces for row in piece]
     for index, name in enumerate(names):

@@ -9,7 +9,8 @@ import copy
 from collections.abc import Iterator
 from typing import Annotated, Any, Literal
 
-from wsnsim.base.errors import Fault
+from wsnsim import scenario
+from wsnsim.base.errors import Fault, ScenarioError
 from wsnsim.base.part import Quantity, part
 
 
@@ -174,3 +175,12 @@ def base_scenario(**changes: Any) -> dict[str, Any]:
     """A scenario of stand-ins, with top-level keys changed (None removes one)."""
     scenario = copy.deepcopy(_BASE) | changes
     return {key: value for key, value in scenario.items() if value is not None}
+
+
+def faults_of(source: Any, *overrides: str) -> list[str]:
+    """Every fault that loading and building a scenario finds, as text without the excerpts."""
+    try:
+        scenario.build(scenario.load(source, overrides))
+    except ScenarioError as error:
+        return [str(fault).partition("\n")[0] for fault in error.faults]
+    return []

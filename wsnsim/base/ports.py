@@ -6,14 +6,14 @@ Shapes: D state columns, N particles or nodes, S sensors. States are (D, N): col
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Protocol, TypeVar
+from typing import Any, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats, Ints, Keys
-from wsnsim.base.asks import Flow
+from wsnsim.base.asks import Flow, Member
 from wsnsim.base.tables import Words
 
 B = TypeVar("B")
@@ -286,6 +286,15 @@ class Tracker(Protocol[B]):
 
     def forecast(self, belief: B, scene: Scene, ahead: int) -> Estimate:
         """The belief `ahead` steps on, for handover and for waking nodes ahead of the target."""
+        ...
+
+
+@runtime_checkable
+class Snapshots(Protocol):
+    """What a tracker with particles may offer besides: a look at them, for the opt-in table `particles`. No node sees it."""
+
+    def snapshot(self, belief: Any, members: Sequence[Member]) -> Iterator[tuple[int, Floats, Floats]]:
+        """(node, states (D, n), weights (n,)) of each node that holds some; weights sum to 1 over the whole set."""
         ...
 
 

@@ -94,7 +94,7 @@ class FromReadings:
     ) -> tuple[Floats, Floats]:
         """Mean (2,) and covariance (2, 2) of the position within a box, given as its centre and half width, both (2,).
 
-        While the likelihood is too sharp for the lattice, the box shrinks to the best of the lattice's points. Where they
+        While the likelihood is too sharp for the lattice, the box shrinks to the best of its points. Where they
         lie apart, as the two crossings of two rings, it cannot, and the likelihood is tempered until it covers a few.
         """
         for _ in range(LEVELS):

@@ -13,7 +13,7 @@ import numpy as np
 import simpy
 
 from wsnsim.base.asks import PACKET_BITS, Parcel
-from wsnsim.base.ports import Estimate, Scene
+from wsnsim.base.ports import Estimate, Scene, Snapshots
 from wsnsim.network.air import letter
 from wsnsim.network.cluster import Cluster
 from wsnsim.network.driver import Driver, HeadDied
@@ -81,6 +81,7 @@ def _lead(stage: Stage, crew: Crew, track: Track, head: int, mission: Mission) -
         last = stage.step
         belief = yield from driver.perform(tracker.step(belief, scene))
         _issue(stage, track, last, scene, driver, tracker.estimate(belief))
+        _snapshot(stage, track, cluster, belief)
         if waits_for is not None and waits_for != set(stage.sensing[track.target]):
             waits_for = None
         if waits_for is None and stage.parts.clusters.must_hand_over(cluster.active(), len(cluster.roster())):
@@ -259,3 +260,24 @@ def _issue(stage: Stage, track: Track, step: int, scene: Scene, driver: Driver, 
     track.estimates[step] = Issued(
         step, stage.env.now, estimate, scene.head, scene.active, len(scene.roster), driver.readings
     )
+
+
+def _snapshot(stage: Stage, track: Track, cluster: Cluster, belief: Any) -> None:
+    """Record the particles, wherever they are, if that is wanted and the tracker has any. It costs the network nothing."""
+    tracker = stage.parts.tracker
+    if not stage.recorder.wants("particles") or not isinstance(tracker, Snapshots):
+        return
+    members = [cluster.members[node] for node in cluster.roster()]
+    columns = stage.parts.motions[track.target].columns
+    for node, states, weights in tracker.snapshot(belief, members):
+        stage.recorder.write(
+            "particles",
+            {
+                "replicate": stage.replicate,
+                "target": track.target,
+                "step": stage.step,
+                "node": node,
+                **dict(zip(columns, states, strict=True)),
+                "weight": weights,
+            },
+        )

@@ -19,9 +19,16 @@ class Router:
         self._energy = energy
         self._weight = weight
         self._graph: nx.Graph | None = None
+        self._known: dict[tuple[int, int], list[int] | None] = {}
 
     def path(self, source: int, to: int) -> list[int] | None:
-        """The cheapest path from a node to another over living nodes, both ends included."""
+        """The cheapest path from a node to another over living nodes, both ends included. Looked for once, until a node dies."""
+        ends = (source, to)
+        if ends not in self._known:
+            self._known[ends] = self._search(source, to)
+        return self._known[ends]
+
+    def _search(self, source: int, to: int) -> list[int] | None:
         graph = self._graph if self._graph is not None else self._build()
         for end in (source, to):
             if end not in graph:
@@ -33,6 +40,7 @@ class Router:
 
     def bury(self, node: int) -> None:
         """A dead node relays nothing."""
+        self._known.clear()
         if self._graph is not None and node in self._graph:
             self._graph.remove_node(node)
 

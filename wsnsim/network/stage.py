@@ -6,7 +6,7 @@ from dataclasses import dataclass, field as with_default
 
 import simpy
 
-from wsnsim.base.ports import Field, Parts
+from wsnsim.base.ports import Field, Parts, Recorder
 from wsnsim.base.tables import EVENT_CAUSE, KIND
 from wsnsim.network.air import Air
 from wsnsim.network.fleet import Fleet
@@ -29,6 +29,8 @@ class Stage:
     field: Field
     threshold: float
     tracker_key: int
+    replicate: int
+    recorder: Recorder
     step: int = 0
     sensing: list[dict[int, float]] = with_default(default_factory=list)
 

@@ -65,8 +65,6 @@ class World:
         streams: Streams,
         recorder: Recorder,
     ) -> None:
-        self._replicate = replicate
-        self._recorder = recorder
         self._env = env = simpy.Environment()
         journal = Journal(recorder, replicate)
         fleet = Fleet(positions, traits, parts.energy.battery, parts.link.reach)
@@ -88,6 +86,8 @@ class World:
             field=Field(parts.deploy.width, parts.deploy.height),
             threshold=energy_threshold(parts),
             tracker_key=streams.key("tracker"),
+            replicate=replicate,
+            recorder=recorder,
             sensing=[{} for _ in truths],
         )
         self._tracks = tuple(Track(target, prior, env.event()) for target, prior in enumerate(priors))
@@ -107,7 +107,7 @@ class World:
         except Exception as reason:
             parts = self._stage.parts
             raise RunError(
-                f"the run failed at {self._env.now:g} s of simulated time (seed {parts.seed}, replicate {self._replicate}):"
+                f"the run failed at {self._env.now:g} s of simulated time (seed {parts.seed}, replicate {self._stage.replicate}):"
                 f" {type(reason).__name__}: {reason}"
             ) from reason
         self._close_step()
@@ -182,16 +182,16 @@ class World:
     def _close_step(self) -> None:
         """Write what the network has spent since the step began."""
         stage = self._stage
-        if self._recorder.wants("energy_steps"):
+        if stage.recorder.wants("energy_steps"):
             totals = stage.fleet.totals
             spent = [(cause, totals[cause] - before) for cause, before in enumerate(self._spent) if totals[cause] != before]
             self._spent = list(totals)
             if spent:
                 causes, joules = zip(*spent, strict=True)
                 time = stage.step * stage.parts.dt
-                self._recorder.write(
+                stage.recorder.write(
                     "energy_steps",
-                    {"replicate": self._replicate, "step": stage.step, "time": time, "cause": causes, "joules": joules},
+                    {"replicate": stage.replicate, "step": stage.step, "time": time, "cause": causes, "joules": joules},
                 )
 
     def _node(self, index: int) -> Node:

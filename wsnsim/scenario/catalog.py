@@ -115,9 +115,21 @@ _ROLES: Final = (
             variants="measurements own|all, acceptance gaussian|transition|likelihood, random_factors, "
             "step_length one|dt, estimate_when after|before, resample_first, resample_always, "
             "fusion share|inverse_variance, feedback, handover particles|gaussian"),
-        Row("ipf", "wsnsim.trackers.information_pf:InformationPf", "", JIANG),
-        Row("ppf", "wsnsim.trackers.parallel_pf:ParallelPf", "", JIANG),
-        Row("central_pf", "wsnsim.trackers.centralised:CentralPf", "", JIANG),
+        Row("ipf", "wsnsim.trackers.information_pf:InformationPf",
+            "particle filter in the head that draws from an extended Kalman filter's update", JIANG,
+            state="particles in the head, each with a covariance",
+            messages="a reading up per member",
+            variants="proposal per_particle|local|cloud, handover particles|gaussian"),
+        Row("ppf", "wsnsim.trackers.parallel_pf:ParallelPf",
+            "bootstrap particle filter split evenly over the members; the head resamples the whole by counts", JIANG,
+            state="particles on the active members; mean, covariance and weights in the head",
+            messages="readings up and down; weights and a mean up; when resampling counts down, surplus particles",
+            variants="measurements all|own, handover particles|gaussian"),
+        Row("central_pf", "wsnsim.trackers.centralised:CentralPf",
+            "bootstrap particle filter in one head on all readings: the reference", JIANG,
+            state="particles in the head",
+            messages="a reading up per member",
+            variants="handover particles|gaussian"),
     )),
 )  # fmt: skip
 ROLES: Final = {role.name: role for role in _ROLES}

@@ -74,7 +74,7 @@ def read(content: str, text: Text) -> tuple[Node | None, list[Fault]]:
 def _syntax_fault(error: yaml.MarkedYAMLError, text: Text) -> Fault:
     mark = error.problem_mark or error.context_mark
     spot = Spot(text, mark.line, mark.column) if mark else Spot(text)
-    said = " ".join(piece for piece in (error.problem, error.context) if piece)
+    said = ", ".join(piece for piece in (error.context, error.problem) if piece)
     return spot.fault(text.keys, f"not valid YAML: {said}")
 
 

@@ -103,7 +103,7 @@ def _convert(number: Decimal, written: str, unit: str) -> Decimal:
         return number
     given = parse(written)
     if given is None:
-        raise UnitError(f"unknown unit {shown(written)} ({_nearest(written)}), expected {wanted(unit)}")
+        raise UnitError(f"unknown unit {shown(written)}{_nearest(written)}, expected {wanted(unit)}")
     if expected is None or given.dimension != expected.dimension:
         raise UnitError(f"{shown(written)} is {_article(given)}, expected {wanted(unit)}")
     if given.decibel:
@@ -152,7 +152,7 @@ def shown(value: object) -> str:
 
 def _nearest(written: str) -> str:
     guess = did_you_mean(written, [*_table(), "dBm"])
-    return guess if guess.startswith("did") else "see 'wsnsim schema' for units"
+    return f" ({guess})" if guess.startswith("did") else ""
 
 
 def _article(unit: Unit) -> str:

@@ -5,8 +5,7 @@ moved(flock, likelihood, log_prior, pull) -> (D, N)
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -16,14 +15,14 @@ from wsnsim.base.rng import uniforms
 from wsnsim.kernels.noise import particle_keys
 from wsnsim.kernels.particles import systematic
 from wsnsim.kernels.swarm import accept, fly
-from wsnsim.trackers.stacks import MOVE, START, OwnReadings, SharedReadings, Stack
+from wsnsim.trackers.stacks import MOVE, START, Score, Stack, cuts_of
 
 
 @dataclass(frozen=True, slots=True)
 class Flock:
     """Particles (D, N) one step before and now, with log-weights and log-likelihoods (N,).
 
-    Segment m, between offsets[m] and offsets[m + 1], is member rows[m]'s; `columns` (N,) is where the stack has them.
+    Segment m, of counts[m] columns from offsets[m] on, is member rows[m]'s; `columns` is where the stack has them.
     """
 
     before: Floats
@@ -31,9 +30,10 @@ class Flock:
     log_weights: Floats
     fitness: Floats
     rows: Ints
+    counts: Ints
     offsets: Ints
     keys: Keys
-    columns: Ints
+    columns: Ints | slice
 
 
 class Pull(NamedTuple):
@@ -48,40 +48,40 @@ class Pull(NamedTuple):
 
 def flock_of(stack: Stack, before: Floats, fitness: Floats, moving: Bools) -> Flock:
     """The particles of the members that move."""
-    rows = np.flatnonzero(moving)
-    columns = np.flatnonzero(np.repeat(moving, stack.counts))
-    offsets = np.zeros(rows.size + 1, np.int64)
-    np.cumsum(stack.counts[rows], out=offsets[1:])
+    rows = moving.nonzero()[0]
+    if rows.size == moving.size:
+        everything = slice(None)
+        return Flock(
+            before, stack.cloud, stack.log_weights, fitness, rows, stack.counts, stack.offsets, stack.keys, everything
+        )
+    columns = moving.repeat(stack.counts).nonzero()[0]
+    counts = stack.counts[rows]
     return Flock(
-        before=np.take(before, columns, axis=1),
-        cloud=np.take(stack.cloud, columns, axis=1),
-        log_weights=stack.log_weights[columns],
-        fitness=fitness[columns],
-        rows=rows,
-        offsets=offsets,
-        keys=stack.keys[rows],
-        columns=columns,
+        before.take(columns, axis=1),
+        stack.cloud.take(columns, axis=1),
+        stack.log_weights[columns],
+        fitness[columns],
+        rows,
+        counts,
+        cuts_of(counts),
+        stack.keys[rows],
+        columns,
     )
 
 
 def resampled_flock(flock: Flock) -> Flock:
     """Each node's particles drawn anew by their weights, as many as before, by systematic resampling."""
-    drawn = systematic(flock.log_weights, flock.offsets, np.diff(flock.offsets), uniforms(flock.keys, START))
-    return Flock(
-        before=np.take(flock.before, drawn, axis=1),
-        cloud=np.take(flock.cloud, drawn, axis=1),
+    drawn = systematic(flock.log_weights, flock.offsets, flock.counts, uniforms(flock.keys, START))
+    return replace(
+        flock,
+        before=flock.before.take(drawn, axis=1),
+        cloud=flock.cloud.take(drawn, axis=1),
         log_weights=np.zeros(drawn.size),
         fitness=flock.fitness[drawn],
-        rows=flock.rows,
-        offsets=flock.offsets,
-        keys=flock.keys,
-        columns=flock.columns,
     )
 
 
-def moved(
-    flock: Flock, likelihood: OwnReadings | SharedReadings, log_prior: Callable[[Floats], Floats], pull: Pull
-) -> Floats:
+def moved(flock: Flock, likelihood: Score, log_prior: Score, pull: Pull) -> Floats:
     """(D, N) the last of `iterations` states of each particle's chain, which starts where it is. Eqs. (17)-(24)."""
     cloud, fitness = flock.cloud.copy(), flock.fitness.copy()
     velocity, best, best_fitness = np.zeros_like(cloud), cloud.copy(), fitness.copy()
@@ -91,6 +91,6 @@ def moved(
     for iteration in range(iterations):
         draw = iteration * (2 * cloud.shape[0] + 1)
         proposal = fly(cloud, velocity, best, best_fitness, flock.offsets, keys, draw, *rule)
-        new_fitness = likelihood(proposal, flock.rows, flock.offsets)
+        new_fitness = likelihood(proposal)
         accept(cloud, fitness, prior, proposal, new_fitness, log_prior(proposal), best, best_fitness, keys, draw)
     return cloud

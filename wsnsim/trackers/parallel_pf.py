@@ -41,12 +41,13 @@ from wsnsim.trackers.parcels import (
     arrived_particles,
     count_packets,
     guessed,
+    is_whole,
     log_mean,
     parcel,
     state_packets,
     weight_packets,
 )
-from wsnsim.trackers.readings import evidence_at, share_readings
+from wsnsim.trackers.readings import share_readings
 from wsnsim.trackers.stacks import (
     CLOUD,
     LOG_WEIGHTS,
@@ -197,18 +198,17 @@ class ParallelPf:
         stack, heard = stacked(members, len(scene.motion.columns))
         likelihood: OwnReadings | SharedReadings
         if self.measurements == "own":
-            likelihood = OwnReadings.of(members, scene.sensor, scene.motion)
+            likelihood = OwnReadings.of(members, scene)
         else:
-            evidence = [evidence_at(member, news) for member, news in zip(members, heard, strict=True)]
-            likelihood = SharedReadings(scene.sensor, list(scene.motion.position), evidence)
+            likelihood = SharedReadings.of(members, heard, scene)
         _, stack.cloud = propagated(stack.cloud, stack.offsets, stack.keys, scene)
-        fitness = likelihood(stack.cloud, np.arange(len(members)), stack.offsets)
+        fitness = likelihood.score(np.arange(len(members)), stack.counts)(stack.cloud)
         stack.log_weights = stack.log_weights + np.where(np.isnan(fitness), -np.inf, fitness)
         means, covs = moments(stack.cloud, stack.log_weights, stack.offsets)
         stack.store(members)
         cycles = stack.counts * (PREDICT_CYCLES * scene.steps + 30.0 * np.array(likelihood.sensors))
-        for member, *result in zip(members, means, covs, cycles.tolist(), strict=True):
-            member.memory[LOCAL] = LocalResult(*result)
+        for member, mean, cov, taken in zip(members, means, covs, cycles.tolist(), strict=True):
+            member.memory[LOCAL] = LocalResult(mean, cov, taken)
 
     def _fused(
         self,
@@ -274,9 +274,12 @@ def _tallied(answer: dict[int, tuple[Report, Bools]], deal: Deal) -> Tally:
     means = {}
     for node, (report, mask) in answer.items():
         size = report.log_weights.size
+        if is_whole(mask):
+            weights[node], means[node] = report.log_weights, report.mean
+            continue
         known = np.repeat(mask[: weight_packets(size)], 4)[:size]
         weights[node] = np.where(known, report.log_weights, UNKNOWN)
-        if arrived_groups(mask[weight_packets(size) :], 1, state_packets(report.mean.size))[0]:
+        if mask[weight_packets(size) :].all():
             means[node] = report.mean
     everything = guessed(np.concatenate([np.empty(0), *weights.values()]))
     cuts = np.cumsum([piece.size for piece in weights.values()])[:-1]
@@ -285,8 +288,9 @@ def _tallied(answer: dict[int, tuple[Report, Bools]], deal: Deal) -> Tally:
 
 def _copies(counts: Ints, mask: Bools) -> Ints:
     """How often each particle survives on its node: as often as it was told, once if the packet was lost."""
-    told = np.repeat(mask, 8)[: counts.size]
-    return np.where(told, counts, 1)
+    if is_whole(mask):
+        return counts
+    return np.where(np.repeat(mask, 8)[: counts.size], counts, 1)
 
 
 def _replicate(member: Member) -> None:

@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats
-from wsnsim.base.asks import PACKET_BITS, Parcel
+from wsnsim.base.asks import PACKET_BITS, Parcel, all_arrived
 
 PARTICLES: Final = "particles"
 MOMENTS: Final = "moments"
@@ -66,6 +66,8 @@ def arrived_particles(sent: tuple[Floats, Floats | float], mask: Bools) -> tuple
     """
     cloud, log_weights = sent
     columns, count = cloud.shape
+    if is_whole(mask):
+        return cloud, log_weights if isinstance(log_weights, np.ndarray) else np.full(count, log_weights)
     whole = arrived_groups(mask, count, state_packets(columns))
     if not isinstance(log_weights, np.ndarray):
         log_weights = np.full(count, log_weights)
@@ -73,9 +75,12 @@ def arrived_particles(sent: tuple[Floats, Floats | float], mask: Bools) -> tuple
         at = count * state_packets(columns)
         known = np.repeat(mask[at : at + weight_packets(count)], 4)[:count]
         log_weights = np.where(known, log_weights, UNKNOWN)
-    if whole.all():
-        return cloud, log_weights
     return np.ascontiguousarray(cloud[:, whole]), log_weights[whole]
+
+
+def is_whole(mask: Bools) -> bool:
+    """Whether everything arrived. Whole deliveries share their masks, which makes the common case cheap."""
+    return mask is all_arrived(mask.size) or bool(mask.all())
 
 
 def arrived_groups(mask: Bools, count: int, packets: int) -> Bools:

@@ -7,7 +7,7 @@ Jiang, Song, Lin (2013), sections 3 and 4. What a step asks of the network:
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, Literal, NamedTuple
 
@@ -35,12 +35,13 @@ from wsnsim.trackers.dealing import (
 )
 from wsnsim.trackers.flock import Flock, Pull, flock_of, moved, resampled_flock
 from wsnsim.trackers.moments import forecast, fused, fused_by_variance, noise_faults, predicted, symmetric
-from wsnsim.trackers.parcels import arrived_groups, arrived_particles, parcel, state_packets
-from wsnsim.trackers.readings import evidence_at, share_readings
+from wsnsim.trackers.parcels import arrived_particles, is_whole, parcel, state_packets
+from wsnsim.trackers.readings import share_readings
 from wsnsim.trackers.stacks import (
     CLOUD,
     LOG_WEIGHTS,
     OwnReadings,
+    Score,
     SharedReadings,
     Stack,
     keep,
@@ -214,12 +215,11 @@ class PsoMhpf:
         stack, heard = stacked(members, len(scene.motion.columns))
         likelihood: OwnReadings | SharedReadings
         if self.measurements == "own":
-            likelihood = OwnReadings.of(members, scene.sensor, scene.motion)
+            likelihood = OwnReadings.of(members, scene)
         else:
-            evidence = [evidence_at(member, news) for member, news in zip(members, heard, strict=True)]
-            likelihood = SharedReadings(scene.sensor, list(scene.motion.position), evidence)
+            likelihood = SharedReadings.of(members, heard, scene)
         before, stack.cloud = propagated(stack.cloud, stack.offsets, stack.keys, scene)  # eq. 12
-        fitness = likelihood(stack.cloud, np.arange(len(members)), stack.offsets)
+        fitness = likelihood.score(np.arange(len(members)), stack.counts)(stack.cloud)
         stack.log_weights = stack.log_weights + fitness  # eq. 13
         effective = weigh(stack.log_weights, stack.offsets)  # eq. 14
         moving = (effective < self.threshold * stack.counts) | self.resample_always
@@ -231,8 +231,8 @@ class PsoMhpf:
             means, covs = moments(stack.cloud, stack.log_weights, stack.offsets)  # eq. 16
         stack.store(members)
         cycles = self._cycles(stack.counts, likelihood.sensors, moving, scene.steps)
-        for member, *result in zip(members, means, covs, effective.tolist(), cycles, strict=True):
-            member.memory[LOCAL] = LocalResult(*result)
+        for member, mean, cov, number, taken in zip(members, means, covs, effective.tolist(), cycles, strict=True):
+            member.memory[LOCAL] = LocalResult(mean, cov, number, taken)
 
     def _cycles(self, counts: Ints, sensors: list[int], moving: Bools, steps: int) -> list[float]:
         """Section 5: predict and weigh 40 + 30 S per particle, Gaussian fit 30, each iteration 50 + 30 S."""
@@ -248,12 +248,11 @@ class PsoMhpf:
             flock = resampled_flock(flock)
         length = scene.dt if self.step_length == "dt" else 1.0
         pull = Pull(self.iterations, self.phi1, self.phi2, length, self.random_factors)
-        stack.cloud[:, flock.columns] = moved(flock, likelihood, self._log_prior(flock, reference, scene), pull)
+        score = likelihood.score(flock.rows, flock.counts)
+        stack.cloud[:, flock.columns] = moved(flock, score, self._log_prior(flock, reference, scene), pull)
         stack.log_weights[flock.columns] = 0.0
 
-    def _log_prior(
-        self, flock: Flock, reference: tuple[Floats, Floats] | None, scene: Scene
-    ) -> Callable[[Floats], Floats]:
+    def _log_prior(self, flock: Flock, reference: tuple[Floats, Floats] | None, scene: Scene) -> Score:
         """(D, N) → (N,) log π of eq. (20), up to a constant of each particle."""
         if reference is not None:
             return lambda points: log_density(points, *reference, flock.offsets)
@@ -266,9 +265,10 @@ class PsoMhpf:
         result: LocalResult | None = member.memory.get(LOCAL)
         if result is None or not member.memory[CLOUD].shape[1]:
             return None
-        variances = np.diag(result.cov) if self.fusion == "inverse_variance" else None
-        packets = state_packets(result.mean.size) * (1 if variances is None else 2)
-        return parcel(Report(result.mean, variances, result if member.id == head else None), packets, "estimate")
+        own = result if member.id == head else None
+        if self.fusion == "share":
+            return parcel(Report(result.mean, None, own), state_packets(result.mean.size), "estimate")
+        return parcel(Report(result.mean, np.diag(result.cov), own), 2 * state_packets(result.mean.size), "estimate")
 
     def _fused(
         self, belief: SwarmBelief, deal: Deal, scene: Scene, answer: dict[int, tuple[Report, Bools]]
@@ -280,7 +280,7 @@ class PsoMhpf:
         """
         packets = state_packets(belief.mean.size)
         reports = {
-            node: (report, mask) for node, (report, mask) in answer.items() if arrived_groups(mask, 1, packets)[0]
+            node: (report, mask) for node, (report, mask) in answer.items() if is_whole(mask) or mask[:packets].all()
         }
         if not reports:
             return self._predicted(belief, deal, scene)
@@ -316,7 +316,7 @@ def _give_all(member: Member) -> Parcel | None:
 
 def _reported_variances(reports: list[tuple[Report, Bools]], packets: int) -> Floats | None:
     """(M, D) the variances sent, a lost one taken to be the mean of the others'; None where all are lost."""
-    known = np.array([bool(mask[packets:].all()) for _, mask in reports])
+    known = np.array([is_whole(mask[packets:]) for _, mask in reports])
     if not known.any():
         return None
     variances = np.array([report.variances for report, _ in reports])

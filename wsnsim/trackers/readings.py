@@ -9,7 +9,7 @@ import numpy as np
 from wsnsim.base.arrays import Floats
 from wsnsim.base.asks import Broadcast, Delivery, Flow, Gather, Member, Parcel, Scatter
 from wsnsim.base.ports import Scene
-from wsnsim.trackers.parcels import parcel, weight_packets
+from wsnsim.trackers.parcels import is_whole, parcel, weight_packets
 
 READINGS = "readings"
 
@@ -67,7 +67,7 @@ def evidence_at(member: Member, heard: list[Delivery]) -> Evidence:
     for delivery in heard:
         if delivery.what == READINGS:
             shared: Evidence = delivery.payload
-            if delivery.mask.all() and (member.reading is None or member.id in shared.ids):
+            if is_whole(delivery.mask) and (member.reading is None or member.id in shared.ids):
                 return shared
             return _merged(member, shared, np.repeat(delivery.mask, 4)[: len(shared.ids)])
     return own_evidence(member)

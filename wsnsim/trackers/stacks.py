@@ -9,19 +9,20 @@ columns depends on that member's columns, key and readings alone; tests prove th
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import TypeAlias
 
 import numpy as np
 
 from wsnsim.base.arrays import Floats, Ints, Keys
 from wsnsim.base.asks import Delivery, Member
-from wsnsim.base.ports import MotionModel, Scene, SensorModel
+from wsnsim.base.ports import Scene, SensorModel
 from wsnsim.kernels.gaussian import sample
 from wsnsim.kernels.noise import particle_keys
 from wsnsim.trackers.parcels import MOMENTS, PARTICLES, arrived_particles, guessed
-from wsnsim.trackers.readings import Evidence
+from wsnsim.trackers.readings import Evidence, evidence_at
 
 CLOUD, LOG_WEIGHTS = "cloud", "log_weights"
 DRAW, MOVE, START, PREDICT = 0, 1, 2, 16
@@ -31,36 +32,44 @@ step), and the START-th draw of the key itself for the first tooth of a systemat
 
 @dataclass(slots=True)
 class Stack:
-    """Particles (D, N) with log-weights (N,); member m holds columns offsets[m] to offsets[m + 1] and has keys[m]."""
+    """Particles (D, N) with log-weights (N,); member m has counts[m], up to column offsets[m + 1], and keys[m]."""
 
     cloud: Floats
     log_weights: Floats
+    counts: Ints
     offsets: Ints
     keys: Keys
 
-    @property
-    def counts(self) -> Ints:
-        """(M,) how many particles each member holds."""
-        return np.diff(self.offsets)
-
     def store(self, members: Sequence[Member]) -> None:
         """Write each member's columns back to its memory."""
-        cuts = self.offsets.tolist()
-        for member, (first, last) in zip(members, pairwise(cuts), strict=True):
-            member.memory[CLOUD] = self.cloud[:, first:last]
-            member.memory[LOG_WEIGHTS] = self.log_weights[first:last]
+        cloud, log_weights = self.cloud, self.log_weights
+        for member, (first, last) in zip(members, pairwise(self.offsets.tolist()), strict=True):
+            memory = member.memory
+            memory[CLOUD] = cloud[:, first:last]
+            memory[LOG_WEIGHTS] = log_weights[first:last]
 
 
 def stacked(members: Sequence[Member], columns: int) -> tuple[Stack, list[list[Delivery]]]:
     """The members' particles, those in their inboxes included, and what else each of them heard."""
-    heard = [settle(member) for member in members]
-    clouds = [member.memory[CLOUD] if CLOUD in member.memory else np.empty((columns, 0)) for member in members]
-    weights = [member.memory[LOG_WEIGHTS] for member in members if LOG_WEIGHTS in member.memory]
-    offsets = np.zeros(len(members) + 1, np.int64)
-    np.cumsum([cloud.shape[1] for cloud in clouds], out=offsets[1:])
+    heard = [settle(member) if member.inbox else [] for member in members]
+    holding = [member.memory if CLOUD in member.memory else _nothing(columns) for member in members]
+    clouds = [memory[CLOUD] for memory in holding]
+    counts = np.array([cloud.shape[1] for cloud in clouds], np.int64)
     keys = np.array([member.key for member in members], np.uint64)
     cloud = np.concatenate(clouds, axis=1) if len(clouds) > 1 else np.ascontiguousarray(clouds[0])
-    return Stack(cloud, np.concatenate(weights) if weights else np.empty(0), offsets, keys), heard
+    log_weights = np.concatenate([memory[LOG_WEIGHTS] for memory in holding])
+    return Stack(cloud, log_weights, counts, cuts_of(counts), keys), heard
+
+
+def _nothing(columns: int) -> dict[str, Floats]:
+    return {CLOUD: np.empty((columns, 0)), LOG_WEIGHTS: np.empty(0)}
+
+
+def cuts_of(counts: Ints) -> Ints:
+    """(M + 1,) where segments of these lengths begin, and the last one ends."""
+    cuts = np.zeros(counts.size + 1, np.int64)
+    counts.cumsum(out=cuts[1:])
+    return cuts
 
 
 def settle(member: Member) -> list[Delivery]:
@@ -68,8 +77,6 @@ def settle(member: Member) -> list[Delivery]:
 
     Moments count if all of their packets arrived; the share is drawn with the member's own key.
     """
-    if not member.inbox:
-        return []
     rest = []
     for delivery in member.take_inbox():
         if delivery.what == PARTICLES:
@@ -134,59 +141,72 @@ def propagated_by(key: int, cloud: Floats, scene: Scene) -> tuple[Floats, Floats
     return propagated(cloud, np.array([0, cloud.shape[1]]), np.array([key], np.uint64), scene)
 
 
+Score: TypeAlias = Callable[[Floats], Floats]
+"""(D, N) particles → (N,) log-likelihoods."""
+
+
 @dataclass(frozen=True, slots=True)
 class OwnReadings:
-    """Log-likelihoods of stacked particles, each against the reading of its own node."""
+    """What stacked particles are weighed with if each node has its own reading alone."""
 
     sensor: SensorModel
     place: list[int]
     evidence: Evidence
 
     @classmethod
-    def of(cls, members: Sequence[Member], sensor: SensorModel, motion: MotionModel) -> OwnReadings:
+    def of(cls, members: Sequence[Member], scene: Scene) -> OwnReadings:
         """From the members' own readings; a missing one is not a number, and so is every likelihood with it."""
         values = np.array([np.nan if member.reading is None else member.reading for member in members])
         positions = np.concatenate([member.position for member in members]).reshape(len(members), -1)
         traits = np.concatenate([member.traits for member in members]).reshape(len(members), -1)
-        ids = tuple(member.id for member in members)
-        return cls(sensor, list(motion.position), Evidence(ids, values, positions, traits))
+        ids = tuple([member.id for member in members])
+        return cls(scene.sensor, list(scene.motion.position), Evidence(ids, values, positions, traits))
 
     @property
     def sensors(self) -> list[int]:
         """How many readings each member weighs with."""
         return [1] * len(self.evidence.ids)
 
-    def __call__(self, cloud: Floats, rows: Ints, offsets: Ints) -> Floats:
-        """(N,) for a cloud whose m-th segment belongs to member rows[m]."""
-        owners = np.repeat(rows, np.diff(offsets))
-        seen = self.evidence
-        return self.sensor.log_likelihood(cloud[self.place], seen.readings, seen.positions, seen.traits, owners)
+    def score(self, rows: Ints, counts: Ints) -> Score:
+        """For a cloud whose m-th segment of counts[m] columns belongs to member rows[m]."""
+        owners = rows.repeat(counts)
+        sensor, place, seen = self.sensor, self.place, self.evidence
+        readings, positions, traits = seen.readings, seen.positions, seen.traits
+        return lambda cloud: sensor.log_likelihood(cloud[place], readings, positions, traits, owners)
 
 
 @dataclass(frozen=True, slots=True)
 class SharedReadings:
-    """Log-likelihoods of stacked particles, each against all the readings that its node has."""
+    """What stacked particles are weighed with if each node has the readings of many."""
 
     sensor: SensorModel
     place: list[int]
     evidence: list[Evidence]
+
+    @classmethod
+    def of(cls, members: Sequence[Member], heard: Sequence[list[Delivery]], scene: Scene) -> SharedReadings:
+        """From what the members heard of the broadcast, and their own readings."""
+        evidence = [evidence_at(member, news) for member, news in zip(members, heard, strict=True)]
+        return cls(scene.sensor, list(scene.motion.position), evidence)
 
     @property
     def sensors(self) -> list[int]:
         """How many readings each member weighs with."""
         return [len(seen.ids) for seen in self.evidence]
 
-    def __call__(self, cloud: Floats, rows: Ints, offsets: Ints) -> Floats:
-        """(N,) for a cloud whose m-th segment belongs to member rows[m]; one call where all have the same readings."""
-        points = cloud[self.place]
+    def score(self, rows: Ints, counts: Ints) -> Score:
+        """For a cloud whose m-th segment belongs to member rows[m]; one call where all have the same readings."""
         having = [self.evidence[row] for row in rows.tolist()]
         if all(seen is having[0] for seen in having):
-            return self._of(points, having[0])
-        pieces = [
-            self._of(np.ascontiguousarray(points[:, first:last]), seen)
-            for seen, first, last in zip(having, offsets[:-1].tolist(), offsets[1:].tolist(), strict=True)
-        ]
-        return np.concatenate(pieces)
+            return lambda cloud: self._of(cloud[self.place], having[0])
+        cuts = cuts_of(counts).tolist()
+        return lambda cloud: self._piecewise(cloud[self.place], having, cuts)
+
+    def _piecewise(self, points: Floats, having: list[Evidence], cuts: list[int]) -> Floats:
+        segments = zip(having, pairwise(cuts), strict=True)
+        return np.concatenate(
+            [self._of(np.ascontiguousarray(points[:, first:last]), seen) for seen, (first, last) in segments]
+        )
 
     def _of(self, points: Floats, seen: Evidence) -> Floats:
         return self.sensor.log_likelihood(points, seen.readings, seen.positions, seen.traits)

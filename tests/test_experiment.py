@@ -1,0 +1,228 @@
+"""The straight line, from a scenario to its file: what a researcher relies on."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+import wsnsim
+from wsnsim import experiment, recording, scenario
+from wsnsim.base.errors import ScenarioError
+from wsnsim.base.tables import CAUSES, EVENT_CAUSE, KIND, Memory
+
+TRACKERS = ("pso_mhpf", "ipf", "ppf", "central_pf")
+SHORT = ("duration=4 s",)
+
+
+def short(name: str, *overrides: str):
+    return scenario.load(name, (*SHORT, *overrides))
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    """Two replicates of a short run of every tracker."""
+    folder = tmp_path_factory.mktemp("results")
+    for name in TRACKERS:
+        experiment.run(short(name), replicates=2, out=folder / f"{name}.h5")
+    return folder
+
+
+@pytest.mark.parametrize("name", TRACKERS[1:])
+def test_every_tracker_chases_the_identical_truth_over_the_identical_network(files, name):
+    for table, columns in {"truth": None, "nodes": ("replicate", "node", "x", "y", "gain")}.items():
+        first, other = (recording.read_table(files / f"{n}.h5", table, columns) for n in ("pso_mhpf", name))
+        assert first.keys() == other.keys()
+        assert all(np.array_equal(first[key], other[key]) for key in first)
+
+
+@pytest.mark.parametrize("name", TRACKERS[1:3])
+def test_readings_and_the_first_cluster_are_the_same_for_trackers_under_the_same_policy(files, name):
+    heads = [recording.read_table(files / f"{n}.h5", "estimates")["head"][0] for n in ("pso_mhpf", name)]
+    assert heads[0] == heads[1]
+
+
+def test_replicates_differ_and_each_is_the_same_whatever_ran_before_it(files):
+    prints = recording.read_table(files / "pso_mhpf.h5", "runs")["fingerprint"]
+    assert prints[0] != prints[1]
+    alone = experiment.simulate(short("pso_mhpf"), replicate=1)
+    assert alone.run["fingerprint"] == prints[1]
+
+
+def test_the_fingerprint_is_the_same_in_another_process_and_without_a_log(files):
+    code = (
+        "from wsnsim import experiment, scenario\n"
+        "s = scenario.load('pso_mhpf', ['duration=4 s', 'record.events=false'])\n"
+        "print(experiment.simulate(s).run['fingerprint'])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert int(done.stdout) == recording.read_table(files / "pso_mhpf.h5", "runs")["fingerprint"][0]
+
+
+@pytest.mark.parametrize("name", TRACKERS)
+def test_the_ledger_closes_for_every_node(files, name):
+    energy = recording.read_table(files / f"{name}.h5", "energy")
+    nodes = recording.read_table(files / f"{name}.h5", "nodes")
+    for replicate in (0, 1):
+        mine, standing = energy["replicate"] == replicate, nodes["replicate"] == replicate
+        by_cause = np.bincount(energy["node"][mine], weights=energy["joules"][mine], minlength=256)
+        left, initial = nodes["energy_left"][standing], nodes["energy_initial"][standing]
+        if np.isfinite(initial).all():
+            assert np.allclose(by_cause, initial - left, rtol=1e-9, atol=1e-15)
+    total = recording.read_table(files / f"{name}.h5", "runs")["energy"].sum()
+    assert energy["joules"].sum() == pytest.approx(total, rel=1e-9)
+
+
+@pytest.mark.parametrize("name", TRACKERS)
+def test_the_events_and_the_positions_in_the_file_reproduce_the_energy_of_the_air_by_equations_9_and_10(files, name):
+    events = recording.read_table(files / f"{name}.h5", "events")
+    nodes = recording.read_table(files / f"{name}.h5", "nodes", ("replicate", "x", "y"))
+    energy = recording.read_table(files / f"{name}.h5", "energy")
+    positions = np.stack([nodes["x"], nodes["y"]], axis=1).reshape(2, 256, 2)
+    sent = np.isin(events["kind"], [KIND["send"], KIND["relay"]])
+    starts = positions[events["replicate"][sent], events["node"][sent]]
+    ends = positions[events["replicate"][sent], events["peer"][sent]]
+    distance = np.where(events["peer"][sent] < 0, 75.0, np.linalg.norm(starts - ends, axis=1))
+    bits = events["bits"][sent]
+    heard = events["bits"][events["cause"] == EVENT_CAUSE["rx"]]
+    by_cause = {cause: energy["joules"][energy["cause"] == code].sum() for code, cause in enumerate(CAUSES)}
+    assert np.sum(bits * 50e-9) == pytest.approx(by_cause["tx_electronics"], rel=1e-9)
+    assert np.sum(bits * 100e-12 * distance**2) == pytest.approx(by_cause["tx_amplifier"], rel=1e-9)
+    assert np.sum(heard * 50e-9) == pytest.approx(by_cause["rx"], rel=1e-9)
+    computed = events["joules"][events["cause"] == EVENT_CAUSE["cpu"]].sum()
+    assert computed == pytest.approx(by_cause["cpu"], rel=1e-9)
+
+
+def test_every_receive_names_a_frame_that_was_sent(files):
+    events = recording.read_table(files / "ppf.h5", "events")
+    for replicate in (0, 1):
+        mine = events["replicate"] == replicate
+        sent = set(events["frame"][mine & np.isin(events["kind"], [KIND["send"], KIND["relay"]])])
+        assert set(events["frame"][mine & (events["kind"] == KIND["receive"])]) <= sent
+
+
+def test_a_result_repeats(files):
+    answer = experiment.verify(files / "ipf.h5")
+    assert answer.ok, answer.text
+    assert "repeats" in answer.text and len(answer.rows) == 2
+
+
+def test_a_result_that_was_tampered_with_does_not_repeat(files, tmp_path):
+    copy = tmp_path / "copy.h5"
+    copy.write_bytes((files / "ppf.h5").read_bytes())
+    with h5py.File(copy, "r+") as file:
+        file["estimates/error"][5] += 0.5
+    answer = experiment.verify(copy)
+    assert not answer.ok and "DOES NOT REPEAT" in answer.text
+    assert [row["equal"] for row in answer.rows] == [False, True]
+
+
+def test_made_on_another_kind_of_processor_values_are_compared_to_a_tolerance_and_it_says_so(files, tmp_path):
+    copy = tmp_path / "copy.h5"
+    copy.write_bytes((files / "ipf.h5").read_bytes())
+    with h5py.File(copy, "r+") as file:
+        stored = json.loads(file["provenance_json"][()])
+        del file["provenance_json"]
+        file["provenance_json"] = json.dumps(stored | {"cpu_features": ["another"]})
+        file["estimates/error"][5] *= 1 + 1e-9
+    answer = experiment.verify(copy)
+    assert answer.ok and "other CPU features" in answer.text
+
+
+def test_a_plain_dict_is_a_scenario(files):
+    plain = experiment.rerun_source(files / "pso_mhpf.h5")
+    again = wsnsim.simulate(plain)
+    assert again.run["fingerprint"] == recording.read_table(files / "pso_mhpf.h5", "runs")["fingerprint"][0]
+    smallest = {
+        "name": "mine",
+        "seed": 3,
+        "duration": 1.0,
+        "step": "40 ms",
+        "deploy": {"kind": "uniform", "nodes": 120, "width": "200 m", "height": 200},
+        "motion": {"kind": "bounded_velocity", "start": [0, 10, 0, 5]},
+        "sensor": {"kind": "acoustic_energy"},
+        "energy": {"kind": "first_order"},
+        "link": {"kind": "disk"},
+        "tracker": {"kind": "ipf", "particles": 50},
+    }
+    memory = Memory()
+    summary = wsnsim.simulate(smallest, recorder=memory)
+    assert summary.run["steps"] == 25
+    assert len(memory.table("estimates")["error"]) == 25
+
+
+def test_literal_equation_18_visibly_fails_and_crashes_nothing():
+    literal = ("tracker.random_factors=false", "tracker.iterations=70", "duration=10 s")
+    failed = [experiment.simulate(scenario.load("pso_mhpf", literal), r) for r in range(2)]
+    default = [experiment.simulate(scenario.load("pso_mhpf", ["duration=10 s"]), r) for r in range(2)]
+    for bad, good in zip(failed, default, strict=True):
+        assert bad.run["rmse"] > 2 * good.run["rmse"]
+
+
+def test_accepting_by_the_likelihood_alone_loses_the_target():
+    losing = [experiment.simulate(scenario.load("pso_mhpf", ["tracker.acceptance=likelihood"]), r) for r in range(3)]
+    assert sum(summary.run["lost"] for summary in losing) >= 2
+
+
+def test_several_targets_each_have_their_track():
+    plain = scenario.resolved(short("pso_mhpf"))
+    first = plain.pop("motion")
+    memory = Memory()
+    plain["targets"] = [first, {**first, "start": [100.0, 10.0, 100.0, -20.0]}]
+    summary = wsnsim.simulate(plain, recorder=memory)
+    assert len(summary.tracks) == 2
+    assert not any(track["lost"] for track in summary.tracks)
+    assert set(memory.table("clusters")["target"]) == {0, 1}
+
+
+def test_particles_are_recorded_where_they_are_wanted():
+    memory = Memory({"particles": True})
+    experiment.simulate(short("pso_mhpf", "duration=0.4 s"), recorder=memory)
+    table = memory.table("particles")
+    for step in range(1, 11):
+        weights = table["weight"][table["step"] == step]
+        assert len(weights) == 400
+        assert weights.sum() == pytest.approx(1.0)
+    assert np.isfinite(table["px"]).all()
+
+
+def test_a_killed_run_leaves_no_file_under_the_final_name(tmp_path):
+    out = tmp_path / "x.h5"
+    command = [sys.executable, "-m", "wsnsim", "run", "pso_mhpf", "--replicates", "500", "--quiet", "--out", str(out)]
+    running = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    deadline = time.monotonic() + 60
+    while not list(tmp_path.glob("*.tmp")) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    time.sleep(1.0)
+    running.kill()
+    running.wait()
+    assert not out.exists()
+    assert len(list(tmp_path.glob("*.tmp"))) == 1
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupted_run_leaves_nothing_behind_and_no_traceback(tmp_path, number):
+    out = tmp_path / "x.h5"
+    command = [sys.executable, "-m", "wsnsim", "run", "pso_mhpf", "--replicates", "500", "--quiet", "--out", str(out)]
+    running = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    deadline = time.monotonic() + 60
+    while not list(tmp_path.glob("*.tmp")) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    time.sleep(0.5)
+    os.kill(running.pid, number)
+    _, told = running.communicate(timeout=30)
+    assert running.returncode in (130, 143)
+    assert "Traceback" not in told
+    assert list(Path(tmp_path).iterdir()) == []
+
+
+def test_a_deployment_that_cannot_be_covered_is_refused_or_given_up_with_a_reason(tmp_path):
+    with pytest.raises(ScenarioError, match="cover"):
+        experiment.run(scenario.load("pso_mhpf", ["deploy.nodes=10"]), out=tmp_path / "x.h5")
+    assert list(tmp_path.iterdir()) == []

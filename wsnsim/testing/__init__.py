@@ -1,0 +1,179 @@
+"""For authors of plug-ins: does a tracker keep the rules of the seam?
+
+    from wsnsim.testing import check_tracker
+    check_tracker(MyTracker(particles=100))
+
+A demand that fails raises AssertionError, which names it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from wsnsim.base.arrays import Bools
+from wsnsim.base.asks import Ask, Broadcast, Compute, Gather, Local, Member, Parcel, Scatter, Send
+from wsnsim.base.loopback import Lose, silent
+from wsnsim.base.ports import Estimate, MotionModel, SensorModel, Tracker
+from wsnsim.models.motion import BoundedVelocity
+from wsnsim.models.sensing import AcousticEnergy
+from wsnsim.testing.privacy import examine, same
+from wsnsim.testing.table import FIRST, SECOND, Table, track
+
+__all__ = ["Table", "check_tracker", "track"]
+
+
+class Models(NamedTuple):
+    """What the target does, what nodes measure of it, and the seed of everything."""
+
+    motion: MotionModel
+    sensor: SensorModel
+    seed: int
+
+
+def check_tracker(
+    tracker: Tracker[Any], motion: MotionModel | None = None, sensor: SensorModel | None = None, seed: int = 1
+) -> None:
+    """Run a tracker through every demand of the seam.
+
+    Args:
+        tracker: the tracker, built.
+        motion: what the target does and the filter believes; a `BoundedVelocity` unless given.
+        sensor: what nodes measure and the filter believes; an `AcousticEnergy` unless given.
+        seed: of truth, positions, readings and all keys.
+
+    Raises:
+        AssertionError: names the demand that fails. sound: estimates are finite, covariances symmetric and positive
+            semidefinite, parcels have packets and bits, cycles are numbers, something crosses the air. repeatable: same
+            seed, same belief. silence: without a network the belief depends on no other member's reading. privacy: work
+            sees and changes its own member alone, and work_all does the same as work. loss: of the first packet of each
+            parcel, the last, some, or all.
+    """
+    target: Any = BoundedVelocity() if motion is None else motion
+    nodes: Any = AcousticEnergy() if sensor is None else sensor
+    models = Models(target, nodes, seed)
+    with _demand("sound"):
+        _demand_sound(tracker, Table(*models))
+    with _demand("repeatable"):
+        first, again = (list(track(tracker, Table(*models))) for _ in range(2))
+        assert _all_equal(first, again), "the same seed gives two different tracks"
+    with _demand("silence"):
+        _demand_silence(tracker, models)
+    with _demand("privacy"):
+        for _ in track(tracker, Table(*models), watch=examine):
+            pass
+    for how, lose in _losses(seed).items():
+        with _demand(f"loss ({how})"):
+            for estimate in track(tracker, Table(*models), lose):
+                _sound(estimate)
+
+
+@contextmanager
+def _demand(name: str) -> Iterator[None]:
+    """Whatever goes wrong inside is an AssertionError that names the demand."""
+    try:
+        yield
+    except AssertionError as reason:
+        raise AssertionError(f"demand '{name}': {reason}") from reason
+    except Exception as reason:
+        raise AssertionError(f"demand '{name}': the tracker raised {type(reason).__name__}: {reason}") from reason
+
+
+def _demand_sound(tracker: Tracker[Any], table: Table) -> None:
+    bill = _Bill()
+    for estimate in track(tracker, table, watch=bill.watch):
+        _sound(estimate)
+    assert bill.bits > 0, "nothing ever crosses the air: a track has a state, and a state has bits"
+
+
+def _sound(estimate: Estimate) -> None:
+    size = estimate.mean.size
+    assert estimate.mean.shape == (size,) and estimate.cov.shape == (size, size), (
+        "mean (D,) and cov (D, D) are expected"
+    )
+    assert np.all(np.isfinite(estimate.mean)), f"the mean is not finite: {estimate.mean}"
+    assert np.all(np.isfinite(estimate.cov)), "the covariance is not finite"
+    scale = max(float(np.trace(estimate.cov)), 1e-300)
+    assert np.allclose(estimate.cov, estimate.cov.T, atol=1e-9 * scale, rtol=0), "the covariance is not symmetric"
+    lowest = float(np.linalg.eigvalsh(estimate.cov)[0])
+    assert lowest >= -1e-9 * scale, f"the covariance is not positive semidefinite: eigenvalue {lowest:g}"
+
+
+class _Bill:
+    """Looks at every ask before it is performed: its parcels, and the cycles that it claims."""
+
+    def __init__(self) -> None:
+        self.bits = 0
+
+    def watch(self, ask: Ask, members: dict[int, Member]) -> None:
+        """Add an ask's bits. A Gather and a Local are made to show theirs when they are performed."""
+        if isinstance(ask, Compute):
+            _check_cycles(ask.cycles)
+        elif isinstance(ask, Scatter):
+            for parcel in ask.parcels.values():
+                self._add(parcel)
+        elif isinstance(ask, Broadcast | Send):
+            self._add(ask.parcel)
+        elif isinstance(ask, Gather):
+            parcel_of = ask.parcel_of
+            ask.parcel_of = lambda member: self._add(parcel_of(member))
+        else:
+            assert isinstance(ask, Local), f"{ask!r} is no ask"
+            ask.work, ask.work_all = _billed(ask), None
+
+    def _add(self, parcel: Parcel | None) -> Parcel | None:
+        if parcel is not None:
+            assert parcel.packets >= 1 and parcel.packet_bits >= 1, f"a parcel without bits: {parcel.what!r}"
+            assert parcel.what, "a parcel without a name"
+            self.bits += parcel.packets * parcel.packet_bits
+        return parcel
+
+
+def _billed(ask: Local) -> Callable[[Member], None]:
+    """The work of a Local, which then shows what it claims to have cost."""
+    cycles, work = ask.cycles, ask.work
+
+    def work_and_bill(member: Member) -> None:
+        work(member)
+        _check_cycles(cycles(member) if callable(cycles) else cycles)
+
+    return work_and_bill
+
+
+def _check_cycles(cycles: float) -> None:
+    assert np.isfinite(cycles) and cycles >= 0, f"{cycles} is no number of cycles"
+
+
+def _demand_silence(tracker: Tracker[Any], models: Models) -> None:
+    heads = (FIRST[0], SECOND[0])
+    loud = Table(*models, alter=lambda node, value: value if node in heads else 1.7 * value + 0.3)
+    quiet = list(track(tracker, Table(*models), silent))
+    assert _all_equal(quiet, list(track(tracker, loud, silent))), (
+        "in a silent network the belief depends on readings of other members"
+    )
+
+
+def _losses(seed: int) -> dict[str, Lose]:
+    rng = np.random.default_rng(seed)
+
+    def without(index: int) -> Lose:
+        def lose(source: int, to: int, parcel: Parcel) -> Bools:
+            mask = np.ones(parcel.packets, dtype=np.bool_)
+            mask[index] = False
+            return mask
+
+        return lose
+
+    def some(source: int, to: int, parcel: Parcel) -> Bools:
+        return rng.random(parcel.packets) > 0.3
+
+    return {"the first packet": without(0), "the last packet": without(-1), "some packets": some, "all packets": silent}
+
+
+def _all_equal(first: list[Estimate], second: list[Estimate]) -> bool:
+    return len(first) == len(second) and all(
+        same((a.mean, a.cov), (b.mean, b.cov)) for a, b in zip(first, second, strict=True)
+    )

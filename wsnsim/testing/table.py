@@ -1,0 +1,136 @@
+"""A cluster on a table: members around a target, a script of who senses, and a handover; no clock, no joules.
+
+estimates = list(track(tracker, Table(motion, sensor, seed)))
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from wsnsim.base.arrays import Floats
+from wsnsim.base.asks import Ask, Member
+from wsnsim.base.loopback import Lose, perfect, perform
+from wsnsim.base.ports import Estimate, Field, MotionModel, Scene, SensorModel, Tracker
+from wsnsim.base.rng import derive, derive_all, normals
+
+DT = 0.04
+FIRST, SECOND = (11, 4, 29, 17, 23, 8), (31, 2, 29, 40, 6)
+"""Node ids of the two clusters, the head first; no order, no relation to anything."""
+SCRIPT: tuple[tuple[int, tuple[int, ...]], ...] = (
+    (1, FIRST),
+    (1, FIRST),
+    (1, FIRST[:4]),
+    (1, FIRST[1:]),
+    (1, ()),
+    (2, FIRST),
+    (1, FIRST[:1]),
+    (1, FIRST),
+)
+"""Steps passed, and who senses: some leave, the head too, all leave, all return, the head is alone, all return."""
+
+
+@dataclass
+class Table:
+    """A target, and two clusters of members around it. `alter` may change what a member measures."""
+
+    motion: MotionModel
+    sensor: SensorModel
+    seed: int
+    alter: Callable[[int, float], float] | None = None
+    sensing: tuple[int, ...] = ()
+    truth: Floats = field(init=False)
+    places: dict[int, Floats] = field(init=False)
+    traits: dict[int, Floats] = field(init=False)
+
+    def __post_init__(self) -> None:
+        rng = np.random.default_rng(self.seed)
+        ids = sorted({*FIRST, *SECOND})
+        self.truth = self.motion.truth(len(SCRIPT) + 4, DT, rng)
+        centre = self.truth[0][list(self.motion.position)]
+        spread = 0.4 * self.sensor.reach
+        self.places = {node: centre + rng.uniform(-spread, spread, 2) for node in ids}
+        self.traits = dict(zip(ids, self.sensor.draw_traits(len(ids), rng), strict=True))
+
+    @property
+    def prior(self) -> Estimate:
+        """The true start, with a standard deviation of two in every column."""
+        size = self.truth.shape[1]
+        return Estimate(self.truth[0] + 1.0, 4.0 * np.eye(size))
+
+    def members(self, ids: Sequence[int]) -> dict[int, Member]:
+        """Fresh members, with nothing in their memories."""
+        self.sensing = ()
+        return {node: Member(node, self.places[node], self.traits[node]) for node in ids}
+
+    def scene(self, step: int, steps: int, members: dict[int, Member], head: int, ids: tuple[int, ...]) -> Scene:
+        """What the head knows at a step; the members' readings and keys are set."""
+        point = self.truth[min(step, len(self.truth) - 1)][list(self.motion.position)]
+        for node, member in members.items():
+            member.key = derive(self.seed, step, node)
+            member.reading = self._reading(member, point) if node in ids else None
+        joined = tuple(node for node in ids if node not in self.sensing)
+        left = tuple(node for node in self.sensing if node not in ids)
+        self.sensing = ids
+        positions = np.array([self.places[node] for node in ids]).reshape(-1, 2)
+        traits = np.array([self.traits[node] for node in ids]).reshape(-1, len(self.sensor.trait_names))
+        return Scene(
+            time=step * DT,
+            step=step,
+            steps=steps,
+            dt=DT,
+            target=0,
+            head=head,
+            ids=ids,
+            positions=positions,
+            traits=traits,
+            roster=tuple(members),
+            joined=joined,
+            left=left,
+            field=Field(400.0, 400.0),
+            motion=self.motion,
+            sensor=self.sensor,
+            key=derive(self.seed, step, -1 - head),
+        )
+
+    def _reading(self, member: Member, point: Floats) -> float:
+        noise = normals(derive_all(member.key, np.array([7])), 0)
+        value = float(self.sensor.measure(point[None], member.position[None], member.traits[None], noise)[0])
+        return value if self.alter is None else self.alter(member.id, value)
+
+
+Watch = Callable[[Ask, dict[int, Member]], None]
+
+
+def track(tracker: Tracker[Any], table: Table, lose: Lose = perfect, watch: Watch | None = None) -> Iterator[Estimate]:
+    """Every estimate and forecast of a scripted track: a start, eight steps, a handover, three steps thereafter.
+
+    It ends early where the handover is lost.
+    """
+    members, head = table.members(FIRST), FIRST[0]
+
+    def drive(flow: Any) -> Any:
+        return perform(flow, members, head, lose, (lambda ask: watch(ask, members)) if watch else None)
+
+    scene = table.scene(0, 0, members, head, FIRST)
+    belief = drive(tracker.start(table.prior, scene))
+    yield tracker.estimate(belief)
+    step = 0
+    for passed, ids in SCRIPT:
+        step += passed
+        scene = table.scene(step, passed, members, head, ids)
+        belief = drive(tracker.step(belief, scene))
+        yield tracker.estimate(belief)
+        yield tracker.forecast(belief, scene, 2)
+    belief = drive(tracker.hand_over(belief, scene, SECOND[0]))
+    if belief is None:
+        return
+    members, head = table.members(SECOND), SECOND[0]
+    yield tracker.estimate(belief)
+    for ids in (SECOND[1:], SECOND, SECOND):
+        step += 1
+        belief = drive(tracker.step(belief, table.scene(step, 1, members, head, ids)))
+        yield tracker.estimate(belief)
