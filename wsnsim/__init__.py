@@ -43,8 +43,8 @@ _HOMES = {
     "Compute": "wsnsim.base.asks",
 }
 __all__ = [
-    "Broadcast", "Compute", "Estimate", "Gather", "Local", "Member", "Parcel", "Quantity", "Scatter", "Scene", "Send", "Tracker",
-    "load", "part", "read", "run", "simulate",
+    "Broadcast", "Compute", "Estimate", "Gather", "Local", "Member", "Parcel", "Quantity", "Scatter", "Scene", "Send",
+    "Tracker", "load", "part", "read", "run", "simulate",
 ]  # fmt: skip
 
 

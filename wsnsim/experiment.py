@@ -35,7 +35,9 @@ Source = Any
 
 @dataclass(frozen=True)
 class Summary:
-    """One replicate in figures. `run` and `tracks` are rows of the tables of those names; `errors` is (targets, steps)."""
+    """One replicate in figures. `run` and `tracks` are rows of the tables of those names; `errors` is (targets,
+    steps).
+    """
 
     run: Mapping[str, Any]
     tracks: tuple[Mapping[str, Any], ...]
@@ -157,7 +159,9 @@ def run(
     command_line: str = "",
     progress: Callable[[Progress], None] | None = None,
 ) -> Report:
-    """Run replicates 0 … n − 1 of a scenario into one HDF5 file, which stands under its name only once it is complete."""
+    """Run replicates 0 … n − 1 of a scenario into one HDF5 file, which stands under its name only once it is
+    complete.
+    """
     began = time.monotonic()
     loaded = scenarios.load(scenario)
     parts = scenarios.build(loaded)
@@ -201,8 +205,9 @@ def rerun_source(path: Path) -> dict[str, Any]:
 def verify(path: Path) -> Verification:
     """Run a result's scenario again and compare: fingerprints, estimates and energy of every replicate.
 
-    On the machine's kind of CPU and with the same versions the bytes must be equal; otherwise values are compared to 1e-6 of
-    their size, and the text says so (NumPy's logarithm and exponential differ in the last bit between kinds of CPU).
+    On the machine's kind of CPU and with the same versions the bytes must be equal; otherwise values are compared to
+    1e-6 of their size, and the text says so (NumPy's logarithm and exponential differ in the last bit between kinds
+    of CPU).
     """
     resolved = rerun_source(path)
     parts = scenarios.build(scenarios.load(resolved))
@@ -223,11 +228,15 @@ def _compare(
     replicate: int, before: Mapping[str, Any], again: Mapping[str, Any], kept: Mapping[str, Any], memory: Memory
 ) -> dict[str, Any]:
     """One replicate's row: whether all is equal, and whether it is close."""
-    pairs: list[tuple[Any, Any]] = [(kept[name], column) for name, column in memory.table("estimates").items() if name in kept]
+    pairs: list[tuple[Any, Any]] = [
+        (kept[name], column) for name, column in memory.table("estimates").items() if name in kept
+    ]
     pairs += [(before[name], again[name]) for name in ("energy", "rmse")]
     same_events = int(before["fingerprint"]) == int(again["fingerprint"])
     equal = all(np.array_equal(a, b, equal_nan=True) for a, b in pairs)
-    close = all(np.shape(a) == np.shape(b) and np.allclose(a, b, rtol=1e-6, atol=1e-9, equal_nan=True) for a, b in pairs)
+    close = all(
+        np.shape(a) == np.shape(b) and np.allclose(a, b, rtol=1e-6, atol=1e-9, equal_nan=True) for a, b in pairs
+    )
     return {
         "replicate": replicate,
         "fingerprint": int(before["fingerprint"]),
@@ -249,5 +258,7 @@ def _verification_text(path: Path, rows: list[dict[str, Any]], differing: list[s
         lines.append(f"  made with other {' and '.join(differing)}: compared to 1e-6 instead of to the last bit")
     for row in rows:
         verdict = "equal" if row["equal"] else "close" if row["close"] else "different"
-        lines.append(f"  replicate {row['replicate']}: {verdict}, fingerprint {row['fingerprint']:016x} / {row['again']:016x}")
+        lines.append(
+            f"  replicate {row['replicate']}: {verdict}, fingerprint {row['fingerprint']:016x} / {row['again']:016x}"
+        )
     return "\n".join(lines)

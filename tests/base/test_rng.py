@@ -50,6 +50,9 @@ def test_streams_depend_on_seed_replicate_and_purpose_and_on_nothing_else():
 
 def test_streams_are_the_same_in_every_process():
     code = "from wsnsim.base.rng import Streams; print(Streams(5, 2)('truth').random(), Streams(5, 2).key('sense'))"
-    lines = {subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout for _ in range(2)}
+    lines = {
+        subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+        for _ in range(2)
+    }
     here = f"{rng.Streams(5, 2)('truth').random()} {rng.Streams(5, 2).key('sense')}\n"
     assert lines == {here}

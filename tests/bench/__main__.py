@@ -11,14 +11,20 @@ from tests.bench.measures import all_rows
 
 def main() -> None:
     """Measure everything, print a line a figure."""
-    parser = argparse.ArgumentParser(prog="python -m tests.bench", description="wsnsim's benchmark: ratios within one run")
+    parser = argparse.ArgumentParser(
+        prog="python -m tests.bench", description="wsnsim's benchmark: ratios within one run"
+    )
     parser.add_argument("--json", type=Path, help="write the rows to this file")
     parser.add_argument("--quick", action="store_true", help="fewer repetitions")
     options = parser.parse_args()
     rows = []
     for row in all_rows(repeats=3 if options.quick else 9):
         rows.append(row)
-        bound = "" if row.get("bound") is None else f"   bound {row['bound']:g}: {'within' if row['within'] else 'EXCEEDED'}"
+        bound = (
+            ""
+            if row.get("bound") is None
+            else f"   bound {row['bound']:g}: {'within' if row['within'] else 'EXCEEDED'}"
+        )
         print(f"{row['name']:<58} {row['value']:>11.4g} {row['unit']}{bound}", flush=True)
     if options.json:
         options.json.parent.mkdir(parents=True, exist_ok=True)

@@ -43,7 +43,16 @@ def startup_rows() -> Iterator[dict[str, Any]]:
     yield row("wsnsim --help, wall", 1000 * statistics.median(walls[1:]), "ms", 150)
     with tempfile.TemporaryDirectory() as folder:
         cold = {**os.environ, "NUMBA_CACHE_DIR": folder}
-        one_step = [*python, "run", "pso_mhpf", "--set", "duration=0.4 s", "--quiet", "--out", str(Path(folder) / "x.h5")]
+        one_step = [
+            *python,
+            "run",
+            "pso_mhpf",
+            "--set",
+            "duration=0.4 s",
+            "--quiet",
+            "--out",
+            str(Path(folder) / "x.h5"),
+        ]
         yield row("first run after installation ready within, wall", _wall(one_step, cold), "s", 15)
         yield row("the same with kernels cached, wall", _wall(one_step, cold), "s")
 
@@ -78,7 +87,12 @@ def seam_rows(repeats: int) -> Iterator[dict[str, Any]]:
     yield row("bare SimPy timeout, 100 processes", 1e6 * timeout, "µs")
     yield row("pso_mhpf: frames a replicate", frames, "frames")
     yield row("pso_mhpf: the seam alone, CPU a replicate", seam, "s")
-    yield row("pso_mhpf: the seam, in timeouts beyond 150 a step, a frame", (seam / timeout - PER_STEP * steps) / frames, "", 8)
+    yield row(
+        "pso_mhpf: the seam, in timeouts beyond 150 a step, a frame",
+        (seam / timeout - PER_STEP * steps) / frames,
+        "",
+        8,
+    )
     yield row("pso_mhpf: its kernels alone, CPU a replicate", kernels, "s")
     yield row("pso_mhpf: whole run, CPU a replicate", whole, "s", 0.5)
     yield row("pso_mhpf: whole run / (kernels + seam)", whole / (kernels + seam), "", 1.5)

@@ -1,6 +1,6 @@
 """A tracker that replays another's asks with no mathematics: what is left is the price of the seam and of the network.
 
-    script = Script(); simulate with Recorded(tracker, script); then simulate with Replayed(tracker, script)
+script = Script(); simulate with Recorded(tracker, script); then simulate with Replayed(tracker, script)
 """
 
 from __future__ import annotations
@@ -84,8 +84,7 @@ class Replayed:
         return next(self._forecasts)
 
     def _replay(self) -> Generator[Ask, Any, Any]:
-        for ask in next(self._flows):
-            yield ask
+        yield from next(self._flows)
         return True
 
 

@@ -1,3 +1,5 @@
+import itertools
+
 import networkx as nx
 import numpy as np
 import pytest
@@ -28,7 +30,9 @@ class Place:
         self.router = Router(self.fleet, self.energy, weight)
         self.fleet.on_death = self.router.bury
         part = mac or IdealMac()
-        self.air = Air(self.env, self.fleet, make_mac(self.env, self.medium, part), self.medium, self.router, self.journal)
+        self.air = Air(
+            self.env, self.fleet, make_mac(self.env, self.medium, part), self.medium, self.router, self.journal
+        )
 
     def carry(self, *letters):
         self.env.run(until=self.air.carry(list(letters), 0))
@@ -91,7 +95,7 @@ def test_paths_are_the_cheapest_by_energy_or_by_hops():
         for to in range(1, 60, 7):
             found = place.router.path(0, to)
             truth = nx.shortest_path_length(graph, 0, to, weight="w")
-            assert sum(graph[a][b]["w"] for a, b in zip(found[:-1], found[1:], strict=True)) == pytest.approx(truth)
+            assert sum(graph[a][b]["w"] for a, b in itertools.pairwise(found)) == pytest.approx(truth)
 
 
 def test_the_dead_relay_nothing():

@@ -7,7 +7,21 @@ from wsnsim.network.journal import NAMES, Journal
 def rows(count: int) -> list:
     rng = random.Random(3)
     return [
-        (k // 7 * 0.04, k // 7, 0, rng.randrange(256), rng.randrange(20), 1, k, k, rng.randrange(-1, 256), 1, 96, 1e-6, 1)
+        (
+            k // 7 * 0.04,
+            k // 7,
+            0,
+            rng.randrange(256),
+            rng.randrange(20),
+            1,
+            k,
+            k,
+            rng.randrange(-1, 256),
+            1,
+            96,
+            1e-6,
+            1,
+        )
         for k in range(count)
     ]
 
@@ -25,7 +39,12 @@ def test_the_fingerprint_does_not_depend_on_the_order_at_equal_times_nor_on_reco
     events = rows(500)
     shuffled = events[:]
     random.Random(1).shuffle(shuffled)
-    assert fingerprint(events) == fingerprint(shuffled) == fingerprint(events, wanted=False) == fingerprint(events, True, 13)
+    assert (
+        fingerprint(events)
+        == fingerprint(shuffled)
+        == fingerprint(events, wanted=False)
+        == fingerprint(events, True, 13)
+    )
 
 
 def test_the_fingerprint_sees_every_one_of_time_node_kind_peer_and_bits():

@@ -87,7 +87,7 @@ def test_a_handover_out_of_reach_is_relayed_and_every_hop_is_paid():
     run = Run(parts(steps=10, tracker=tracker, routing=MinimumHop()), chain, [truth])
     relays = run.events("relay")
     assert [(row["node"], row["peer"]) for row in relays] == [(3, 4)]
-    sends = [row for row in run.events("send", "belief")]
+    sends = list(run.events("send", "belief"))
     assert [(row["node"], row["peer"]) for row in sends] == [(0, 3)]
     assert relays[0]["sequence"] == sends[0]["sequence"]
     assert run.outcome.tracks[0].clusters[1].hops == 2
@@ -153,7 +153,9 @@ def test_with_a_rate_airtime_counts_and_an_estimate_that_misses_its_step_is_late
 
 
 def test_frames_that_are_lost_are_missing_from_the_answers_and_the_loss_does_not_depend_on_the_tracker():
-    lossy = [cluster_of_three(link=Disk(reach=75.0, loss=0.5), steps=40, tracker=Centroid(cycles)) for cycles in (0.0, 1.0)]
+    lossy = [
+        cluster_of_three(link=Disk(reach=75.0, loss=0.5), steps=40, tracker=Centroid(cycles)) for cycles in (0.0, 1.0)
+    ]
     first = [set(answer) for answer in lossy[0].parts.tracker.answers]
     assert first == [set(answer) for answer in lossy[1].parts.tracker.answers]
     assert {len(answer) for answer in first} == {1, 2, 3} or {len(answer) for answer in first} == {1, 2}

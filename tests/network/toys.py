@@ -131,8 +131,7 @@ class Run:
         keep = table["kind"] == KIND[kind]
         if what is not None:
             keep &= table["what"] == self.memory.words.code(what)
-        rows = [{name: column[i] for name, column in table.items()} for i in np.flatnonzero(keep)]
-        return rows
+        return [{name: column[i] for name, column in table.items()} for i in np.flatnonzero(keep)]
 
 
 def standing(point: tuple[float, float], steps: int) -> np.ndarray:

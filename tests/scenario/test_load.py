@@ -43,7 +43,8 @@ seed: 2
 """
     assert faults_of(write("bad.yaml", bad)) == [
         "bad.yaml:3:9: error: deploy.nodes: is missing: number of nodes",
-        f"bad.yaml:3:{bad.splitlines()[2].index('heigth') + 1}: error: deploy.heigth: unknown key, did you mean 'height'?",
+        f"bad.yaml:3:{bad.splitlines()[2].index('heigth') + 1}: error: deploy.heigth: "
+        "unknown key, did you mean 'height'?",
         f"bad.yaml:4:{bad.splitlines()[3].index('2 s') + 1}: error: motion.start.1: "
         "'s' is a unit of time, expected length (for example '1 m')",
         "bad.yaml:5:18: error: link.reach: 'kbit/s' is a unit of rate, expected length (for example '1 m')",
@@ -62,7 +63,9 @@ seed: 2
         ({"seed": -1}, ["seed: error: must be at least 0, is -1"]),
         ({"replicates": 2.5}, ["replicates: error: expected a whole number, got 2.5"]),
         ({"replicates": 0}, ["replicates: error: must be at least 1, is 0"]),
-        ({"name": "a/b"}, ["name: error: 'a/b' cannot name a file: use letters and digits, then also '_', '-' and '.'"]),
+        ({"name": "a/b"}, [
+            "name: error: 'a/b' cannot name a file: use letters and digits, then also '_', '-' and '.'",
+        ]),
         ({"name": 2013}, ["name: error: expected text, got the number 2013"]),
         ({"duration": "4.01 s"}, ["duration: error: 4.01 s is no whole number of steps of 0.04 s (nearest: 4 s)"]),
         ({"duration": 0.01}, ["duration: error: 0.01 s is 0 steps of 0.04 s; 1 to 1e+08 are allowed"]),
@@ -282,8 +285,8 @@ def test_the_path_of_a_part_starts_from_the_folder_of_the_file_that_says_it() ->
 @pytest.mark.parametrize(
     ("name", "content", "message"),
     [
-        ("binary.yaml", b"\x89HDF\r\n\x1a\n\x00\x00", "binary.yaml: error: is a binary file (or not UTF-8), expected YAML text"),
-        ("latin.yaml", "name: é".encode("latin-1"), "latin.yaml: error: is a binary file (or not UTF-8), expected YAML text"),
+        ("h5.yaml", b"\x89HDF\r\n\x1a\n\x00", "h5.yaml: error: is a binary file (or not UTF-8), expected YAML text"),
+        ("latin.yaml", b"name: \xe9", "latin.yaml: error: is a binary file (or not UTF-8), expected YAML text"),
         ("empty.yaml", b"", "empty.yaml:1:1: error: is empty"),
         ("list.yaml", b"- a\n- b\n", "list.yaml:1:1: error: expected keys such as 'name', got a list"),
         ("word.yaml", b"hello", "word.yaml:1:1: error: expected keys such as 'name', got the text 'hello'"),
@@ -336,9 +339,10 @@ def test_any_text_in_a_file_is_a_scenario_or_a_scenario_error(
 
 LINES = [
     "name: x", "seed: 1", "duration: 4 s", "duration: 1e", "deploy: {kind: uniform, nodes: 3}", "deploy: [1]", "link:",
-    "link: {kind: disk, reach: .nan}", "tracker: {kind: 3}", "tracker: {assumes: 4}", "targets: {a: 1}", "targets: [1, {}]",
-    "motion: &m {kind: &k bounded_velocity, start: [*k]}", "sensor: *m", "until: ~", "until: {clusters: [1]}", "record: 3",
-    "extends: x", "extends: {}", "prior: {<<: *m}", "1: 2", "~: 3", "'': 4", "energy: {kind: 'os:path'}", "mac: {kind: ':'}",
+    "link: {kind: disk, reach: .nan}", "tracker: {kind: 3}", "tracker: {assumes: 4}", "targets: {a: 1}",
+    "targets: [1, {}]", "motion: &m {kind: &k bounded_velocity, start: [*k]}", "sensor: *m", "until: ~",
+    "until: {clusters: [1]}", "record: 3", "extends: x", "extends: {}", "prior: {<<: *m}", "1: 2", "~: 3", "'': 4",
+    "energy: {kind: 'os:path'}", "mac: {kind: ':'}",
 ]  # fmt: skip
 
 

@@ -2,19 +2,20 @@
 
     Flow[Belief] = Generator[Ask, Any, Belief]
 
-A flow yields an ask and is sent back what happened. It knows no clock and no engine; joules, airtime and loss are the driver's.
+A flow yields an ask and is sent back what happened. It knows no clock and no engine; joules, airtime and loss are the
+driver's.
 
 | ask | what is done | answer |
 | --- | --- | --- |
 | Local | each member computes, on what it has at hand | tuple of ids that computed |
-| Gather | members send to the head (the head's own parcel costs nothing) | {id: (payload, mask)} of the parcels of which something arrived |
+| Gather | members send to the head (the head's own parcel costs nothing) | {id: (payload, mask)} of what arrived |
 | Scatter | the head sends to single members (to itself: at no cost) | {id: mask}; a silent network answers {} |
 | Broadcast | the head sends once to all within reach | {id: mask} of the cluster's members that heard |
 | Send | the head sends to any node, relayed if need be (to itself: at no cost) | mask |
 | Compute | the head computes | None |
 
-A mask is a (packets,) boolean array: which packets of the parcel arrived. An id that is missing from an answer means that nothing
-arrived from or at it.
+A mask is a (packets,) boolean array: which packets of the parcel arrived. An id that is missing from an answer means
+that nothing arrived from or at it.
 """
 
 from __future__ import annotations
@@ -46,9 +47,9 @@ class Delivery:
 class Member:
     """What ONE node has at hand when it computes; nothing else is reachable.
 
-    `reading` is its own reading of this step (None if it does not sense), `memory` its own and lasting (it dies with the node or
-    with the cluster), `inbox` what the head sent since its last `Local`, `key` a 64-bit integer for counter noise, new at each
-    step, equal for equal (seed, replicate, target, step, node).
+    `reading` is its own reading of this step (None if it does not sense), `memory` its own and lasting (it dies with
+    the node or with the cluster), `inbox` what the head sent since its last `Local`, `key` a 64-bit integer for
+    counter noise, new at each step, equal for equal (seed, replicate, target, step, node).
     """
 
     id: NodeId
@@ -77,10 +78,10 @@ class Parcel:
 
 @dataclass(slots=True)
 class Local:
-    """Each addressed member computes; results stay in its memory. `cycles` is a number, or is asked of each member afterwards.
+    """Each addressed member computes; results stay in its memory.
 
-    `work_all` may do the whole cluster's work in one call, if member i's result depends on member i's own inputs alone.
-    `who`: ids addressed; None means the members that sense now.
+    `cycles` is a number, or is asked of each member afterwards. `work_all` may do the whole cluster's work in one call, if member i's result depends on member i's own inputs
+    alone. `who`: ids addressed; None means the members that sense now.
     """
 
     work: Callable[[Member], None]

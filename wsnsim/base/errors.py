@@ -30,8 +30,8 @@ class UsageError(WsnsimError):
 class Fault:
     """One fault of a scenario: where (a path of keys such as ('tracker', 'kind')), and what.
 
-    `place` is where the text stands ('x.yaml:14:9' or '--set link.reach'), `excerpt` the line with a caret under it; both are
-    filled in by the loader, which alone knows the text.
+    `place` is where the text stands ('x.yaml:14:9' or '--set link.reach'), `excerpt` the line with a caret under it;
+    both are filled in by the loader, which alone knows the text.
     """
 
     path: tuple[str | int, ...]

@@ -1,6 +1,6 @@
 """The smallest driver of a flow: a cluster on a table, no clock, no joules. It serves filters' tests and benches.
 
-    belief = perform(tracker.step(belief, scene), {member.id: member for member in members}, head, lose)
+belief = perform(tracker.step(belief, scene), {member.id: member for member in members}, head, lose)
 """
 
 from __future__ import annotations
@@ -11,7 +11,19 @@ from typing import Any
 import numpy as np
 
 from wsnsim.base.arrays import Bools
-from wsnsim.base.asks import Ask, Broadcast, Compute, Delivery, Flow, Gather, Local, Member, Parcel, Scatter, all_arrived
+from wsnsim.base.asks import (
+    Ask,
+    Broadcast,
+    Compute,
+    Delivery,
+    Flow,
+    Gather,
+    Local,
+    Member,
+    Parcel,
+    Scatter,
+    all_arrived,
+)
 
 Lose = Callable[[int, int, Parcel], Bools]
 """(source, destination, parcel) → mask of the packets that arrive."""

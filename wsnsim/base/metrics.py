@@ -1,6 +1,6 @@
 """Figures over columns: how far off, how often lost. A step without an estimate has error NaN.
 
-    errors: (steps,) of one replicate, or (replicates, steps)
+errors: (steps,) of one replicate, or (replicates, steps)
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ def median_error(errors: Floats) -> float:
 
 
 def is_lost(errors: Floats, window: int = LOST_WINDOW, limit: float = LOST_ERROR) -> bool:
-    """Whether a track is lost: the mean error of its last `window` steps exceeds `limit` metres, or most of them have no estimate.
+    """Whether a track is lost: the mean error of its last `window` steps exceeds `limit` metres.
 
-    The 100 steps and 20 m are our choice; Jiang (2013) gives no rule.
+    So is one that has no estimate for half of them. The 100 steps and 20 m are our choice; Jiang (2013) gives no rule.
     """
     last = errors[-window:]
     known = last[np.isfinite(last)]
@@ -38,7 +38,7 @@ def is_lost(errors: Floats, window: int = LOST_WINDOW, limit: float = LOST_ERROR
 
 
 def per_step_rmse(errors: Floats) -> Floats:
-    """(steps,) root mean square over replicates at each step (Jiang 2013, eq. 26); NaN where no replicate has an estimate."""
+    """(steps,) root mean square over replicates at each step (Jiang 2013, eq. 26); NaN where none has an estimate."""
     known = np.isfinite(errors)
     count = known.sum(axis=0)
     square = np.where(known, errors, 0.0) ** 2
@@ -61,7 +61,7 @@ def lost_fraction(lost: Bools) -> float:
 def bootstrap_interval(
     errors: Floats, statistic: Callable[[Floats], float], draws: int = 400, confidence: float = 0.95
 ) -> tuple[float, float]:
-    """The percentile bootstrap interval of a statistic over replicates (the rows of `errors`); NaN with fewer than three."""
+    """The percentile bootstrap interval of a statistic over the rows of `errors`; NaN with fewer than three rows."""
     count = len(errors)
     if count < 3:
         return float("nan"), float("nan")

@@ -7,8 +7,8 @@ Its fields are its YAML keys; bounds and units stand in the annotations, default
         '''Two nodes hear each other within a fixed reach.'''
         reach: Annotated[float, Quantity("m", gt=0), "nominal range of a link"]
 
-A part may say what cannot be in the company of the others: `def faults(self, parts: Parts) -> Iterator[Fault]`, with paths that
-start at the role's name.
+A part may say what cannot be in the company of the others: `def faults(self, parts: Parts) -> Iterator[Fault]`, with
+paths that start at the role's name.
 """
 
 from __future__ import annotations

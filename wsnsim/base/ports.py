@@ -1,7 +1,8 @@
 """The ports: what each role of a scenario must be able to do. Behind each stands one or more frozen `@part` classes.
 
-Shapes: D state columns, N particles or nodes, S sensors. States are (D, N): column j is particle j. SI units throughout.
-`keys` are (N,) uint64 counter keys, one a particle (see `base.rng`): equal keys, equal noise, whatever the order of the calls.
+Shapes: D state columns, N particles or nodes, S sensors. States are (D, N): column j is particle j. SI units
+throughout. `keys` are (N,) uint64 counter keys, one a particle (see `base.rng`): equal keys, equal noise, whatever
+the order of the calls.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ class Field:
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """A Gaussian summary of what a head believes: mean (D,), cov (D, D), and the number of effective particles if it has any."""
+    """A Gaussian summary of what a head believes: mean (D,), cov (D, D); and its number of effective particles."""
 
     mean: Floats
     cov: Floats
@@ -45,10 +46,10 @@ class Scene:
     """What the head knows without asking.
 
     `steps` model steps of `dt` seconds have passed since the belief's time (1, or more after steps that were missed).
-    `ids`, `positions` (n, 2) and `traits` (n, T) are of the members that sense now, the head first if it does; `roster` is every
-    living member, sensing or not; `joined` and `left` are the ids that began and ceased to sense since the last step (`left` only
-    names the living: they still have what is in their memory). `motion` and `sensor` are what the *filter* believes; they may
-    differ from the truth's. `key` serves the head's own draws.
+    `ids`, `positions` (n, 2) and `traits` (n, T) are of the members that sense now, the head first if it does;
+    `roster` is every living member, sensing or not; `joined` and `left` are the ids that began and ceased to sense
+    since the last step (`left` only names the living: they still have what is in their memory). `motion` and `sensor`
+    are what the *filter* believes; they may differ from the truth's. `key` serves the head's own draws.
     """
 
     time: float
@@ -77,9 +78,14 @@ class Scene:
 class MotionModel(Protocol):
     """How a target moves. `columns` names the state's D columns; `position` says which two of them are x and y."""
 
-    columns: tuple[str, ...]
-    units: tuple[str, ...]
-    position: tuple[int, int]
+    @property
+    def columns(self) -> tuple[str, ...]: ...
+
+    @property
+    def units(self) -> tuple[str, ...]: ...
+
+    @property
+    def position(self) -> tuple[int, int]: ...
 
     def truth(self, steps: int, dt: float, rng: np.random.Generator) -> Floats:
         """(steps + 1, D): one trajectory from the start state."""
@@ -109,21 +115,24 @@ class MotionModel(Protocol):
 class SensorModel(Protocol):
     """What a node measures of a target within `reach`. A node's traits (its gain, say) are a row of `trait_names`."""
 
-    reach: float
-    trait_names: tuple[str, ...]
+    @property
+    def reach(self) -> float: ...
+
+    @property
+    def trait_names(self) -> tuple[str, ...]: ...
 
     def draw_traits(self, nodes: int, rng: np.random.Generator) -> Floats:
         """(nodes, T): each node's constants."""
         ...
 
     def measure(self, points: Floats, positions: Floats, traits: Floats, noise: Floats) -> Floats:
-        """(n,) readings: pair i is a target at points[i] (n, 2), a sensor at positions[i] with traits[i], a standard normal."""
+        """(n,) readings of a target at points[i] (n, 2) by a sensor at positions[i], noise[i] standard normal."""
         ...
 
     def log_likelihood(
         self, points: Floats, readings: Floats, positions: Floats, traits: Floats, owners: Ints | None = None
     ) -> Floats:
-        """(N,) log p(readings | target at points (2, N)): of all S readings, or of reading owners[j] alone for particle j."""
+        """(N,) log p(readings | points (2, N)): of all S readings, or of reading owners[j] alone for particle j."""
         ...
 
     def linearise(self, points: Floats, positions: Floats, traits: Floats) -> tuple[Floats, Floats, Floats]:
@@ -138,18 +147,22 @@ class SensorModel(Protocol):
 class Deployment(Protocol):
     """Where the nodes stand."""
 
-    width: float
-    height: float
+    @property
+    def width(self) -> float: ...
+
+    @property
+    def height(self) -> float: ...
 
     def draw(self, reach: float, rng: np.random.Generator) -> Floats:
-        """(N, 2) positions; with a coverage guarantee if the part asks for one. Raises RunError where it cannot be kept."""
+        """(N, 2) positions, covering the field if the part asks for it. Raises RunError where that cannot be had."""
         ...
 
 
 class EnergyModel(Protocol):
     """What each act costs, in joules. `battery` is a node's charge."""
 
-    battery: float
+    @property
+    def battery(self) -> float: ...
 
     def transmit(self, bits: float, distance: float) -> tuple[float, float]:
         """(electronics, amplifier) joules."""
@@ -165,7 +178,8 @@ class EnergyModel(Protocol):
 class LinkModel(Protocol):
     """Who hears whom. `reach` is the nominal range in m."""
 
-    reach: float
+    @property
+    def reach(self) -> float: ...
 
     def arrivals(self, distance: float, packets: int, key: int) -> Bools:
         """(packets,) which packets of a burst arrive over a link of this length; `key` seeds the frame's own draws."""
@@ -178,16 +192,17 @@ class LinkModel(Protocol):
 
 
 class Mac(Protocol):
-    """When a frame gets the channel. `mechanism` names what the network room performs; the fields are its parameters."""
+    """When a frame gets the channel. `mechanism` names what the network room performs; fields are its parameters."""
 
     @property
     def mechanism(self) -> str: ...
 
 
 class SleepSchedule(Protocol):
-    """Which nodes sense and listen when. `always_listening`: receiver and sensor stay on while a node sleeps (event wake)."""
+    """Which nodes sense and listen when. `always_listening`: receiver and sensor stay on in sleep (event wake)."""
 
-    always_listening: bool
+    @property
+    def always_listening(self) -> bool: ...
 
 
 class WakeUp(Protocol):
@@ -201,9 +216,17 @@ class Acquire(Protocol):
     """How a track starts anew from readings alone."""
 
     def estimate(
-        self, readings: Floats, positions: Floats, traits: Floats, sensor: SensorModel, motion: MotionModel, prior: Estimate
+        self,
+        readings: Floats,
+        positions: Floats,
+        traits: Floats,
+        sensor: SensorModel,
+        motion: MotionModel,
+        prior: Estimate,
     ) -> Estimate:
-        """A start from the readings that arrived: position from them, the rest from the spread of the scenario's prior."""
+        """A start from the readings that arrived: position from them, the rest from the spread of the scenario's
+        prior.
+        """
         ...
 
 
@@ -216,9 +239,9 @@ class PriorModel(Protocol):
 class ClusterPolicy(Protocol):
     """Who leads, who follows, and until when.
 
-    `minimum_active`: a cluster that forms with fewer sensing members holds a network-wide election. `threshold`: joules that a
-    head must hold, None for the paper's rule. `is_open`: whoever senses belongs, without a frame, and nobody hands over.
-    `calls_election`: the node nearest to the forecast calls an election instead of leading itself.
+    `minimum_active`: a cluster that forms with fewer sensing members holds a network-wide election. `threshold`:
+    joules that a head must hold, None for the paper's rule. `is_open`: whoever senses belongs, without a frame, and
+    nobody hands over. `calls_election`: the node nearest to the forecast calls an election instead of leading itself.
     """
 
     @property
@@ -234,13 +257,17 @@ class ClusterPolicy(Protocol):
     def calls_election(self) -> bool: ...
 
     def elect(self, ids: Sequence[int], strengths: Sequence[float], able: Sequence[bool]) -> int | None:
-        """The head among candidates that sense, given each one's reading and whether its charge exceeds the threshold."""
+        """The head among candidates that sense, given each one's reading and whether its charge exceeds the
+        threshold.
+        """
         ...
 
     def must_hand_over(self, active: int, members: int) -> bool: ...
 
     def successor(self, forecast: Floats, positions: Floats, able: Bools) -> int | None:
-        """The node to hand over to, given the predicted position (2,), all nodes' positions (N, 2) and who is able (N,)."""
+        """The node to hand over to, given the predicted position (2,), all nodes' positions (N, 2) and who is able
+        (N,).
+        """
         ...
 
 
@@ -265,7 +292,7 @@ class Recorder(Protocol):
 
 
 class Tracker(Protocol[B]):
-    """A tracking strategy: half mathematics, half protocol (see `base.asks`). State is an argument and a return value."""
+    """A tracking strategy: half mathematics, half protocol (see `base.asks`). State is argument and return value."""
 
     def start(self, prior: Estimate, scene: Scene) -> Flow[B]:
         """A new track in a cluster that has just formed: the first deal-out crosses the air too."""
@@ -276,9 +303,11 @@ class Tracker(Protocol[B]):
         ...
 
     def hand_over(self, belief: B, scene: Scene, successor: int) -> Flow[B | None]:
-        """Collect from the old cluster and send to the successor. What is returned is what *arrived*; None: the track is lost.
+        """Collect from the old cluster and send to the successor. What is returned is what *arrived*; None: the track
+        is lost.
 
-        The deal-out in the new cluster is the first thing that its first `step` does, since only then its members are known.
+        The deal-out in the new cluster is the first thing that its first `step` does, since only then its members are
+        known.
         """
         ...
 
@@ -291,7 +320,7 @@ class Tracker(Protocol[B]):
 
 @runtime_checkable
 class Snapshots(Protocol):
-    """What a tracker with particles may offer besides: a look at them, for the opt-in table `particles`. No node sees it."""
+    """What a tracker may offer besides: a look at its particles, for the table `particles`. No node sees it."""
 
     def snapshot(self, belief: Any, members: Sequence[Member]) -> Iterator[tuple[int, Floats, Floats]]:
         """(node, states (D, n), weights (n,)) of each node that holds some; weights sum to 1 over the whole set."""
@@ -302,8 +331,9 @@ class Snapshots(Protocol):
 class Parts:
     """A scenario, built: one part a role, ready for the network. Times in s.
 
-    `motions` holds one model a target. `filter_motions` and `filter_sensor` are what trackers are told (`tracker.assumes`).
-    `record` maps table names to whether they are wanted. `origin` keeps the resolved scenario for messages and provenance.
+    `motions` holds one model a target. `filter_motions` and `filter_sensor` are what trackers are told
+    (`tracker.assumes`). `record` maps table names to whether they are wanted. `origin` keeps the resolved scenario
+    for messages and provenance.
     """
 
     name: str

@@ -1,8 +1,8 @@
 """Where randomness comes from: named streams, and a counter hash for draws that must not depend on who else draws.
 
-`Streams(seed, replicate)("truth")` is a Generator of its own for each purpose. `derive(key, i, k)` folds integers into a 64-bit
-key, and `uniforms(keys, j)`, `normals(keys, j)` are the j-th draw of each key: order-independent, free for keys never asked.
-This is the NumPy twin of `kernels.noise` (bit-equal in the hash and the uniforms).
+`Streams(seed, replicate)("truth")` is a Generator of its own for each purpose. `derive(key, i, k)` folds integers
+into a 64-bit key, and `uniforms(keys, j)`, `normals(keys, j)` are the j-th draw of each key: order-independent, free
+for keys never asked. This is the NumPy twin of `kernels.noise` (bit-equal in the hash and the uniforms).
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ def name_hash(name: str) -> int:
 
 
 class Streams:
-    """Random streams by purpose. They depend on seed and replicate only, never on the tracker or the order of asking."""
+    """Random streams by purpose: they depend on seed and replicate, never on the tracker or the order of asking."""
 
     def __init__(self, seed: int, replicate: int) -> None:
         self.seed = seed

@@ -1,7 +1,9 @@
-"""The tables of a result: their columns, units and categories. What the network writes, the file stores and pandas reads.
+"""The tables of a result: their columns, units and categories. What the network writes, the file stores and pandas
+reads.
 
-A category column holds small unsigned integers; its meanings travel with it. The words of `events.what` may grow at run time (a
-tracker names its own parcels): a recorder holds them as `Words`, and writes their meanings when it closes.
+A category column holds small unsigned integers; its meanings travel with it. The words of `events.what` may grow at
+run time (a tracker names its own parcels): a recorder holds them as `Words`, and writes their meanings when it
+closes.
 """
 
 from __future__ import annotations
@@ -26,7 +28,7 @@ EVENT_CAUSE: Final = {name: code for code, name in enumerate(EVENT_CAUSES)}
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """One column: NumPy type, SI unit ('1' for a count, '' for an identifier), what it holds, and its categories if any."""
+    """One column: NumPy type, SI unit ('1' for a count, '' for an identifier), what it holds, its categories."""
 
     name: str
     dtype: str
@@ -36,7 +38,9 @@ class Column:
     smooth: bool = False
 
 
-def _c(name: str, dtype: str, units: str, description: str, meanings: tuple[str, ...] = (), smooth: bool = False) -> Column:
+def _c(
+    name: str, dtype: str, units: str, description: str, meanings: tuple[str, ...] = (), smooth: bool = False
+) -> Column:
     return Column(name, dtype, units, description, meanings, smooth)
 
 
@@ -104,7 +108,12 @@ TABLES: Final[dict[str, tuple[Column, ...]]] = {
         _c("late", "u1", "1", "1 if the estimate missed its step"),
         _c("woken", "u2", "1", "nodes that woke at this step"),
         _c("ineffective", "u2", "1", "nodes woken by a message though the target is out of their range"),
-        _c("effective_particles", "f8", "1", "effective number of the particles that the head knows; NaN if it has none"),
+        _c(
+            "effective_particles",
+            "f8",
+            "1",
+            "effective number of the particles that the head knows; NaN if it has none",
+        ),
     ),
     "events": (
         _REPLICATE,

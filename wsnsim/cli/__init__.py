@@ -20,7 +20,7 @@ from typing import Any, Final
 import click
 
 from wsnsim.base.errors import ScenarioError, WsnsimError
-from wsnsim.cli.commands import commands
+from wsnsim.cli.commands import group
 
 __all__ = ["main"]
 
@@ -56,8 +56,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _perform(arguments: list[str]) -> int:
     try:
-        with commands.make_context("wsnsim", arguments or ["--help"]) as context:
-            code = commands.invoke(context)
+        with group.make_context("wsnsim", arguments or ["--help"]) as context:
+            code = group.invoke(context)
         sys.stdout.flush()
         return code if isinstance(code, int) else 0
     except click.exceptions.Exit as end:

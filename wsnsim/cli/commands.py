@@ -38,7 +38,7 @@ def _version(ctx: click.Context, option: click.Parameter, wanted: bool) -> None:
 
 @click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
 @click.option("--version", is_flag=True, is_eager=True, expose_value=False, callback=_version, help="Show the version.")
-def commands() -> None:
+def group() -> None:
     """Simulate wireless sensor networks that track moving targets, joule by joule.
 
     SCENARIO is a YAML file, the name of a shipped scenario (`wsnsim list scenarios`), or a result whose scenario is run
@@ -55,7 +55,7 @@ _json = click.option(
 _result = click.argument("result", metavar="FILE", type=click.Path(path_type=Path))
 
 
-@commands.command()
+@group.command()
 @click.argument("source", metavar="SCENARIO")
 @_overrides
 @click.option("--replicates", type=click.IntRange(min=1), metavar="N", help="Runs with other draws, into one file.")
@@ -104,7 +104,7 @@ def run(
         click.echo(summary.text(report, published, jiang2013.SOURCE))
 
 
-@commands.command()
+@group.command()
 @click.argument("sources", metavar="SCENARIO...", nargs=-1, required=True)
 @_overrides
 def check(sources: tuple[str, ...], overrides: tuple[str, ...]) -> int:
@@ -123,7 +123,7 @@ def check(sources: tuple[str, ...], overrides: tuple[str, ...]) -> int:
     return 2 if wrong else 0
 
 
-@commands.command("list")
+@group.command("list")
 @click.argument("role", required=False)
 @_json
 def list_(role: str | None, as_json: bool) -> None:
@@ -139,7 +139,7 @@ def list_(role: str | None, as_json: bool) -> None:
         click.echo(listing.scenarios_text() if of_scenarios else listing.roles_text(roles))
 
 
-@commands.command()
+@group.command()
 def schema() -> None:
     """Print the JSON Schema of scenarios, installed plug-ins included."""
     from wsnsim.scenario.json_schema import json_schema
@@ -147,7 +147,7 @@ def schema() -> None:
     click.echo(json.dumps(json_schema(), indent=2, ensure_ascii=False))
 
 
-@commands.command()
+@group.command()
 @click.argument("name")
 def new(name: str) -> None:
     """Write NAME.yaml, a commented scenario to start from."""
@@ -168,7 +168,7 @@ def new(name: str) -> None:
     click.echo(f"{path}: a scenario to start from; run it with: wsnsim run {path}")
 
 
-@commands.command()
+@group.command()
 @_result
 @_json
 def info(result: Path, as_json: bool) -> None:
@@ -181,7 +181,7 @@ def info(result: Path, as_json: bool) -> None:
         click.echo(frames.info_text(result))
 
 
-@commands.command()
+@group.command()
 @_result
 @_json
 def verify(result: Path, as_json: bool) -> int:
@@ -196,7 +196,7 @@ def verify(result: Path, as_json: bool) -> int:
     return 0 if answer.ok else 1
 
 
-@commands.command()
+@group.command()
 @click.argument("left", metavar="X.tmp", type=click.Path(path_type=Path))
 @click.option("--out", "-o", type=click.Path(path_type=Path), metavar="FILE.h5", help="Where to write what is left.")
 def recover(left: Path, out: Path | None) -> None:

@@ -48,18 +48,24 @@ class _Bar:
     """One line on the terminal, redrawn: simulated time, × real time, time left."""
 
     def __init__(self) -> None:
-        from tqdm import tqdm
-
-        shape = "{desc} {percentage:3.0f}%|{bar}| {n:.1f}/{total:.1f} s simulated [{elapsed}<{remaining}{postfix}]"
-        self._bar = tqdm(total=0.0, desc="wsnsim", bar_format=shape, leave=False, file=sys.stderr, mininterval=0.1)
+        self._bar: Any = None
 
     def step(self, progress: Any) -> None:
-        self._bar.total = progress.replicates * progress.duration
-        self._bar.set_postfix_str(f"{_speed(progress):.3g} × real time", refresh=False)
-        self._bar.update(_share(progress) * self._bar.total - self._bar.n)
+        if self._bar is None:
+            self._bar = _tqdm(progress.replicates * progress.duration)
+        self._bar.n = _share(progress) * self._bar.total
+        self._bar.set_postfix_str(f"{_speed(progress):.3g} × real time")
 
     def close(self) -> None:
-        self._bar.close()
+        if self._bar is not None:
+            self._bar.close()
+
+
+def _tqdm(total: float) -> Any:
+    from tqdm import tqdm
+
+    shape = "{desc} {percentage:3.0f}%|{bar}| {n:.1f}/{total:.1f} s simulated [{elapsed}<{remaining}{postfix}]"
+    return tqdm(total=total, desc="wsnsim", bar_format=shape, leave=False, file=sys.stderr)
 
 
 class _Lines:

@@ -3,8 +3,8 @@
     uniform(key, draw) -> float, normal(key, draw) -> float      inlined into the kernels that draw
     particle_keys(keys, offsets, tag) -> (N,) uint64             a key a particle, from a key a member
 
-`SWITCHES` are the switches of every kernel here: NumPy's division (the default's checks block vectorisation), and the fast-math
-flags that keep tests for NaN and infinity alive.
+`SWITCHES` are the switches of every kernel here: NumPy's division (the default's checks block vectorisation), and the
+fast-math flags that keep tests for NaN and infinity alive.
 """
 
 from __future__ import annotations
@@ -13,7 +13,6 @@ from typing import Any, Final
 
 import numpy as np
 from numba import njit
-
 from numpy.typing import NDArray
 
 SWITCHES: Final[dict[str, Any]] = {
@@ -34,7 +33,7 @@ S31 = np.uint64(31)
 
 
 @njit(inline="always", **SWITCHES)
-def mix(x):  # type: ignore[no-untyped-def]
+def mix(x):
     """The SplitMix64 finaliser (Steele, Lea, Flood 2014)."""
     x = (x ^ (x >> S30)) * FIRST
     x = (x ^ (x >> S27)) * SECOND
@@ -42,13 +41,13 @@ def mix(x):  # type: ignore[no-untyped-def]
 
 
 @njit(inline="always", **SWITCHES)
-def uniform(key, draw):  # type: ignore[no-untyped-def]
+def uniform(key, draw):
     """The `draw`-th uniform on [0, 1) of a key, with 53 bits."""
     return np.float64(mix(key + (np.uint64(draw) + ONE) * GOLDEN) >> S11) * 2.0**-53
 
 
 @njit(inline="always", **SWITCHES)
-def normal(key, draw):  # type: ignore[no-untyped-def]
+def normal(key, draw):
     """The `draw`-th standard normal of a key: Box-Muller on its uniforms 2*draw and 2*draw + 1."""
     radius = np.sqrt(-2.0 * np.log1p(-uniform(key, 2 * draw)))
     return radius * np.cos(2.0 * np.pi * uniform(key, 2 * draw + 1))
@@ -56,7 +55,8 @@ def normal(key, draw):  # type: ignore[no-untyped-def]
 
 @njit(**SWITCHES)
 def particle_keys(keys: NDArray[np.uint64], offsets: NDArray[np.int64], tag: int) -> NDArray[np.uint64]:
-    """(N,) keys: particle j of member m gets derive(keys[m], tag, j - offsets[m]). `offsets` is (members + 1,), ends at N.
+    """(N,) keys: particle j of member m gets derive(keys[m], tag, j - offsets[m]). `offsets` is (members + 1,), ends
+    at N.
 
     `tag` separates the purposes that one member's key serves within a step.
     """

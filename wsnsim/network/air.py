@@ -1,11 +1,12 @@
 """From a parcel to its destination: one hop where it is in reach, relayed where it is not.
 
-    air.carry(letters) -> simpy.Event                    fires when every letter has ended; see `Letter.mask`
-    air.broadcast(sources, parcels, target) -> (event, frames)
+air.carry(letters) -> simpy.Event                    fires when every letter has ended; see `Letter.mask`
+air.broadcast(sources, parcels, target) -> (event, frames)
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -25,7 +26,7 @@ from wsnsim.network.routing import Router
 
 @dataclass(slots=True)
 class Letter:
-    """A parcel under way from a node to another. After `carry`: what arrived, over how many hops, for how many bits on the air."""
+    """A parcel under way between two nodes. After `carry`: what arrived, over how many hops, for how many bits."""
 
     source: int
     to: int
@@ -94,7 +95,7 @@ class Air:
             self._no_path(item, target)
             return
         sequence, mask, packets = 0, item.mask, item.parcel.packets
-        for source, to in zip(path[:-1], path[1:], strict=True):
+        for source, to in itertools.pairwise(path):
             frame = Frame(source, to, item.parcel, target, mask, packets, sequence, relayed=source != item.source)
             item.hops += 1
             item.bits += frame.bits

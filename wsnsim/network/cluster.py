@@ -16,7 +16,7 @@ KEYS_AHEAD = 64
 
 
 class Cluster:
-    """Members in the order: head, then ascending. Fixed at formation, unless the policy is open: then whoever senses belongs."""
+    """Members, the head first. Fixed at formation; or, where the policy is open, whoever senses belongs."""
 
     def __init__(self, stage: Stage, target: int, head: int, joined: list[int], is_open: bool) -> None:
         self._stage = stage

@@ -28,9 +28,9 @@ class HeadDied(Exception):
 
 
 class Driver:
-    """One head's way to its cluster. `members` holds every member, the head included, with memory of this cluster's epoch.
+    """One head's way to its cluster.
 
-    `readings`: how many entered the last computation. `bits`: put on the air so far. `hops`: of the last `Send`.
+    `members` holds every member, the head included, with memory of this cluster's epoch. `readings`: how many entered the last computation. `bits`: put on the air so far. `hops`: of the last `Send`.
     """
 
     def __init__(self, stage: Stage, target: int, head: int, members: dict[int, Member]) -> None:
@@ -65,7 +65,9 @@ class Driver:
                 elif type(ask) is Send:
                     answer = yield from self._send(ask)
                 else:
-                    raise RunError(f"a tracker asked for {ask!r}; asks are Local, Compute, Gather, Scatter, Broadcast and Send")
+                    raise RunError(
+                        f"a tracker asked for {ask!r}; asks are Local, Compute, Gather, Scatter, Broadcast and Send"
+                    )
                 if not self._stage.fleet.alive[self._head]:
                     raise HeadDied
         finally:
@@ -97,9 +99,7 @@ class Driver:
         joules = stage.parts.energy.compute(cycles)
         if joules > 0:
             spent = stage.fleet.spend(node, CPU_LEDGER, joules)
-            stage.journal.add(
-                (stage.env.now, stage.step, self._target, node, COMPUTE, 0, 0, 0, -1, 0, 0, spent, CPU)
-            )
+            stage.journal.add((stage.env.now, stage.step, self._target, node, COMPUTE, 0, 0, 0, -1, 0, 0, spent, CPU))
 
     def _gather(self, ask: Gather) -> Generator[simpy.Event, Any, dict[int, tuple[Any, Bools]]]:
         letters = []
@@ -123,7 +123,9 @@ class Driver:
     def _broadcast(self, ask: Broadcast) -> Generator[simpy.Event, Any, dict[int, Bools]]:
         event, (frame,) = self._stage.air.broadcast([self._head], [ask.parcel], self._target)
         yield event
-        return {node: self._deliver(node, ask.parcel, mask) for node, mask in frame.heard.items() if node in self._members}
+        return {
+            node: self._deliver(node, ask.parcel, mask) for node, mask in frame.heard.items() if node in self._members
+        }
 
     def _send(self, ask: Send) -> Generator[simpy.Event, Any, Bools]:
         item = letter(self._head, ask.to, ask.parcel)

@@ -1,7 +1,8 @@
 """All nodes as arrays: where they stand, who lives, and the ledger of every joule by node and cause.
 
-What was *spent* is stored, what is left is derived, so the ledger closes: for each node the sum over causes is what it spent.
-Books are opened at a node's first joule; a node that never does anything costs nothing. Reading energy changes nothing.
+What was *spent* is stored, what is left is derived, so the ledger closes: for each node the sum over causes is what
+it spent. Books are opened at a node's first joule; a node that never does anything costs nothing. Reading energy
+changes nothing.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ class Fleet:
         self._neighbours: dict[int, list[int]] = {}
 
     def neighbours(self, node: int) -> list[int]:
-        """Ids within the link's reach of a node, ascending, itself left out, the dead included. Looked up once a node."""
+        """Ids within the link's reach of a node, ascending, itself left out, the dead included."""
         found = self._neighbours.get(node)
         if found is None:
             found = sorted(self.tree.query_ball_point(self.positions[node], self.reach))
@@ -53,7 +54,7 @@ class Fleet:
         return float((dx * dx + dy * dy) ** 0.5)
 
     def spend(self, node: int, cause: int, joules: float) -> float:
-        """Book joules on a living node; give what was really spent: less than asked if the charge did not suffice, and it died."""
+        """Book joules on a living node; give what was spent: less if the charge did not suffice, and it died."""
         book = self.books.get(node)
         if book is None:
             book = self.books[node] = [0.0] * (SPENT + 1)

@@ -2,8 +2,9 @@
 
     journal.add((time, step, target, node, kind, what, frame, sequence, peer, packets, bits, joules, cause))
 
-`add` is a list's own append: it is called a hundred thousand times a second. The fingerprint is the sum of a 64-bit hash of each
-event's (time, node, kind, peer, bits), so it does not depend on the order at equal times, nor on whether events are recorded.
+`add` is a list's own append: it is called a hundred thousand times a second. The fingerprint is the sum of a 64-bit
+hash of each event's (time, node, kind, peer, bits), so it does not depend on the order at equal times, nor on whether
+events are recorded.
 """
 
 from __future__ import annotations

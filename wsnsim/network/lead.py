@@ -25,9 +25,10 @@ Waiting = Generator[simpy.Event, Any, Any]
 
 @dataclass(slots=True)
 class Mission:
-    """What a new head starts from: a belief of an earlier step that reached it, or, for a new track, the readings it knows.
+    """What a new head starts from: a belief that reached it, or, for a new track, the readings that it knows.
 
-    Either is of step `belief_step`. `elected`: a network-wide election has already chosen this head. `at_once`: it acts in the present step, not at the next tick.
+    Either is of step `belief_step`. `elected`: a network-wide election has already chosen this head. `at_once`: it
+    acts in the present step, not at the next tick.
     """
 
     belief_step: int
@@ -42,7 +43,7 @@ class Mission:
 
 @dataclass(slots=True)
 class Crew:
-    """How a head reaches other nodes' processes: give one the lead, have all candidates stand, tell members their role."""
+    """How a head reaches other nodes: give one the lead, have candidates stand, tell members their role."""
 
     appoint: Callable[[Track, int, Mission], None]
     call_election: Callable[[Track, Election], None]
@@ -90,7 +91,9 @@ def _lead(stage: Stage, crew: Crew, track: Track, head: int, mission: Mission) -
         yield track.tick
 
 
-def _form(stage: Stage, crew: Crew, track: Track, head: int, mission: Mission) -> Generator[simpy.Event, Any, Cluster | None]:
+def _form(
+    stage: Stage, crew: Crew, track: Track, head: int, mission: Mission
+) -> Generator[simpy.Event, Any, Cluster | None]:
     """Announce, let those who sense and hear join; None if a network-wide election gave the lead to another node."""
     policy, target = stage.parts.clusters, track.target
     joined: list[int] = []
@@ -128,7 +131,12 @@ def _begin(stage: Stage, track: Track, head: int, mission: Mission) -> Generator
     nodes = np.array(sorted(readings), dtype=np.int64)
     values = np.array([readings[node] for node in nodes.tolist()])
     return parts.acquire.estimate(
-        values, fleet.positions[nodes], fleet.traits[nodes], parts.filter_sensor, parts.filter_motions[track.target], track.prior
+        values,
+        fleet.positions[nodes],
+        fleet.traits[nodes],
+        parts.filter_sensor,
+        parts.filter_motions[track.target],
+        track.prior,
     )
 
 
@@ -205,8 +213,10 @@ def _hand_over(stage: Stage, crew: Crew, track: Track, cluster: Cluster, belief:
     yield from _send_belief(stage, crew, track, driver, flow, successor, mission)
 
 
-def _wake_and_vote(stage: Stage, crew: Crew, track: Track, head: int, near: int) -> Generator[simpy.Event, Any, int | None]:
-    """`successor: elect`: wake the node nearest to the forecast; at the next tick it calls an election, which the head awaits."""
+def _wake_and_vote(
+    stage: Stage, crew: Crew, track: Track, head: int, near: int
+) -> Generator[simpy.Event, Any, int | None]:
+    """Wake the node nearest to the forecast; at the next tick it calls an election, which the head awaits."""
     wake = letter(head, near, Parcel(None, 1, PACKET_BITS, "wake"))
     yield stage.air.carry([wake], track.target)
     yield track.tick
@@ -244,7 +254,10 @@ def _give_up(stage: Stage, crew: Crew, track: Track, why: str) -> None:
 
 
 def _patience(stage: Stage, track: Track, cluster: Cluster) -> set[int] | None:
-    """A cluster that is too small after a network-wide election stays until other nodes sense the target (our choice)."""
+    """Who senses now, if the cluster is too small: it stays until others do, or it would hand over at each step.
+
+    Our choice.
+    """
     policy = stage.parts.clusters
     if policy.is_open or cluster.active() >= policy.minimum_active:
         return None
@@ -263,7 +276,7 @@ def _issue(stage: Stage, track: Track, step: int, scene: Scene, driver: Driver, 
 
 
 def _snapshot(stage: Stage, track: Track, cluster: Cluster, belief: Any) -> None:
-    """Record the particles, wherever they are, if that is wanted and the tracker has any. It costs the network nothing."""
+    """Record the particles, wherever they are, if that is wanted and the tracker has any."""
     tracker = stage.parts.tracker
     if not stage.recorder.wants("particles") or not isinstance(tracker, Snapshots):
         return

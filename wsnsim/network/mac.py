@@ -1,6 +1,6 @@
 """When a frame gets the channel. A MAC is given frames and gives an event that fires when the last of them has ended.
 
-    make_mac(env, medium, part).send(frames) -> simpy.Event
+make_mac(env, medium, part).send(frames) -> simpy.Event
 """
 
 from __future__ import annotations

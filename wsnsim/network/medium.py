@@ -28,8 +28,8 @@ EVERYONE = -1
 class Frame:
     """One burst over one hop: before `Medium.carry` what is sent, after it what arrived.
 
-    `mask` says which of the parcel's packets, `packets` how many. For a broadcast (`to` is EVERYONE) `heard` says which packets
-    each listener got.
+    `mask` says which of the parcel's packets, `packets` how many. For a broadcast (`to` is EVERYONE) `heard` says
+    which packets each listener got.
     """
 
     source: int
@@ -127,7 +127,7 @@ class Medium:
     def _receive(
         self, frame: Frame, number: int, packets: int, code: int, node: int, distance: float
     ) -> tuple[Bools, int]:
-        """Charge and log one listener: the mask of what it got, and how much. Its receiver works for what reaches it."""
+        """Charge and log one listener: the mask of what it got, and how much. It pays for what reaches it."""
         mask, got = self._arrivals(frame, node, distance)
         if got == 0:
             self._drop(frame, number, packets, code, node)
@@ -157,11 +157,24 @@ class Medium:
         joules: float, cause: int,
     ) -> None:  # fmt: skip
         self._journal.add(
-            (self._env.now, self.step, frame.target, node, kind, code, number, frame.sequence, peer, packets, bits, joules, cause)
+            (
+                self._env.now,
+                self.step,
+                frame.target,
+                node,
+                kind,
+                code,
+                number,
+                frame.sequence,
+                peer,
+                packets,
+                bits,
+                joules,
+                cause,
+            )
         )
 
     def begin_step(self, step: int) -> None:
-        """Number the step for the log; a link's draws are counted anew, so they depend on the link and the step alone."""
+        """Number the step for the log, and count each link's draws anew: they depend on link and step alone."""
         self.step = step
         self._counts.clear()
-

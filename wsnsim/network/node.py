@@ -1,7 +1,8 @@
 """A sensor node's life, as one SimPy process, born at its first wake.
 
-Asleep, it waits on one event: the target's sound, or a frame that gives it a role. Awake it senses, stands for election, follows
-or leads; it sleeps again when it neither senses nor has a role, and dies when its charge ends, in the middle of whatever it did.
+Asleep, it waits on one event: the target's sound, or a frame that gives it a role. Awake it senses, stands for
+election, follows or leads; it sleeps again when it neither senses nor has a role, and dies when its charge ends, in
+the middle of whatever it did.
 """
 
 from __future__ import annotations
@@ -60,7 +61,7 @@ class Node:
         self._tell("target", lambda: self._begin(self._stand(track, election)))
 
     def die(self) -> None:
-        """The charge is gone: every process of the node ends, but for the one that runs now, which sees it for itself."""
+        """The charge is gone: every process of the node ends; the one that runs now sees it for itself."""
         for process in (self._process, *self._duties):
             if process.is_alive and process is not self._stage.env.active_process:
                 process.interrupt("death")

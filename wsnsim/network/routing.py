@@ -1,6 +1,6 @@
 """The path that a message takes where its destination is out of reach. networkx lives here.
 
-    Router(fleet, energy, weight).path(source, to) -> [source, ..., to], or None where there is none
+Router(fleet, energy, weight).path(source, to) -> [source, ..., to], or None where there is none
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from wsnsim.network.fleet import Fleet
 
 
 class Router:
-    """Shortest paths among living nodes, by energy a bit ('energy') or by hops ('hop'). The graph is made when first needed."""
+    """Shortest paths among living nodes, by energy a bit ('energy') or hops ('hop'), on a graph made when needed."""
 
     def __init__(self, fleet: Fleet, energy: EnergyModel, weight: str) -> None:
         self._fleet = fleet
@@ -22,7 +22,7 @@ class Router:
         self._known: dict[tuple[int, int], list[int] | None] = {}
 
     def path(self, source: int, to: int) -> list[int] | None:
-        """The cheapest path from a node to another over living nodes, both ends included. Looked for once, until a node dies."""
+        """The cheapest path over living nodes, both ends included; looked for once, until a node dies."""
         ends = (source, to)
         if ends not in self._known:
             self._known[ends] = self._search(source, to)

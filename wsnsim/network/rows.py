@@ -1,6 +1,6 @@
 """What a run leaves behind, as rows of the result's tables.
 
-    write_rows(outcome, parts, replicate, truths, recorder) -> errors (targets, steps)
+write_rows(outcome, parts, replicate, truths, recorder) -> errors (targets, steps)
 """
 
 from __future__ import annotations
@@ -22,14 +22,16 @@ NAN = float("nan")
 
 
 def write_rows(outcome: Outcome, parts: Parts, replicate: int, truths: Sequence[Floats], recorder: Recorder) -> Floats:
-    """Write the tables of a run that ended; give the position errors (targets, steps), NaN where a step has no estimate."""
+    """Write the tables of a run that ended; give the position errors (targets, steps), NaN without an estimate."""
     errors = np.empty((len(truths), outcome.steps))
     _write(recorder, "nodes", replicate, _nodes(outcome.fleet, parts.sensor.trait_names))
     _write(recorder, "energy", replicate, _energy(outcome.fleet))
     for track, motion, truth in zip(outcome.tracks, parts.motions, truths, strict=True):
         steps = np.arange(outcome.steps + 1)
         states = {name: truth[: outcome.steps + 1, i] for i, name in enumerate(motion.columns)}
-        _write(recorder, "truth", replicate, {"target": track.target, "step": steps, "time": steps * parts.dt, **states})
+        _write(
+            recorder, "truth", replicate, {"target": track.target, "step": steps, "time": steps * parts.dt, **states}
+        )
         estimates = _estimates(track, motion, truth, outcome, parts.dt)
         errors[track.target] = estimates["error"]
         _write(recorder, "estimates", replicate, {"target": track.target, **estimates})
@@ -39,7 +41,9 @@ def write_rows(outcome: Outcome, parts: Parts, replicate: int, truths: Sequence[
 
 def late_steps(track: Track, steps: int, dt: float) -> int:
     """How many estimates missed their step, those that were never issued included."""
-    return sum(step not in track.estimates or _is_late(track.estimates[step].issued, step, dt) for step in range(1, steps + 1))
+    return sum(
+        step not in track.estimates or _is_late(track.estimates[step].issued, step, dt) for step in range(1, steps + 1)
+    )
 
 
 def _is_late(issued: float, step: int, dt: float) -> bool:

@@ -5,6 +5,8 @@ Readings are a function of (seed, replicate, target, step, node), so they do not
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 from scipy.spatial import KDTree
 
@@ -17,7 +19,14 @@ class Sensed:
     """What there is to sense of one target. Steps run from 0 to `len(points) - 1`."""
 
     def __init__(
-        self, target: int, points: Floats, positions: Floats, traits: Floats, sensor: SensorModel, tree: KDTree, key: int
+        self,
+        target: int,
+        points: Floats,
+        positions: Floats,
+        traits: Floats,
+        sensor: SensorModel,
+        tree: KDTree,
+        key: int,
     ) -> None:
         found = tree.query_ball_point(points, sensor.reach, return_sorted=True)
         counts = np.array([len(ids) for ids in found], dtype=np.int64)
@@ -29,7 +38,7 @@ class Sensed:
         cuts = np.concatenate(([0], np.cumsum(counts))).tolist()
         values: list[float] = readings.tolist()
         self.ids: list[list[int]] = [list(ids) for ids in found]
-        self._values = [values[a:b] for a, b in zip(cuts[:-1], cuts[1:], strict=True)]
+        self._values = [values[a:b] for a, b in itertools.pairwise(cuts)]
 
     def readings(self, step: int) -> dict[int, float]:
         """{node: reading} of every node in range at a step, living or dead, ascending."""

@@ -1,8 +1,11 @@
-"""What the processes of one run share: the clock, the nodes, the air, the log. Each field has one owner that changes it."""
+"""What the processes of one run share: the clock, the nodes, the air, the log. Each field has one owner that changes
+it.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field as with_default
+from dataclasses import dataclass
+from dataclasses import field as with_default
 
 import simpy
 
@@ -17,7 +20,9 @@ from wsnsim.network.sensed import Sensed
 
 @dataclass(slots=True)
 class Stage:
-    """The shared services. `step` is the world's clock; `sensing[target]` is {node: reading} of the living nodes in range now."""
+    """The shared services. `step` is the world's clock; `sensing[target]` is {node: reading} of the living nodes in
+    range now.
+    """
 
     env: simpy.Environment
     parts: Parts

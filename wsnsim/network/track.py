@@ -45,9 +45,11 @@ class ClusterRecord:
 
 @dataclass(slots=True)
 class Track:
-    """The track of one target. `head` is None where nobody leads; `tick` fires once a step, after the nodes have sensed.
+    """The track of one target. `head` is None where nobody leads; `tick` fires once a step, after the nodes have
+    sensed.
 
-    `prior` is what every filter is told at the start; `heads` has who led at the beginning of each step, -1 for nobody.
+    `prior` is what every filter is told at the start; `heads` has who led at the beginning of each step, -1 for
+    nobody.
     """
 
     target: int
@@ -67,11 +69,17 @@ class Track:
 class Election:
     """Candidates broadcast their strength; when the last has, the loudest of those able is head.
 
-    `closed` fires with the winner, or None. `step` is when the strengths were read. `fills_vacancy`: nobody leads, so the winner takes the lead of itself.
+    `closed` fires with the winner, or None. `step` is when the strengths were read. `fills_vacancy`: nobody leads, so
+    the winner takes the lead of itself.
     """
 
     def __init__(
-        self, env: simpy.Environment, step: int, strengths: Mapping[int, float], policy: ClusterPolicy, fills_vacancy: bool
+        self,
+        env: simpy.Environment,
+        step: int,
+        strengths: Mapping[int, float],
+        policy: ClusterPolicy,
+        fills_vacancy: bool,
     ) -> None:
         self.step = step
         self.strengths = strengths
@@ -108,4 +116,3 @@ def ballot_box(stage: Stage, track: Track, fills_vacancy: bool) -> Election:
     readings = stage.sensing[track.target]
     able = {node: reading for node, reading in readings.items() if stage.able(node)}
     return Election(stage.env, stage.step, able, stage.parts.clusters, fills_vacancy)
-

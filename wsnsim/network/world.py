@@ -2,8 +2,8 @@
 
     World(parts, replicate, positions, traits, truths, prior, streams, recorder).run() -> Outcome
 
-At each step: nodes that came into range wake, all in range sense, a track that nobody leads calls an election, and every head is
-given its tick. The cost follows what is awake and what is sent.
+At each step: nodes that came into range wake, all in range sense, a track that nobody leads calls an election, and
+every head is given its tick. The cost follows what is awake and what is sent.
 """
 
 from __future__ import annotations
@@ -72,7 +72,15 @@ class World:
         medium = Medium(env, fleet, journal, parts.energy, parts.link, streams.key("link"))
         self._router = Router(fleet, parts.energy, parts.routing.weight)
         sensed = [
-            Sensed(target, truth[:, list(motion.position)], positions, traits, parts.sensor, fleet.tree, streams.key("sense"))
+            Sensed(
+                target,
+                truth[:, list(motion.position)],
+                positions,
+                traits,
+                parts.sensor,
+                fleet.tree,
+                streams.key("sense"),
+            )
             for target, (truth, motion) in enumerate(zip(truths, parts.motions, strict=True))
         ]
         self._stage = Stage(
@@ -107,7 +115,8 @@ class World:
         except Exception as reason:
             parts = self._stage.parts
             raise RunError(
-                f"the run failed at {self._env.now:g} s of simulated time (seed {parts.seed}, replicate {self._stage.replicate}):"
+                f"the run failed at {self._env.now:g} s of simulated time"
+                f" (seed {parts.seed}, replicate {self._stage.replicate}):"
                 f" {type(reason).__name__}: {reason}"
             ) from reason
         self._close_step()
@@ -184,7 +193,9 @@ class World:
         stage = self._stage
         if stage.recorder.wants("energy_steps"):
             totals = stage.fleet.totals
-            spent = [(cause, totals[cause] - before) for cause, before in enumerate(self._spent) if totals[cause] != before]
+            spent = [
+                (cause, totals[cause] - before) for cause, before in enumerate(self._spent) if totals[cause] != before
+            ]
             self._spent = list(totals)
             if spent:
                 causes, joules = zip(*spent, strict=True)
@@ -241,9 +252,13 @@ class World:
 
 
 def energy_threshold(parts: Parts) -> float:
-    """Joules that a node must hold to be chosen: one packet sent at reach, one received, one step's processing (Jiang 2013, 4.2)."""
+    """Joules that a node must hold to be chosen: one packet sent at reach, one received, one step's processing.
+
+    Jiang (2013), section 4, step 2. A tracker states its members' processing as `member_cycles`; without it, it is
+    nothing.
+    """
     if parts.clusters.threshold is not None:
         return parts.clusters.threshold
     energy = parts.energy
-    operations = getattr(parts.tracker, "member_cycles", 0.0)
-    return sum(energy.transmit(PACKET_BITS, parts.link.reach)) + energy.receive(PACKET_BITS) + energy.compute(operations)
+    radio = sum(energy.transmit(PACKET_BITS, parts.link.reach)) + energy.receive(PACKET_BITS)
+    return radio + energy.compute(getattr(parts.tracker, "member_cycles", 0.0))

@@ -25,12 +25,15 @@ TABLE_2: Final[Mapping[str, Mapping[str, Any]]] = {
 
 
 def published(resolved: Mapping[str, Any]) -> dict[str, float]:
-    """The paper's figures for a resolved scenario: 'rmse' (m), 'energy' (J), 'clusters'. Empty unless it is the paper's set-up."""
+    """The paper's figures for a resolved scenario: 'rmse' (m), 'energy' (J), 'clusters'.
+
+    Empty unless the scenario is the paper's set-up, but for its tracker's variant.
+    """
     kind = resolved.get("tracker", {}).get("kind", "")
     same = all(_matches(resolved.get(role) or {}, values) for role, values in TABLE_2.items())
     if not same or resolved.get("step") != 0.04 or not (resolved.get("duration") == 28.0 or resolved.get("until")):
         return {}
-    figures = {"rmse": RMSE, "energy": ENERGY, "clusters": CLUSTERS}
+    figures: dict[str, Mapping[str, float]] = {"rmse": RMSE, "energy": ENERGY, "clusters": CLUSTERS}
     return {name: float(table[kind]) for name, table in figures.items() if kind in table}
 
 

@@ -1,0 +1,342 @@
+"""The command line: what it imports, answers, refuses, and with which exit code it ends."""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from wsnsim.cli import main
+from wsnsim.cli.progress import MODES, shown
+from wsnsim.experiment import Progress
+
+HEAVY = ("numpy", "pandas", "scipy", "numba", "h5py", "matplotlib", "networkx", "pydantic", "yaml", "simpy")
+QUICK = ("--set", "duration=0.4 s", "--set", "tracker.particles=40")
+
+
+@pytest.fixture(autouse=True)
+def _alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each test in its own folder, its changes of the process undone."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    monkeypatch.setattr(os, "environ", os.environ.copy())
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A result of two short replicates, made by the command itself."""
+    out = tmp_path_factory.mktemp("made") / "quick.h5"
+    assert main(["run", "pso_mhpf", *QUICK, "--replicates", "2", "--out", str(out), "--quiet"]) == 0
+    return out
+
+
+def wsnsim(*arguments: str, **options: Any) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, "-m", "wsnsim", *arguments], capture_output=True, text=True, **options)
+
+
+# what it imports
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [["--help"], ["--version"], ["run", "--help"], ["list"], ["list", "trackers"], ["list", "scenarios"], ["rnu"]],
+)
+def test_a_word_about_itself_imports_nothing_heavy(arguments: list[str]) -> None:
+    probe = f"import sys; from wsnsim.cli import main; main({arguments!r}); print([m for m in {HEAVY!r} if m in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", probe], capture_output=True, text=True)
+    assert done.stdout.splitlines()[-1] == "[]", done.stdout
+
+
+def test_help_answers_within_150_ms_of_processor_time() -> None:
+    def seconds() -> float:
+        used = resource.getrusage(resource.RUSAGE_CHILDREN)
+        return used.ru_utime + used.ru_stime
+
+    took = []
+    for _ in range(5):
+        before = seconds()
+        assert wsnsim("--help").returncode == 0
+        took.append(seconds() - before)
+    assert min(took) < 0.150
+
+
+def test_threads_of_numerical_libraries_are_held_to_one_unless_the_user_says(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
+    monkeypatch.setenv("MKL_NUM_THREADS", "3")
+    main(["--version"])
+    assert (os.environ["OMP_NUM_THREADS"], os.environ["MKL_NUM_THREADS"]) == ("1", "3")
+
+
+# what it answers
+
+
+def test_list_shows_the_kinds_and_finds_a_role_by_its_plural(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["list"]) == 0
+    everything = capsys.readouterr().out
+    assert main(["list", "trackers"]) == 0
+    trackers = capsys.readouterr().out
+    assert trackers.strip() in everything
+    for word in ("pso_mhpf", "messages per step", "variants", "Jiang, Song, Lin (2013)"):
+        assert word in trackers
+
+
+def test_list_as_json_is_one_object_with_every_row(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["list", "motions", "--json"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["schema_version"] == 1
+    assert answer["roles"]["motion"]["kinds"][0]["kind"] == "bounded_velocity"
+
+
+def test_list_scenarios_says_what_each_is_and_leaves_out_bases(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["list", "scenarios", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)["scenarios"]
+    assert found["pso_mhpf"].startswith("Jiang, Song, Lin (2013)")
+    assert "jiang_base" not in found
+
+
+def test_schema_prints_json(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["schema"]) == 0
+    assert "tracker" in json.loads(capsys.readouterr().out)["properties"]
+
+
+def test_new_writes_a_scenario_that_checks_and_never_overwrites(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["new", "mine"]) == 0
+    assert main(["check", "mine.yaml"]) == 0
+    assert capsys.readouterr().out.splitlines()[-1] == "mine.yaml: ok"
+    Path("mine.yaml").write_text("mine")
+    assert main(["new", "mine.yaml"]) == 2
+    assert capsys.readouterr().err == "wsnsim: error: mine.yaml exists already; it is left as it is\n"
+    assert Path("mine.yaml").read_text() == "mine"
+    assert main(["new", "../mine"]) == 2
+
+
+def test_check_tells_good_from_bad(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("bad.yaml").write_text("extends: pso_mhpf\nlink: {raech: 3}\n")
+    assert main(["check", "pso_mhpf", "bad.yaml", "ipf"]) == 2
+    said = capsys.readouterr()
+    assert said.out == "pso_mhpf: ok\nipf: ok\n"
+    assert said.err == (
+        "bad.yaml:2:8: error: link.raech: unknown key, did you mean 'reach'?\n    link: {raech: 3}\n           ^\n"
+    )
+
+
+def test_check_lays_set_on_the_scenario(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", "pso_mhpf", "--set", "link.reach=1 kJ"]) == 2
+    assert capsys.readouterr().err == (
+        "--set link.reach: error: 'kJ' is a unit of energy, expected length (for example '1 m')\n"
+    )
+
+
+@pytest.mark.parametrize(
+    ("override", "place"),
+    [
+        ("link.reach=-1", "link.reach"),
+        ("deploy.nodes=2", "deploy.nodes"),
+        ("deploy.nodes=20", "deploy"),
+        ("tracker.particles=0", "tracker.particles"),
+        ("motion.start=[300, 0, 0, 0]", "motion.start"),
+        ("tracker.kind=nobody", "tracker.kind"),
+    ],
+)
+def test_an_impossible_value_is_one_fault_and_exit_code_2(
+    override: str, place: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["run", "pso_mhpf", "--set", override, "--out", "x.h5"]) == 2
+    said = capsys.readouterr()
+    faults = [line for line in said.err.splitlines() if "error: " in line]
+    assert faults and place in faults[0] and "Traceback" not in said.err
+    assert not list(Path().iterdir())
+
+
+# runs
+
+
+def test_a_run_writes_its_result_and_prints_its_summary(result: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["run", "pso_mhpf", *QUICK]) == 0
+    said = capsys.readouterr()
+    assert Path("results/pso_mhpf.h5").is_file()
+    assert "RMSE" in said.out
+    assert "100 %" in said.err
+
+
+def test_a_run_as_json_is_one_object_without_nan(result: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["run", "pso_mhpf", *QUICK, "--json", "--quiet", "--seed", "7", "-o", "x.h5"]) == 0
+    said = capsys.readouterr()
+    answer = json.loads(said.out, parse_constant=lambda word: pytest.fail(f"{word} is no JSON"))
+    assert (answer["seed"], answer["replicates"], answer["schema_version"]) == (7, 1, 1)
+    assert answer["first_death"] is None
+    assert said.err == ""
+
+
+def test_a_result_can_be_run_again_checked_described_and_verified(
+    result: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["run", str(result), "--out", "again.h5", "--json", "--quiet"]) == 0
+    again = json.loads(capsys.readouterr().out)
+    assert (again["name"], again["replicates"], again["steps"]) == ("pso_mhpf", 2, 10)
+    assert main(["check", str(result)]) == 0
+    assert main(["info", str(result)]) == 0
+    assert "pso_mhpf" in capsys.readouterr().out
+    assert main(["info", str(result), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["replicates"] == 2
+    assert main(["verify", "again.h5", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["ok"] is True
+
+
+@pytest.mark.parametrize("command", ["info", "verify", "recover"])
+def test_a_result_that_is_missing_or_something_else_is_one_message(
+    command: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Path("text.h5").write_text("not a result")
+    for name in ("nowhere.h5", "text.h5"):
+        assert main([command, name]) == 1
+        said = capsys.readouterr().err
+        assert name in said and said.startswith("wsnsim: error: ") and said.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("out", "message"),
+    [
+        ("nowhere/x.h5", "--out nowhere/x.h5: there is no folder nowhere; make it first"),
+        ("folder", "--out folder is a folder; give a file such as folder/pso_mhpf.h5"),
+        ("file/x.h5", "cannot write file/x.h5: Not a directory"),
+        ("/dev/null", "--out /dev/null is no regular file"),
+    ],
+)
+def test_an_output_that_cannot_be_written_is_refused_before_anything_runs(
+    out: str, message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Path("folder").mkdir()
+    Path("file").write_text("")
+    assert main(["run", "pso_mhpf", "--out", out]) == 2
+    assert capsys.readouterr().err == f"wsnsim: error: {message}\n"
+    assert sorted(path.name for path in Path().iterdir()) == ["file", "folder"]
+
+
+# what it refuses
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["rnu"], "no such command 'rnu' (did you mean 'run'?) (see 'wsnsim --help')"),
+        (["run"], "Missing argument 'SCENARIO'. (see 'wsnsim run --help')"),
+        (["list", "trakers"], "unknown role 'trakers' (did you mean 'trackers'?)"),
+        (["run", "x", "--replicates", "0"], "Invalid value for '--replicates': 0 is not in the range x>=1. (see 'wsnsim run --help')"),
+    ],
+)  # fmt: skip
+def test_a_slip_is_one_line_and_exit_code_2(
+    arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(arguments) == 2
+    assert capsys.readouterr().err == f"wsnsim: error: {message}\n"
+
+
+def test_a_scenario_that_is_missing_is_named(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["run", "pso_mhfp"]) == 2
+    assert capsys.readouterr().err == (
+        "pso_mhfp: error: there is no such file, and no shipped scenario of this name (did you mean 'pso_mhpf'?)\n"
+    )
+
+
+def test_an_unexpected_error_is_one_line_and_its_traceback_is_for_those_who_ask(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def breaks(*arguments: Any) -> None:
+        raise RuntimeError("two\nlines")
+
+    monkeypatch.setattr("wsnsim.cli.commands._loaded", breaks)
+    assert main(["run", "x"]) == 1
+    assert capsys.readouterr().err == (
+        "wsnsim: internal error: RuntimeError: two lines (set WSNSIM_TRACEBACK=1 to see where)\n"
+    )
+    monkeypatch.setenv("WSNSIM_TRACEBACK", "1")
+    assert main(["run", "x"]) == 1
+    assert "Traceback" in capsys.readouterr().err
+
+
+def test_nobody_reading_is_no_error() -> None:
+    reading, writing = os.pipe()
+    os.close(reading)
+    done = subprocess.run([sys.executable, "-m", "wsnsim", "list"], stdout=writing, stderr=subprocess.PIPE, text=True)
+    os.close(writing)
+    assert (done.returncode, done.stderr) == (141, "")
+
+
+def test_a_terminal_without_the_letters_still_gets_its_answer() -> None:
+    done = wsnsim("schema", env={**os.environ, "PYTHONIOENCODING": "ascii"})
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize(
+    ("number", "code", "message"),
+    [(signal.SIGINT, 130, "wsnsim: error: interrupted"), (signal.SIGTERM, 143, "wsnsim: error: stopped by SIGTERM")],
+)
+def test_a_run_that_is_stopped_leaves_nothing_half_written(
+    number: signal.Signals, code: int, message: str, result: Path
+) -> None:
+    arguments = ["run", "pso_mhpf", "--set", "duration=4000 s", "--out", "x.h5", "--progress", "json"]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "wsnsim", *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    assert process.stderr is not None
+    first = json.loads(process.stderr.readline())
+    assert (first["replicate"], first["duration"]) == (0, 4000.0)
+    process.send_signal(number)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == code
+    assert err.splitlines()[-1] == message
+    assert (out, "Traceback" in err) == ("", False)
+    assert not list(Path().iterdir())
+
+
+# progress
+
+
+def report(replicate: int, time: float, wall: float) -> Progress:
+    return Progress(replicate=replicate, replicates=2, time=time, duration=10.0, wall=wall)
+
+
+def test_plain_progress_is_a_line_every_tenth_or_half_minute(capsys: pytest.CaptureFixture[str]) -> None:
+    lines = shown("plain")
+    assert lines is not None
+    for replicate, time, wall in [(0, 0.5, 1.0), (0, 2.0, 2.0), (0, 3.0, 3.0), (0, 3.1, 40.0), (1, 10.0, 50.0)]:
+        lines.step(report(replicate, time, wall))
+    lines.close()
+    assert capsys.readouterr().err.splitlines() == [
+        "wsnsim: 10 % (replicate 1 of 2, 2 of 10 s, 1 × real time, about 18 s left)",
+        "wsnsim: 16 % (replicate 1 of 2, 3.1 of 10 s, 0.0775 × real time, about 218 s left)",
+        "wsnsim: 100 % (replicate 2 of 2, 10 of 10 s, 0.4 × real time, about 0 s left)",
+    ]
+
+
+def test_json_progress_is_one_object_a_line(capsys: pytest.CaptureFixture[str]) -> None:
+    lines = shown("json")
+    assert lines is not None
+    lines.step(report(1, 5.0, 3.0))
+    assert json.loads(capsys.readouterr().err) == {
+        "replicate": 1, "replicates": 2, "time": 5.0, "duration": 10.0, "wall": 3.0, "share": 0.75,
+    }  # fmt: skip
+
+
+def test_the_bar_shows_simulated_time_and_speed(capsys: pytest.CaptureFixture[str]) -> None:
+    bar = shown("bar")
+    assert bar is not None
+    bar.step(report(0, 5.0, 2.0))
+    bar.step(report(1, 10.0, 4.0))
+    bar.close()
+    drawn = capsys.readouterr().err
+    assert "20.0/20.0 s simulated" in drawn
+    assert "5 × real time" in drawn
+
+
+def test_no_progress_is_nothing_at_all() -> None:
+    assert shown("none") is None
+    assert MODES[0] == "auto"
