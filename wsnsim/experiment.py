@@ -35,9 +35,7 @@ Source = Any
 
 @dataclass(frozen=True)
 class Summary:
-    """One replicate in figures. `run` and `tracks` are rows of the tables of those names; `errors` is (targets,
-    steps).
-    """
+    """One replicate in figures: rows of the tables `runs` and `tracks`, and the errors (targets, steps)."""
 
     run: Mapping[str, Any]
     tracks: tuple[Mapping[str, Any], ...]
@@ -159,9 +157,7 @@ def run(
     command_line: str = "",
     progress: Callable[[Progress], None] | None = None,
 ) -> Report:
-    """Run replicates 0 … n − 1 of a scenario into one HDF5 file, which stands under its name only once it is
-    complete.
-    """
+    """Run replicates 0 … n − 1 of a scenario into one HDF5 file, which has its name only once it is complete."""
     began = time.monotonic()
     loaded = scenarios.load(scenario)
     parts = scenarios.build(loaded)

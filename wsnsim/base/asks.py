@@ -80,8 +80,9 @@ class Parcel:
 class Local:
     """Each addressed member computes; results stay in its memory.
 
-    `cycles` is a number, or is asked of each member afterwards. `work_all` may do the whole cluster's work in one call, if member i's result depends on member i's own inputs
-    alone. `who`: ids addressed; None means the members that sense now.
+    `cycles` is a number, or is asked of each member afterwards. `work_all` may do the whole cluster's work in one
+    call, if member i's result depends on member i's own inputs alone. `who`: ids addressed; None means the members
+    that sense now.
     """
 
     work: Callable[[Member], None]

@@ -224,9 +224,7 @@ class Acquire(Protocol):
         motion: MotionModel,
         prior: Estimate,
     ) -> Estimate:
-        """A start from the readings that arrived: position from them, the rest from the spread of the scenario's
-        prior.
-        """
+        """A start from the readings that arrived: position from them, the rest from the spread of the prior."""
         ...
 
 
@@ -257,17 +255,13 @@ class ClusterPolicy(Protocol):
     def calls_election(self) -> bool: ...
 
     def elect(self, ids: Sequence[int], strengths: Sequence[float], able: Sequence[bool]) -> int | None:
-        """The head among candidates that sense, given each one's reading and whether its charge exceeds the
-        threshold.
-        """
+        """The head among candidates, given each one's reading and whether its charge exceeds the threshold."""
         ...
 
     def must_hand_over(self, active: int, members: int) -> bool: ...
 
     def successor(self, forecast: Floats, positions: Floats, able: Bools) -> int | None:
-        """The node to hand over to, given the predicted position (2,), all nodes' positions (N, 2) and who is able
-        (N,).
-        """
+        """The next head, given the predicted position (2,), all nodes' positions (N, 2) and who is able (N,)."""
         ...
 
 
@@ -303,8 +297,7 @@ class Tracker(Protocol[B]):
         ...
 
     def hand_over(self, belief: B, scene: Scene, successor: int) -> Flow[B | None]:
-        """Collect from the old cluster and send to the successor. What is returned is what *arrived*; None: the track
-        is lost.
+        """Collect from the old cluster and send to the successor; give what *arrived*, or None: the track is lost.
 
         The deal-out in the new cluster is the first thing that its first `step` does, since only then its members are
         known.

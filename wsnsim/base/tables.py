@@ -1,5 +1,4 @@
-"""The tables of a result: their columns, units and categories. What the network writes, the file stores and pandas
-reads.
+"""The tables of a result: what the network writes, the file stores and pandas reads.
 
 A category column holds small unsigned integers; its meanings travel with it. The words of `events.what` may grow at
 run time (a tracker names its own parcels): a recorder holds them as `Words`, and writes their meanings when it

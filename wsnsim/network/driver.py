@@ -30,7 +30,8 @@ class HeadDied(Exception):
 class Driver:
     """One head's way to its cluster.
 
-    `members` holds every member, the head included, with memory of this cluster's epoch. `readings`: how many entered the last computation. `bits`: put on the air so far. `hops`: of the last `Send`.
+    `members` holds every member, the head included, with memory of this cluster's epoch. `readings`: how many entered
+    the last computation. `bits`: put on the air so far. `hops`: of the last `Send`.
     """
 
     def __init__(self, stage: Stage, target: int, head: int, members: dict[int, Member]) -> None:

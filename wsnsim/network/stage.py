@@ -1,6 +1,4 @@
-"""What the processes of one run share: the clock, the nodes, the air, the log. Each field has one owner that changes
-it.
-"""
+"""What the processes of one run share: the clock, the nodes, the air, the log. Each has one owner that changes it."""
 
 from __future__ import annotations
 
@@ -20,9 +18,7 @@ from wsnsim.network.sensed import Sensed
 
 @dataclass(slots=True)
 class Stage:
-    """The shared services. `step` is the world's clock; `sensing[target]` is {node: reading} of the living nodes in
-    range now.
-    """
+    """The shared services. `step` is the clock; `sensing[target]` is {node: reading} of the living in range now."""
 
     env: simpy.Environment
     parts: Parts

@@ -45,11 +45,10 @@ class ClusterRecord:
 
 @dataclass(slots=True)
 class Track:
-    """The track of one target. `head` is None where nobody leads; `tick` fires once a step, after the nodes have
-    sensed.
+    """The track of one target.
 
-    `prior` is what every filter is told at the start; `heads` has who led at the beginning of each step, -1 for
-    nobody.
+    `head` is None where nobody leads; `tick` fires once a step, after the nodes have sensed. `prior` is what every
+    filter is told at the start; `heads` has who led at the beginning of each step, -1 for nobody.
     """
 
     target: int
