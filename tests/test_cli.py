@@ -88,6 +88,18 @@ def test_list_shows_the_kinds_and_finds_a_role_by_its_plural(capsys: pytest.Capt
         assert word in trackers
 
 
+def test_a_narrow_terminal_gets_every_word_in_blocks(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("COLUMNS", "72")
+    monkeypatch.setattr("sys.stdout.isatty", lambda: True)
+    assert main(["list", "trackers"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) <= 72
+    assert "  pso_mhpf" in lines
+    assert any(line.startswith("    messages per step  a local estimate up") for line in lines)
+
+
 def test_list_as_json_is_one_object_with_every_row(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["list", "motions", "--json"]) == 0
     answer = json.loads(capsys.readouterr().out)
@@ -273,9 +285,9 @@ def test_nobody_reading_is_no_error() -> None:
 
 
 def test_a_terminal_without_the_letters_still_gets_its_answer() -> None:
-    Path("né.yaml").write_text("extends: pso_mhpf")
-    done = wsnsim("check", "né.yaml", env={**os.environ, "PYTHONIOENCODING": "ascii"})
-    assert (done.returncode, done.stdout) == (0, "n?.yaml: ok\n"), done.stderr
+    Path("α.yaml").write_text("extends: pso_mhpf")
+    done = wsnsim("check", "α.yaml", env={**os.environ, "PYTHONIOENCODING": "latin-1"})
+    assert (done.returncode, done.stdout) == (0, "?.yaml: ok\n"), done.stderr
 
 
 @pytest.mark.parametrize(

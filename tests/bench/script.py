@@ -84,7 +84,8 @@ class Replayed:
         return next(self._forecasts)
 
     def _replay(self) -> Generator[Ask, Any, Any]:
-        yield from next(self._flows)
+        for ask in next(self._flows):
+            yield ask  # noqa: UP028 - a list cannot be sent answers
         return True
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -19,7 +21,7 @@ def test_weights_get_mean_one_and_their_effective_number_per_segment() -> None:
     log_weights = np.random.default_rng(1).normal(0.0, 30.0, 40) - 5000.0
     given = log_weights.copy()
     effective = weigh(log_weights, OFFSETS)
-    for m, (first, last) in enumerate(zip(OFFSETS[:-1], OFFSETS[1:], strict=True)):
+    for m, (first, last) in enumerate(pairwise(OFFSETS.tolist())):
         if first == last:
             assert effective[m] == 0.0
             continue
@@ -45,7 +47,7 @@ def test_moments_are_those_of_numpy() -> None:
     rng = np.random.default_rng(2)
     cloud, log_weights = rng.normal(3.0, 5.0, (4, 40)), rng.normal(0.0, 2.0, 40)
     means, covs = moments(cloud, log_weights, OFFSETS)
-    for m, (first, last) in enumerate(zip(OFFSETS[:-1], OFFSETS[1:], strict=True)):
+    for m, (first, last) in enumerate(pairwise(OFFSETS.tolist())):
         if first == last:
             assert not means[m].any() and not covs[m].any()
             continue
@@ -95,7 +97,7 @@ def test_segments_are_resampled_apart() -> None:
     alone = [
         first
         + systematic(log_weights[first:last].copy(), np.array([0, last - first]), sizes[m : m + 1], starts[m : m + 1])
-        for m, (first, last) in enumerate(zip(OFFSETS[:-1], OFFSETS[1:], strict=True))
+        for m, (first, last) in enumerate(pairwise(OFFSETS.tolist()))
         if last > first
     ]
     assert together.tolist() == np.concatenate(alone).tolist()

@@ -215,6 +215,12 @@ def test_a_kind_that_is_set_replaces_its_role_before_its_fields_are_set() -> Non
     assert kept.tracker.particles == 100
 
 
+def test_what_a_kind_that_is_set_lacks_is_a_fault_of_that_set() -> None:
+    assert faults_of(base_scenario(), "deploy.kind=file")[0].startswith(
+        "--set deploy.kind: error: deploy.path: is missing"
+    )
+
+
 # extends
 
 

@@ -143,6 +143,11 @@ def test_the_excerpt_has_its_caret_under_the_fault() -> None:
     assert line[caret.index("^") :].startswith("reach: 2}")
 
 
+def test_a_fault_on_an_empty_line_has_no_excerpt() -> None:
+    _, (fault,) = read("link: {reach: 1\n", text("link: {reach: 1\n"))
+    assert (fault.place, fault.excerpt) == ("x.yaml:2:1", "")
+
+
 def test_a_long_line_is_cut_around_the_fault() -> None:
     content = "key: {" + ", ".join(f"k{i}: {i}" for i in range(500)) + ", k7: 1}"
     _, (fault,) = read(content, text(content))

@@ -5,7 +5,6 @@ roles_text(roles), roles_json(roles), scenarios_text(), scenarios_json()
 
 from __future__ import annotations
 
-import itertools
 import re
 import shutil
 import sys
@@ -18,7 +17,6 @@ from wsnsim.scenario.catalog import Role, Row, kinds
 
 COLUMNS: Final = ("kind", "idea", "paper")
 TRACKER_COLUMNS: Final = ("kind", "paper", "idea", "state", "messages", "variants")
-NARROWEST: Final = 12
 
 
 def roles_text(roles: Sequence[Role]) -> str:
@@ -70,21 +68,20 @@ def _first_sentence(text: str) -> str:
 
 
 def _table(heads: list[str], rows: list[list[str]]) -> str:
-    """Aligned columns; on a terminal, cells are wrapped to its width."""
-    widths = _widths([heads, *rows])
-    lines = []
-    for row in [heads, *rows]:
-        cells = [textwrap.wrap(cell, width) or [""] for cell, width in zip(row, widths, strict=True)]
-        for pieces in itertools.zip_longest(*cells, fillvalue=""):
-            padded = (piece.ljust(width) for piece, width in zip(pieces, widths, strict=True))
-            lines.append(("  " + "  ".join(padded)).rstrip())
+    """Aligned columns; on a terminal that is too narrow for them, a block of lines a row."""
+    widths = [max(map(len, column)) for column in zip(heads, *rows, strict=True)]
+    room = shutil.get_terminal_size().columns
+    if sys.stdout.isatty() and sum(widths) + 2 * len(widths) > room:
+        return "\n".join(_block(heads, row, room) for row in rows)
+    lines = ("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)) for row in [heads, *rows])
+    return "\n".join(f"  {line}".rstrip() for line in lines)
+
+
+def _block(heads: list[str], row: list[str], room: int) -> str:
+    """A row as lines: its first cell, then each further one beside its head, wrapped."""
+    indent = 6 + max(map(len, heads))
+    lines = [f"  {row[0]}"]
+    for head, cell in zip(heads[1:], row[1:], strict=True):
+        start = f"    {head}".ljust(indent)
+        lines += textwrap.wrap(cell, max(room - 1, 2 * indent), initial_indent=start, subsequent_indent=" " * indent)
     return "\n".join(lines)
-
-
-def _widths(rows: list[list[str]]) -> list[int]:
-    """What each column needs; on a terminal that is too narrow for it, the widest columns give way."""
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    room = shutil.get_terminal_size().columns - 2 * len(widths) if sys.stdout.isatty() else sum(widths)
-    while sum(widths) > room and max(widths) > NARROWEST:
-        widths[widths.index(max(widths))] -= 1
-    return [max(width, 1) for width in widths]

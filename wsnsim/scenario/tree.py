@@ -54,6 +54,8 @@ class Spot:
     def _excerpt(self) -> str:
         line = self.text.lines[self.line] if self.line < len(self.text.lines) else ""
         line = "".join(c if c.isprintable() else " " for c in line)
+        if not line.strip():
+            return ""
         start = max(0, self.column - WIDTH // 2) if len(line) > WIDTH else 0
         return f"    {line[start : start + WIDTH].rstrip()}\n    {' ' * (self.column - start)}^"
 
@@ -164,15 +166,11 @@ def assigned(node: Node, path: Keys, new: Node, depth: int = 0) -> Node:
         return sequence(items, node.spot)
     if not isinstance(node.value, dict):
         raise LookupError(f"{here} is a single value and has no '{key}'")
-    return mapping(_with(node, str(key), path, new, depth), node.spot)
-
-
-def _with(node: Node, key: str, path: Keys, new: Node, depth: int) -> dict[str, Entry]:
-    if depth > 0 and depth == len(path) - 1 and key == "kind" and plain(new) != _kind(node, path):
-        return {key: Entry(new.spot, new)}
-    old = node.value.get(key)
+    if depth > 0 and path[depth:] == ("kind",) and plain(new) != _kind(node, path):
+        return mapping({"kind": Entry(new.spot, new)}, new.spot)
+    old = node.value.get(str(key))
     inner = assigned(old.node if old else Node({}, new.spot), path, new, depth + 1)
-    return {**node.value, key: Entry(old.spot if old else new.spot, inner)}
+    return mapping({**node.value, str(key): Entry(old.spot if old else new.spot, inner)}, node.spot)
 
 
 def in_order(faults: Iterable[Fault]) -> list[Fault]:
