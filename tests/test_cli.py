@@ -111,7 +111,7 @@ def test_list_scenarios_says_what_each_is_and_leaves_out_bases(capsys: pytest.Ca
     assert main(["list", "scenarios", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)["scenarios"]
     assert found["pso_mhpf"].startswith("Jiang, Song, Lin (2013)")
-    assert "jiang_base" not in found
+    assert "jiang2013" not in found
 
 
 def test_schema_prints_json(capsys: pytest.CaptureFixture[str]) -> None:

@@ -86,3 +86,12 @@ def test_chains_with_a_symmetric_proposal_settle_on_the_product_of_likelihood_an
     assert cloud.var() == pytest.approx(0.4, abs=4.0 * 0.4 * np.sqrt(2.0 / chains))
     inside = np.mean(np.abs(cloud - 0.8) < np.sqrt(0.4))
     assert inside == pytest.approx(0.6827, abs=4.0 * np.sqrt(0.6827 * 0.3173 / chains))
+
+
+def test_a_proposal_too_far_to_be_a_place_is_refused() -> None:
+    cloud, fitness = np.zeros((2, 2)), np.zeros(2)
+    proposal = np.array([[1.0, 1.0], [-2e9, 3.0]])
+    accepted = accept(
+        cloud, fitness, np.zeros(2), proposal, np.ones(2), np.zeros(2), cloud.copy(), np.zeros(2), KEYS[:2], 0
+    )
+    assert accepted == 1 and cloud.tolist() == [[0.0, 1.0], [0.0, 3.0]]

@@ -18,6 +18,9 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Keys = NDArray[np.uint64]
 
+NOWHERE = 1e9
+"""A state with a larger component is none (our choice): a swarm that swings up fails without overflowing."""
+
 
 @njit(**SWITCHES)
 def fly(
@@ -71,15 +74,19 @@ def accept(
 ) -> int:
     """How many proposals were accepted; cloud, fitness, prior and the particles' own best are updated in place.
 
-    Accepted if u < min(r, 1), r = [p(z|x') π(x')] / [p(z|x) π(x)], in logs; a ratio that is no number is a rejection.
-    Eqs. (20)-(24), with the ratio of the Q taken as one.
+    Accepted if u < min(r, 1), r = [p(z|x') π(x')] / [p(z|x) π(x)], in logs. A ratio that is no number is a rejection,
+    and so is a proposal beyond NOWHERE. Eqs. (20)-(24), with the ratio of the Q taken as one.
     """
     limits = np.empty(keys.size)
     for j in range(keys.size):
         limits[j] = log(uniform(keys[j], draw + 2 * cloud.shape[0]))
     accepted = 0
     for j in range(keys.size):
-        if limits[j] < proposal_fitness[j] + proposal_prior[j] - fitness[j] - prior[j]:
+        farthest = 0.0
+        for d in range(cloud.shape[0]):
+            farthest = max(farthest, abs(proposal[d, j]))
+        ratio = proposal_fitness[j] + proposal_prior[j] - fitness[j] - prior[j]
+        if limits[j] < ratio and farthest < NOWHERE:
             accepted += 1
             fitness[j], prior[j] = proposal_fitness[j], proposal_prior[j]
             for d in range(cloud.shape[0]):

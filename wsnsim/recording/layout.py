@@ -47,7 +47,7 @@ def reason(error: BaseException) -> str:
     if isinstance(error, OSError) and error.strerror and "(" not in error.strerror:
         return error.strerror
     bracketed = re.search(r"\((.*)\)", text, re.DOTALL)
-    return bracketed[1] if bracketed else text or type(error).__name__
+    return (bracketed and bracketed[1]) or text or type(error).__name__
 
 
 def cannot_write(path: Path, error: BaseException) -> ResultError:

@@ -34,14 +34,12 @@ def recover(tmp: str | Path, out: str | Path | None = None) -> Path:
     with opened(tmp, unfinished=True) as file:
         if file.attrs["status"] != "writing":
             raise ResultError(f"{tmp}: is a finished result, there is nothing to recover")
-        held = [table for table in TABLES if table in file]
-        if not any(_whole_rows(file[table]) for table in held):
-            raise ResultError(f"{tmp}: holds no whole chunk of {CHUNK} rows; there is nothing to recover")
-        _copy(file, held, final)
+        _copy(file, tmp, final)
     return final
 
 
-def _copy(file: h5py.File, held: list[str], final: Path) -> None:
+def _copy(file: h5py.File, tmp: Path, final: Path) -> None:
+    held, copied = [table for table in TABLES if table in file], 0
     with ResultFile(final, states_of(file), dict.fromkeys(held, True), status=PARTIAL) as result:
         if "events/what" in file:
             result.words = Words(words_of(file["events/what"]))
@@ -51,6 +49,11 @@ def _copy(file: h5py.File, held: list[str], final: Path) -> None:
         for table in held:
             for chunk in _whole_chunks(file[table]):
                 result.write(table, chunk)
+                copied += 1
+        if not copied:
+            raise ResultError(
+                f"{tmp}: holds no whole chunk of {CHUNK} rows that can be read; there is nothing to recover"
+            )
 
 
 def _final_name(tmp: Path) -> Path:
