@@ -26,6 +26,7 @@ from wsnsim.base.ports import Parts, Recorder
 from wsnsim.base.rng import Streams
 from wsnsim.base.tables import CAUSES, Memory
 from wsnsim.models.deploy import coverage
+from wsnsim.network.fleet import Fleet
 from wsnsim.network.rows import late_steps, write_rows
 from wsnsim.network.world import Outcome, World
 
@@ -125,7 +126,6 @@ def _summarise(outcome: Outcome, parts: Parts, replicate: int, errors: Floats, s
     )
     deaths = sorted(fleet.died_at.values())
     half = (fleet.size + 1) // 2
-    living = fleet.positions[np.array(fleet.alive)]
     run = {
         "replicate": replicate,
         "status": 0,
@@ -141,12 +141,20 @@ def _summarise(outcome: Outcome, parts: Parts, replicate: int, errors: Floats, s
         "alive": sum(fleet.alive),
         "first_death": deaths[0] if deaths else float("nan"),
         "half_dead": deaths[half - 1] if len(deaths) >= half else float("nan"),
-        "coverage": coverage(living, parts.sensor.reach, parts.deploy.width, parts.deploy.height),
+        "coverage": _coverage_left(fleet, parts),
         "cpu_seconds": time.process_time() - started,
         "fingerprint": outcome.fingerprint,
     }
     joules = {cause: total for cause, total in zip(CAUSES, fleet.totals, strict=True) if total}
     return Summary(run, tracks, errors, joules, sum(len(track.clusters) for track in outcome.tracks))
+
+
+def _coverage_left(fleet: Fleet, parts: Parts) -> float:
+    """The fraction of the field that living nodes cover; a covered field of which nobody died need not be looked at."""
+    if not fleet.died_at and getattr(parts.deploy, "cover", False):
+        return 1.0
+    living = fleet.positions[np.array(fleet.alive)]
+    return coverage(living, parts.sensor.reach, parts.deploy.width, parts.deploy.height)
 
 
 def run(

@@ -49,4 +49,4 @@ def test_the_bootstrap_interval_covers_the_mean_of_a_known_population():
         low, high = metrics.bootstrap_interval(errors, metrics.time_mean_rmse, draws=200)
         hits += low <= 3.0 <= high
     assert hits >= 48
-    assert math.isnan(metrics.bootstrap_interval(np.ones((2, 3)), metrics.time_mean_rmse)[0])
+    assert math.isnan(metrics.bootstrap_interval(np.ones((4, 3)), metrics.time_mean_rmse)[0])

@@ -12,7 +12,7 @@ import h5py
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from wsnsim.base.errors import ResultError
@@ -65,6 +65,7 @@ def test_whole_chunks_reach_the_disk_while_the_run_goes_on(tmp_path, states, row
         assert not (tmp_path / "x.h5").exists()
 
 
+@settings(max_examples=40)
 @given(
     st.lists(
         st.lists(

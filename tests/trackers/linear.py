@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from wsnsim.base.asks import Ask, Broadcast, Compute, Local, Member, Parcel, Send, all_arrived
+from wsnsim.base.asks import Ask, Broadcast, Compute, Local, Member, Parcel, all_arrived
 from wsnsim.base.loopback import Lose, perform
 from wsnsim.base.ports import Estimate, Field, Scene
 from wsnsim.base.rng import derive, derive_all, normals
@@ -225,7 +225,3 @@ def sent(heard: Heard, head: int) -> dict[str, int]:
         name = ("v" if source == head else "^") + what
         result[name] = result.get(name, 0) + packets
     return result
-
-
-def is_send(ask: Ask) -> bool:
-    return isinstance(ask, Send)

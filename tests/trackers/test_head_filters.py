@@ -36,7 +36,7 @@ EVERY = [
 def test_on_a_linear_gaussian_model_the_filter_is_the_kalman_filter_but_for_its_particles(
     tracker, noise_scale, tolerance
 ) -> None:
-    errors, ratios = against_kalman(tracker, noise_scale)
+    errors, ratios = against_kalman(tracker, noise_scale, seeds=8)
     assert np.sqrt(np.mean(errors**2)) < tolerance, "root mean square distance of the means, in the Kalman filter's sd"
     assert np.abs(errors.mean(axis=0)).max() < tolerance / 2, "a bias"
     assert np.median(ratios) == pytest.approx(1.0, abs=0.1)

@@ -19,7 +19,7 @@ from wsnsim import recording
 from wsnsim.base.errors import ResultError
 
 FIGURES: Final = {
-    "rmse": ("RMSE", "{:.3f} m"),
+    "rmse": ("RMSE of a run", "{:.3f} m"),
     "median_error": ("median error", "{:.3f} m"),
     "lost": ("runs that lost a track", "{:.1%}"),
     "energy": ("energy", "{:.4g} J"),
@@ -87,10 +87,11 @@ def info(path: str | Path) -> dict[str, Any]:
 def info_text(path: str | Path) -> str:
     """The same for a terminal."""
     about = info(path)
+    scenario = f"{about['name']}, seed {about['seed']}" if about["name"] else "(not stored)"
     runs = "" if about["replicates"] is None else f", {about['replicates']} replicate{'s' * (about['replicates'] != 1)}"
     lines = [
         f"{about['file']}: {about['status']}, {_size(about['bytes'])}",
-        f"scenario     {about['name'] or '(not stored)'}, seed {about['seed']}{runs}",
+        f"scenario     {scenario}{runs}",
         *_provenance_lines(about["provenance"], about["wsnsim_version"]),
         "",
         *_table_lines(about["tables"]),

@@ -61,9 +61,9 @@ def lost_fraction(lost: Bools) -> float:
 def bootstrap_interval(
     errors: Floats, statistic: Callable[[Floats], float], draws: int = 400, confidence: float = 0.95
 ) -> tuple[float, float]:
-    """The percentile bootstrap interval of a statistic over the rows of `errors`; NaN with fewer than three rows."""
+    """The percentile bootstrap interval of a statistic over the rows of `errors`; NaN with fewer than five rows."""
     count = len(errors)
-    if count < 3:
+    if count < 5:
         return float("nan"), float("nan")
     rng = np.random.Generator(np.random.Philox(count))
     values = [statistic(errors[rng.integers(0, count, count)]) for _ in range(draws)]

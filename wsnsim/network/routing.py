@@ -6,6 +6,7 @@ Router(fleet, energy, weight).path(source, to) -> [source, ..., to], or None whe
 from __future__ import annotations
 
 import networkx as nx
+import numpy as np
 
 from wsnsim.base.ports import EnergyModel
 from wsnsim.network.fleet import Fleet
@@ -48,9 +49,14 @@ class Router:
         fleet = self._fleet
         graph = nx.Graph()
         graph.add_nodes_from(node for node in range(fleet.size) if fleet.alive[node])
-        for a, b in sorted(fleet.tree.query_pairs(fleet.reach)):
-            if fleet.alive[a] and fleet.alive[b]:
-                graph.add_edge(a, b, cost=self._cost(fleet.distance(a, b)))
+        pairs = fleet.tree.query_pairs(fleet.reach, output_type="ndarray")
+        pairs = pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
+        distances = np.linalg.norm(fleet.positions[pairs[:, 0]] - fleet.positions[pairs[:, 1]], axis=1)
+        costs = map(self._cost, distances.tolist())
+        links = zip(*pairs.T.tolist(), costs, strict=True) if len(pairs) else ()
+        graph.add_weighted_edges_from(
+            [link for link in links if fleet.alive[link[0]] and fleet.alive[link[1]]], weight="cost"
+        )
         self._graph = graph
         return graph
 

@@ -1,1 +1,1 @@
-"""One tracking strategy a file, and what several of them share: parcels, readings, stacks, moments, dealing."""
+"""One tracking strategy a file; none knows another. What several of them need is in `shared`."""

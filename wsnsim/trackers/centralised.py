@@ -18,10 +18,18 @@ from wsnsim.base.asks import Compute, Flow, Member
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Estimate, Scene
 from wsnsim.kernels.particles import moments, weigh
-from wsnsim.trackers.dealing import PREDICT_CYCLES, Pool, no_particles, resampled, restored, send_all, send_moments
-from wsnsim.trackers.moments import forecast, predicted, symmetric
-from wsnsim.trackers.readings import Evidence, gather_readings
-from wsnsim.trackers.stacks import propagated_by, snapshot
+from wsnsim.trackers.shared.dealing import (
+    PREDICT_CYCLES,
+    Pool,
+    no_particles,
+    resampled,
+    restored,
+    send_all,
+    send_moments,
+)
+from wsnsim.trackers.shared.moments import forecast, predicted, symmetric
+from wsnsim.trackers.shared.readings import Evidence, gather_readings
+from wsnsim.trackers.shared.stacks import propagated_by, snapshot
 
 
 @dataclass(frozen=True, slots=True)

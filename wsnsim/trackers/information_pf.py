@@ -21,7 +21,7 @@ from wsnsim.base.ports import Estimate, Parts, Scene
 from wsnsim.kernels import gaussian
 from wsnsim.kernels.noise import particle_keys
 from wsnsim.kernels.particles import moments, weigh
-from wsnsim.trackers.dealing import (
+from wsnsim.trackers.shared.dealing import (
     PREDICT_CYCLES,
     Pool,
     arrival_of,
@@ -31,10 +31,10 @@ from wsnsim.trackers.dealing import (
     restored,
     send_moments,
 )
-from wsnsim.trackers.moments import forecast, noise_faults, predicted, symmetric
-from wsnsim.trackers.parcels import arrived_groups, covariance_packets, state_packets
-from wsnsim.trackers.readings import Evidence, gather_readings
-from wsnsim.trackers.stacks import MOVE, propagated_by, snapshot
+from wsnsim.trackers.shared.moments import forecast, noise_faults, predicted, symmetric
+from wsnsim.trackers.shared.parcels import arrived_groups, covariance_packets, state_packets
+from wsnsim.trackers.shared.readings import Evidence, gather_readings
+from wsnsim.trackers.shared.stacks import MOVE, propagated_by, snapshot
 
 
 @dataclass(frozen=True, slots=True)

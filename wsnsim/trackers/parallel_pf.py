@@ -19,7 +19,7 @@ from wsnsim.base.asks import Flow, Gather, Local, Member, Parcel, Scatter
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Estimate, Scene
 from wsnsim.kernels.particles import moments, weigh
-from wsnsim.trackers.dealing import (
+from wsnsim.trackers.shared.dealing import (
     PREDICT_CYCLES,
     Deal,
     Pool,
@@ -34,8 +34,8 @@ from wsnsim.trackers.dealing import (
     undealt,
     up_to_date,
 )
-from wsnsim.trackers.moments import forecast, fused, predicted, symmetric
-from wsnsim.trackers.parcels import (
+from wsnsim.trackers.shared.moments import forecast, fused, predicted, symmetric
+from wsnsim.trackers.shared.parcels import (
     UNKNOWN,
     arrived_groups,
     arrived_particles,
@@ -47,8 +47,8 @@ from wsnsim.trackers.parcels import (
     state_packets,
     weight_packets,
 )
-from wsnsim.trackers.readings import share_readings
-from wsnsim.trackers.stacks import (
+from wsnsim.trackers.shared.readings import share_readings
+from wsnsim.trackers.shared.stacks import (
     CLOUD,
     LOG_WEIGHTS,
     OwnReadings,
@@ -251,7 +251,7 @@ class ParallelPf:
         heard = yield Scatter(
             {node: parcel((copies, level), count_packets(copies.size), COUNTS) for node, copies in counts.items()}
         )
-        yield Local(_replicate, 0.0, None, tuple(heard))
+        yield Local(replicate, 0.0, None, tuple(heard))
         held = {node: copies.size for node, copies in counts.items()}
         held |= {node: int(_copies(counts[node], mask).sum()) for node, mask in heard.items()}
         deal = yield from redeal(replace(belief.deal, held=held), scene, common=level)
@@ -293,7 +293,7 @@ def _copies(counts: Ints, mask: Bools) -> Ints:
     return np.where(np.repeat(mask, 8)[: counts.size], counts, 1)
 
 
-def _replicate(member: Member) -> None:
+def replicate(member: Member) -> None:
     """Keep each particle as often as the head says, all with the same weight."""
     for news in settle(member):
         if news.what == COUNTS:

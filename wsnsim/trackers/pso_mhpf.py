@@ -20,7 +20,7 @@ from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Estimate, Parts, Scene
 from wsnsim.kernels.gaussian import fit, log_density
 from wsnsim.kernels.particles import moments, weigh
-from wsnsim.trackers.dealing import (
+from wsnsim.trackers.shared.dealing import (
     PREDICT_CYCLES,
     Deal,
     give,
@@ -33,11 +33,11 @@ from wsnsim.trackers.dealing import (
     undealt,
     up_to_date,
 )
-from wsnsim.trackers.flock import Flock, Pull, flock_of, moved, resampled_flock
-from wsnsim.trackers.moments import forecast, fused, fused_by_variance, noise_faults, predicted, symmetric
-from wsnsim.trackers.parcels import arrived_particles, is_whole, parcel, state_packets
-from wsnsim.trackers.readings import share_readings
-from wsnsim.trackers.stacks import (
+from wsnsim.trackers.shared.flock import Flock, Pull, flock_of, moved, resampled_flock
+from wsnsim.trackers.shared.moments import forecast, fused, fused_by_variance, noise_faults, predicted, symmetric
+from wsnsim.trackers.shared.parcels import arrived_particles, is_whole, parcel, state_packets
+from wsnsim.trackers.shared.readings import share_readings
+from wsnsim.trackers.shared.stacks import (
     CLOUD,
     LOG_WEIGHTS,
     OwnReadings,

@@ -18,7 +18,7 @@ from wsnsim.base.ports import Scene
 from wsnsim.base.rng import uniforms
 from wsnsim.kernels.allocation import allocate
 from wsnsim.kernels.particles import moments, systematic
-from wsnsim.trackers.parcels import (
+from wsnsim.trackers.shared.parcels import (
     MOMENTS,
     arrived_particles,
     guessed,
@@ -28,7 +28,7 @@ from wsnsim.trackers.parcels import (
     state_packets,
     weight_packets,
 )
-from wsnsim.trackers.stacks import (
+from wsnsim.trackers.shared.stacks import (
     CLOUD,
     LOG_WEIGHTS,
     START,

@@ -15,7 +15,7 @@ from wsnsim.base.rng import uniforms
 from wsnsim.kernels.noise import particle_keys
 from wsnsim.kernels.particles import systematic
 from wsnsim.kernels.swarm import accept, fly
-from wsnsim.trackers.stacks import MOVE, START, Score, Stack, cuts_of
+from wsnsim.trackers.shared.stacks import MOVE, START, Score, Stack, cuts_of
 
 
 @dataclass(frozen=True, slots=True)

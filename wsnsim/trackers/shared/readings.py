@@ -9,7 +9,7 @@ import numpy as np
 from wsnsim.base.arrays import Floats
 from wsnsim.base.asks import Broadcast, Delivery, Flow, Gather, Member, Parcel, Scatter
 from wsnsim.base.ports import Scene
-from wsnsim.trackers.parcels import is_whole, parcel, weight_packets
+from wsnsim.trackers.shared.parcels import is_whole, parcel, weight_packets
 
 READINGS = "readings"
 

@@ -21,8 +21,8 @@ from wsnsim.base.asks import Delivery, Member
 from wsnsim.base.ports import Scene, SensorModel
 from wsnsim.kernels.gaussian import sample
 from wsnsim.kernels.noise import particle_keys
-from wsnsim.trackers.parcels import MOMENTS, PARTICLES, arrived_particles, guessed
-from wsnsim.trackers.readings import Evidence, evidence_at
+from wsnsim.trackers.shared.parcels import MOMENTS, PARTICLES, arrived_particles, guessed
+from wsnsim.trackers.shared.readings import Evidence, evidence_at
 
 CLOUD, LOG_WEIGHTS = "cloud", "log_weights"
 DRAW, MOVE, START, PREDICT = 0, 1, 2, 16

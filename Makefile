@@ -1,0 +1,76 @@
+# Needs Python 3.11 or newer and make; everything else goes into .venv.
+SHELL    := bash
+SCENARIO ?= scenarios/pso_mhpf.yaml
+ARGS     ?=
+PYTHON   ?=
+
+VENV     := .venv
+PY       := $(VENV)/bin/python
+READY    := $(VENV)/.ready
+# A clone that was moved or copied along with its .venv: what is installed there points to the old place.
+MOVED    := $(shell test -e $(READY) && ! grep -qxF "$(CURDIR)" $(READY) && echo moved)
+
+.DEFAULT_GOAL := help
+.PHONY: help run test check format lint types imports bench lock clean moved
+.DELETE_ON_ERROR:
+
+help:  ## this list
+	@echo "make TARGET [SCENARIO=scenarios/pso_mhpf.yaml] [ARGS='further arguments'] [PYTHON=python3.12]"
+	@sed -n 's/^\([a-z]*\):.*## \(.*\)/\1|\2/p' $(firstword $(MAKEFILE_LIST)) | while IFS='|' read -r name what; do \
+	    printf '  %-9s%s\n' "$$name" "$$what"; done
+
+run: $(READY)  ## run a scenario and print its summary; SCENARIO=..., ARGS='--replicates 30'
+	@$(PY) -m wsnsim run "$(SCENARIO)" $(ARGS)
+
+test: $(READY)  ## the whole test suite; ARGS='-k handover'
+	@$(PY) -m pytest -n 2 $(ARGS)
+
+check: format lint types imports test  ## format, lint, types, import contracts and tests
+
+format: $(READY)  ## whether the code is formatted
+	@$(PY) -m ruff format --check .
+
+lint: $(READY)  ## what the linter says
+	@$(PY) -m ruff check .
+
+types: $(READY)  ## what the type checker says
+	@$(PY) -m mypy
+
+imports: $(READY)  ## whether every import goes down the floors of the house
+	@$(PY) -c 'from importlinter.cli import lint_imports_command as lint; lint()'
+
+bench: $(READY)  ## processor time of each tracker and of the seam; also results/bench.json
+	@$(PY) -m tests.bench --json results/bench.json $(ARGS)
+
+lock:  ## write requirements.lock anew from pyproject.toml (needs uv)
+	@command -v uv >/dev/null || { echo "make lock needs uv: pip install uv, or https://docs.astral.sh/uv/" >&2; exit 1; }
+	uv pip compile --quiet --universal --generate-hashes --python-version 3.11 --extra dev --no-header --no-annotate \
+	    -o requirements.lock pyproject.toml
+
+clean:  ## remove .venv and every cache; results stay
+	rm -rf $(VENV) build dist .mypy_cache .ruff_cache .import_linter_cache .hypothesis .pytest_cache
+	find wsnsim tests -name __pycache__ -prune -exec rm -rf {} +
+
+# Written last: an installation that was interrupted is taken up again.
+$(READY): pyproject.toml requirements.lock $(MOVED)
+	@set -euo pipefail; \
+	for python in $(PYTHON) python3.11 python3 python3.12 python3.13; do \
+	    if "$$python" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; then break; fi; python=; \
+	done; \
+	if [ -z "$$python" ]; then \
+	    echo "wsnsim needs Python 3.11 or newer: none of $(PYTHON) python3.11 python3 is one (make PYTHON=/path/to/python)" >&2; \
+	    exit 1; \
+	fi; \
+	if ! "$$python" -c 'import ensurepip, venv' 2>/dev/null; then \
+	    echo "$$python cannot make a virtual environment; on Debian or Ubuntu: apt-get install python3-venv" >&2; \
+	    exit 1; \
+	fi; \
+	$(PY) -c 'import pip' 2>/dev/null || { echo "making $(VENV) with $$("$$python" --version)"; \
+	    "$$python" -m venv --clear $(VENV); }; \
+	printf 'installing the packages of requirements.lock '; \
+	$(PY) -m pip install --disable-pip-version-check --progress-bar off --require-hashes -r requirements.lock \
+	    | while read -r word rest; do \
+	        case "$$word" in Collecting) printf .;; Installing) printf ' unpacking';; esac; done; \
+	echo; \
+	$(PY) -m pip install --disable-pip-version-check --quiet --no-deps --no-build-isolation -e .; \
+	echo "$(CURDIR)" > $@

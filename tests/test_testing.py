@@ -1,0 +1,256 @@
+"""check_tracker: the shipped trackers pass it, and those that cheat do not."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from wsnsim.base.asks import PACKET_BITS, Broadcast, Compute, Gather, Local, Member, Parcel, Send
+from wsnsim.base.ports import Estimate
+from wsnsim.testing import check_tracker
+from wsnsim.trackers.centralised import CentralPf
+from wsnsim.trackers.information_pf import InformationPf
+from wsnsim.trackers.parallel_pf import ParallelPf
+from wsnsim.trackers.pso_mhpf import PsoMhpf
+
+SHIPPED = [
+    PsoMhpf(particles=40),
+    PsoMhpf(particles=3),
+    PsoMhpf(particles=40, measurements="all", estimate_when="before"),
+    PsoMhpf(particles=40, fusion="inverse_variance", feedback=True),
+    PsoMhpf(particles=40, acceptance="transition", resample_first=True, handover="gaussian"),
+    PsoMhpf(particles=40, acceptance="likelihood", random_factors=False, resample_always=True),
+    PsoMhpf(particles=40, step_length="dt", iterations=20),
+    PsoMhpf(particles=40, iterations=0, threshold=1.0),
+    InformationPf(particles=40),
+    InformationPf(particles=40, proposal="local"),
+    InformationPf(particles=40, proposal="cloud", handover="gaussian"),
+    ParallelPf(particles=40),
+    ParallelPf(particles=3, threshold=1.0),
+    ParallelPf(particles=40, measurements="own", handover="gaussian"),
+    CentralPf(particles=40),
+    CentralPf(particles=1, handover="gaussian"),
+]
+
+
+@pytest.mark.parametrize("tracker", SHIPPED, ids=lambda tracker: type(tracker).__name__)
+def test_every_shipped_tracker_and_variant_keeps_the_rules(tracker: Any) -> None:
+    check_tracker(tracker)
+
+
+@dataclass(frozen=True)
+class Honest:
+    """The mean of the readings that arrived moves the estimate; every member keeps count of its steps."""
+
+    def start(self, prior, scene):
+        yield Broadcast(Parcel(None, 1, PACKET_BITS, "hello"))
+        return prior
+
+    def step(self, belief, scene):
+        yield Local(self.work, 5.0, self.work_all)
+        answer = yield Gather(self.parcel_of)
+        yield Compute(10.0)
+        values = [payload for payload, _ in answer.values()]
+        return self.moved(belief, sum(values) / len(values) if values else 0.0)
+
+    def hand_over(self, belief, scene, successor):
+        mask = yield Send(successor, Parcel(belief, 4, PACKET_BITS, "belief"))
+        return belief if mask.all() else None
+
+    def estimate(self, belief):
+        return belief
+
+    def forecast(self, belief, scene, ahead):
+        return belief
+
+    def moved(self, belief, by):
+        return Estimate(belief.mean + 1e-3 * by, belief.cov)
+
+    def work(self, member):
+        member.inbox.clear()
+        member.memory["seen"] = np.append(member.memory.get("seen", np.empty(0)), member.reading)
+
+    def work_all(self, members):
+        for member in members:
+            self.work(member)
+
+    def parcel_of(self, member):
+        return Parcel(float(member.memory["seen"][-1]), 1, PACKET_BITS, "seen")
+
+
+class ReadsThroughAClosure(Honest):
+    """Remembers the members that it has worked on, and looks at them later."""
+
+    known: dict[int, Member] = {}  # noqa: RUF012
+
+    def work(self, member):
+        super().work(member)
+        others = [other.reading for other in self.known.values() if other.id != member.id]
+        member.memory["stolen"] = sum(reading or 0.0 for reading in others)
+        self.known[member.id] = member
+
+    def step(self, belief, scene):
+        yield Local(self.work)
+        return belief
+
+
+class SharesADictionary(Honest):
+    """Members leave their readings where all can see them."""
+
+    board: dict[int, float] = {}  # noqa: RUF012
+
+    def work(self, member):
+        super().work(member)
+        self.board[member.id] = member.reading
+        member.memory["stolen"] = max(self.board.values())
+
+
+class MixesInWorkAll(Honest):
+    """The work of the whole cluster is not that of its members."""
+
+    def work_all(self, members):
+        super().work_all(members)
+        for member in members:
+            member.memory["mean"] = np.mean([other.reading for other in members])
+
+
+class ChangesOthers(Honest):
+    """Writes into whoever came before."""
+
+    known: list[Member] = []  # noqa: RUF012
+
+    def work(self, member):
+        super().work(member)
+        for other in self.known:
+            if other is not member:
+                other.memory["mark"] = member.id
+        self.known[:] = [member]
+
+
+class TellsTheHeadWithoutAPacket(Honest):
+    """The head uses what work left in the tracker itself."""
+
+    heap: list[float] = []  # noqa: RUF012
+
+    def step(self, belief, scene):
+        self.heap.clear()
+        belief = yield from super().step(belief, scene)
+        return self.moved(belief, sum(self.heap))
+
+    def work(self, member):
+        super().work(member)
+        self.heap.append(member.reading)
+
+
+class TakesArrivalForGranted(Honest):
+    def step(self, belief, scene):
+        yield Local(self.work)
+        answer = yield Gather(self.parcel_of)
+        return self.moved(belief, sum(answer[node][0] for node in scene.ids))
+
+
+class DividesByWhatArrived(Honest):
+    def step(self, belief, scene):
+        yield Local(self.work)
+        answer = yield Gather(self.parcel_of)
+        share = np.float64(1.0) / len(answer) if scene.ids else 0.0
+        return self.moved(belief, share)
+
+
+class InsistsOnWholeParcels(Honest):
+    def parcel_of(self, member):
+        return replace(super().parcel_of(member), packets=2)
+
+    def step(self, belief, scene):
+        yield Local(self.work)
+        answer = yield Gather(self.parcel_of)
+        if not all(mask.all() for _, mask in answer.values()):
+            raise ValueError("half a parcel")
+        return belief
+
+
+class ForgetsThatParcelsHaveBits(Honest):
+    def parcel_of(self, member):
+        return replace(super().parcel_of(member), packets=0)
+
+
+class SendsNothing(Honest):
+    def start(self, prior, scene):
+        yield Compute(1.0)
+        return prior
+
+    def step(self, belief, scene):
+        yield Compute(1.0)
+        return belief
+
+    def hand_over(self, belief, scene, successor):
+        yield Compute(1.0)
+        return belief
+
+
+class IsNoNumber(Honest):
+    def moved(self, belief, by):
+        return Estimate(belief.mean * np.nan, belief.cov)
+
+
+class HasNoCovariance(Honest):
+    def estimate(self, belief):
+        return Estimate(belief.mean, belief.cov - 5.0 * np.eye(4))
+
+
+class IsLopsided(Honest):
+    def estimate(self, belief):
+        return Estimate(belief.mean, belief.cov + np.triu(np.ones((4, 4)), 1))
+
+
+class ChargesNonsense(Honest):
+    def step(self, belief, scene):
+        yield Local(self.work, lambda member: float("nan"))
+        return belief
+
+
+class ThrowsDice(Honest):
+    rng = np.random.default_rng()
+
+    def moved(self, belief, by):
+        return Estimate(belief.mean + self.rng.normal(size=4), belief.cov)
+
+
+class AsksForTheMoon(Honest):
+    def step(self, belief, scene):
+        yield "the moon"
+        return belief
+
+
+def test_an_honest_stranger_passes() -> None:
+    check_tracker(Honest())
+
+
+@pytest.mark.parametrize(
+    ("cheat", "demand", "reason"),
+    [
+        (ReadsThroughAClosure(), "privacy", "depends on what others hold"),
+        (SharesADictionary(), "privacy", "depends on what others hold"),
+        (MixesInWorkAll(), "privacy", "work_all and work differ"),
+        (ChangesOthers(), "privacy", "changed node"),
+        (TellsTheHeadWithoutAPacket(), "silence", "readings of other members"),
+        (TakesArrivalForGranted(), "silence", "KeyError"),
+        (DividesByWhatArrived(), "silence", "RuntimeWarning"),
+        (InsistsOnWholeParcels(), "loss", "half a parcel"),
+        (ForgetsThatParcelsHaveBits(), "sound", "parcel without bits"),
+        (SendsNothing(), "sound", "nothing ever crosses the air"),
+        (IsNoNumber(), "sound", "mean is not finite"),
+        (HasNoCovariance(), "sound", "not positive semidefinite"),
+        (IsLopsided(), "sound", "not symmetric"),
+        (ChargesNonsense(), "sound", "no number of cycles"),
+        (ThrowsDice(), "repeatable", "two different tracks"),
+        (AsksForTheMoon(), "sound", "is no ask"),
+    ],
+    ids=lambda value: type(value).__name__ if isinstance(value, Honest) else "",
+)
+def test_a_cheat_is_caught_by_name(cheat: Honest, demand: str, reason: str) -> None:
+    with pytest.raises(AssertionError, match=rf"demand '{demand}.*({reason})"):
+        check_tracker(cheat)

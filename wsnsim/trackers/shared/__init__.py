@@ -1,0 +1,1 @@
+"""What several strategies share: parcels, readings, stacked clouds, moving flocks, moments, dealing."""
