@@ -54,6 +54,11 @@ def test_categories_are_their_words(write, rows_of):
     assert frame["what"].tolist() == ["weights", "local_estimate", "none", "weights"]
 
 
+def test_a_code_without_a_word_is_still_told_apart(write, rows_of):
+    frame = read(write("x.h5", ["weights"], events=rows_of("events", 3) | {"what": [1, 3, 0]}), "events")
+    assert frame["what"].tolist() == ["weights", "unknown_3", "none"]
+
+
 def test_a_table_without_rows_is_an_empty_frame_with_its_columns(write):
     frame = read(write("x.h5"), "events")
     assert len(frame) == 0

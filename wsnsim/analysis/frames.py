@@ -111,7 +111,11 @@ def _read_one(path: str | Path, table: str, columns: Sequence[str] | None) -> pd
 
 
 def _series(values: np.ndarray, words: tuple[str, ...]) -> Any:
-    return pd.Categorical.from_codes(values, list(words)) if words else values
+    """The column, codes as words. A code that the file gives no word for is 'unknown_' and its number."""
+    if not words:
+        return values
+    unknown = range(len(words), int(values.max(initial=0)) + 1)
+    return pd.Categorical.from_codes(values, [*words, *(f"unknown_{code}" for code in unknown)])
 
 
 def _joined(pieces: list[pd.Series]) -> Any:

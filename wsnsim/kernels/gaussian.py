@@ -103,6 +103,26 @@ def log_density(points: Floats, means: Floats, factors: Floats, offsets: Ints) -
 
 
 @njit(**SWITCHES)
+def fuse(means: Floats, shares: Floats, within: Floats) -> tuple[Floats, Floats]:
+    """The mean (D,) of means (M, D) by their shares (M,), and its covariance: their spread plus `within` (D, D)."""
+    size, total = means.shape[1], 0.0
+    mean = np.zeros(size)
+    for m in range(shares.size):
+        total += shares[m]
+        for d in range(size):
+            mean[d] += shares[m] * means[m, d]
+    mean /= total
+    cov = np.empty((size, size))
+    for d in range(size):
+        for e in range(d + 1):
+            spread = 0.0
+            for m in range(shares.size):
+                spread += shares[m] * (means[m, d] - mean[d]) * (means[m, e] - mean[e])
+            cov[d, e] = cov[e, d] = spread / total + 0.5 * (within[d, e] + within[e, d])
+    return mean, cov
+
+
+@njit(**SWITCHES)
 def sample(means: Floats, covs: Floats, keys: Keys) -> tuple[Floats, Floats]:
     """Points (D, N), one a key, and their log densities (N,) up to (2π)^(-D/2): from Gaussian j, or from the only one.
 

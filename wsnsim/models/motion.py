@@ -8,6 +8,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Iterator
+from functools import lru_cache
 from math import inf
 from typing import Annotated, ClassVar, Literal
 
@@ -123,6 +124,7 @@ class BoundedVelocity:
         c = s * dt**2 + q * dt
         return (a, b, c), q * q * dt**4 / 4 + s * q * dt**5 / 4
 
+    @lru_cache(maxsize=64)  # noqa: B019 - a frozen part with its values for a key: what is kept are a few numbers
     def _root(self, dt: float) -> kernels.Root:
         """The lower Cholesky factor (l11, l21, l22) of one axis' covariance, singular ones included."""
         (a, b, _), determinant = self._covariance(dt)

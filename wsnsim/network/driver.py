@@ -87,7 +87,7 @@ class Driver:
         else:
             for member in addressed:
                 ask.work(member)
-        self.readings = sum(member.reading is not None for member in addressed)
+        self.readings = len([member for member in addressed if member.reading is not None])
         cycles = ask.cycles
         for member in addressed:
             self._pay(member.id, cycles(member) if callable(cycles) else cycles)

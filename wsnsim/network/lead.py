@@ -5,6 +5,7 @@ Jiang (2013), section 2.3. One SimPy process a head and target; it ends when the
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Generator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -269,7 +270,9 @@ def _issue(stage: Stage, track: Track, step: int, scene: Scene, driver: Driver, 
     if step == 0:
         return
     stage.log("estimate", track.target, scene.head)
-    assert np.all(np.isfinite(estimate.mean)), f"the tracker's estimate at step {step} is not finite: {estimate.mean}"
+    assert math.isfinite(sum(estimate.mean.tolist())), (
+        f"the tracker's estimate at step {step} is not finite: {estimate.mean}"
+    )
     track.estimates[step] = Issued(
         step, stage.env.now, estimate, scene.head, scene.active, len(scene.roster), driver.readings
     )

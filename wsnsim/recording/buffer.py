@@ -54,7 +54,7 @@ class TableBuffer:
         strange, missing = rows.keys() - self._held.keys(), self._held.keys() - rows.keys()
         assert not strange, f"table {self._name} has no column {', '.join(sorted(strange))}"
         assert not missing, f"rows of table {self._name} lack the column {', '.join(sorted(missing))}"
-        return {column.name: _fitted(rows[column.name], column, self._name) for column in self._columns}
+        return {name: _fitted(rows[name], held.dtype, f"{self._name}.{name}") for name, held in self._held.items()}
 
     def _write_held(self) -> None:
         rows = self._filled
@@ -70,24 +70,29 @@ class TableBuffer:
         self._filled = 0
 
 
-def _fitted(value: Any, column: Column, table: str) -> np.ndarray:
+def _fitted(value: Any, dtype: np.dtype[Any], name: str) -> np.ndarray:
     """The value as an array of the column's type, the same numbers.
 
     A list is converted from itself, not by way of the type that NumPy guesses: integers beyond 2**63 would pass
     through float.
     """
     array = np.asarray(value)
-    assert array.ndim <= 1, f"{table}.{column.name} takes a scalar or one dimension, not shape {array.shape}"
-    if array.dtype == column.dtype:
+    assert array.ndim <= 1, f"{name} takes a scalar or one dimension, not shape {array.shape}"
+    if array.dtype == dtype:
         return array
     try:
-        with np.errstate(invalid="ignore", over="ignore"):
-            fitted = np.asarray(value, dtype=column.dtype)
-        fits = fitted.dtype.kind == "f" or np.array_equal(fitted, array)
+        fitted = _cast_floats(value, dtype) if array.dtype.kind == "f" else np.asarray(value, dtype=dtype)
+        fits = dtype.kind == "f" or bool((fitted == array).all())
     except (OverflowError, ValueError):
         fits = False
-    assert fits, f"{table}.{column.name} holds values that do not fit {column.dtype}"
+    assert fits, f"{name} holds values that do not fit {dtype}"
     return fitted
+
+
+def _cast_floats(value: Any, dtype: np.dtype[Any]) -> np.ndarray:
+    """Without a warning about what does not fit: the caller compares."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        return np.asarray(value, dtype=dtype)
 
 
 def _common_length(table: str, fitted: Mapping[str, np.ndarray]) -> int:

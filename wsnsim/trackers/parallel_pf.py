@@ -18,6 +18,7 @@ from wsnsim.base.arrays import Bools, Floats, Ints
 from wsnsim.base.asks import Flow, Gather, Local, Member, Parcel, Scatter
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Estimate, Scene
+from wsnsim.kernels.gaussian import fuse
 from wsnsim.kernels.particles import moments, weigh
 from wsnsim.trackers.shared.dealing import (
     PREDICT_CYCLES,
@@ -34,7 +35,7 @@ from wsnsim.trackers.shared.dealing import (
     undealt,
     up_to_date,
 )
-from wsnsim.trackers.shared.moments import forecast, fused, predicted, symmetric
+from wsnsim.trackers.shared.moments import forecast, predicted
 from wsnsim.trackers.shared.parcels import (
     UNKNOWN,
     arrived_groups,
@@ -202,7 +203,7 @@ class ParallelPf:
         else:
             likelihood = SharedReadings.of(members, heard, scene)
         _, stack.cloud = propagated(stack.cloud, stack.offsets, stack.keys, scene)
-        fitness = likelihood.score(np.arange(len(members)), stack.counts)(stack.cloud)
+        fitness = likelihood.score(stack)(stack.cloud)
         stack.log_weights = stack.log_weights + np.where(np.isnan(fitness), -np.inf, fitness)
         means, covs = moments(stack.cloud, stack.log_weights, stack.offsets)
         stack.store(members)
@@ -230,11 +231,10 @@ class ParallelPf:
         if not np.isfinite(top):
             return replace(self._predicted(belief, deal, scene), effective=effective, weights=tally.weights)
         sums = np.array([np.exp(tally.weights[node] - top).sum() for node in tally.means])
-        mean, spread = fused(np.array(list(tally.means.values())), sums)
         within = answer[scene.head][0].cov if scene.head in answer else None
         if within is None:
             within = predicted(belief.mean, belief.within, scene.motion, scene.dt, scene.steps)[1]
-        cov = symmetric(spread + within)
+        mean, cov = fuse(np.array(list(tally.means.values())), sums, within)
         return ParallelBelief(mean, cov, within, deal, scene.head, effective, tally.weights)
 
     def _resample(self, belief: ParallelBelief, scene: Scene) -> Flow[ParallelBelief]:

@@ -13,12 +13,12 @@ from typing import Annotated, ClassVar, Literal, NamedTuple
 
 import numpy as np
 
-from wsnsim.base.arrays import Bools, Floats, Ints
+from wsnsim.base.arrays import Bools, Floats
 from wsnsim.base.asks import Broadcast, Flow, Gather, Local, Member, Parcel
 from wsnsim.base.errors import Fault
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Estimate, Parts, Scene
-from wsnsim.kernels.gaussian import fit, log_density
+from wsnsim.kernels.gaussian import fit, fuse, log_density
 from wsnsim.kernels.particles import moments, weigh
 from wsnsim.trackers.shared.dealing import (
     PREDICT_CYCLES,
@@ -33,8 +33,7 @@ from wsnsim.trackers.shared.dealing import (
     undealt,
     up_to_date,
 )
-from wsnsim.trackers.shared.flock import Flock, Pull, flock_of, moved, resampled_flock
-from wsnsim.trackers.shared.moments import forecast, fused, fused_by_variance, noise_faults, predicted, symmetric
+from wsnsim.trackers.shared.moments import forecast, fused_by_variance, noise_faults, predicted, symmetric
 from wsnsim.trackers.shared.parcels import arrived_particles, is_whole, parcel, state_packets
 from wsnsim.trackers.shared.readings import share_readings
 from wsnsim.trackers.shared.stacks import (
@@ -51,8 +50,10 @@ from wsnsim.trackers.shared.stacks import (
     snapshot,
     stacked,
 )
+from wsnsim.trackers.shared.swarms import Pull, moved, resampled_columns
 
 LOCAL = "local"
+NAN = float("nan")
 RIDGE = 1e-3
 """m², (m/s)²: added to the diagonal of a fitted covariance, which fewer than five particles leave singular."""
 
@@ -66,7 +67,7 @@ class SwarmBelief:
     within: Floats
     deal: Deal
     head: int
-    effective: float = float("nan")
+    effective: float = NAN
 
 
 class LocalResult(NamedTuple):
@@ -219,45 +220,57 @@ class PsoMhpf:
         else:
             likelihood = SharedReadings.of(members, heard, scene)
         before, stack.cloud = propagated(stack.cloud, stack.offsets, stack.keys, scene)  # eq. 12
-        fitness = likelihood.score(np.arange(len(members)), stack.counts)(stack.cloud)
+        score = likelihood.score(stack)
+        fitness = score(stack.cloud)
         stack.log_weights = stack.log_weights + fitness  # eq. 13
         effective = weigh(stack.log_weights, stack.offsets)  # eq. 14
         moving = (effective < self.threshold * stack.counts) | self.resample_always
         if self.estimate_when == "before":
             means, covs = moments(stack.cloud, stack.log_weights, stack.offsets)
-        if moving.any():
-            self._move(stack, flock_of(stack, before, fitness, moving), likelihood, scene)
+        if True in moving.tolist():
+            self._move(stack, before, fitness, moving, score, scene)
         if self.estimate_when == "after":
             means, covs = moments(stack.cloud, stack.log_weights, stack.offsets)  # eq. 16
         stack.store(members)
-        cycles = self._cycles(stack.counts, likelihood.sensors, moving, scene.steps)
-        for member, mean, cov, number, taken in zip(members, means, covs, effective.tolist(), cycles, strict=True):
-            member.memory[LOCAL] = LocalResult(mean, cov, number, taken)
+        cycles = self._cycles(stack.counts.tolist(), likelihood.sensors, moving.tolist(), scene.steps)
+        for member, *result in zip(members, means, covs, effective.tolist(), cycles, strict=True):
+            member.memory[LOCAL] = LocalResult(*result)
 
-    def _cycles(self, counts: Ints, sensors: list[int], moving: Bools, steps: int) -> list[float]:
+    def _cycles(self, counts: list[int], sensors: list[int], moving: list[bool], steps: int) -> list[float]:
         """Section 5: predict and weigh 40 + 30 S per particle, Gaussian fit 30, each iteration 50 + 30 S."""
-        readings = np.array(sensors)
-        moves = (30.0 if self.acceptance == "gaussian" else 0.0) + self.iterations * (50.0 + 30.0 * readings)
-        taken: list[float] = (counts * (PREDICT_CYCLES * steps + 30.0 * readings + moves * moving)).tolist()
-        return taken
+        fit_cycles = 30.0 if self.acceptance == "gaussian" else 0.0
+        return [
+            count
+            * (PREDICT_CYCLES * steps + 30.0 * seen + (fit_cycles + self.iterations * (50.0 + 30.0 * seen)) * moves)
+            for count, seen, moves in zip(counts, sensors, moving, strict=True)
+        ]
 
-    def _move(self, stack: Stack, flock: Flock, likelihood: OwnReadings | SharedReadings, scene: Scene) -> None:
-        """Move swarms in place of a resampling, and give them equal weights (section 3, step 4)."""
-        reference = fit(flock.cloud, flock.offsets, RIDGE) if self.acceptance == "gaussian" else None
+    def _move(self, stack: Stack, before: Floats, fitness: Floats, moving: Bools, score: Score, scene: Scene) -> None:
+        """Move the swarms of those who are `moving` (M,) in place of a resampling, and give them equal weights.
+
+        Section 3, step 4. All nodes' swarms are moved in one go; a node that does not move keeps what it had.
+        """
+        reference = fit(stack.cloud, stack.offsets, RIDGE) if self.acceptance == "gaussian" else None
+        cloud = stack.cloud
         if self.resample_first:
-            flock = resampled_flock(flock)
+            drawn = resampled_columns(stack)
+            before, cloud, fitness = before.take(drawn, axis=1), cloud.take(drawn, axis=1), fitness[drawn]
         length = scene.dt if self.step_length == "dt" else 1.0
         pull = Pull(self.iterations, self.phi1, self.phi2, length, self.random_factors)
-        score = likelihood.score(flock.rows, flock.counts)
-        stack.cloud[:, flock.columns] = moved(flock, score, self._log_prior(flock, reference, scene), pull)
-        stack.log_weights[flock.columns] = 0.0
+        cloud = moved(cloud, fitness, stack, score, self._log_prior(stack, before, reference, scene), pull)
+        if moving.all():
+            stack.cloud, stack.log_weights = cloud, np.zeros(fitness.size)
+        else:
+            columns = moving[stack.layout.owners]
+            stack.cloud = np.where(columns, cloud, stack.cloud)
+            stack.log_weights[columns] = 0.0
 
-    def _log_prior(self, flock: Flock, reference: tuple[Floats, Floats] | None, scene: Scene) -> Score:
+    def _log_prior(self, stack: Stack, before: Floats, reference: tuple[Floats, Floats] | None, scene: Scene) -> Score:
         """(D, N) → (N,) log π of eq. (20), up to a constant of each particle."""
         if reference is not None:
-            return lambda points: log_density(points, *reference, flock.offsets)
+            return lambda points: log_density(points, *reference, stack.offsets)
         if self.acceptance == "transition":
-            return lambda points: scene.motion.log_transition(points, flock.before, scene.dt)
+            return lambda points: scene.motion.log_transition(points, before, scene.dt)
         return lambda points: np.zeros(points.shape[1])
 
     def _report(self, member: Member, head: int) -> Parcel | None:
@@ -285,18 +298,19 @@ class PsoMhpf:
         if not reports:
             return self._predicted(belief, deal, scene)
         means = np.array([report.mean for report, _ in reports.values()])
-        shares = np.array([deal.held.get(node, 0) for node in reports], dtype=np.float64)
         if self.fusion == "inverse_variance":
             variances = _reported_variances(list(reports.values()), packets)
             if variances is not None:
                 mean, spread, within = fused_by_variance(means, variances)
                 return SwarmBelief(mean, symmetric(spread + within), within, deal, scene.head)
-        mean, spread = fused(means, shares)
         own = answer[scene.head][0].own if scene.head in answer else None
         if own is None:
             _, within = predicted(belief.mean, belief.within, scene.motion, scene.dt, scene.steps)
-            return SwarmBelief(mean, symmetric(spread + within), within, deal, scene.head)
-        return SwarmBelief(mean, symmetric(spread + own.cov), own.cov, deal, scene.head, own.effective)
+        else:
+            within = own.cov
+        shares = np.array([deal.held.get(node, 0) for node in reports], dtype=np.float64)
+        mean, cov = fuse(means, shares, within)
+        return SwarmBelief(mean, cov, within, deal, scene.head, own.effective if own else NAN)
 
 
 def _cycles_taken(member: Member) -> float:

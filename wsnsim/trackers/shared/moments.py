@@ -35,14 +35,6 @@ def symmetric(cov: Floats) -> Floats:
     return 0.5 * (cov + cov.T)
 
 
-def fused(means: Floats, shares: Floats) -> tuple[Floats, Floats]:
-    """Mean (D,) of local means (M, D) by renormalised shares (M,), and the spread (D, D) about it."""
-    weights = shares / shares.sum()
-    mean = weights @ means
-    around = means - mean
-    return mean, (around.T * weights) @ around
-
-
 def fused_by_variance(means: Floats, variances: Floats) -> tuple[Floats, Floats, Floats]:
     """Mean (D,) of local means (M, D), each column weighed by its inverse variances (M, D); spread and cov (D, D).
 

@@ -11,8 +11,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import pairwise
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -30,46 +31,66 @@ DRAW, MOVE, START, PREDICT = 0, 1, 2, 16
 step), and the START-th draw of the key itself for the first tooth of a systematic resampling."""
 
 
+class Layout(NamedTuple):
+    """How many columns each segment has (M,), where they begin and the last ends (M + 1,), whose each column is (N,)."""
+
+    counts: Ints
+    offsets: Ints
+    owners: Ints
+
+
+@lru_cache(maxsize=1024)
+def layout(counts: tuple[int, ...]) -> Layout:
+    """The layout of segments of these lengths. Looked up rather than made: it changes with the membership only."""
+    sizes = np.array(counts, np.int64)
+    offsets = np.zeros(sizes.size + 1, np.int64)
+    sizes.cumsum(out=offsets[1:])
+    return Layout(sizes, offsets, np.arange(sizes.size).repeat(sizes))
+
+
 @dataclass(slots=True)
 class Stack:
-    """Particles (D, N) with log-weights (N,); member m has counts[m], up to column offsets[m + 1], and keys[m]."""
+    """Particles (D, N) with log-weights (N,), member m's as segment m of the layout; and the members' keys (M,)."""
 
     cloud: Floats
     log_weights: Floats
-    counts: Ints
-    offsets: Ints
+    layout: Layout
     keys: Keys
+
+    @property
+    def counts(self) -> Ints:
+        """(M,) how many particles each member has."""
+        return self.layout.counts
+
+    @property
+    def offsets(self) -> Ints:
+        """(M + 1,) the column where each member's begin, and the last one's end."""
+        return self.layout.offsets
 
     def store(self, members: Sequence[Member]) -> None:
         """Write each member's columns back to its memory."""
         cloud, log_weights = self.cloud, self.log_weights
-        for member, (first, last) in zip(members, pairwise(self.offsets.tolist()), strict=True):
+        first = 0
+        for member, last in zip(members, self.layout.offsets[1:].tolist(), strict=True):
             memory = member.memory
             memory[CLOUD] = cloud[:, first:last]
             memory[LOG_WEIGHTS] = log_weights[first:last]
+            first = last
 
 
 def stacked(members: Sequence[Member], columns: int) -> tuple[Stack, list[list[Delivery]]]:
     """The members' particles, those in their inboxes included, and what else each of them heard."""
     heard = [settle(member) if member.inbox else [] for member in members]
-    holding = [member.memory if CLOUD in member.memory else _nothing(columns) for member in members]
-    clouds = [memory[CLOUD] for memory in holding]
-    counts = np.array([cloud.shape[1] for cloud in clouds], np.int64)
-    keys = np.array([member.key for member in members], np.uint64)
+    held = [member.memory if CLOUD in member.memory else _nothing(columns) for member in members]
+    clouds = [memory[CLOUD] for memory in held]
     cloud = np.concatenate(clouds, axis=1) if len(clouds) > 1 else np.ascontiguousarray(clouds[0])
-    log_weights = np.concatenate([memory[LOG_WEIGHTS] for memory in holding])
-    return Stack(cloud, log_weights, counts, cuts_of(counts), keys), heard
+    log_weights = np.concatenate([memory[LOG_WEIGHTS] for memory in held])
+    keys = np.array([member.key for member in members], np.uint64)
+    return Stack(cloud, log_weights, layout(tuple([cloud.shape[1] for cloud in clouds])), keys), heard
 
 
 def _nothing(columns: int) -> dict[str, Floats]:
     return {CLOUD: np.empty((columns, 0)), LOG_WEIGHTS: np.empty(0)}
-
-
-def cuts_of(counts: Ints) -> Ints:
-    """(M + 1,) where segments of these lengths begin, and the last one ends."""
-    cuts = np.zeros(counts.size + 1, np.int64)
-    counts.cumsum(out=cuts[1:])
-    return cuts
 
 
 def settle(member: Member) -> list[Delivery]:
@@ -150,7 +171,7 @@ class OwnReadings:
     """What stacked particles are weighed with if each node has its own reading alone."""
 
     sensor: SensorModel
-    place: list[int]
+    place: slice | list[int]
     evidence: Evidence
 
     @classmethod
@@ -160,17 +181,16 @@ class OwnReadings:
         positions = np.concatenate([member.position for member in members]).reshape(len(members), -1)
         traits = np.concatenate([member.traits for member in members]).reshape(len(members), -1)
         ids = tuple([member.id for member in members])
-        return cls(scene.sensor, list(scene.motion.position), Evidence(ids, values, positions, traits))
+        return cls(scene.sensor, place_of(scene), Evidence(ids, values, positions, traits))
 
     @property
     def sensors(self) -> list[int]:
         """How many readings each member weighs with."""
         return [1] * len(self.evidence.ids)
 
-    def score(self, rows: Ints, counts: Ints) -> Score:
-        """For a cloud whose m-th segment of counts[m] columns belongs to member rows[m]."""
-        owners = rows.repeat(counts)
-        sensor, place, seen = self.sensor, self.place, self.evidence
+    def score(self, stack: Stack) -> Score:
+        """For clouds laid out as the stack's."""
+        sensor, place, seen, owners = self.sensor, self.place, self.evidence, stack.layout.owners
         readings, positions, traits = seen.readings, seen.positions, seen.traits
         return lambda cloud: sensor.log_likelihood(cloud[place], readings, positions, traits, owners)
 
@@ -180,33 +200,39 @@ class SharedReadings:
     """What stacked particles are weighed with if each node has the readings of many."""
 
     sensor: SensorModel
-    place: list[int]
+    place: slice | list[int]
     evidence: list[Evidence]
 
     @classmethod
     def of(cls, members: Sequence[Member], heard: Sequence[list[Delivery]], scene: Scene) -> SharedReadings:
         """From what the members heard of the broadcast, and their own readings."""
         evidence = [evidence_at(member, news) for member, news in zip(members, heard, strict=True)]
-        return cls(scene.sensor, list(scene.motion.position), evidence)
+        return cls(scene.sensor, place_of(scene), evidence)
 
     @property
     def sensors(self) -> list[int]:
         """How many readings each member weighs with."""
         return [len(seen.ids) for seen in self.evidence]
 
-    def score(self, rows: Ints, counts: Ints) -> Score:
-        """For a cloud whose m-th segment belongs to member rows[m]; one call where all have the same readings."""
-        having = [self.evidence[row] for row in rows.tolist()]
-        if all(seen is having[0] for seen in having):
-            return lambda cloud: self._of(cloud[self.place], having[0])
-        cuts = cuts_of(counts).tolist()
-        return lambda cloud: self._piecewise(cloud[self.place], having, cuts)
+    def score(self, stack: Stack) -> Score:
+        """For clouds laid out as the stack's; one call where all members have the same readings."""
+        first = self.evidence[0]
+        if all(seen is first for seen in self.evidence):
+            return lambda cloud: self._of(cloud[self.place], first)
+        cuts = stack.offsets.tolist()
+        return lambda cloud: self._piecewise(cloud[self.place], cuts)
 
-    def _piecewise(self, points: Floats, having: list[Evidence], cuts: list[int]) -> Floats:
-        segments = zip(having, pairwise(cuts), strict=True)
+    def _piecewise(self, points: Floats, cuts: list[int]) -> Floats:
+        segments = zip(self.evidence, pairwise(cuts), strict=True)
         return np.concatenate(
             [self._of(np.ascontiguousarray(points[:, first:last]), seen) for seen, (first, last) in segments]
         )
 
     def _of(self, points: Floats, seen: Evidence) -> Floats:
         return self.sensor.log_likelihood(points, seen.readings, seen.positions, seen.traits)
+
+
+def place_of(scene: Scene) -> slice | list[int]:
+    """Which rows of a cloud are the position; as a slice where they can be, which copies nothing."""
+    x, y = scene.motion.position
+    return slice(x, y + 1, y - x) if y > x else [x, y]

@@ -1,0 +1,83 @@
+"""What the README shows works as it is printed there."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+import wsnsim
+from wsnsim.base.errors import ScenarioError
+from wsnsim.cli.commands import group
+from wsnsim.scenario import resolved
+from wsnsim.testing import check_tracker
+
+README = (Path(__file__).parents[1] / "README.md").read_text()
+PYTHON = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
+(SCENARIO,) = re.findall(r"```yaml\n(.*?)```", README, re.DOTALL)
+READS, PLAIN, TRACKER = PYTHON
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A folder with the README's scenario, shortened, and its result."""
+    folder = tmp_path_factory.mktemp("readme")
+    (folder / "results").mkdir()
+    (folder / "pso_mhpf.yaml").write_text(SCENARIO.replace("duration: 28 s", "duration: 1 s"))
+    wsnsim.run(folder / "pso_mhpf.yaml", out=folder / "results" / "pso_mhpf.h5")
+    return folder
+
+
+def test_the_scenario_is_the_shipped_one(tmp_path):
+    (tmp_path / "pso_mhpf.yaml").write_text(SCENARIO)
+    assert resolved(wsnsim.load(tmp_path / "pso_mhpf.yaml")) == resolved(wsnsim.load("pso_mhpf"))
+
+
+def test_the_message_about_a_mistake_is_the_one_shown(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("bad.yaml").write_text(SCENARIO.replace("height:", "heigth:"))
+    with pytest.raises(ScenarioError) as caught:
+        wsnsim.load("bad.yaml")
+    (shown,) = re.findall(r"^bad\.yaml.*$", README, re.MULTILINE)
+    assert str(caught.value).splitlines()[0] == shown
+
+
+def test_every_command_is_shown():
+    assert set(re.findall(r"^\| `wsnsim (\w+)", README, re.MULTILINE)) == set(group.commands)
+
+
+def test_every_room_is_shown():
+    shown = set(re.findall(r"^  (\w+)(?:/|\.py) ", README, re.MULTILINE))
+    rooms = {path.stem for path in Path(wsnsim.__file__).parent.iterdir() if not path.name.startswith("_")}
+    assert shown == rooms
+
+
+def test_a_result_is_read_in_five_lines(folder, monkeypatch, capsys):
+    monkeypatch.chdir(folder)
+    names: dict = {}
+    exec(READS, names)
+    assert len(names["estimates"]) == 25
+    printed = capsys.readouterr().out
+    assert "mean" in printed
+    assert "estimate" in printed
+
+
+def test_plain_h5py_and_pandas_read_the_same(folder, monkeypatch):
+    monkeypatch.chdir(folder)
+    names: dict = {}
+    exec(PLAIN, names)
+    pd.testing.assert_frame_equal(names["estimates"], wsnsim.read("results/pso_mhpf.h5", "estimates"))
+
+
+def test_the_tracker_keeps_the_rules_and_runs_from_a_scenario(folder, monkeypatch):
+    (folder / "mylab.py").write_text(TRACKER)
+    monkeypatch.syspath_prepend(folder)
+    import mylab
+
+    check_tracker(mylab.Loudest())
+    text = re.sub(r"tracker:.*", 'tracker: {kind: "mylab:Loudest", sd: 30 m}', (folder / "pso_mhpf.yaml").read_text())
+    (folder / "loudest.yaml").write_text(text)
+    report = wsnsim.run(folder / "loudest.yaml", out=folder / "loudest.h5")
+    assert report.summaries[0].run["rmse"] < 60.0
