@@ -85,7 +85,7 @@ class Replayed:
 
     def _replay(self) -> Generator[Ask, Any, Any]:
         for ask in next(self._flows):
-            yield ask  # noqa: UP028 - a list cannot be sent answers
+            yield ask  # a list cannot be sent answers
         return True
 
 

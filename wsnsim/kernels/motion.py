@@ -41,6 +41,21 @@ def advance(states: Floats, law: Drift) -> Floats:
 
 
 @njit(**SWITCHES)
+def transitions(states: Floats, law: Drift) -> Floats:
+    """(N, 4, 4): A(x) at each state (eqs. 2-3)."""
+    step, bound, c1, c2 = law
+    result = np.zeros((states.shape[1], 4, 4))
+    for j in range(states.shape[1]):
+        for axis in range(0, 4, 2):
+            beyond = 0.0 if abs(states[axis, j]) <= bound else 1.0
+            result[j, axis, axis] = 1.0
+            result[j, axis, axis + 1] = step
+            result[j, axis + 1, axis] = -step * c1 * beyond
+            result[j, axis + 1, axis + 1] = 1.0 - step * c2 * beyond
+    return result
+
+
+@njit(**SWITCHES)
 def propagate(states: Floats, keys: NDArray[np.uint64], law: Drift, root: Root) -> Floats:
     """(4, N): A(x) x + w, each state one step on.
 

@@ -16,6 +16,7 @@ from wsnsim.kernels.noise import SWITCHES, uniform
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
 Keys = NDArray[np.uint64]
 
 NOWHERE = 1e9
@@ -71,11 +72,14 @@ def accept(
     best_fitness: Floats,
     keys: Keys,
     draw: int,
+    owners: Ints,
+    moving: Bools,
 ) -> int:
     """How many proposals were accepted; cloud, fitness, prior and the particles' own best are updated in place.
 
     Accepted if u < min(r, 1), r = [p(z|x') π(x')] / [p(z|x) π(x)], in logs. A ratio that is no number is a rejection,
-    and so is a proposal beyond NOWHERE. Eqs. (20)-(24), with the ratio of the Q taken as one.
+    and so is a proposal beyond NOWHERE, or of a particle whose owner is not `moving` (M,). Eqs. (20)-(24), with the
+    ratio of the Q taken as one.
     """
     limits = np.empty(keys.size)
     for j in range(keys.size):
@@ -86,7 +90,7 @@ def accept(
         for d in range(cloud.shape[0]):
             farthest = max(farthest, abs(proposal[d, j]))
         ratio = proposal_fitness[j] + proposal_prior[j] - fitness[j] - prior[j]
-        if limits[j] < ratio and farthest < NOWHERE:
+        if limits[j] < ratio and farthest < NOWHERE and moving[owners[j]]:
             accepted += 1
             fitness[j], prior[j] = proposal_fitness[j], proposal_prior[j]
             for d in range(cloud.shape[0]):

@@ -8,9 +8,9 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Iterator
-from functools import lru_cache
+from functools import cached_property
 from math import inf
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal, NamedTuple
 
 import numpy as np
 
@@ -50,7 +50,7 @@ class BoundedVelocity:
 
     def truth(self, steps: int, dt: float, rng: np.random.Generator) -> Floats:
         """(steps + 1, 4): one trajectory from the start state."""
-        l11, l21, l22 = self._root(dt)
+        l11, l21, l22 = self._process(dt).root
         draws = rng.standard_normal((steps, 2, 2))
         noise = np.empty((steps, 4))
         noise[:, 0::2] = l11 * draws[..., 0]
@@ -64,7 +64,7 @@ class BoundedVelocity:
 
     def propagate(self, states: Floats, dt: float, keys: Keys) -> Floats:
         """(4, N): each state one step on, with process noise (eq. 1)."""
-        return kernels.propagate(np.ascontiguousarray(states), keys, self._law(dt), self._root(dt))
+        return kernels.propagate(np.ascontiguousarray(states), keys, self._law(dt), self._process(dt).root)
 
     def advance(self, states: Floats, dt: float) -> Floats:
         """(4, N): each state one step on, without noise."""
@@ -72,15 +72,7 @@ class BoundedVelocity:
 
     def matrices(self, states: Floats, dt: float) -> tuple[Floats, Floats]:
         """A (N, 4, 4) at each state, and the covariance (4, 4) of the process noise (eqs. 2-4)."""
-        transition = np.zeros((states.shape[1], 4, 4))
-        for p, v in ((0, 1), (2, 3)):
-            beyond = ~(np.abs(states[p]) <= self.bound)
-            transition[:, p, p] = 1.0
-            transition[:, p, v] = dt
-            transition[:, v, p] = np.where(beyond, -dt * self.c1, 0.0)
-            transition[:, v, v] = np.where(beyond, 1.0 - dt * self.c2, 1.0)
-        (a, b, c), _ = self._covariance(dt)
-        return transition, np.kron(np.eye(2), np.array([[a, b], [b, c]]))
+        return kernels.transitions(np.ascontiguousarray(states), self._law(dt)), self._process(dt).covariance.copy()
 
     def log_transition(self, after: Floats, before: Floats, dt: float) -> Floats:
         """(N,) log p(after | before); -inf where either is not finite.
@@ -88,7 +80,7 @@ class BoundedVelocity:
         Raises:
             RunError: the process covariance is singular, and there is no density: `noise: g_only`, or q = 0.
         """
-        root = self._root(dt)
+        root = self._process(dt).root
         if not root[0] * root[2] > 0.0:
             raise RunError(
                 "motion: the process noise is singular (noise: g_only, or q: 0), so the transition has no density; "
@@ -115,22 +107,35 @@ class BoundedVelocity:
     def _law(self, dt: float) -> kernels.Drift:
         return dt, self.bound, self.c1, self.c2
 
-    def _covariance(self, dt: float) -> tuple[tuple[float, float, float], float]:
-        """One axis' covariance [a b; b c], and its determinant in closed form, free of cancellation."""
-        q = 0.0 if self.noise == "g_only" else self.q
-        s = 0.0 if self.noise == "q_only" else self.sigma0**2
-        a = s * dt**4 / 4 + q * dt**3 / 2
-        b = s * dt**3 / 2 + q * dt**2 / 2
-        c = s * dt**2 + q * dt
-        return (a, b, c), q * q * dt**4 / 4 + s * q * dt**5 / 4
+    def _process(self, dt: float) -> Process:
+        """The process noise of a step of `dt`, worked out once."""
+        known: dict[float, Process] = self._processes
+        if dt not in known:
+            known[dt] = _process_of(self, dt)
+        return known[dt]
 
-    @lru_cache(maxsize=64)  # noqa: B019 - a frozen part with its values for a key: what is kept are a few numbers
-    def _root(self, dt: float) -> kernels.Root:
-        """The lower Cholesky factor (l11, l21, l22) of one axis' covariance, singular ones included."""
-        (a, b, _), determinant = self._covariance(dt)
-        if a == 0.0:
-            return 0.0, 0.0, 0.0
-        return math.sqrt(a), b / math.sqrt(a), math.sqrt(determinant / a)
+    @cached_property
+    def _processes(self) -> dict[float, Process]:
+        return {}
+
+
+class Process(NamedTuple):
+    """The noise of one step: covariance (4, 4), and the lower Cholesky factor (l11, l21, l22) of one axis of it."""
+
+    covariance: Floats
+    root: kernels.Root
+
+
+def _process_of(motion: BoundedVelocity, dt: float) -> Process:
+    """One axis has the covariance [a b; b c]; its determinant in closed form is free of cancellation (eq. 4)."""
+    q = 0.0 if motion.noise == "g_only" else motion.q
+    s = 0.0 if motion.noise == "q_only" else motion.sigma0**2
+    a = s * dt**4 / 4 + q * dt**3 / 2
+    b = s * dt**3 / 2 + q * dt**2 / 2
+    c = s * dt**2 + q * dt
+    determinant = q * q * dt**4 / 4 + s * q * dt**5 / 4
+    root = (math.sqrt(a), b / math.sqrt(a), math.sqrt(determinant / a)) if a > 0.0 else (0.0, 0.0, 0.0)
+    return Process(np.kron(np.eye(2), np.array([[a, b], [b, c]])), root)
 
 
 def _index(parts: Parts, motion: BoundedVelocity) -> int:

@@ -5,6 +5,7 @@ log_likelihood(points (2, N), readings (S,), positions (S, 2), traits (S, T), ow
 
 from __future__ import annotations
 
+from functools import cached_property
 from math import inf
 from typing import Annotated, ClassVar
 
@@ -56,7 +57,7 @@ class AcousticEnergy:
 
         No readings: zeros. A point that is not finite, or a reading that is not a number: -inf.
         """
-        return _log_likelihood(self.law(), points, readings, positions, traits[:, 0], owners)
+        return _log_likelihood(self._law, points, readings, positions, traits[:, 0], owners)
 
     def linearise(self, points: Floats, positions: Floats, traits: Floats) -> tuple[Floats, Floats, Floats]:
         """At points (2, N): expected readings (S, N), their gradients in x and y (S, 2, N), their variances (S, N)."""
@@ -65,6 +66,10 @@ class AcousticEnergy:
     def assumed(self, gains: str, inflate: bool) -> AcousticEnergy | UncalibratedAcousticEnergy:
         """The model as a filter believes it: of gains that are 'known' (calibrated nodes) or 'unknown' (taken as 1)."""
         return self if gains == "known" else UncalibratedAcousticEnergy(sensor=self, inflate=inflate)
+
+    @cached_property
+    def _law(self) -> kernels.Law:
+        return self.law()
 
     def law(self, inflation: float = 0.0) -> kernels.Law:
         """The constants that the kernels take; `inflation` adds that much of the squared signal to the variance."""

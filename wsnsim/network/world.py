@@ -104,6 +104,7 @@ class World:
         self._ended = env.event()
         self._woken: list[int] = []
         self._spent = [0.0] * len(CAUSES)
+        self._step_costs: list[tuple[int, int, float]] = []
 
     def run(self, progress: Callable[[float], None] | None = None) -> Outcome:
         """Run to the end. A failure names seed, replicate and simulated time."""
@@ -120,6 +121,7 @@ class World:
                 f" {type(reason).__name__}: {reason}"
             ) from reason
         self._close_step()
+        self._write_step_costs()
         stage, medium = self._stage, self._stage.medium
         return Outcome(
             stage.fleet, self._tracks, tuple(self._woken), stage.step, medium.frames_sent, medium.frames_lost,
@@ -189,21 +191,20 @@ class World:
             self._call_election(track, election)
 
     def _close_step(self) -> None:
-        """Write what the network has spent since the step began."""
+        """Note what the network has spent since the step began."""
+        totals, before = self._stage.fleet.totals, self._spent
+        self._spent = list(totals)
+        step = self._stage.step
+        self._step_costs += [
+            (step, cause, total - before[cause]) for cause, total in enumerate(totals) if total != before[cause]
+        ]
+
+    def _write_step_costs(self) -> None:
         stage = self._stage
-        if stage.recorder.wants("energy_steps"):
-            totals = stage.fleet.totals
-            spent = [
-                (cause, totals[cause] - before) for cause, before in enumerate(self._spent) if totals[cause] != before
-            ]
-            self._spent = list(totals)
-            if spent:
-                causes, joules = zip(*spent, strict=True)
-                time = stage.step * stage.parts.dt
-                stage.recorder.write(
-                    "energy_steps",
-                    {"replicate": stage.replicate, "step": stage.step, "time": time, "cause": causes, "joules": joules},
-                )
+        if stage.recorder.wants("energy_steps") and self._step_costs:
+            steps, causes, joules = (np.array(column) for column in zip(*self._step_costs, strict=True))
+            columns = {"step": steps, "time": steps * stage.parts.dt, "cause": causes, "joules": joules}
+            stage.recorder.write("energy_steps", {"replicate": stage.replicate, **columns})
 
     def _node(self, index: int) -> Node:
         """The node's process, born when first needed."""

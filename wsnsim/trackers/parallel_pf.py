@@ -265,7 +265,9 @@ def _report(member: Member, head: int) -> Parcel | None:
         return None
     result: LocalResult = member.memory[LOCAL]
     packets = weight_packets(log_weights.size) + state_packets(result.mean.size)
-    return parcel(Report(log_weights, result.mean, result.cov if member.id == head else None), packets, "weights")
+    return parcel(
+        Report(log_weights.copy(), result.mean, result.cov if member.id == head else None), packets, "weights"
+    )
 
 
 def _tallied(answer: dict[int, tuple[Report, Bools]], deal: Deal) -> Tally:

@@ -7,14 +7,14 @@ Jiang, Song, Lin (2013), sections 3 and 4. What a step asks of the network:
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, Literal, NamedTuple
 
 import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats
-from wsnsim.base.asks import Broadcast, Flow, Gather, Local, Member, Parcel
+from wsnsim.base.asks import PACKET_BITS, Broadcast, Flow, Gather, Local, Member, Parcel
 from wsnsim.base.errors import Fault
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Estimate, Parts, Scene
@@ -50,7 +50,7 @@ from wsnsim.trackers.shared.stacks import (
     snapshot,
     stacked,
 )
-from wsnsim.trackers.shared.swarms import Pull, moved, resampled_columns
+from wsnsim.trackers.shared.swarms import Pull, move, resampled_columns
 
 LOCAL = "local"
 NAN = float("nan")
@@ -163,7 +163,7 @@ class PsoMhpf:
             self._filter(members, scene)
 
         yield Local(lambda member: work_all([member]), _cycles_taken, work_all)
-        answer = yield Gather(lambda member: self._report(member, scene.head))
+        answer = yield Gather(self._reporter(scene.head, belief.mean.size))
         after = self._fused(belief, deal, scene, answer)
         if self.feedback:
             yield from _feed_back(after, scene)
@@ -224,7 +224,7 @@ class PsoMhpf:
         fitness = score(stack.cloud)
         stack.log_weights = stack.log_weights + fitness  # eq. 13
         effective = weigh(stack.log_weights, stack.offsets)  # eq. 14
-        moving = (effective < self.threshold * stack.counts) | self.resample_always
+        moving = effective < (np.inf if self.resample_always else self.threshold) * stack.counts
         if self.estimate_when == "before":
             means, covs = moments(stack.cloud, stack.log_weights, stack.offsets)
         if True in moving.tolist():
@@ -233,8 +233,9 @@ class PsoMhpf:
             means, covs = moments(stack.cloud, stack.log_weights, stack.offsets)  # eq. 16
         stack.store(members)
         cycles = self._cycles(stack.counts.tolist(), likelihood.sensors, moving.tolist(), scene.steps)
-        for member, *result in zip(members, means, covs, effective.tolist(), cycles, strict=True):
-            member.memory[LOCAL] = LocalResult(*result)
+        results = map(LocalResult, means, covs, effective.tolist(), cycles)
+        for member, result in zip(members, results, strict=True):
+            member.memory[LOCAL] = result
 
     def _cycles(self, counts: list[int], sensors: list[int], moving: list[bool], steps: int) -> list[float]:
         """Section 5: predict and weigh 40 + 30 S per particle, Gaussian fit 30, each iteration 50 + 30 S."""
@@ -253,17 +254,13 @@ class PsoMhpf:
         reference = fit(stack.cloud, stack.offsets, RIDGE) if self.acceptance == "gaussian" else None
         cloud = stack.cloud
         if self.resample_first:
-            drawn = resampled_columns(stack)
+            drawn = resampled_columns(stack, moving)
             before, cloud, fitness = before.take(drawn, axis=1), cloud.take(drawn, axis=1), fitness[drawn]
         length = scene.dt if self.step_length == "dt" else 1.0
         pull = Pull(self.iterations, self.phi1, self.phi2, length, self.random_factors)
-        cloud = moved(cloud, fitness, stack, score, self._log_prior(stack, before, reference, scene), pull)
-        if moving.all():
-            stack.cloud, stack.log_weights = cloud, np.zeros(fitness.size)
-        else:
-            columns = moving[stack.layout.owners]
-            stack.cloud = np.where(columns, cloud, stack.cloud)
-            stack.log_weights[columns] = 0.0
+        move(cloud, fitness, moving, stack, score, self._log_prior(stack, before, reference, scene), pull)
+        stack.cloud = cloud
+        stack.log_weights[moving[stack.layout.owners]] = 0.0
 
     def _log_prior(self, stack: Stack, before: Floats, reference: tuple[Floats, Floats] | None, scene: Scene) -> Score:
         """(D, N) → (N,) log π of eq. (20), up to a constant of each particle."""
@@ -273,15 +270,20 @@ class PsoMhpf:
             return lambda points: scene.motion.log_transition(points, before, scene.dt)
         return lambda points: np.zeros(points.shape[1])
 
-    def _report(self, member: Member, head: int) -> Parcel | None:
-        """A member's local estimate, one packet; a second one carries its variances if the head weighs by them."""
-        result: LocalResult | None = member.memory.get(LOCAL)
-        if result is None or not member.memory[CLOUD].shape[1]:
-            return None
-        own = result if member.id == head else None
-        if self.fusion == "share":
-            return parcel(Report(result.mean, None, own), state_packets(result.mean.size), "estimate")
-        return parcel(Report(result.mean, np.diag(result.cov), own), 2 * state_packets(result.mean.size), "estimate")
+    def _reporter(self, head: int, columns: int) -> Callable[[Member], Parcel | None]:
+        """Makes a member's local estimate: one packet, and one more for its variances if the head weighs by them."""
+        packets = state_packets(columns)
+
+        def report(member: Member) -> Parcel | None:
+            result: LocalResult | None = member.memory.get(LOCAL)
+            if result is None or not member.memory[LOG_WEIGHTS].size:
+                return None
+            own = result if member.id == head else None
+            if self.fusion == "share":
+                return Parcel(Report(result.mean, None, own), packets, PACKET_BITS, "estimate")
+            return Parcel(Report(result.mean, np.diag(result.cov), own), 2 * packets, PACKET_BITS, "estimate")
+
+        return report
 
     def _fused(
         self, belief: SwarmBelief, deal: Deal, scene: Scene, answer: dict[int, tuple[Report, Bools]]
@@ -347,6 +349,6 @@ def _feed_back(belief: SwarmBelief, scene: Scene) -> Flow[None]:
         target = belief.mean if member.id == scene.head else heard[-1] if heard else None
         if target is not None and LOCAL in member.memory and CLOUD in member.memory:
             offset = target - member.memory[LOCAL].mean
-            member.memory[CLOUD] = member.memory[CLOUD] + offset[:, None]
+            keep(member, member.memory[CLOUD] + offset[:, None], member.memory[LOG_WEIGHTS])
 
     yield Local(shift, lambda member: float(member.memory[CLOUD].size if CLOUD in member.memory else 0))

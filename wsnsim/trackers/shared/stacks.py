@@ -22,13 +22,13 @@ from wsnsim.base.asks import Delivery, Member
 from wsnsim.base.ports import Scene, SensorModel
 from wsnsim.kernels.gaussian import sample
 from wsnsim.kernels.noise import particle_keys
-from wsnsim.trackers.shared.parcels import MOMENTS, PARTICLES, arrived_particles, guessed
+from wsnsim.trackers.shared.parcels import MOMENTS, PARTICLES, arrived_particles, guessed, is_whole
 from wsnsim.trackers.shared.readings import Evidence, evidence_at
 
 CLOUD, LOG_WEIGHTS = "cloud", "log_weights"
 DRAW, MOVE, START, PREDICT = 0, 1, 2, 16
-"""What a node's key of a step serves: particle keys to draw, to move and to predict with (PREDICT + s over the s-th
-step), and the START-th draw of the key itself for the first tooth of a systematic resampling."""
+"""What a node's key of a step serves: particle keys to draw, to move and to predict with (PREDICT + s over step s),
+and the START-th draw of the key itself for the first tooth of a systematic resampling."""
 
 
 class Layout(NamedTuple):
@@ -83,9 +83,9 @@ def stacked(members: Sequence[Member], columns: int) -> tuple[Stack, list[list[D
     heard = [settle(member) if member.inbox else [] for member in members]
     held = [member.memory if CLOUD in member.memory else _nothing(columns) for member in members]
     clouds = [memory[CLOUD] for memory in held]
+    keys = np.array([member.key for member in members], np.uint64)
     cloud = np.concatenate(clouds, axis=1) if len(clouds) > 1 else np.ascontiguousarray(clouds[0])
     log_weights = np.concatenate([memory[LOG_WEIGHTS] for memory in held])
-    keys = np.array([member.key for member in members], np.uint64)
     return Stack(cloud, log_weights, layout(tuple([cloud.shape[1] for cloud in clouds])), keys), heard
 
 
@@ -101,7 +101,8 @@ def settle(member: Member) -> list[Delivery]:
     rest = []
     for delivery in member.take_inbox():
         if delivery.what == PARTICLES:
-            keep(member, *held_with(member, *arrived_particles(delivery.payload, delivery.mask)))
+            cloud, log_weights = held_with(member, *arrived_particles(delivery.payload, delivery.mask))
+            keep(member, cloud, log_weights if is_whole(delivery.mask) else guessed(log_weights))
         elif delivery.what == MOMENTS:
             mean, cov, shares = delivery.payload
             if delivery.mask.all() and member.id in shares:
@@ -113,11 +114,11 @@ def settle(member: Member) -> list[Delivery]:
 
 
 def held_with(member: Member, cloud: Floats, log_weights: Floats) -> tuple[Floats, Floats]:
-    """What the member holds, and these; a weight that is unknown becomes the mean of the others."""
+    """What the member holds, and these."""
     if CLOUD in member.memory:
         cloud = np.concatenate([member.memory[CLOUD], cloud], axis=1)
         log_weights = np.concatenate([member.memory[LOG_WEIGHTS], log_weights])
-    return cloud, guessed(log_weights)
+    return cloud, log_weights
 
 
 def keep(member: Member, cloud: Floats, log_weights: Floats) -> None:
@@ -139,7 +140,7 @@ def snapshot(pieces: Iterable[tuple[int, Floats, Floats]]) -> Iterator[tuple[int
     top = max((log_weights.max() for _, _, log_weights in holding), default=0.0)
     total = sum(np.exp(log_weights - top).sum() for _, _, log_weights in holding)
     for node, cloud, log_weights in holding:
-        yield node, cloud, np.exp(log_weights - top) / total
+        yield node, cloud.copy(), np.exp(log_weights - top) / total
 
 
 def drawn_from(mean: Floats, cov: Floats, key: int, count: int) -> Floats:
@@ -178,9 +179,11 @@ class OwnReadings:
     def of(cls, members: Sequence[Member], scene: Scene) -> OwnReadings:
         """From the members' own readings; a missing one is not a number, and so is every likelihood with it."""
         values = np.array([np.nan if member.reading is None else member.reading for member in members])
+        ids = tuple([member.id for member in members])
+        if ids == scene.ids:
+            return cls(scene.sensor, place_of(scene), Evidence(ids, values, scene.positions, scene.traits))
         positions = np.concatenate([member.position for member in members]).reshape(len(members), -1)
         traits = np.concatenate([member.traits for member in members]).reshape(len(members), -1)
-        ids = tuple([member.id for member in members])
         return cls(scene.sensor, place_of(scene), Evidence(ids, values, positions, traits))
 
     @property

@@ -1,6 +1,6 @@
 """The swarms that move in place of a resampling (Jiang 2013, section 3, step 4): many nodes' particles, end to end.
 
-moved(cloud, fitness, stack, likelihood, log_prior, pull) -> (D, N)
+move(cloud, fitness, moving, stack, likelihood, log_prior, pull)
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wsnsim.base.arrays import Floats, Ints
+from wsnsim.base.arrays import Bools, Floats, Ints
 from wsnsim.base.rng import uniforms
 from wsnsim.kernels.noise import particle_keys
 from wsnsim.kernels.particles import systematic
@@ -27,18 +27,22 @@ class Pull(NamedTuple):
     random_factors: bool
 
 
-def resampled_columns(stack: Stack) -> Ints:
-    """(N,) each node's particles drawn anew by their weights, as many as before, by systematic resampling."""
-    return systematic(stack.log_weights, stack.offsets, stack.counts, uniforms(stack.keys, START))
+def resampled_columns(stack: Stack, moving: Bools) -> Ints:
+    """(N,) the particles of those who are `moving`, drawn anew by their weights, as many; the others' as they are."""
+    drawn = systematic(stack.log_weights, stack.offsets, stack.counts, uniforms(stack.keys, START))
+    columns: Ints = np.where(moving[stack.layout.owners], drawn, np.arange(drawn.size))
+    return columns
 
 
-def moved(cloud: Floats, fitness: Floats, stack: Stack, likelihood: Score, log_prior: Score, pull: Pull) -> Floats:
-    """(D, N) the last of `iterations` states of each particle's chain, which starts at `cloud`. Eqs. (17)-(24).
+def move(
+    cloud: Floats, fitness: Floats, moving: Bools, stack: Stack, likelihood: Score, log_prior: Score, pull: Pull
+) -> None:
+    """Make a cloud (D, N) the last of `iterations` states of the chains that start at it, in place. Eqs. (17)-(24).
 
-    `fitness` (N,) are the log-likelihoods at the start; the nodes' segments and keys are the stack's.
+    `fitness` (N,) are the log-likelihoods at the start. Segments and keys are the stack's; the particles of members
+    who are not `moving` (M,) stay.
     """
-    cloud, fitness = cloud.copy(), fitness.copy()
-    velocity, best, best_fitness = np.zeros_like(cloud), cloud.copy(), fitness.copy()
+    velocity, best, best_fitness = np.zeros(cloud.shape), cloud.copy(), fitness.copy()
     prior = log_prior(cloud)
     keys = particle_keys(stack.keys, stack.offsets, MOVE)
     iterations, *rule = pull
@@ -46,5 +50,17 @@ def moved(cloud: Floats, fitness: Floats, stack: Stack, likelihood: Score, log_p
         draw = iteration * (2 * cloud.shape[0] + 1)
         proposal = fly(cloud, velocity, best, best_fitness, stack.offsets, keys, draw, *rule)
         new_fitness = likelihood(proposal)
-        accept(cloud, fitness, prior, proposal, new_fitness, log_prior(proposal), best, best_fitness, keys, draw)
-    return cloud
+        accept(
+            cloud,
+            fitness,
+            prior,
+            proposal,
+            new_fitness,
+            log_prior(proposal),
+            best,
+            best_fitness,
+            keys,
+            draw,
+            stack.layout.owners,
+            moving,
+        )
