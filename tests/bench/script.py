@@ -84,8 +84,7 @@ class Replayed:
         return next(self._forecasts)
 
     def _replay(self) -> Generator[Ask, Any, Any]:
-        for ask in next(self._flows):
-            yield ask  # a list cannot be sent answers
+        yield from (ask for ask in next(self._flows))
         return True
 
 

@@ -224,7 +224,7 @@ class PsoMhpf:
         fitness = score(stack.cloud)
         stack.log_weights = stack.log_weights + fitness  # eq. 13
         effective = weigh(stack.log_weights, stack.offsets)  # eq. 14
-        moving = effective < (np.inf if self.resample_always else self.threshold) * stack.counts
+        moving = np.full(effective.size, True) if self.resample_always else effective < self.threshold * stack.counts
         if self.estimate_when == "before":
             means, covs = moments(stack.cloud, stack.log_weights, stack.offsets)
         if True in moving.tolist():

@@ -32,7 +32,7 @@ and the START-th draw of the key itself for the first tooth of a systematic resa
 
 
 class Layout(NamedTuple):
-    """How many columns each segment has (M,), where they begin and the last ends (M + 1,), whose each column is (N,)."""
+    """How many columns each segment has (M,), where they begin and the last ends (M + 1,), whose each is (N,)."""
 
     counts: Ints
     offsets: Ints
