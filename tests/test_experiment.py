@@ -14,6 +14,7 @@ import pytest
 
 import wsnsim
 from wsnsim import experiment, recording, scenario
+from wsnsim.analysis import summary
 from wsnsim.base.errors import ScenarioError
 from wsnsim.base.tables import CAUSES, EVENT_CAUSE, KIND, Memory
 
@@ -152,8 +153,8 @@ def test_a_plain_dict_is_a_scenario(files):
         "tracker": {"kind": "ipf", "particles": 50},
     }
     memory = Memory()
-    summary = wsnsim.simulate(smallest, recorder=memory)
-    assert summary.run["steps"] == 25
+    result = wsnsim.simulate(smallest, recorder=memory)
+    assert result.run["steps"] == 25
     assert len(memory.table("estimates")["error"]) == 25
 
 
@@ -167,7 +168,32 @@ def test_literal_equation_18_visibly_fails_and_crashes_nothing():
 
 def test_accepting_by_the_likelihood_alone_loses_the_target():
     losing = [experiment.simulate(scenario.load("pso_mhpf", ["tracker.acceptance=likelihood"]), r) for r in range(3)]
-    assert sum(summary.run["lost"] for summary in losing) >= 2
+    assert sum(lost.run["lost"] for lost in losing) >= 2
+
+
+def test_on_small_batteries_nodes_die_the_ledger_still_closes_and_the_summary_says_when(tmp_path):
+    small = scenario.load("lifetime", ["duration=20 s", "energy.battery=30 mJ"])
+    report = experiment.run(small, out=tmp_path / "x.h5")
+    run = report.summaries[0].run
+    assert 0 <= run["first_death"] < 20 and run["alive"] < 256 and run["coverage"] < 1
+    nodes = recording.read_table(tmp_path / "x.h5", "nodes")
+    energy = recording.read_table(tmp_path / "x.h5", "energy")
+    spent = np.bincount(energy["node"], weights=energy["joules"], minlength=256)
+    assert np.allclose(spent, nodes["energy_initial"] - nodes["energy_left"], rtol=1e-9, atol=1e-15)
+    dead = np.isfinite(nodes["died_at"])
+    assert np.all(nodes["energy_left"][dead] == 0) and np.all(nodes["energy_left"][~dead] > 0)
+    events = recording.read_table(tmp_path / "x.h5", "events")
+    deaths = dict(
+        zip(
+            events["node"][events["kind"] == KIND["death"]],
+            events["time"][events["kind"] == KIND["death"]],
+            strict=True,
+        )
+    )
+    assert deaths == {node: nodes["died_at"][node] for node in np.flatnonzero(dead)}
+    for node, died in deaths.items():
+        assert events["time"][events["node"] == node].max() <= died, "the dead do nothing"
+    assert "first death" in summary.text(report, {})
 
 
 def test_several_targets_each_have_their_track():
@@ -175,9 +201,9 @@ def test_several_targets_each_have_their_track():
     first = plain.pop("motion")
     memory = Memory()
     plain["targets"] = [first, {**first, "start": [100.0, 10.0, 100.0, -20.0]}]
-    summary = wsnsim.simulate(plain, recorder=memory)
-    assert len(summary.tracks) == 2
-    assert not any(track["lost"] for track in summary.tracks)
+    result = wsnsim.simulate(plain, recorder=memory)
+    assert len(result.tracks) == 2
+    assert not any(track["lost"] for track in result.tracks)
     assert set(memory.table("clusters")["target"]) == {0, 1}
 
 

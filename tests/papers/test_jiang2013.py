@@ -1,0 +1,27 @@
+import pytest
+
+from wsnsim import scenario
+from wsnsim.papers.jiang2013 import published
+
+
+def figures(name: str, *overrides: str) -> dict[str, float]:
+    return published(scenario.resolved(scenario.load(name, overrides)))
+
+
+def test_the_papers_figures_stand_beside_the_papers_set_up_whatever_the_variant_of_its_tracker():
+    assert figures("pso_mhpf") == {"rmse": 2.5347, "energy": 1.82, "clusters": 16.0}
+    assert figures("ipf") == {"rmse": 3.371, "energy": 2.33}
+    assert figures("ppf", "tracker.filter_noise_scale=100")["rmse"] == 4.5519
+    assert figures("pso_mhpf", "until.clusters=16")["clusters"] == 16
+
+
+@pytest.mark.parametrize(
+    "change",
+    ["link.loss=0.1", "mac.rate=250 kbit/s", "deploy.nodes=400", "duration=4 s", "until.clusters=3", "sensor.reach=50"],
+)
+def test_they_do_not_stand_beside_anything_else(change):
+    assert figures("pso_mhpf", change) == {}
+
+
+def test_a_tracker_that_the_paper_does_not_have_has_no_figures():
+    assert figures("central_pf") == {}
