@@ -32,10 +32,9 @@ from wsnsim.trackers.shared.dealing import (
     resampled,
     send_all,
     send_moments,
-    undealt,
     up_to_date,
 )
-from wsnsim.trackers.shared.moments import forecast, predicted
+from wsnsim.trackers.shared.moments import forecast
 from wsnsim.trackers.shared.parcels import (
     UNKNOWN,
     arrived_groups,
@@ -49,16 +48,14 @@ from wsnsim.trackers.shared.parcels import (
     weight_packets,
 )
 from wsnsim.trackers.shared.readings import share_readings
+from wsnsim.trackers.shared.spread import Spread, arrived, begin, look, only_predicted, within_predicted
 from wsnsim.trackers.shared.stacks import (
     CLOUD,
     LOG_WEIGHTS,
-    OwnReadings,
-    SharedReadings,
     keep,
-    present,
+    likelihood_of,
     propagated,
     settle,
-    snapshot,
     stacked,
 )
 
@@ -66,18 +63,9 @@ LOCAL, COUNTS = "local", "counts"
 
 
 @dataclass(frozen=True, slots=True)
-class ParallelBelief:
-    """What the head knows: mean and covariance, of which `within` is one cloud's part, who holds how many, and weights.
+class ParallelBelief(Spread):
+    """What the head knows besides: the log-weights (n,) of each member's particles, in order, as they came up last."""
 
-    `weights`: the log-weights (n,) of each member's particles, in their order, as they came up last.
-    """
-
-    mean: Floats
-    cov: Floats
-    within: Floats
-    deal: Deal
-    head: int
-    effective: float = float("nan")
     weights: Mapping[int, Floats] = field(default_factory=dict)
 
 
@@ -129,16 +117,16 @@ class ParallelPf:
 
     def start(self, prior: Estimate, scene: Scene) -> Flow[ParallelBelief]:
         """Draw the particles from the prior at the head and deal them out."""
-        deal = undealt(no_particles(prior.mean.size))
-        deal = yield from self._up_to_date(deal, prior.mean, prior.cov, scene)
-        return ParallelBelief(prior.mean, prior.cov, prior.cov, deal, scene.head)
+        spread = yield from begin(prior, self.particles, self.handover == "gaussian", scene)
+        return _without_weights(spread)
 
     def step(self, belief: ParallelBelief, scene: Scene) -> Flow[ParallelBelief]:
         """One step; without an active member everything is only predicted."""
-        deal = yield from self._up_to_date(belief.deal, belief.mean, belief.cov, scene)
+        by_moments = self.handover == "gaussian"
+        deal = yield from up_to_date(belief.deal, belief.mean, belief.cov, self.particles, by_moments, scene)
         if not scene.ids:
             deal = yield from predict_only(deal, scene)
-            return replace(self._predicted(belief, deal, scene), weights=belief.weights)
+            return only_predicted(belief, deal, scene)
         if self.measurements == "all":
             yield from share_readings(scene)
 
@@ -168,7 +156,7 @@ class ParallelPf:
             arrival = yield from send_all(pool or no_particles(belief.mean.size), belief.mean, belief.cov, successor)
         if arrival is None:
             return None
-        return ParallelBelief(arrival.mean, arrival.cov, arrival.cov, undealt(arrival.pool), successor)
+        return _without_weights(arrived(arrival, successor))
 
     def estimate(self, belief: ParallelBelief) -> Estimate:
         """The fused estimate; the effective number is that of the whole set before resampling."""
@@ -180,28 +168,12 @@ class ParallelPf:
 
     def snapshot(self, belief: ParallelBelief, members: Sequence[Member]) -> Iterator[tuple[int, Floats, Floats]]:
         """(node, particles (D, n), weights (n,)) of each holder, the weights normalised over the whole set."""
-        whole = belief.deal.whole
-        if whole is not None:
-            return snapshot([(belief.head, whole.cloud, whole.log_weights)])
-        return snapshot([(member.id, *present(member, belief.mean.size)) for member in members])
-
-    def _up_to_date(self, deal: Deal, mean: Floats, cov: Floats, scene: Scene) -> Flow[Deal]:
-        return up_to_date(deal, mean, cov, self.particles, self.handover == "gaussian", scene)
-
-    def _predicted(self, belief: ParallelBelief, deal: Deal, scene: Scene) -> ParallelBelief:
-        """The belief when nothing arrived: the motion's prediction, its covariance grown."""
-        mean, cov = predicted(belief.mean, belief.cov, scene.motion, scene.dt, scene.steps)
-        _, within = predicted(belief.mean, belief.within, scene.motion, scene.dt, scene.steps)
-        return ParallelBelief(mean, cov, within, deal, scene.head)
+        return look(belief, members)
 
     def _weigh(self, members: list[Member], scene: Scene) -> None:
         """Predict and weigh each member's particles, 40 + 30 S operations each, S the readings that it has."""
         stack, heard = stacked(members, len(scene.motion.columns))
-        likelihood: OwnReadings | SharedReadings
-        if self.measurements == "own":
-            likelihood = OwnReadings.of(members, scene)
-        else:
-            likelihood = SharedReadings.of(members, heard, scene)
+        likelihood = likelihood_of(self.measurements, members, heard, scene)
         _, stack.cloud = propagated(stack.cloud, stack.offsets, stack.keys, scene)
         fitness = likelihood.score(stack)(stack.cloud)
         stack.log_weights = stack.log_weights + np.where(np.isnan(fitness), -np.inf, fitness)
@@ -226,14 +198,14 @@ class ParallelPf:
         log_weights = np.concatenate([np.empty(0), *tally.weights.values()])
         effective = float(weigh(log_weights, np.array([0, log_weights.size]))[0])
         if not tally.means:
-            return replace(self._predicted(belief, deal, scene), effective=effective, weights=tally.weights)
+            return replace(only_predicted(belief, deal, scene), effective=effective, weights=tally.weights)
         top = max(tally.weights[node].max() for node in tally.means)
         if not np.isfinite(top):
-            return replace(self._predicted(belief, deal, scene), effective=effective, weights=tally.weights)
+            return replace(only_predicted(belief, deal, scene), effective=effective, weights=tally.weights)
         sums = np.array([np.exp(tally.weights[node] - top).sum() for node in tally.means])
         within = answer[scene.head][0].cov if scene.head in answer else None
         if within is None:
-            within = predicted(belief.mean, belief.within, scene.motion, scene.dt, scene.steps)[1]
+            within = within_predicted(belief, scene)
         mean, cov = fuse(np.array(list(tally.means.values())), sums, within)
         return ParallelBelief(mean, cov, within, deal, scene.head, effective, tally.weights)
 
@@ -256,6 +228,11 @@ class ParallelPf:
         held |= {node: int(_copies(counts[node], mask).sum()) for node, mask in heard.items()}
         deal = yield from redeal(replace(belief.deal, held=held), scene, common=level)
         return replace(belief, deal=deal, weights={})
+
+
+def _without_weights(spread: Spread) -> ParallelBelief:
+    """A belief before the first weights have come up."""
+    return ParallelBelief(spread.mean, spread.cov, spread.within, spread.deal, spread.head, spread.effective)
 
 
 def _report(member: Member, head: int) -> Parcel | None:

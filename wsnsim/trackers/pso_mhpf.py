@@ -7,8 +7,8 @@ Jiang, Song, Lin (2013), sections 3 and 4. What a step asks of the network:
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from typing import Annotated, ClassVar, Literal, NamedTuple
 
 import numpy as np
@@ -30,44 +30,28 @@ from wsnsim.trackers.shared.dealing import (
     resampled,
     send_all,
     send_moments,
-    undealt,
     up_to_date,
 )
-from wsnsim.trackers.shared.moments import forecast, fused_by_variance, noise_faults, predicted, symmetric
+from wsnsim.trackers.shared.moments import forecast, fused_by_variance, noise_faults, symmetric
 from wsnsim.trackers.shared.parcels import arrived_particles, is_whole, parcel, state_packets
 from wsnsim.trackers.shared.readings import share_readings
+from wsnsim.trackers.shared.spread import Spread, arrived, begin, look, only_predicted, within_predicted
 from wsnsim.trackers.shared.stacks import (
     CLOUD,
     LOG_WEIGHTS,
-    OwnReadings,
     Score,
-    SharedReadings,
     Stack,
     keep,
-    present,
+    likelihood_of,
     propagated,
     settle,
-    snapshot,
     stacked,
 )
 from wsnsim.trackers.shared.swarms import Pull, move, resampled_columns
 
 LOCAL = "local"
-NAN = float("nan")
 RIDGE = 1e-3
 """m², (m/s)²: added to the diagonal of a fitted covariance, which fewer than five particles leave singular."""
-
-
-@dataclass(frozen=True, slots=True)
-class SwarmBelief:
-    """What the head knows: fused mean and covariance, of which `within` is one cloud's part, and who holds how many."""
-
-    mean: Floats
-    cov: Floats
-    within: Floats
-    deal: Deal
-    head: int
-    effective: float = NAN
 
 
 class LocalResult(NamedTuple):
@@ -144,18 +128,17 @@ class PsoMhpf:
         if self.acceptance == "transition":
             yield from noise_faults(parts, "acceptance: transition")
 
-    def start(self, prior: Estimate, scene: Scene) -> Flow[SwarmBelief]:
+    def start(self, prior: Estimate, scene: Scene) -> Flow[Spread]:
         """Draw the particles from the prior at the head and deal them out; paid like a handover's deal-out."""
-        deal = undealt(no_particles(prior.mean.size))
-        deal = yield from self._up_to_date(deal, prior.mean, prior.cov, scene)
-        return SwarmBelief(prior.mean, prior.cov, prior.cov, deal, scene.head)
+        return begin(prior, self.particles, self.handover == "gaussian", scene)
 
-    def step(self, belief: SwarmBelief, scene: Scene) -> Flow[SwarmBelief]:
+    def step(self, belief: Spread, scene: Scene) -> Flow[Spread]:
         """One step: N_act - 1 local estimates reach the head; without an active member everything is only predicted."""
-        deal = yield from self._up_to_date(belief.deal, belief.mean, belief.cov, scene)
+        by_moments = self.handover == "gaussian"
+        deal = yield from up_to_date(belief.deal, belief.mean, belief.cov, self.particles, by_moments, scene)
         if not scene.ids:
             deal = yield from predict_only(deal, scene)
-            return self._predicted(belief, deal, scene)
+            return only_predicted(belief, deal, scene)
         if self.measurements == "all":
             yield from share_readings(scene)
 
@@ -169,7 +152,7 @@ class PsoMhpf:
             yield from _feed_back(after, scene)
         return after
 
-    def hand_over(self, belief: SwarmBelief, scene: Scene, successor: int) -> Flow[SwarmBelief | None]:
+    def hand_over(self, belief: Spread, scene: Scene, successor: int) -> Flow[Spread | None]:
         """Members to head n packets each; head to successor N_p + ceil(N_p / 4) + 4, or the 4 of the moments alone.
 
         The paper counts no packet for the members' weights: a member whose weights differ resamples its share first
@@ -185,40 +168,24 @@ class PsoMhpf:
             arrival = yield from send_all(pool or no_particles(belief.mean.size), belief.mean, belief.cov, successor)
         if arrival is None:
             return None
-        return SwarmBelief(arrival.mean, arrival.cov, arrival.cov, undealt(arrival.pool), successor)
+        return arrived(arrival, successor)
 
-    def estimate(self, belief: SwarmBelief) -> Estimate:
+    def estimate(self, belief: Spread) -> Estimate:
         """The fused estimate; the effective number is that of the head's own share before its move."""
         return Estimate(belief.mean, belief.cov, belief.effective)
 
-    def forecast(self, belief: SwarmBelief, scene: Scene, ahead: int) -> Estimate:
+    def forecast(self, belief: Spread, scene: Scene, ahead: int) -> Estimate:
         """The fused estimate `ahead` steps on."""
         return forecast(self.estimate(belief), scene.motion, scene.dt, ahead)
 
-    def snapshot(self, belief: SwarmBelief, members: Sequence[Member]) -> Iterator[tuple[int, Floats, Floats]]:
+    def snapshot(self, belief: Spread, members: Sequence[Member]) -> Iterator[tuple[int, Floats, Floats]]:
         """(node, particles (D, n), weights (n,)) of each holder, the weights normalised over the whole set."""
-        whole = belief.deal.whole
-        if whole is not None:
-            return snapshot([(belief.head, whole.cloud, whole.log_weights)])
-        return snapshot([(member.id, *present(member, belief.mean.size)) for member in members])
-
-    def _up_to_date(self, deal: Deal, mean: Floats, cov: Floats, scene: Scene) -> Flow[Deal]:
-        return up_to_date(deal, mean, cov, self.particles, self.handover == "gaussian", scene)
-
-    def _predicted(self, belief: SwarmBelief, deal: Deal, scene: Scene) -> SwarmBelief:
-        """The belief when nothing arrived: the motion's prediction, its covariance grown."""
-        mean, cov = predicted(belief.mean, belief.cov, scene.motion, scene.dt, scene.steps)
-        _, within = predicted(belief.mean, belief.within, scene.motion, scene.dt, scene.steps)
-        return SwarmBelief(mean, cov, within, deal, scene.head)
+        return look(belief, members)
 
     def _filter(self, members: list[Member], scene: Scene) -> None:
         """Predict, weigh and move each member's particles (section 4, steps 5-8); the result stays in its memory."""
         stack, heard = stacked(members, len(scene.motion.columns))
-        likelihood: OwnReadings | SharedReadings
-        if self.measurements == "own":
-            likelihood = OwnReadings.of(members, scene)
-        else:
-            likelihood = SharedReadings.of(members, heard, scene)
+        likelihood = likelihood_of(self.measurements, members, heard, scene)
         before, stack.cloud = propagated(stack.cloud, stack.offsets, stack.keys, scene)  # eq. 12
         score = likelihood.score(stack)
         fitness = score(stack.cloud)
@@ -285,9 +252,7 @@ class PsoMhpf:
 
         return report
 
-    def _fused(
-        self, belief: SwarmBelief, deal: Deal, scene: Scene, answer: dict[int, tuple[Report, Bools]]
-    ) -> SwarmBelief:
+    def _fused(self, belief: Spread, deal: Deal, scene: Scene, answer: dict[int, tuple[Report, Bools]]) -> Spread:
         """Local estimates by their share of the particles, the shares renormalised over those that arrived.
 
         The covariance is the spread of the local means plus that of one cloud: the head's own, or where it has none,
@@ -298,21 +263,18 @@ class PsoMhpf:
             node: (report, mask) for node, (report, mask) in answer.items() if is_whole(mask) or mask[:packets].all()
         }
         if not reports:
-            return self._predicted(belief, deal, scene)
+            return only_predicted(belief, deal, scene)
         means = np.array([report.mean for report, _ in reports.values()])
         if self.fusion == "inverse_variance":
             variances = _reported_variances(list(reports.values()), packets)
             if variances is not None:
                 mean, spread, within = fused_by_variance(means, variances)
-                return SwarmBelief(mean, symmetric(spread + within), within, deal, scene.head)
+                return Spread(mean, symmetric(spread + within), within, deal, scene.head)
         own = answer[scene.head][0].own if scene.head in answer else None
-        if own is None:
-            _, within = predicted(belief.mean, belief.within, scene.motion, scene.dt, scene.steps)
-        else:
-            within = own.cov
+        within = within_predicted(belief, scene) if own is None else own.cov
         shares = np.array([deal.held.get(node, 0) for node in reports], dtype=np.float64)
         mean, cov = fuse(means, shares, within)
-        return SwarmBelief(mean, cov, within, deal, scene.head, own.effective if own else NAN)
+        return Spread(mean, cov, within, deal, scene.head, own.effective if own else math.nan)
 
 
 def _cycles_taken(member: Member) -> float:
@@ -340,7 +302,7 @@ def _reported_variances(reports: list[tuple[Report, Bools]], packets: int) -> Fl
     return variances
 
 
-def _feed_back(belief: SwarmBelief, scene: Scene) -> Flow[None]:
+def _feed_back(belief: Spread, scene: Scene) -> Flow[None]:
     """One broadcast of the fused estimate; whoever hears it shifts its particles by what its own mean is off."""
     yield Broadcast(parcel(belief.mean, state_packets(belief.mean.size), "feedback"))
 

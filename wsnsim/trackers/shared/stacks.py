@@ -239,3 +239,12 @@ def place_of(scene: Scene) -> slice | list[int]:
     """Which rows of a cloud are the position; as a slice where they can be, which copies nothing."""
     x, y = scene.motion.position
     return slice(x, y + 1, y - x) if y > x else [x, y]
+
+
+def likelihood_of(
+    measurements: str, members: Sequence[Member], heard: Sequence[list[Delivery]], scene: Scene
+) -> OwnReadings | SharedReadings:
+    """What the members weigh with: their 'own' readings, or 'all' that they heard."""
+    if measurements == "own":
+        return OwnReadings.of(members, scene)
+    return SharedReadings.of(members, heard, scene)

@@ -1,0 +1,66 @@
+"""What the head of a filter knows whose particles are spread over its members: two moments, and who holds how many.
+
+begin(prior, ...) -> Flow[Spread]     only_predicted(belief, deal, scene) -> belief     look(belief, members)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+from wsnsim.base.arrays import Floats
+from wsnsim.base.asks import Flow, Member
+from wsnsim.base.ports import Estimate, Scene
+from wsnsim.trackers.shared.dealing import Arrival, Deal, no_particles, undealt, up_to_date
+from wsnsim.trackers.shared.moments import predicted
+from wsnsim.trackers.shared.stacks import present, snapshot
+
+NAN = float("nan")
+
+
+@dataclass(frozen=True, slots=True)
+class Spread:
+    """Fused mean (D,) and covariance (D, D), of which `within` is one cloud's part; who holds how many particles."""
+
+    mean: Floats
+    cov: Floats
+    within: Floats
+    deal: Deal
+    head: int
+    effective: float = NAN
+
+
+S = TypeVar("S", bound=Spread)
+
+
+def begin(prior: Estimate, particles: int, by_moments: bool, scene: Scene) -> Flow[Spread]:
+    """Draw the particles from the prior at the head and deal them out; paid like a handover's deal-out."""
+    nothing = undealt(no_particles(prior.mean.size))
+    deal = yield from up_to_date(nothing, prior.mean, prior.cov, particles, by_moments, scene)
+    return Spread(prior.mean, prior.cov, prior.cov, deal, scene.head)
+
+
+def arrived(arrival: Arrival, successor: int) -> Spread:
+    """What a successor starts from: everything is with it, and not yet dealt out."""
+    return Spread(arrival.mean, arrival.cov, arrival.cov, undealt(arrival.pool), successor)
+
+
+def only_predicted(belief: S, deal: Deal, scene: Scene) -> S:
+    """The belief when nothing arrived: the motion's prediction, its covariance grown."""
+    mean, cov = predicted(belief.mean, belief.cov, scene.motion, scene.dt, scene.steps)
+    within = within_predicted(belief, scene)
+    return replace(belief, mean=mean, cov=cov, within=within, deal=deal, head=scene.head, effective=NAN)
+
+
+def within_predicted(belief: Spread, scene: Scene) -> Floats:
+    """(D, D) the last covariance of one cloud that the head knew, grown."""
+    return predicted(belief.mean, belief.within, scene.motion, scene.dt, scene.steps)[1]
+
+
+def look(belief: Spread, members: Sequence[Member]) -> Iterator[tuple[int, Floats, Floats]]:
+    """(node, particles (D, n), weights (n,)) of each holder, the weights normalised over the whole set."""
+    whole = belief.deal.whole
+    if whole is not None:
+        return snapshot([(belief.head, whole.cloud, whole.log_weights)])
+    return snapshot([(member.id, *present(member, belief.mean.size)) for member in members])
