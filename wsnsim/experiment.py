@@ -22,6 +22,7 @@ from wsnsim import recording
 from wsnsim import scenario as scenarios
 from wsnsim.base import metrics
 from wsnsim.base.arrays import Floats
+from wsnsim.base.errors import RunError, UsageError
 from wsnsim.base.ports import Parts, Recorder
 from wsnsim.base.rng import Streams
 from wsnsim.base.tables import CAUSES, Memory
@@ -93,7 +94,10 @@ def _simulate(
 ) -> Summary:
     started = time.process_time()
     streams = Streams(parts.seed, replicate)
-    positions = parts.deploy.draw(parts.sensor.reach, streams("deploy"))
+    try:
+        positions = parts.deploy.draw(parts.sensor.reach, streams("deploy"))
+    except RunError as reason:
+        raise RunError(f"{reason} (seed {parts.seed}, replicate {replicate})") from reason
     traits = parts.sensor.draw_traits(len(positions), streams("gains"))
     truth_stream, prior_stream = streams("truth"), streams("prior")
     truths = [motion.truth(parts.steps, parts.dt, truth_stream) for motion in parts.motions]
@@ -118,6 +122,7 @@ def _summarise(outcome: Outcome, parts: Parts, replicate: int, errors: Floats, s
             "rmse": metrics.rmse(errors[track.target]),
             "median_error": metrics.median_error(errors[track.target]),
             "lost": int(metrics.is_lost(errors[track.target])),
+            "lost_at": metrics.first_lost(errors[track.target]) * parts.dt,
             "reacquired": track.reacquired,
             "late": late_steps(track, outcome.steps, parts.dt),
             "reports": len(track.estimates),
@@ -169,7 +174,9 @@ def run(
     began = time.monotonic()
     loaded = scenarios.load(scenario)
     parts = scenarios.build(loaded)
-    count = replicates or loaded.replicates
+    count = loaded.replicates if replicates is None else replicates
+    if count < 1:
+        raise UsageError(f"replicates: must be at least 1, is {count}")
     states = tuple(zip(parts.motions[0].columns, parts.motions[0].units, strict=True))
     summaries = []
     with recording.ResultFile(Path(out), states, parts.record) as file:
@@ -217,7 +224,8 @@ def verify(path: Path) -> Verification:
     parts = scenarios.build(scenarios.load(resolved))
     stored = json.loads(recording.read_text(path, "provenance_json"))
     differing = _differing(stored, recording.provenance("", parts.seed))
-    runs, kept = recording.read_table(path, "runs"), recording.read_table(path, "estimates")
+    runs = recording.read_table(path, "runs")
+    kept = recording.read_table(path, "estimates") if "estimates" in recording.tables(path) else {}
     rows = []
     for index, replicate in enumerate(runs["replicate"].tolist()):
         memory = Memory({"estimates": True})

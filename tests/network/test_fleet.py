@@ -30,11 +30,15 @@ def test_a_charge_that_does_not_suffice_is_paid_in_part_and_kills():
     nodes = fleet(battery=1.0)
     nodes.on_death = died.append
     assert nodes.spend(2, CAUSES.index("cpu"), 0.75) == 0.75
-    assert nodes.spend_transmit(2, 0.3, 0.2) == 0.25
+    assert nodes.spend_transmit(2, 0.3, 0.2, bits=7) == 3, "half of seven bits, whole ones only"
     assert died == [2]
-    assert nodes.books[2][CAUSES.index("tx_electronics")] == pytest.approx(0.15)
-    assert nodes.books[2][CAUSES.index("tx_amplifier")] == pytest.approx(0.10)
+    book = dict(zip(CAUSES, nodes.books[2], strict=False))
+    assert book["tx_electronics"] == pytest.approx(0.3 * 3 / 7)
+    assert book["tx_amplifier"] == pytest.approx(0.2 * 3 / 7)
+    assert book["idle"] == pytest.approx(0.25 - 0.5 * 3 / 7), "less than a bit's worth is lost"
     assert nodes.left(2) == 0.0
+    assert nodes.spend_receive(1, 0.25, bits=8) == 8 and nodes.spend_receive(1, 1.5, bits=8) == 4
+    assert died == [2, 1]
 
 
 def test_reading_energy_changes_nothing_and_opens_no_book():

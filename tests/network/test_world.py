@@ -6,10 +6,13 @@ import numpy as np
 import pytest
 
 from tests.network.toys import Centroid, Run, parts, passing, standing
+from wsnsim.base.errors import RunError
 from wsnsim.base.tables import CAUSE, CAUSES
 from wsnsim.models.clusters import Central, StrongestSignal
 from wsnsim.models.energy import FirstOrder
 from wsnsim.models.links import Disk, IdealMac, MinimumHop
+from wsnsim.models.sleep import EventWake
+from wsnsim.models.wakeup import NoWakeUp
 from wsnsim.network.fleet import SPENT
 
 BIT = 50e-9
@@ -158,7 +161,7 @@ def test_frames_that_are_lost_are_missing_from_the_answers_and_the_loss_does_not
     ]
     first = [set(answer) for answer in lossy[0].parts.tracker.answers]
     assert first == [set(answer) for answer in lossy[1].parts.tracker.answers]
-    assert {len(answer) for answer in first} == {1, 2, 3} or {len(answer) for answer in first} == {1, 2}
+    assert len({len(answer) for answer in first}) > 1
     assert lossy[0].outcome.frames_lost > 0
     assert len(lossy[0].events("drop")) > 0
 
@@ -195,8 +198,7 @@ def test_an_open_cluster_follows_whoever_senses_over_as_many_hops_as_it_takes_an
     assert run.events("relay")
     assert run.events("join") == []
     table = run.memory.table("estimates")
-    in_range = [len(run.outcome.tracks[0].heads)]
-    assert in_range and np.isfinite(table["error"]).all()
+    assert np.isfinite(table["error"]).all()
     senses = np.bincount(run.memory.table("events")["step"][run.memory.table("events")["kind"] == 2].astype(int))
     assert table["readings"].tolist() == senses[1:].tolist()
 
@@ -221,14 +223,15 @@ def test_a_run_until_so_many_clusters_ends_when_the_last_would_hand_over():
 
 
 def test_a_target_that_appears_late_is_acquired_from_readings_and_one_that_leaves_is_only_predicted():
-    truth = passing((-150.0, 5.0), (20.0, 0.0), 400)
-    run = Run(parts(steps=400), TRIANGLE[:3], [truth])
+    run = Run(parts(steps=400), TRIANGLE[:3], [passing((-150.0, 5.0), (20.0, 0.0), 400)])
     table = run.memory.table("estimates")
     issued = np.isfinite(table["issued"])
     assert not issued[:50].any(), "nobody senses it yet"
     first = int(np.flatnonzero(issued)[0])
-    assert run.errors[0, first] < 60
-    assert run.outcome.tracks[0].reacquired == 0 or run.outcome.tracks[0].reacquired == 1
+    assert table["active"][first] > 0 and run.errors[0, first] < 60
+    assert table["readings"][first] >= 1, "the readings that started it are counted"
+    assert run.outcome.tracks[0].reacquired == 0 and run.events("reacquire") == []
+    assert table["active"][-1] == 0 and table["readings"][-1] == 0 and issued[-1], "predicted, of nothing"
 
 
 def test_the_same_replicate_gives_the_same_rows_after_any_number_of_others():
@@ -246,3 +249,145 @@ def test_energy_steps_sum_to_the_ledger():
     for cause in range(len(CAUSES)):
         spent = table["joules"][table["cause"] == cause].sum()
         assert spent == pytest.approx(run.outcome.fleet.totals[cause], rel=1e-9, abs=1e-18)
+
+
+def gone_at(start: tuple[float, float], steps: int) -> np.ndarray:
+    """A target fast enough that its clusters hand over."""
+    return passing(start, (30.0, 12.0), steps)
+
+
+def nobody_waits_for_the_dead(run: Run) -> None:
+    """No track is left with a dead head, nor one without a head though somebody able senses its target."""
+    fleet = run.outcome.fleet
+    for track in run.outcome.tracks:
+        assert track.head is None or fleet.alive[track.head]
+    for book in fleet.books.values():
+        assert sum(book[:SPENT]) == pytest.approx(book[SPENT], rel=1e-9, abs=1e-15)
+
+
+def air_energy_is_in_the_events(run: Run) -> None:
+    """Equations (9)-(10) over the logged bits give the booked joules, whoever died in mid-burst."""
+    table, totals = run.memory.table("events"), run.outcome.fleet.totals
+    sent = np.isin(table["kind"], [7, 14])
+    starts, ends = table["node"][sent].astype(int), table["peer"][sent].astype(int)
+    distance = np.where(ends < 0, 75.0, np.linalg.norm(run.positions[starts] - run.positions[ends], axis=1))
+    heard = table["bits"][table["cause"] == 2].sum()
+    assert np.sum(table["bits"][sent]) * BIT == pytest.approx(totals[CAUSE["tx_electronics"]], rel=1e-9)
+    assert np.sum(table["bits"][sent] * AMP * distance**2) == pytest.approx(totals[CAUSE["tx_amplifier"]], rel=1e-9)
+    assert heard * BIT == pytest.approx(totals[CAUSE["rx"]], rel=1e-9, abs=1e-18)
+
+
+@pytest.mark.parametrize("rule", ["nearest", "elect"])
+def test_deaths_in_mid_handover_and_mid_election_leave_every_track_led_or_open_to_election(rule):
+    lost, died = set(), 0
+    for battery in np.geomspace(7e-5, 2e-2, 40):
+        energy, policy = FirstOrder(battery=float(battery)), StrongestSignal(successor_rule=rule, threshold=0.0)
+        run = Run(parts(steps=150, energy=energy, clusters=policy), truths=[gone_at((-60.0, -30.0), 150)])
+        nobody_waits_for_the_dead(run)
+        air_energy_is_in_the_events(run)
+        lost |= {run.memory.words.all()[int(row["what"])] for row in run.events("lost")}
+        died += len(run.outcome.fleet.died_at)
+    assert died > 100 and "head_died" in lost
+
+
+def test_two_targets_that_cross_on_failing_nodes_leave_every_track_led_or_open_to_election():
+    made = parts(steps=100)
+    for battery in np.geomspace(2e-4, 5e-3, 30):
+        both = parts(
+            steps=100,
+            motions=made.motions * 2,
+            energy=FirstOrder(battery=float(battery)),
+            clusters=StrongestSignal(threshold=0.0),
+        )
+        truths = [passing((-60.0, 0.0), (30.0, 0.0), 100), passing((60.0, 0.0), (-30.0, 0.0), 100)]
+        run = Run(both, truths=truths)
+        nobody_waits_for_the_dead(run)
+        air_energy_is_in_the_events(run)
+
+
+def test_whoever_dies_in_its_own_broadcast_wins_no_election():
+    for battery in np.linspace(6.0e-5, 7.5e-5, 40):
+        run = Run(parts(steps=20, energy=FirstOrder(battery=float(battery)), clusters=StrongestSignal(threshold=0.0)))
+        died = run.outcome.fleet.died_at
+        assert not any(row["node"] in died and died[row["node"]] < row["time"] for row in run.events("elect"))
+        nobody_waits_for_the_dead(run)
+
+
+def test_a_late_handover_hands_over_a_belief_of_the_step_that_it_is_of():
+    tracker = Centroid()
+    run = Run(parts(steps=300, mac=IdealMac(rate=30_000.0), tracker=tracker), truths=[gone_at((-100.0, -60.0), 300)])
+    assert len(run.outcome.tracks[0].clusters) > 3
+    scenes = tracker.scenes
+    assert max(scene.steps for scene in scenes) > 1, "the air is slow enough to miss steps"
+    assert [scene.step - scene.steps for scene in scenes[1:]] == [scene.step for scene in scenes[:-1]]
+
+
+def test_on_a_lossy_air_a_track_survives_its_handovers_or_starts_anew_and_the_books_close():
+    run = Run(parts(steps=400, link=Disk(reach=75.0, loss=0.4)), truths=[gone_at((-100.0, -60.0), 400)])
+    assert len(run.outcome.tracks[0].clusters) > 2
+    drops = {int(row["frame"]) for row in run.events("drop")} - {0}
+    assert run.outcome.frames_lost >= len(drops) > 0
+    air_energy_is_in_the_events(run)
+    nobody_waits_for_the_dead(run)
+
+
+def test_a_wake_that_never_arrives_wakes_nobody_and_no_election_is_held():
+    islands = [(0.0, 0.0), (10.0, 0.0), (0.0, 10.0), (190.0, 0.0), (180.0, 0.0), (190.0, 10.0)]
+    truth = standing((2.0, 2.0), 10)
+    truth[4:] = [188.0, 0.0, 2.0, 0.0]
+    tracker = Centroid()
+    tracker.forecast = lambda belief, scene, ahead: type(tracker).estimate(tracker, np.array([188.0, 0.0, 1.0, 0.0]))
+    run = Run(parts(steps=10, tracker=tracker, clusters=StrongestSignal(successor_rule="elect")), islands, [truth])
+    assert len(run.events("lost", "no_successor")) == 1
+    step_of_loss = run.events("lost")[0]["step"]
+    assert [row["step"] for row in run.events("elect")] == [0, step_of_loss + 1], "the vacancy is filled a step later"
+
+
+def test_woken_counts_the_wakes_that_are_logged_and_those_in_vain():
+    run = Run(parts(steps=300), truths=[gone_at((-100.0, -60.0), 300)])
+    table = run.memory.table("estimates")
+    wakes = [row for row in run.events("wake") if row["step"] > 0]
+    assert table["woken"].sum() == len(wakes)
+    by_frame = [row for row in wakes if row["what"] == run.memory.words.code("frame")]
+    assert 0 <= table["ineffective"].sum() <= len(by_frame)
+
+
+def test_nobody_sends_while_it_is_asleep():
+    run = Run(parts(steps=300), truths=[gone_at((-100.0, -60.0), 300)])
+    table = run.memory.table("events")
+    awake: set[int] = set()
+    for kind, node in zip(table["kind"].astype(int), table["node"].astype(int), strict=True):
+        if kind == 0:
+            awake.add(node)
+        elif kind == 1:
+            awake.discard(node)
+        elif kind == 7:
+            assert node in awake
+
+
+def test_parts_that_this_network_cannot_perform_are_refused_rather_than_ignored():
+    class Deaf(EventWake):
+        always_listening = False
+
+    class Flood(NoWakeUp):
+        mechanism = "flood"
+
+    with pytest.raises(RunError, match="event_wake"):
+        Run(parts(sleep=Deaf()))
+    with pytest.raises(RunError, match="'flood'"):
+        Run(parts(wakeup=Flood()))
+
+
+def test_a_failing_tracker_is_named_with_seed_replicate_and_time():
+    class Odd(Exception):
+        def __init__(self, one, two):
+            super().__init__(f"{one} and {two}")
+
+    class Failing(Centroid):
+        def step(self, belief, scene):
+            if scene.step == 3:
+                raise Odd("salt", "pepper")
+            return (yield from super().step(belief, scene))
+
+    with pytest.raises(RunError, match=r"0\.12 s of simulated time \(seed 7, replicate 0\): Odd: salt and pepper"):
+        Run(parts(tracker=Failing()))

@@ -37,6 +37,16 @@ def is_lost(errors: Floats, window: int = LOST_WINDOW, limit: float = LOST_ERROR
     return bool(known.size * 2 <= last.size or np.mean(known) > limit)
 
 
+def first_lost(errors: Floats, window: int = LOST_WINDOW, limit: float = LOST_ERROR) -> float:
+    """The first step (counted from 1) that ends a window by which the track `is_lost`; NaN if none does."""
+    window = min(window, errors.size)
+    known = np.isfinite(errors)
+    counts, sums = (np.concatenate(([0.0], np.cumsum(x))) for x in (known, np.where(known, errors, 0.0)))
+    seen, total = counts[window:] - counts[:-window], sums[window:] - sums[:-window]
+    bad = (seen * 2 <= window) | (total > limit * seen)
+    return float(window + np.argmax(bad)) if bad.any() else float("nan")
+
+
 def per_step_rmse(errors: Floats) -> Floats:
     """(steps,) root mean square over replicates at each step (Jiang 2013, eq. 26); NaN where none has an estimate."""
     known = np.isfinite(errors)

@@ -21,7 +21,7 @@ LOG_TWO = 0.6931471805599453
 LOWEST = -700.0
 
 
-@njit(inline="always", **SWITCHES)
+@njit(forceinline=True, **SWITCHES)
 def log(x):
     """The natural logarithm of a positive normal number.
 
@@ -41,7 +41,7 @@ def log(x):
     return exponent * LOG_TWO + s * p
 
 
-@njit(inline="always", **SWITCHES)
+@njit(forceinline=True, **SWITCHES)
 def exp(y):
     """e to the power y <= 700; below -700 it stays at e^-700 = 1e-304, so that the result is a normal number.
 
@@ -58,7 +58,7 @@ def exp(y):
     return p * np.int64((np.int64(np.int32(k)) + 1023) << 52).view(np.float64)
 
 
-@njit(inline="always", **SWITCHES)
+@njit(forceinline=True, **SWITCHES)
 def normal_pair(key, pair):
     """The `pair`-th pair of standard normals of a key: radius and angle from its uniforms 2*pair and 2*pair + 1.
 

@@ -21,7 +21,7 @@ Drift: TypeAlias = tuple[float, float, float, float]
 Root: TypeAlias = tuple[float, float, float]
 
 
-@njit(inline="always", **SWITCHES)
+@njit(forceinline=True, **SWITCHES)
 def _drifted(position, velocity, law):
     """One axis a step on: F1 while |p| <= a, else F2, which pulls back and slows down (eqs. 2-3)."""
     step, bound, c1, c2 = law

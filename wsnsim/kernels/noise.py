@@ -32,7 +32,7 @@ S30 = np.uint64(30)
 S31 = np.uint64(31)
 
 
-@njit(inline="always", **SWITCHES)
+@njit(forceinline=True, **SWITCHES)
 def mix(x):
     """The SplitMix64 finaliser (Steele, Lea, Flood 2014)."""
     x = (x ^ (x >> S30)) * FIRST
@@ -40,13 +40,13 @@ def mix(x):
     return x ^ (x >> S31)
 
 
-@njit(inline="always", **SWITCHES)
+@njit(forceinline=True, **SWITCHES)
 def uniform(key, draw):
     """The `draw`-th uniform on [0, 1) of a key, with 53 bits."""
     return np.float64(mix(key + (np.uint64(draw) + ONE) * GOLDEN) >> S11) * 2.0**-53
 
 
-@njit(inline="always", **SWITCHES)
+@njit(forceinline=True, **SWITCHES)
 def normal(key, draw):
     """The `draw`-th standard normal of a key: Box-Muller on its uniforms 2*draw and 2*draw + 1."""
     radius = np.sqrt(-2.0 * np.log1p(-uniform(key, 2 * draw)))

@@ -24,13 +24,13 @@ Law: TypeAlias = tuple[float, float, float, float, float]
 LOG_TWO_PI = 1.8378770664093453
 
 
-@njit(inline="always", **SWITCHES)
+@njit(forceinline=True, **SWITCHES)
 def signal_at(squared, intensity, decay):
     """I d^-α as I exp(-α/2 log d²), given d²; d is floored at 1 m."""
     return intensity * exp(-0.5 * decay * log(squared if squared > 1.0 else 1.0))
 
 
-@njit(inline="always", **SWITCHES)
+@njit(forceinline=True, **SWITCHES)
 def _close(result, x, y, count):
     """From the sum of (z - μ)²/R + log R of `count` readings to their log-likelihood; -inf where nothing is known."""
     for j in range(x.size):

@@ -87,7 +87,7 @@ class Air:
     def _settle(self, letters: list[Letter], frames: list[Frame]) -> None:
         for item, frame in zip(letters, frames, strict=True):
             item.mask, item.arrived = frame.mask, frame.packets > 0
-            item.hops, item.bits = 1, item.parcel.packets * item.parcel.packet_bits
+            item.hops, item.bits = 1, frame.sent
 
     def _relay(self, item: Letter, target: int) -> Any:
         path = self._router.path(item.source, item.to)
@@ -97,9 +97,9 @@ class Air:
         sequence, mask, packets = 0, item.mask, item.parcel.packets
         for source, to in itertools.pairwise(path):
             frame = Frame(source, to, item.parcel, target, mask, packets, sequence, relayed=source != item.source)
-            item.hops += 1
-            item.bits += frame.bits
             yield self._mac.send([frame])
+            item.hops += 1
+            item.bits += frame.sent
             sequence, mask, packets = frame.sequence, frame.mask, frame.packets
             if packets == 0:
                 break
@@ -107,7 +107,6 @@ class Air:
 
     def _no_path(self, item: Letter, target: int) -> None:
         item.mask = np.zeros(item.parcel.packets, dtype=np.bool_)
-        self._medium.frames_lost += 1
         self._journal.add(
             (self._env.now, self._medium.step, target, item.source, KIND["drop"], self._journal.code("no_path"), 0, 0,
              item.to, item.parcel.packets, 0, 0.0, EVENT_CAUSE["none"])

@@ -31,7 +31,7 @@ class Driver:
     """One head's way to its cluster.
 
     `members` holds every member, the head included, with memory of this cluster's epoch. `readings`: how many entered
-    the last computation. `bits`: put on the air so far. `hops`: of the last `Send`.
+    the last computation. `bits`: of letters put on the air so far. `hops`: of the last `Send`.
     """
 
     def __init__(self, stage: Stage, target: int, head: int, members: dict[int, Member]) -> None:
@@ -46,6 +46,7 @@ class Driver:
     def perform(self, flow: Flow[Any]) -> Performance:
         """Drive a flow to its end and give its belief. Raises HeadDied; whatever ends it early closes the flow."""
         answer: Any = None
+        self.readings = 0
         try:
             while True:
                 try:
@@ -104,14 +105,17 @@ class Driver:
 
     def _gather(self, ask: Gather) -> Generator[simpy.Event, Any, dict[int, tuple[Any, Bools]]]:
         letters = []
+        readings = set()
         for member in self._addressed(ask.who):
             parcel = ask.parcel_of(member)
             if parcel is not None:
                 letters.append(letter(member.id, self._head, parcel))
+                if parcel.payload is member.reading:
+                    readings.add(member.id)
         yield from self._carry(letters)
         answer = {item.source: (item.parcel.payload, item.mask) for item in letters if item.arrived}
-        if letters and letters[0].parcel.what == "reading":
-            self.readings = len(answer)
+        if readings:
+            self.readings = len(readings.intersection(answer))
         return answer
 
     def _scatter(self, ask: Scatter) -> Generator[simpy.Event, Any, dict[int, Bools]]:

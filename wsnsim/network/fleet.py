@@ -17,6 +17,7 @@ from wsnsim.base.arrays import Bools, Floats
 from wsnsim.base.tables import CAUSE, CAUSES
 
 ELECTRONICS, AMPLIFIER = CAUSE["tx_electronics"], CAUSE["tx_amplifier"]
+RECEIVE, IDLE = CAUSE["rx"], CAUSE["idle"]
 SPENT: Final = len(CAUSES)
 
 
@@ -67,26 +68,44 @@ class Fleet:
         self.totals[cause] += joules
         return joules
 
-    def spend_transmit(self, node: int, electronics: float, amplifier: float) -> float:
-        """Book a transmission on its two causes; as `spend`."""
+    def spend_transmit(self, node: int, electronics: float, amplifier: float, bits: int) -> int:
+        """Book a transmission on its two causes; give the whole bits that were paid: fewer if the node died of it."""
         book = self.books.get(node)
         if book is None:
             book = self.books[node] = [0.0] * (SPENT + 1)
         joules = electronics + amplifier
         left = self.battery - book[SPENT]
         if joules >= left:
-            share = left / joules
+            paid = int(bits * left / joules)
+            share = paid / bits
             self._exhaust(node, book, ((ELECTRONICS, electronics * share), (AMPLIFIER, amplifier * share)))
-            return left
+            return paid
         book[ELECTRONICS] += electronics
         book[AMPLIFIER] += amplifier
         book[SPENT] += joules
         self.totals[ELECTRONICS] += electronics
         self.totals[AMPLIFIER] += amplifier
-        return joules
+        return bits
+
+    def spend_receive(self, node: int, joules: float, bits: int) -> int:
+        """Book a reception; give the whole bits that were paid: fewer if the node died of it."""
+        book = self.books.get(node)
+        if book is None:
+            book = self.books[node] = [0.0] * (SPENT + 1)
+        left = self.battery - book[SPENT]
+        if joules >= left:
+            paid = int(bits * left / joules)
+            self._exhaust(node, book, ((RECEIVE, joules * paid / bits),))
+            return paid
+        book[RECEIVE] += joules
+        book[SPENT] += joules
+        self.totals[RECEIVE] += joules
+        return bits
 
     def _exhaust(self, node: int, book: list[float], charges: tuple[tuple[int, float], ...]) -> None:
-        for cause, joules in charges:
+        """A node's last charges. What remains, less than a bit's worth, is lost: booked as idle."""
+        rest = self.battery - book[SPENT] - sum(joules for _, joules in charges)
+        for cause, joules in (*charges, (IDLE, max(rest, 0.0))):
             book[cause] += joules
             self.totals[cause] += joules
         book[SPENT] = self.battery

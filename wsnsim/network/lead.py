@@ -14,6 +14,7 @@ import numpy as np
 import simpy
 
 from wsnsim.base.asks import PACKET_BITS, Parcel
+from wsnsim.base.errors import RunError, WsnsimError
 from wsnsim.base.ports import Estimate, Scene, Snapshots
 from wsnsim.network.air import letter
 from wsnsim.network.cluster import Cluster
@@ -44,13 +45,22 @@ class Mission:
 
 @dataclass(slots=True)
 class Crew:
-    """How a head reaches other nodes: give one the lead, have candidates stand, tell members their role."""
+    """How processes reach each other: give a node the lead, have candidates stand, tell members their role.
+
+    `woke(node, target, by_frame)` is told of each wake.
+    """
 
     appoint: Callable[[Track, int, Mission], None]
     call_election: Callable[[Track, Election], None]
     enlist: Callable[[Track, Cluster], None]
     release: Callable[[Track, Cluster], None]
+    dismiss: Callable[[Track, int], None]
+    woke: Callable[[int, int, bool], None]
     end_run: Callable[[], None]
+
+
+class TrackLost(Exception):
+    """The belief is gone though the head lives; the message is the word for the log."""
 
 
 def lead(stage: Stage, crew: Crew, track: Track, head: int, mission: Mission) -> Waiting:
@@ -62,6 +72,14 @@ def lead(stage: Stage, crew: Crew, track: Track, head: int, mission: Mission) ->
     except (HeadDied, simpy.Interrupt):
         if track.head == head:
             _give_up(stage, crew, track, "head_died")
+    except TrackLost as lost:
+        _give_up(stage, crew, track, str(lost))
+    except WsnsimError:
+        raise
+    except Exception as reason:  # the engine makes exceptions anew from their arguments, which not every class can bear
+        raise RunError(f"{type(reason).__name__}: {reason}") from reason
+    if track.head != head:
+        crew.dismiss(track, head)
 
 
 def _lead(stage: Stage, crew: Crew, track: Track, head: int, mission: Mission) -> Waiting:
@@ -73,8 +91,10 @@ def _lead(stage: Stage, crew: Crew, track: Track, head: int, mission: Mission) -
     belief, last = mission.belief, mission.belief_step
     if mission.readings is not None:
         scene = cluster.scene(0)
-        prior = yield from _begin(stage, track, head, mission)
+        prior, readings = yield from _begin(stage, track, head, mission)
         belief = yield from driver.perform(tracker.start(prior, scene))
+        driver.readings = readings
+        _count_start(stage, track, head)
         _issue(stage, track, last, scene, driver, tracker.estimate(belief))
         yield track.tick
     waits_for = _patience(stage, track, cluster)
@@ -83,10 +103,10 @@ def _lead(stage: Stage, crew: Crew, track: Track, head: int, mission: Mission) -
         last = stage.step
         belief = yield from driver.perform(tracker.step(belief, scene))
         _issue(stage, track, last, scene, driver, tracker.estimate(belief))
-        _snapshot(stage, track, cluster, belief)
+        _snapshot(stage, track, cluster, belief, last)
         if waits_for is not None and waits_for != set(stage.sensing[track.target]):
             waits_for = None
-        if waits_for is None and stage.parts.clusters.must_hand_over(cluster.active(), len(cluster.roster())):
+        if waits_for is None and stage.parts.clusters.must_hand_over(cluster.active(), len(cluster.members)):
             yield from _hand_over(stage, crew, track, cluster, belief, scene)
             return
         yield track.tick
@@ -116,22 +136,23 @@ def _form(
     return cluster
 
 
-def _begin(stage: Stage, track: Track, head: int, mission: Mission) -> Generator[simpy.Event, Any, Estimate]:
-    """What a new track starts from: at the start the scenario's prior, later the readings that reached the head."""
-    first, track.started = not track.started, True
-    if first and mission.belief_step == 0:
-        return track.prior
+def _begin(
+    stage: Stage, track: Track, head: int, mission: Mission
+) -> Generator[simpy.Event, Any, tuple[Estimate, int]]:
+    """What a new track starts from, and of how many readings: at step 0 the scenario's prior, later what was heard."""
+    if not track.started and mission.belief_step == 0:
+        return track.prior, 0
     readings = mission.readings
-    track.reacquired += not first
-    stage.log("reacquire", track.target, head)
     if stage.parts.clusters.is_open:
         readings = yield from _ask_everyone(stage, track, head)
-    if not readings:
+    if not stage.fleet.alive[head]:
         raise HeadDied
+    if not readings:
+        raise TrackLost("no_readings")
     fleet, parts = stage.fleet, stage.parts
     nodes = np.array(sorted(readings), dtype=np.int64)
     values = np.array([readings[node] for node in nodes.tolist()])
-    return parts.acquire.estimate(
+    estimate = parts.acquire.estimate(
         values,
         fleet.positions[nodes],
         fleet.traits[nodes],
@@ -139,6 +160,15 @@ def _begin(stage: Stage, track: Track, head: int, mission: Mission) -> Generator
         parts.filter_motions[track.target],
         track.prior,
     )
+    return estimate, len(values)
+
+
+def _count_start(stage: Stage, track: Track, head: int) -> None:
+    """A track has started; if it was on before, it has been re-acquired."""
+    if track.started:
+        track.reacquired += 1
+        stage.log("reacquire", track.target, head)
+    track.started = True
 
 
 def _ask_everyone(stage: Stage, track: Track, head: int) -> Generator[simpy.Event, Any, dict[int, float]]:
@@ -196,44 +226,47 @@ def _hand_over(stage: Stage, crew: Crew, track: Track, cluster: Cluster, belief:
     if parts.until_clusters is not None and len(track.clusters) >= parts.until_clusters:
         crew.end_run()
         return
-    forecast = parts.tracker.forecast(belief, scene, 1)
+    forecast = parts.tracker.forecast(belief, scene, stage.step - scene.step + 1)
     point = forecast.mean[list(parts.filter_motions[target].position)]
     successor = parts.clusters.successor(point, stage.fleet.positions, stage.fleet.able(stage.threshold))
-    mission = Mission(stage.step, previous_head=cluster.head)
+    mission = Mission(scene.step, previous_head=cluster.head)
     track.handovers += 1
     if successor is not None and parts.clusters.calls_election:
         successor = yield from _wake_and_vote(stage, crew, track, cluster.head, successor)
         mission.elected = True
     if successor is None:
-        _give_up(stage, crew, track, "no_successor")
-        return
+        raise TrackLost("no_successor")
     stage.log("handover", target, cluster.head, peer=successor)
     driver = Driver(stage, target, cluster.head, cluster.members)
     flow = parts.tracker.hand_over(belief, scene, successor)
-    _dissolve(stage, crew, track)
     yield from _send_belief(stage, crew, track, driver, flow, successor, mission)
 
 
 def _wake_and_vote(
     stage: Stage, crew: Crew, track: Track, head: int, near: int
 ) -> Generator[simpy.Event, Any, int | None]:
-    """Wake the node nearest to the forecast; at the next tick it calls an election, which the head awaits."""
+    """Wake the node nearest to the forecast; at the next tick it calls an election, which the head awaits.
+
+    The paper leaves open how the head learns of the winner: here it does, without a frame (our choice).
+    """
     wake = letter(head, near, Parcel(None, 1, PACKET_BITS, "wake"))
     yield stage.air.carry([wake], track.target)
+    if not wake.arrived:
+        return None
     yield track.tick
     winner = yield from _vote(stage, crew, track)
     if winner is not None:
         return winner
-    return near if wake.arrived and stage.fleet.alive[near] else None
+    return near if stage.fleet.alive[near] else None
 
 
 def _send_belief(
     stage: Stage, crew: Crew, track: Track, driver: Driver, flow: Any, successor: int, mission: Mission
 ) -> Waiting:
     belief = yield from driver.perform(flow)
+    _dissolve(stage, crew, track)
     if belief is None or not stage.fleet.alive[successor]:
-        _give_up(stage, crew, track, "handover_lost")
-        return
+        raise TrackLost("handover_lost")
     handed_on = replace(mission, belief=belief, at_once=mission.elected)
     handed_on.hops, handed_on.bits = mission.hops + driver.hops, mission.bits + driver.bits
     crew.appoint(track, successor, handed_on)
@@ -257,7 +290,7 @@ def _give_up(stage: Stage, crew: Crew, track: Track, why: str) -> None:
 def _patience(stage: Stage, track: Track, cluster: Cluster) -> set[int] | None:
     """Who senses now, if the cluster is too small: it stays until others do, or it would hand over at each step.
 
-    Our choice.
+    Our choice, and an idealisation: the head knows of nodes that are not its members.
     """
     policy = stage.parts.clusters
     if policy.is_open or cluster.active() >= policy.minimum_active:
@@ -278,7 +311,7 @@ def _issue(stage: Stage, track: Track, step: int, scene: Scene, driver: Driver, 
     )
 
 
-def _snapshot(stage: Stage, track: Track, cluster: Cluster, belief: Any) -> None:
+def _snapshot(stage: Stage, track: Track, cluster: Cluster, belief: Any, step: int) -> None:
     """Record the particles, wherever they are, if that is wanted and the tracker has any."""
     tracker = stage.parts.tracker
     if not stage.recorder.wants("particles") or not isinstance(tracker, Snapshots):
@@ -291,7 +324,7 @@ def _snapshot(stage: Stage, track: Track, cluster: Cluster, belief: Any) -> None
             {
                 "replicate": stage.replicate,
                 "target": track.target,
-                "step": stage.step,
+                "step": step,
                 "node": node,
                 **dict(zip(columns, states, strict=True)),
                 "weight": weights,

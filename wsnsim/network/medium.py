@@ -14,13 +14,12 @@ from wsnsim.base.arrays import Bools
 from wsnsim.base.asks import Parcel, all_arrived
 from wsnsim.base.ports import EnergyModel, LinkModel
 from wsnsim.base.rng import derive
-from wsnsim.base.tables import CAUSE, EVENT_CAUSE, KIND
+from wsnsim.base.tables import EVENT_CAUSE, KIND
 from wsnsim.network.fleet import Fleet
 from wsnsim.network.journal import Journal
 
 SEND, RELAY, RECEIVE, DROP = KIND["send"], KIND["relay"], KIND["receive"], KIND["drop"]
 NONE, TX, RX = EVENT_CAUSE["none"], EVENT_CAUSE["tx"], EVENT_CAUSE["rx"]
-RX_LEDGER = CAUSE["rx"]
 EVERYONE = -1
 
 
@@ -28,8 +27,8 @@ EVERYONE = -1
 class Frame:
     """One burst over one hop: before `Medium.carry` what is sent, after it what arrived.
 
-    `mask` says which of the parcel's packets, `packets` how many. For a broadcast (`to` is EVERYONE) `heard` says
-    which packets each listener got.
+    `mask` says which of the parcel's packets, `packets` how many; `sent` are the bits that left the sender. For a
+    broadcast (`to` is EVERYONE) `heard` says which packets each listener got.
     """
 
     source: int
@@ -40,6 +39,7 @@ class Frame:
     packets: int
     sequence: int = 0
     relayed: bool = False
+    sent: int = 0
     heard: dict[int, Bools] = field(default_factory=dict)
 
     @property
@@ -104,25 +104,28 @@ class Medium:
         if not self._transmit(frame, number, packets, code, self._link.reach):
             self.frames_lost += 1
             return
+        least = packets
         for node in fleet.neighbours(frame.source):
             if fleet.alive[node]:
                 distance = fleet.distance(frame.source, node)
                 mask, got = self._receive(frame, number, packets, code, node, distance)
+                least = min(least, got)
                 if got:
                     frame.heard[node] = mask
+        self.frames_lost += least < packets
 
     def _transmit(self, frame: Frame, number: int, packets: int, code: int, distance: float) -> bool:
         """Charge and log the sending; whether the burst left whole."""
         fleet, source = self._fleet, frame.source
         bits = packets * frame.parcel.packet_bits
         electronics, amplifier = self._energy.transmit(bits, distance)
-        spent = fleet.spend_transmit(source, electronics, amplifier)
-        whole = fleet.alive[source]
-        if not whole:
-            bits = int(bits * spent / (electronics + amplifier))
+        joules = electronics + amplifier
+        frame.sent = fleet.spend_transmit(source, electronics, amplifier, bits)
+        if frame.sent < bits:
+            joules *= frame.sent / bits
         kind = RELAY if frame.relayed else SEND
-        self._log(frame, source, kind, code, number, frame.to, packets, bits, spent, TX)
-        return whole
+        self._log(frame, source, kind, code, number, frame.to, packets, frame.sent, joules, TX)
+        return fleet.alive[source]
 
     def _receive(
         self, frame: Frame, number: int, packets: int, code: int, node: int, distance: float
@@ -134,11 +137,12 @@ class Medium:
             return mask, 0
         fleet, bits = self._fleet, got * frame.parcel.packet_bits
         joules = self._energy.receive(bits)
-        spent = fleet.spend(node, RX_LEDGER, joules)
-        if not fleet.alive[node]:
-            bits, got = int(bits * spent / joules), 0
-        self._log(frame, node, RECEIVE if got else DROP, code, number, frame.source, got, bits, spent, RX)
-        return mask, got
+        paid = fleet.spend_receive(node, joules, bits)
+        if fleet.alive[node]:
+            self._log(frame, node, RECEIVE, code, number, frame.source, got, bits, joules, RX)
+            return mask, got
+        self._log(frame, node, DROP, code, number, frame.source, packets, paid, joules * paid / bits, RX)
+        return mask, 0
 
     def _arrivals(self, frame: Frame, node: int, distance: float) -> tuple[Bools, int]:
         if self._link.perfect:

@@ -18,7 +18,7 @@ from wsnsim.network.stage import Stage
 from wsnsim.network.track import Election, Track
 
 Life = Generator[simpy.Event, Any, None]
-Order = Callable[[], str]
+Order = Callable[[], Any]
 
 
 class Node:
@@ -31,34 +31,35 @@ class Node:
         self._stage = stage
         self._crew = crew
         self._awake = False
-        self._orders: list[tuple[str, Order]] = []
+        self._orders: list[tuple[int, bool, Order]] = []
         self._call = stage.env.event()
         self._duties: list[simpy.Process] = []
         self._process = stage.env.process(self._life())
 
     def hear_target(self, target: int) -> None:
         """The target has come within sensing range."""
-        self._tell("target", lambda: self.senses.add(target))
+        self._tell(target, False, lambda: self.senses.add(target))
 
     def lose_target(self, target: int) -> None:
         """The target has left the sensing range."""
-        self._tell("target", lambda: self.senses.discard(target))
+        self._tell(target, False, lambda: self.senses.discard(target))
 
     def serve(self, target: int) -> None:
         """A frame has made the node a member, or head."""
-        self._tell("frame", lambda: self.serves.add(target))
+        self._tell(target, True, lambda: self.serves.add(target))
 
     def dismiss(self, target: int) -> None:
         """The cluster has dissolved."""
-        self._tell("frame", lambda: self.serves.discard(target))
+        self._tell(target, True, lambda: self.serves.discard(target))
 
     def take_lead(self, track: Track, mission: Mission) -> None:
-        """Lead a track from now on."""
-        self._tell("frame", lambda: self._begin(lead(self._stage, self._crew, track, self.index, mission)))
+        """Lead a track from now on: a duty of its own, so that a death in this very instant ends it too."""
+        self.serve(track.target)
+        self._begin(lead(self._stage, self._crew, track, self.index, mission))
 
     def stand(self, track: Track, election: Election) -> None:
         """Stand for election."""
-        self._tell("target", lambda: self._begin(self._stand(track, election)))
+        self._begin(self._stand(track, election))
 
     def die(self) -> None:
         """The charge is gone: every process of the node ends; the one that runs now sees it for itself."""
@@ -66,8 +67,8 @@ class Node:
             if process.is_alive and process is not self._stage.env.active_process:
                 process.interrupt("death")
 
-    def _tell(self, why: str, order: Callable[[], Any]) -> None:
-        self._orders.append((why, order))
+    def _tell(self, target: int, by_frame: bool, order: Order) -> None:
+        self._orders.append((target, by_frame, order))
         if not self._call.triggered:
             self._call.succeed()
 
@@ -81,17 +82,19 @@ class Node:
                 yield self._call
                 self._call = self._stage.env.event()
                 orders, self._orders = self._orders, []
-                for _, order in orders:
+                for _, _, order in orders:
                     order()
-                self._wake_or_sleep(orders[0][0])
+                self._wake_or_sleep(*orders[0][:2])
         except simpy.Interrupt:
             self._awake = False
 
-    def _wake_or_sleep(self, why: str) -> None:
+    def _wake_or_sleep(self, target: int, by_frame: bool) -> None:
         busy = bool(self.senses or self.serves)
         if busy != self._awake:
             self._awake = busy
-            self._stage.log("wake" if busy else "sleep", -1, self.index, why)
+            self._stage.log("wake" if busy else "sleep", target, self.index, "frame" if by_frame else "target")
+            if busy:
+                self._crew.woke(self.index, target, by_frame)
 
     def _stand(self, track: Track, election: Election) -> Life:
         """Broadcast the strength of the own reading; the winner of an election that fills a vacancy takes the lead."""
@@ -104,7 +107,7 @@ class Node:
             winner = yield election.closed
         except simpy.Interrupt:
             return
-        if winner == self.index and election.fills_vacancy:
+        if winner == self.index and election.fills_vacancy and stage.fleet.alive[self.index]:
             stage.log("elect", track.target, self.index)
             readings = election.readings_at(self.index)
             mission = Mission(election.step, readings=readings, elected=True, at_once=True)

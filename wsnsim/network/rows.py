@@ -111,8 +111,8 @@ def _estimates(track: Track, motion: MotionModel, truth: Floats, outcome: Outcom
         "readings": counts[:, 2],
         "received": np.full(steps, NAN),
         "late": late,
-        "woken": np.array(outcome.woken[1 : steps + 1]),
-        "ineffective": np.zeros(steps, dtype=np.int64),
+        "woken": outcome.woken[track.target, 1 : steps + 1, 0],
+        "ineffective": outcome.woken[track.target, 1 : steps + 1, 1],
         "effective_particles": claimed[:, 2],
     }
 

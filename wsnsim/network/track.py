@@ -68,6 +68,8 @@ class Track:
 class Election:
     """Candidates broadcast their strength; when the last has, the loudest of those able is head.
 
+    An idealisation: the winner is the loudest of all ballots, whoever heard which, and everybody knows it at once.
+
     `closed` fires with the winner, or None. `step` is when the strengths were read. `fills_vacancy`: nobody leads, so
     the winner takes the lead of itself.
     """
@@ -89,7 +91,9 @@ class Election:
         self._ballots: dict[int, Mapping[int, Bools]] = {}
 
     def report(self, node: int, heard: Mapping[int, Bools]) -> None:
-        """A candidate's broadcast is out, and reached those in `heard`."""
+        """A candidate's broadcast is out, and reached those in `heard`. The dead are heard no more."""
+        if node not in self._pending:
+            return
         self._ballots[node] = heard
         self._withdraw(node)
 

@@ -15,9 +15,9 @@ from typing import Any, Final
 import numpy as np
 import simpy
 
-from wsnsim.base.arrays import Floats
+from wsnsim.base.arrays import Floats, Ints
 from wsnsim.base.asks import PACKET_BITS
-from wsnsim.base.errors import RunError, WsnsimError
+from wsnsim.base.errors import ResultError, RunError, WsnsimError
 from wsnsim.base.ports import Estimate, Field, Parts, Recorder
 from wsnsim.base.rng import Streams
 from wsnsim.base.tables import CAUSE, CAUSES, EVENT_CAUSE, KIND
@@ -39,11 +39,11 @@ SENSE: Final = KIND["sense"]
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What a run leaves behind."""
+    """What a run leaves behind. `woken` (targets, steps + 1, 2): nodes that woke, and those of them in vain."""
 
     fleet: Fleet
     tracks: tuple[Track, ...]
-    woken: tuple[int, ...]
+    woken: Ints
     steps: int
     frames_sent: int
     frames_lost: int
@@ -65,6 +65,7 @@ class World:
         streams: Streams,
         recorder: Recorder,
     ) -> None:
+        _refuse_the_unknown(parts)
         self._env = env = simpy.Environment()
         journal = Journal(recorder, replicate)
         fleet = Fleet(positions, traits, parts.energy.battery, parts.link.reach)
@@ -100,9 +101,11 @@ class World:
         )
         self._tracks = tuple(Track(target, prior, env.event()) for target, prior in enumerate(priors))
         self._nodes: dict[int, Node] = {}
-        self._crew = Crew(self._appoint, self._call_election, self._enlist, self._release, self._end_run)
+        self._crew = Crew(
+            self._appoint, self._call_election, self._enlist, self._release, self._dismiss, self._woke, self._end_run
+        )
         self._ended = env.event()
-        self._woken: list[int] = []
+        self._woken = np.zeros((len(truths), parts.steps + 1, 2), dtype=np.int64)
         self._spent = [0.0] * len(CAUSES)
         self._step_costs: list[tuple[int, int, float]] = []
 
@@ -111,20 +114,20 @@ class World:
         clock = self._env.process(self._clock(progress))
         try:
             self._env.run(until=self._env.any_of([clock, self._ended]))
-        except WsnsimError:
+        except ResultError:
             raise
-        except Exception as reason:
-            parts = self._stage.parts
+        except Exception as raised:
+            reason = raised.__cause__ or raised
+            name = "" if isinstance(reason, WsnsimError) else f"{type(reason).__name__}: "
             raise RunError(
                 f"the run failed at {self._env.now:g} s of simulated time"
-                f" (seed {parts.seed}, replicate {self._stage.replicate}):"
-                f" {type(reason).__name__}: {reason}"
+                f" (seed {self._stage.parts.seed}, replicate {self._stage.replicate}): {name}{reason}"
             ) from reason
         self._close_step()
         self._write_step_costs()
         stage, medium = self._stage, self._stage.medium
         return Outcome(
-            stage.fleet, self._tracks, tuple(self._woken), stage.step, medium.frames_sent, medium.frames_lost,
+            stage.fleet, self._tracks, self._woken, stage.step, medium.frames_sent, medium.frames_lost,
             medium.packets_sent, stage.journal.fingerprint(),
         )  # fmt: skip
 
@@ -136,7 +139,6 @@ class World:
             stage.step = step
             stage.medium.begin_step(step)
             stage.journal.drain()
-            self._woken.append(0)
             for track in self._tracks:
                 self._sense(track.target, step)
             for track in self._tracks:
@@ -154,7 +156,6 @@ class World:
         for index in sensed.appeared(step):
             if alive[index]:
                 self._node(index).hear_target(target)
-                self._woken[-1] += 1
         joules = stage.parts.energy.sense()
         cause = EVENT_CAUSE["sense" if joules else "none"]
         readings = sensed.readings(step)
@@ -234,6 +235,14 @@ class World:
             for index in cluster.roster():
                 self._node(index).dismiss(track.target)
 
+    def _dismiss(self, track: Track, index: int) -> None:
+        self._node(index).dismiss(track.target)
+
+    def _woke(self, index: int, target: int, by_frame: bool) -> None:
+        """Count a wake at its step; one by a frame is ineffective where the target is out of range."""
+        in_vain = by_frame and index not in self._stage.sensing[target]
+        self._woken[target, self._stage.step] += (1, in_vain)
+
     def _end_run(self) -> None:
         if not self._ended.triggered:
             self._ended.succeed()
@@ -250,6 +259,14 @@ class World:
                 track.election.withdraw(index)
         if index in self._nodes:
             self._nodes[index].die()
+
+
+def _refuse_the_unknown(parts: Parts) -> None:
+    """A part that this network would have to ignore must not look as if it had been obeyed."""
+    if not parts.sleep.always_listening:
+        raise RunError("sleep: this network knows nodes that sense and listen while they sleep (event_wake) only")
+    if parts.wakeup.mechanism != "none":
+        raise RunError(f"wakeup: no mechanism '{parts.wakeup.mechanism}' in this network; known: none")
 
 
 def energy_threshold(parts: Parts) -> float:
