@@ -197,7 +197,8 @@ def test_on_small_batteries_nodes_die_the_ledger_still_closes_and_the_summary_sa
     assert deaths == {node: nodes["died_at"][node] for node in np.flatnonzero(dead)}
     for node, died in deaths.items():
         assert events["time"][events["node"] == node].max() <= died, "the dead do nothing"
-    assert "first death" in summary.text(report, {})
+    told = summary.text(report, {})
+    assert "first death" in told and "track first lost" in told
 
 
 def test_several_targets_each_have_their_track():

@@ -50,3 +50,15 @@ def test_the_bootstrap_interval_covers_the_mean_of_a_known_population():
         hits += low <= 3.0 <= high
     assert hits >= 48
     assert math.isnan(metrics.bootstrap_interval(np.ones((4, 3)), metrics.time_mean_rmse)[0])
+
+
+def test_a_track_is_first_lost_at_the_end_of_its_first_bad_window():
+    errors = np.full(600, 2.0)
+    errors[200:400] = 50.0
+    by_hand = next(k for k in range(100, 601) if metrics.is_lost(errors[:k]))
+    assert metrics.first_lost(errors) == by_hand
+    assert math.isnan(metrics.first_lost(np.full(600, 2.0)))
+    assert metrics.first_lost(np.full(40, NAN)) == 40
+    errors[:] = 2.0
+    errors[300:360] = NAN
+    assert metrics.first_lost(errors) == next(k for k in range(100, 601) if metrics.is_lost(errors[:k]))

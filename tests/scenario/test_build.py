@@ -23,9 +23,6 @@ def test_parts_are_the_classes_of_the_kinds_with_the_values_of_the_scenario() ->
     assert parts.motions == (stand_ins.Motion(),)
     assert parts.until_clusters is None
     assert parts.record == RECORDED_BY_DEFAULT
-    assert parts.origin == scenario.resolved(
-        scenario.load(base_scenario(seed=5, link={"kind": kind("Link"), "reach": 80}))
-    )
 
 
 @pytest.mark.parametrize(

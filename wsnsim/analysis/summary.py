@@ -45,8 +45,10 @@ def as_json(report: Report, published: Mapping[str, float]) -> dict[str, Any]:
         "frames_lost": _mean(runs, "frames_lost"),
         "packets_sent": _mean(runs, "packets_sent"),
         "alive": _mean(runs, "alive"),
-        "first_death": _median(runs, "first_death"),
-        "half_dead": _median(runs, "half_dead"),
+        "runs_with_deaths": sum(math.isfinite(run["first_death"]) for run in runs),
+        "first_death": _median([run["first_death"] for run in runs]),
+        "half_dead": _median([run["half_dead"] for run in runs]),
+        "lost_at": _median([track["lost_at"] for s in report.summaries for track in s.tracks]),
         "coverage": _mean(runs, "coverage"),
         "reacquired": float(np.mean([sum(t["reacquired"] for t in s.tracks) for s in report.summaries])),
         "late": float(np.mean([sum(t["late"] for t in s.tracks) for s in report.summaries])),
@@ -103,11 +105,12 @@ def _network_rows(figures: Mapping[str, Any], published: Mapping[str, float]) ->
         ("frames sent / lost", f"{figures['frames_sent']:,.0f} / {figures['frames_lost']:,.0f}", ""),
         ("packets sent", f"{figures['packets_sent']:,.0f}", ""),
     ]
-    if math.isfinite(figures["first_death"]):
-        half = f"{figures['half_dead']:.2f} s" if math.isfinite(figures["half_dead"]) else "not reached"
+    if figures["runs_with_deaths"]:
         rows += [
-            ("first death", f"{figures['first_death']:.2f} s", ""),
-            ("half of the nodes dead", half, ""),
+            ("runs in which nodes died", f"{figures['runs_with_deaths']} of {figures['replicates']}", ""),
+            ("first death, median", _when(figures["first_death"]), ""),
+            ("half of the nodes dead, median", _when(figures["half_dead"]), ""),
+            ("track first lost, median", _when(figures["lost_at"]), ""),
             ("nodes alive at the end", f"{figures['alive']:.4g}", ""),
             ("coverage left", f"{100 * figures['coverage']:.1f} %", ""),
         ]
@@ -133,11 +136,15 @@ def _mean(runs: list[Mapping[str, Any]], name: str) -> float:
     return float(np.mean([run[name] for run in runs]))
 
 
-def _median(runs: list[Mapping[str, Any]], name: str) -> float:
-    """The median over runs, infinity where the event did not happen; NaN if in most it did not."""
-    values = np.array([run[name] for run in runs])
+def _median(times: list[float]) -> float:
+    """The median time of an event, infinite where it did not happen; NaN if in half of the cases it did not."""
+    values = np.array(times)
     middle = float(np.median(np.where(np.isfinite(values), values, np.inf)))
     return middle if math.isfinite(middle) else float("nan")
+
+
+def _when(time: float) -> str:
+    return f"{time:.2f} s" if math.isfinite(time) else "not in half of the runs"
 
 
 def _published(published: Mapping[str, float], name: str, pattern: str) -> str:

@@ -325,8 +325,7 @@ class Parts:
     """A scenario, built: one part a role, ready for the network. Times in s.
 
     `motions` holds one model a target. `filter_motions` and `filter_sensor` are what trackers are told
-    (`tracker.assumes`). `record` maps table names to whether they are wanted. `origin` keeps the resolved scenario
-    for messages and provenance.
+    (`tracker.assumes`). `record` maps table names to whether they are wanted.
     """
 
     name: str
@@ -348,7 +347,5 @@ class Parts:
     acquire: Acquire
     routing: Routing
     tracker: Tracker[Any]
-    cpu: Any = None
     until_clusters: int | None = None
     record: Mapping[str, bool] = field(default_factory=dict)
-    origin: Mapping[str, Any] = field(default_factory=dict)

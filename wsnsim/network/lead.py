@@ -6,11 +6,10 @@ Jiang (2013), section 2.3. One SimPy process a head and target; it ends when the
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Generator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Generator
+from dataclasses import replace
 from typing import Any
 
-import numpy as np
 import simpy
 
 from wsnsim.base.asks import PACKET_BITS, Parcel
@@ -19,48 +18,12 @@ from wsnsim.base.ports import Estimate, Scene, Snapshots
 from wsnsim.network.air import letter
 from wsnsim.network.cluster import Cluster
 from wsnsim.network.driver import Driver, HeadDied
+from wsnsim.network.formation import first_estimate, recruit, vote
+from wsnsim.network.mission import Crew, Mission, TrackLost
 from wsnsim.network.stage import Stage
-from wsnsim.network.track import ClusterRecord, Election, Issued, Track, ballot_box
+from wsnsim.network.track import ClusterRecord, Issued, Track
 
 Waiting = Generator[simpy.Event, Any, Any]
-
-
-@dataclass(slots=True)
-class Mission:
-    """What a new head starts from: a belief that reached it, or, for a new track, the readings that it knows.
-
-    Either is of step `belief_step`. `elected`: a network-wide election has already chosen this head. `at_once`: it
-    acts in the present step, not at the next tick.
-    """
-
-    belief_step: int
-    belief: Any = None
-    readings: Mapping[int, float] | None = None
-    previous_head: int = -1
-    hops: int = 0
-    bits: int = 0
-    elected: bool = False
-    at_once: bool = False
-
-
-@dataclass(slots=True)
-class Crew:
-    """How processes reach each other: give a node the lead, have candidates stand, tell members their role.
-
-    `woke(node, target, by_frame)` is told of each wake.
-    """
-
-    appoint: Callable[[Track, int, Mission], None]
-    call_election: Callable[[Track, Election], None]
-    enlist: Callable[[Track, Cluster], None]
-    release: Callable[[Track, Cluster], None]
-    dismiss: Callable[[Track, int], None]
-    woke: Callable[[int, int, bool], None]
-    end_run: Callable[[], None]
-
-
-class TrackLost(Exception):
-    """The belief is gone though the head lives; the message is the word for the log."""
 
 
 def lead(stage: Stage, crew: Crew, track: Track, head: int, mission: Mission) -> Waiting:
@@ -91,7 +54,7 @@ def _lead(stage: Stage, crew: Crew, track: Track, head: int, mission: Mission) -
     belief, last = mission.belief, mission.belief_step
     if mission.readings is not None:
         scene = cluster.scene(0)
-        prior, readings = yield from _begin(stage, track, head, mission)
+        prior, readings = yield from first_estimate(stage, track, head, mission)
         belief = yield from driver.perform(tracker.start(prior, scene))
         driver.readings = readings
         _count_start(stage, track, head)
@@ -119,11 +82,11 @@ def _form(
     policy, target = stage.parts.clusters, track.target
     joined: list[int] = []
     if not policy.is_open:
-        joined = yield from _recruit(stage, track, head)
+        joined = yield from recruit(stage, track, head)
     cluster = Cluster(stage, target, head, joined, policy.is_open)
     too_few = not policy.is_open and cluster.active() < policy.minimum_active
     if too_few and not mission.elected and mission.readings is None:
-        winner = yield from _vote(stage, crew, track)
+        winner = yield from vote(stage, crew, track)
         mission.elected = True
         if winner is not None and winner != head:
             yield from _pass_on(stage, crew, track, cluster, winner, mission)
@@ -136,80 +99,12 @@ def _form(
     return cluster
 
 
-def _begin(
-    stage: Stage, track: Track, head: int, mission: Mission
-) -> Generator[simpy.Event, Any, tuple[Estimate, int]]:
-    """What a new track starts from, and of how many readings: at step 0 the scenario's prior, later what was heard."""
-    if not track.started and mission.belief_step == 0:
-        return track.prior, 0
-    readings = mission.readings
-    if stage.parts.clusters.is_open:
-        readings = yield from _ask_everyone(stage, track, head)
-    if not stage.fleet.alive[head]:
-        raise HeadDied
-    if not readings:
-        raise TrackLost("no_readings")
-    fleet, parts = stage.fleet, stage.parts
-    nodes = np.array(sorted(readings), dtype=np.int64)
-    values = np.array([readings[node] for node in nodes.tolist()])
-    estimate = parts.acquire.estimate(
-        values,
-        fleet.positions[nodes],
-        fleet.traits[nodes],
-        parts.filter_sensor,
-        parts.filter_motions[track.target],
-        track.prior,
-    )
-    return estimate, len(values)
-
-
 def _count_start(stage: Stage, track: Track, head: int) -> None:
     """A track has started; if it was on before, it has been re-acquired."""
     if track.started:
         track.reacquired += 1
         stage.log("reacquire", track.target, head)
     track.started = True
-
-
-def _ask_everyone(stage: Stage, track: Track, head: int) -> Generator[simpy.Event, Any, dict[int, float]]:
-    """The readings of all who sense, sent to a head that was not elected by its neighbours."""
-    sensing = stage.sensing[track.target]
-    letters = [letter(node, head, Parcel(value, 1, PACKET_BITS, "reading")) for node, value in sensing.items()]
-    if letters:
-        yield stage.air.carry(letters, track.target)
-    return {item.source: sensing[item.source] for item in letters if item.arrived and item.source in sensing}
-
-
-def _recruit(stage: Stage, track: Track, head: int) -> Generator[simpy.Event, Any, list[int]]:
-    """One announcement at reach, one join from each sensing node that heard it; who joined, ascending."""
-    target = track.target
-    stage.log("announce", target, head)
-    event, (frame,) = stage.air.broadcast([head], [Parcel(None, 1, PACKET_BITS, "announce")], target)
-    yield event
-    if not stage.fleet.alive[head]:
-        raise HeadDied
-    heard = [node for node in sorted(frame.heard) if node in stage.sensing[target] and stage.fleet.alive[node]]
-    letters = [letter(node, head, Parcel(None, 1, PACKET_BITS, "join")) for node in heard]
-    if letters:
-        yield stage.air.carry(letters, target)
-    if not stage.fleet.alive[head]:
-        raise HeadDied
-    joined = [item.source for item in letters if item.arrived]
-    for node in joined:
-        stage.log("join", target, node, peer=head)
-    return joined
-
-
-def _vote(stage: Stage, crew: Crew, track: Track) -> Generator[simpy.Event, Any, int | None]:
-    """A network-wide election; the winner, or None where nobody is able."""
-    election = ballot_box(stage, track, fills_vacancy=False)
-    if not election.strengths:
-        return None
-    crew.call_election(track, election)
-    winner: int | None = yield election.closed
-    if winner is not None:
-        stage.log("elect", track.target, winner)
-    return winner
 
 
 def _pass_on(stage: Stage, crew: Crew, track: Track, cluster: Cluster, winner: int, mission: Mission) -> Waiting:
@@ -254,7 +149,7 @@ def _wake_and_vote(
     if not wake.arrived:
         return None
     yield track.tick
-    winner = yield from _vote(stage, crew, track)
+    winner = yield from vote(stage, crew, track)
     if winner is not None:
         return winner
     return near if stage.fleet.alive[near] else None

@@ -13,7 +13,8 @@ from typing import Any
 import simpy
 
 from wsnsim.base.asks import PACKET_BITS, Parcel
-from wsnsim.network.lead import Crew, Mission, lead
+from wsnsim.network.lead import lead
+from wsnsim.network.mission import Crew, Mission
 from wsnsim.network.stage import Stage
 from wsnsim.network.track import Election, Track
 

@@ -25,9 +25,9 @@ from wsnsim.network.air import Air
 from wsnsim.network.cluster import Cluster
 from wsnsim.network.fleet import Fleet
 from wsnsim.network.journal import Journal
-from wsnsim.network.lead import Crew, Mission
 from wsnsim.network.mac import make_mac
 from wsnsim.network.medium import Medium
+from wsnsim.network.mission import Crew, Mission
 from wsnsim.network.node import Node
 from wsnsim.network.routing import Router
 from wsnsim.network.sensed import Sensed

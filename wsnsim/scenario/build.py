@@ -96,7 +96,6 @@ def _parts(scenario: Scenario, made: dict[tuple[str | int, ...], Any]) -> Parts:
         filter_sensor=roles["sensor"].assumed(assumes.gains, assumes.inflate),
         until_clusters=scenario.until.clusters if scenario.until else None,
         record=scenario.model_dump()["record"],
-        origin=resolved(scenario),
         **roles,
     )
 
