@@ -113,3 +113,9 @@ def test_a_start_outside_the_field_is_a_fault_of_its_own_target():
     parts = SimpleNamespace(deploy=Uniform(), motions=(inside, outside))
     assert [fault.path for fault in outside.faults(parts)] == [("targets", 1, "start")]
     assert not list(inside.faults(parts))
+
+
+def test_a_target_that_a_long_step_throws_out_is_an_error():
+    """At 10 s a step the drag of 1/s turns the velocity round nine times over."""
+    with pytest.raises(RunError, match="runs away"):
+        BoundedVelocity().truth(1000, 10.0, np.random.default_rng(3))

@@ -1,9 +1,13 @@
 """Elections, the handover condition at its edges, and successors."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from wsnsim.models.clusters import Central, StrongestSignal
+from wsnsim.models.energy import FirstOrder
+from wsnsim.models.links import Disk
 
 POSITIONS = np.array([[0.0, 0.0], [10.0, 0.0], [0.0, 20.0], [0.0, -20.0]])
 
@@ -72,3 +76,25 @@ def test_the_central_cluster_has_one_head_for_good_near_its_place():
     able[1] = False
     assert policy.successor(np.array([0.0, 20.0]), POSITIONS, able) == 0
     assert not policy.must_hand_over(0, 17)
+    assert policy.minimum_active == 0
+
+
+@pytest.mark.parametrize("policy", [StrongestSignal, Central])
+def test_a_battery_that_does_not_exceed_what_a_head_must_hold_is_a_fault(policy):
+    """96 bits: 4.8 uJ to send and 54 uJ to radiate over 75 m, 4.8 uJ to receive; then a tracker's computing."""
+
+    def found(battery, cycles=0.0, **given):
+        company = SimpleNamespace(
+            energy=FirstOrder(battery=battery), link=Disk(), tracker=SimpleNamespace(member_cycles=cycles)
+        )
+        return [(fault.path, fault.message) for fault in policy(**given).faults(company)]
+
+    [(path, message)] = found(63.5e-6)
+    assert path == ("energy", "battery")
+    assert "6.35e-05 J" in message and "more than 6.36e-05 J" in message
+    assert not found(63.7e-6)
+    assert found(63.7e-6, cycles=1000.0)
+    [(path, message)] = found(2.0, threshold=2.0)
+    assert "more than 2 J (clusters.threshold)" in message
+    assert not found(2.0, threshold=1.9)
+    assert not found(float("inf"))

@@ -91,6 +91,14 @@ def test_ten_thousand_nodes_are_no_trouble():
     assert not covers(np.delete(positions, 5050, axis=0), 28.3, 4000, 4000)
 
 
+def test_nodes_looked_at_in_turns_are_judged_as_those_looked_at_together(monkeypatch):
+    monkeypatch.setattr("wsnsim.models.coverage.AT_ONCE", 7)
+    positions = grid(10, 10, 400, 400)
+    assert covers(positions, 28.3, 400, 400)
+    for missing in (0, 6, 7, 55, 99):
+        assert not covers(np.delete(positions, missing, axis=0), 28.3, 400, 400)
+
+
 def test_the_covered_fraction_is_an_area():
     assert coverage(np.zeros((1, 2)), 30.0, 100, 100) == pytest.approx(math.pi * 0.09, abs=2e-3)
     assert coverage(np.zeros((1, 2)), 71.0, 100, 100) == 1.0

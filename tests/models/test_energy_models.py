@@ -51,4 +51,3 @@ def test_free_space_falls_with_the_square_and_multipath_with_the_fourth_power():
     assert model.transmit(8, 40.0) == (pytest.approx(8 * 50e-9), pytest.approx(8 * 10e-12 * 1600))
     assert model.transmit(8, 100.0)[1] == pytest.approx(8 * 0.0013e-12 * 1e8)
     assert model.receive(8) == pytest.approx(8 * 50e-9)
-    assert model.aggregate(8) == pytest.approx(8 * 5e-9)

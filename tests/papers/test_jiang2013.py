@@ -13,11 +13,34 @@ def test_the_papers_figures_stand_beside_the_papers_set_up_whatever_the_variant_
     assert figures("ipf") == {"rmse": 3.371, "energy": 2.33}
     assert figures("ppf", "tracker.filter_noise_scale=100")["rmse"] == 4.5519
     assert figures("pso_mhpf", "until.clusters=16")["clusters"] == 16
+    assert figures("pso_mhpf", "tracker.measurements=all")["rmse"] == 2.5347
+
+
+@pytest.mark.parametrize("noise", ["both", "q_only", "g_only"])
+def test_either_reading_of_the_papers_process_noise_is_the_papers(noise):
+    assert figures("ipf", f"motion.noise={noise}") == {"rmse": 3.371, "energy": 2.33}
 
 
 @pytest.mark.parametrize(
     "change",
-    ["link.loss=0.1", "mac.rate=250 kbit/s", "deploy.nodes=400", "duration=4 s", "until.clusters=3", "sensor.reach=50"],
+    [
+        "link.loss=0.1",
+        "mac.rate=250 kbit/s",
+        "deploy.nodes=400",
+        "duration=4 s",
+        "until.clusters=3",
+        "motion.start=[0, 0, 0, 0]",
+        "motion.sigma0=2",
+        "sensor.reach=50",
+        "sensor.gain_spread=0",
+        "sensor.noise=2",
+        "sensor.intensity=2e4",
+        "clusters.handover_fraction=0.5",
+        "clusters.minimum_active=4",
+        "energy.battery=0.1 J",
+        "energy.cycles_per_operation=10",
+        "energy.voltage=3 V",
+    ],
 )
 def test_they_do_not_stand_beside_anything_else(change):
     assert figures("pso_mhpf", change) == {}

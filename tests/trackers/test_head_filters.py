@@ -197,3 +197,7 @@ def test_a_snapshot_shows_all_particles_with_weights_that_sum_to_one(tracker) ->
     belief, _ = cluster.drive(tracker.step(belief, cluster.scene(1)))
     ((node, cloud, weights),) = tracker.snapshot(belief, list(cluster.members.values()))
     assert node == cluster.head and cloud.shape == (4, 40) and weights.sum() == pytest.approx(1.0)
+
+
+def test_members_that_only_send_readings_are_said_to_process_nothing() -> None:
+    assert CentralPf().member_cycles == InformationPf().member_cycles == 0.0

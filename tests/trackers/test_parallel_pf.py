@@ -191,3 +191,8 @@ def test_weights_that_are_lost_count_as_the_mean_of_the_others() -> None:
     locals_ = [member.memory["local"].mean for member in cluster.members.values()]
     sums = [head.sum(), other[:4].sum() + 4 * known.mean()]
     assert belief.mean == pytest.approx(np.average(locals_, axis=0, weights=sums))
+
+
+@pytest.mark.parametrize(("measurements", "cycles"), [("own", 100 * 70.0), ("all", 100 * 130.0)])
+def test_a_member_of_three_is_said_to_need_what_its_step_takes(measurements: str, cycles: float) -> None:
+    assert ParallelPf(particles=300, measurements=measurements).member_cycles == cycles

@@ -213,6 +213,27 @@ def test_a_step_costs_the_operations_that_are_counted_for_it(tracker: PsoMhpf, p
     assert heard.cycles == dict.fromkeys(cluster.ids, 10 * per_particle)
 
 
+@pytest.mark.parametrize(
+    ("tracker", "cycles"),
+    [
+        (PsoMhpf(particles=300), 100 * 260.0),  # 40 + 30 to predict and weigh, 30 to fit, 2 (50 + 30) to move
+        (PsoMhpf(particles=300, measurements="all"), 100 * 440.0),  # 40 + 3 · 30, 30, 2 (50 + 3 · 30)
+        (PsoMhpf(particles=300, acceptance="likelihood", iterations=1), 100 * 150.0),  # 40 + 30, 50 + 30
+        (PsoMhpf(particles=400), 400 * 260 / 3),
+    ],
+)
+def test_a_member_of_three_is_said_to_need_what_a_step_with_a_move_takes(tracker: PsoMhpf, cycles: float) -> None:
+    assert tracker.member_cycles == pytest.approx(cycles, rel=1e-15)
+
+
+@pytest.mark.parametrize("measurements", ["own", "all"])
+def test_what_a_member_is_said_to_need_is_what_one_of_three_spends(measurements: str) -> None:
+    cluster = Cluster(3)
+    tracker = PsoMhpf(particles=300, resample_always=True, measurements=measurements)
+    _, heard = cluster.drive(tracker.step(started(tracker, cluster), cluster.scene(1)))
+    assert heard.cycles == dict.fromkeys(cluster.ids, tracker.member_cycles)
+
+
 def test_without_an_active_member_the_particles_stay_and_are_only_predicted() -> None:
     tracker, cluster = PsoMhpf(particles=40), Cluster(4)
     belief = started(tracker, cluster)

@@ -286,7 +286,11 @@ class Recorder(Protocol):
 
 
 class Tracker(Protocol[B]):
-    """A tracking strategy: half mathematics, half protocol (see `base.asks`). State is argument and return value."""
+    """A tracking strategy: half mathematics, half protocol (see `base.asks`). State is argument and return value.
+
+    A tracker may state besides, as a property `member_cycles: float`, how many operations one member spends on one
+    step: the energy threshold of heads counts them (Jiang 2013, section 4, step 2). Without it, they are none.
+    """
 
     def start(self, prior: Estimate, scene: Scene) -> Flow[B]:
         """A new track in a cluster that has just formed: the first deal-out crosses the air too."""

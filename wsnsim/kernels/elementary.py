@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from wsnsim.kernels.noise import SWITCHES, uniform
+from wsnsim.kernels.noise import INNER, uniform
 
 ONE_BITS = np.int64(0x3FF0_0000_0000_0000)
 SQRT_HALF_BITS = np.int64(0x3FE6_A09E_667F_3BCD)
@@ -21,7 +21,7 @@ LOG_TWO = 0.6931471805599453
 LOWEST = -700.0
 
 
-@njit(forceinline=True, **SWITCHES)
+@njit(forceinline=True, **INNER)
 def log(x):
     """The natural logarithm of a positive normal number.
 
@@ -41,7 +41,7 @@ def log(x):
     return exponent * LOG_TWO + s * p
 
 
-@njit(forceinline=True, **SWITCHES)
+@njit(forceinline=True, **INNER)
 def exp(y):
     """e to the power y <= 700; below -700 it stays at e^-700 = 1e-304, so that the result is a normal number.
 
@@ -58,7 +58,7 @@ def exp(y):
     return p * np.int64((np.int64(np.int32(k)) + 1023) << 52).view(np.float64)
 
 
-@njit(forceinline=True, **SWITCHES)
+@njit(forceinline=True, **INNER)
 def normal_pair(key, pair):
     """The `pair`-th pair of standard normals of a key: radius and angle from its uniforms 2*pair and 2*pair + 1.
 

@@ -9,8 +9,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from wsnsim.kernels.elementary import normal_pair
-from wsnsim.kernels.noise import SWITCHES
+from wsnsim.kernels.elementary import log, normal_pair
+from wsnsim.kernels.noise import INNER, SWITCHES
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -19,7 +19,7 @@ Keys = NDArray[np.uint64]
 TRIES = 14
 
 
-@njit(**SWITCHES)
+@njit(**INNER)
 def _factorise(matrix: Floats, jitter: float, result: Floats) -> bool:
     for i in range(matrix.shape[0]):
         for k in range(i + 1):
@@ -65,16 +65,17 @@ def fit(cloud: Floats, offsets: Ints, ridge: float) -> tuple[Floats, Floats]:
     The covariances divide by n - 1 and get a ridge on the diagonal.
     """
     size, segments = cloud.shape[0], offsets.size - 1
-    means, factors = np.zeros((segments, size)), np.zeros((segments, size, size))
+    means, factors = np.empty((segments, size)), np.empty((segments, size, size))
     cov, around = np.empty((size, size)), np.empty(size)
     for m in range(segments):
         count = offsets[m + 1] - offsets[m]
+        for d in range(size):
+            means[m, d] = 0.0
+            for e in range(size):
+                factors[m, d, e] = cov[d, e] = 0.0
         for j in range(offsets[m], offsets[m + 1]):
             for d in range(size):
                 means[m, d] += cloud[d, j] / count
-        for d in range(size):
-            for e in range(size):
-                cov[d, e] = 0.0
         for j in range(offsets[m], offsets[m + 1]):
             for d in range(size):
                 around[d] = cloud[d, j] - means[m, d]
@@ -89,10 +90,11 @@ def fit(cloud: Floats, offsets: Ints, ridge: float) -> tuple[Floats, Floats]:
 @njit(**SWITCHES)
 def log_density(points: Floats, means: Floats, factors: Floats, offsets: Ints) -> Floats:
     """(N,) log density of each point (D, N) under its segment's Gaussian, up to its constant: -|L⁻¹(x - m)|² / 2."""
-    result = np.zeros(points.shape[1])
+    result = np.empty(points.shape[1])
     white = np.empty(points.shape[0])
     for m in range(offsets.size - 1):
         for j in range(offsets[m], offsets[m + 1]):
+            result[j] = 0.0
             for d in range(white.size):
                 value = points[d, j] - means[m, d]
                 for e in range(d):
@@ -106,12 +108,15 @@ def log_density(points: Floats, means: Floats, factors: Floats, offsets: Ints) -
 def fuse(means: Floats, shares: Floats, within: Floats) -> tuple[Floats, Floats]:
     """The mean (D,) of means (M, D) by their shares (M,), and its covariance: their spread plus `within` (D, D)."""
     size, total = means.shape[1], 0.0
-    mean = np.zeros(size)
+    mean = np.empty(size)
+    for d in range(size):
+        mean[d] = 0.0
     for m in range(shares.size):
         total += shares[m]
         for d in range(size):
             mean[d] += shares[m] * means[m, d]
-    mean /= total
+    for d in range(size):
+        mean[d] /= total
     cov = np.empty((size, size))
     for d in range(size):
         for e in range(d + 1):
@@ -144,7 +149,7 @@ def sample(means: Floats, covs: Floats, keys: Keys) -> tuple[Floats, Floats]:
             points[d, j] = means[d, source]
             for e in range(d + 1):
                 points[d, j] += factor[d, e] * white[e]
-        logs[j] -= np.log(volume)
+        logs[j] -= log(volume)
     return points, logs
 
 
@@ -152,7 +157,7 @@ def sample(means: Floats, covs: Floats, keys: Keys) -> tuple[Floats, Floats]:
 def predict(covs: Floats, transitions: Floats, noise: Floats) -> Floats:
     """(N, D, D) covariances one step on: F P Fᵀ + Q, each with its own F (N, D, D). Symmetric by construction."""
     count, size = covs.shape[0], covs.shape[1]
-    result, product = np.empty_like(covs), np.empty((size, size))
+    result, product = np.empty(covs.shape), np.empty((size, size))
     for j in range(count):
         for d in range(size):
             for e in range(size):

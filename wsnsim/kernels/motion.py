@@ -14,14 +14,14 @@ from numba import njit
 from numpy.typing import NDArray
 
 from wsnsim.kernels.elementary import normal_pair
-from wsnsim.kernels.noise import SWITCHES
+from wsnsim.kernels.noise import INNER, SWITCHES
 
 Floats: TypeAlias = NDArray[np.float64]
 Drift: TypeAlias = tuple[float, float, float, float]
 Root: TypeAlias = tuple[float, float, float]
 
 
-@njit(forceinline=True, **SWITCHES)
+@njit(forceinline=True, **INNER)
 def _drifted(position, velocity, law):
     """One axis a step on: F1 while |p| <= a, else F2, which pulls back and slows down (eqs. 2-3)."""
     step, bound, c1, c2 = law
@@ -44,8 +44,11 @@ def advance(states: Floats, law: Drift) -> Floats:
 def transitions(states: Floats, law: Drift) -> Floats:
     """(N, 4, 4): A(x) at each state (eqs. 2-3)."""
     step, bound, c1, c2 = law
-    result = np.zeros((states.shape[1], 4, 4))
+    result = np.empty((states.shape[1], 4, 4))
     for j in range(states.shape[1]):
+        for d in range(4):
+            for e in range(4):
+                result[j, d, e] = 0.0
         for axis in range(0, 4, 2):
             beyond = 0.0 if abs(states[axis, j]) <= bound else 1.0
             result[j, axis, axis] = 1.0

@@ -4,7 +4,8 @@
     particle_keys(keys, offsets, tag) -> (N,) uint64             a key a particle, from a key a member
 
 `SWITCHES` are the switches of every kernel here: NumPy's division (the default's checks block vectorisation), and the
-fast-math flags that keep tests for NaN and infinity alive.
+fast-math flags that keep tests for NaN and infinity alive. `INNER` are those of what only kernels call: without a door
+from Python, which would take longer to compile than what is behind it.
 """
 
 from __future__ import annotations
@@ -20,7 +21,10 @@ SWITCHES: Final[dict[str, Any]] = {
     "nogil": True,
     "error_model": "numpy",
     "fastmath": {"contract", "nsz", "arcp", "reassoc"},
+    "no_cfunc_wrapper": True,
 }
+
+INNER: Final[dict[str, Any]] = {**SWITCHES, "no_cpython_wrapper": True}
 
 GOLDEN = np.uint64(0x9E37_79B9_7F4A_7C15)
 FIRST = np.uint64(0xBF58_476D_1CE4_E5B9)
@@ -32,7 +36,7 @@ S30 = np.uint64(30)
 S31 = np.uint64(31)
 
 
-@njit(forceinline=True, **SWITCHES)
+@njit(forceinline=True, **INNER)
 def mix(x):
     """The SplitMix64 finaliser (Steele, Lea, Flood 2014)."""
     x = (x ^ (x >> S30)) * FIRST
@@ -40,13 +44,13 @@ def mix(x):
     return x ^ (x >> S31)
 
 
-@njit(forceinline=True, **SWITCHES)
+@njit(forceinline=True, **INNER)
 def uniform(key, draw):
     """The `draw`-th uniform on [0, 1) of a key, with 53 bits."""
     return np.float64(mix(key + (np.uint64(draw) + ONE) * GOLDEN) >> S11) * 2.0**-53
 
 
-@njit(forceinline=True, **SWITCHES)
+@njit(forceinline=True, **INNER)
 def normal(key, draw):
     """The `draw`-th standard normal of a key: Box-Muller on its uniforms 2*draw and 2*draw + 1."""
     radius = np.sqrt(-2.0 * np.log1p(-uniform(key, 2 * draw)))

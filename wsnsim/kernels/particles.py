@@ -10,8 +10,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from wsnsim.kernels.elementary import exp
-from wsnsim.kernels.noise import SWITCHES
+from wsnsim.kernels.elementary import exp, log
+from wsnsim.kernels.noise import INNER, SWITCHES
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -19,22 +19,21 @@ Ints = NDArray[np.int64]
 NOTHING = -690.0
 
 
-@njit(**SWITCHES)
+@njit(**INNER)
 def relative_weights(log_weights: Floats, offsets: Ints) -> tuple[Floats, Floats]:
     """Weights (N,) relative to the largest of their segment, and the log of that one (M,); NaN counts as no weight.
 
     A segment in which nothing is likely, or something infinitely so, gets ones, and -inf.
     """
-    weights, tops = np.ones(log_weights.size), np.full(offsets.size - 1, -np.inf)
+    weights, tops = np.empty(log_weights.size), np.empty(offsets.size - 1)
     for m in range(offsets.size - 1):
         top = -np.inf
         for j in range(offsets[m], offsets[m + 1]):
             top = log_weights[j] if log_weights[j] > top else top
-        if not (-np.inf < top < np.inf):
-            continue
-        tops[m] = top
+        known = -np.inf < top < np.inf
+        tops[m] = top if known else -np.inf
         for j in range(offsets[m], offsets[m + 1]):
-            below = log_weights[j] - top
+            below = log_weights[j] - top if known else 0.0
             weights[j] = exp(below) if below > NOTHING else 0.0
     return weights, tops
 
@@ -46,7 +45,7 @@ def weigh(log_weights: Floats, offsets: Ints) -> Floats:
     They get the mean weight one. A segment in which nothing is likely gets equal weights and the effective number 0.
     Jiang (2013), eq. (14).
     """
-    effective = np.zeros(offsets.size - 1)
+    effective = np.empty(offsets.size - 1)
     weights, tops = relative_weights(log_weights, offsets)
     for m in range(offsets.size - 1):
         total, squares = 0.0, 0.0
@@ -54,7 +53,7 @@ def weigh(log_weights: Floats, offsets: Ints) -> Floats:
             total += weights[j]
             squares += weights[j] * weights[j]
         known = tops[m] > -np.inf
-        shift = tops[m] + np.log(total / (offsets[m + 1] - offsets[m])) if known else 0.0
+        shift = tops[m] + log(total / (offsets[m + 1] - offsets[m])) if known else 0.0
         for j in range(offsets[m], offsets[m + 1]):
             if weights[j] > 0.0:
                 log_weights[j] = log_weights[j] - shift if known else 0.0
@@ -71,11 +70,15 @@ def moments(cloud: Floats, log_weights: Floats, offsets: Ints) -> tuple[Floats, 
     Zeros for an empty segment. A particle without weight does not count, finite or not.
     """
     size, segments = cloud.shape[0], offsets.size - 1
-    means, covs = np.zeros((segments, size)), np.zeros((segments, size, size))
+    means, covs = np.empty((segments, size)), np.empty((segments, size, size))
     weights, _ = relative_weights(log_weights, offsets)
     around = np.empty(size)
     for m in range(segments):
         total = 0.0
+        for d in range(size):
+            means[m, d] = 0.0
+            for e in range(size):
+                covs[m, d, e] = 0.0
         for j in range(offsets[m], offsets[m + 1]):
             total += weights[j]
             if weights[j] == 0.0:
@@ -105,7 +108,10 @@ def systematic(log_weights: Floats, offsets: Ints, sizes: Ints, starts: Floats) 
     A column of normalised weight w is drawn floor(size w) or ceil(size w) times, size w times on average; one of weight
     zero never. A segment in which nothing is likely is drawn from evenly.
     """
-    chosen = np.empty(np.sum(sizes), np.int64)
+    wanted = 0
+    for m in range(sizes.size):
+        wanted += sizes[m]
+    chosen = np.empty(wanted, np.int64)
     weights, _ = relative_weights(log_weights, offsets)
     drawn = 0
     for m in range(sizes.size):

@@ -16,7 +16,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from wsnsim.kernels.elementary import exp, log
-from wsnsim.kernels.noise import SWITCHES
+from wsnsim.kernels.noise import INNER, SWITCHES
 
 Floats: TypeAlias = NDArray[np.float64]
 Law: TypeAlias = tuple[float, float, float, float, float]
@@ -24,13 +24,13 @@ Law: TypeAlias = tuple[float, float, float, float, float]
 LOG_TWO_PI = 1.8378770664093453
 
 
-@njit(forceinline=True, **SWITCHES)
+@njit(forceinline=True, **INNER)
 def signal_at(squared, intensity, decay):
     """I d^-α as I exp(-α/2 log d²), given d²; d is floored at 1 m."""
     return intensity * exp(-0.5 * decay * log(squared if squared > 1.0 else 1.0))
 
 
-@njit(forceinline=True, **SWITCHES)
+@njit(forceinline=True, **INNER)
 def _close(result, x, y, count):
     """From the sum of (z - μ)²/R + log R of `count` readings to their log-likelihood; -inf where nothing is known."""
     for j in range(x.size):

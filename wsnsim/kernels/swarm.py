@@ -42,7 +42,7 @@ def fly(
     gB is the best that any particle of the *same node* has been so far (our choice: a node knows no other's).
     Eqs. (18), (19).
     """
-    proposal = np.empty_like(cloud)
+    proposal = np.empty(cloud.shape)
     for m in range(offsets.size - 1):
         leader, top = offsets[m], -np.inf
         for j in range(offsets[m], offsets[m + 1]):

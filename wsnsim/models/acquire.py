@@ -7,7 +7,6 @@ estimate(readings (S,), positions (S, 2), traits (S, T), sensor, motion, prior) 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import inf
 from typing import Annotated
 
 import numpy as np
@@ -16,6 +15,7 @@ from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import Fault
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Estimate, MotionModel, Parts, SensorModel
+from wsnsim.models.bounds import DEVIATION, STATE
 
 DEVIATIONS = (5.0, 3.0, 5.0, 3.0)
 LEVELS = 8
@@ -29,10 +29,8 @@ class AroundTruth:
     Our choice, with its standard deviations: Jiang, Song, Lin (2013) gives no prior.
     """
 
-    sd: Annotated[tuple[float, ...], Quantity("", gt=0, lt=inf), "deviation of each column, SI units"] = DEVIATIONS
-    mean: Annotated[
-        tuple[float, ...] | None, Quantity("", gt=-inf, lt=inf), "of each column; left out: drawn around the start"
-    ] = None
+    sd: Annotated[tuple[float, ...], DEVIATION, "deviation of each column, SI units"] = DEVIATIONS
+    mean: Annotated[tuple[float, ...] | None, STATE, "of each column; left out: drawn around the start"] = None
 
     def draw(self, start: Floats, rng: np.random.Generator) -> Estimate:
         """What every filter is told: N(m0, diag(sd²)) with m0 ~ N(start, diag(sd²)), or the mean given."""
@@ -61,8 +59,10 @@ class FromReadings:
     """
 
     lattice: Annotated[int, Quantity("", ge=11, le=201), "points along a side of the lattice"] = 41
-    outlier: Annotated[float, Quantity("", gt=0), "standard deviations beyond which a reading is taken for false"] = 6.0
-    floor: Annotated[float, Quantity("m", gt=0, lt=inf), "least standard deviation of the position"] = 1.0
+    outlier: Annotated[
+        float, Quantity("", ge=1e-3, le=1e6), "standard deviations beyond which a reading is taken for false"
+    ] = 6.0
+    floor: Annotated[float, Quantity("m", ge=1e-6, le=1e7), "least standard deviation of the position"] = 1.0
 
     def estimate(
         self,

@@ -8,13 +8,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from math import inf
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats
+from wsnsim.base.asks import PACKET_BITS
+from wsnsim.base.errors import Fault
 from wsnsim.base.part import Quantity, part
+from wsnsim.base.ports import Parts
+from wsnsim.models.bounds import MOST_NODES, PLACE
 
 
 @part
@@ -35,9 +40,11 @@ class StrongestSignal:
     handover_fraction: Annotated[
         float, Quantity("", ge=0, le=1), "hand over below this share of members that sense"
     ] = 0.25
-    minimum_active: Annotated[int, Quantity("", ge=1), "hand over when fewer sense, head included"] = 3
+    minimum_active: Annotated[int, Quantity("", ge=1, le=MOST_NODES), "hand over when fewer sense, head included"] = 3
     successor_rule: Annotated[Literal["nearest", "elect"], "who leads next"] = "nearest"
-    threshold: Annotated[float | None, Quantity("J", ge=0), "charge a head must exceed; left out: one step's"] = None
+    threshold: Annotated[
+        float | None, Quantity("J", ge=0, lt=inf), "charge a head must exceed; left out: one step's"
+    ] = None
 
     @property
     def calls_election(self) -> bool:
@@ -57,6 +64,10 @@ class StrongestSignal:
         """The able node nearest to the predicted position (2,). None if nobody is able."""
         return _nearest(forecast, positions, able)
 
+    def faults(self, parts: Parts) -> Iterator[Fault]:
+        """A battery that lets nobody lead."""
+        yield from _too_little_charge(self.threshold, parts)
+
 
 @part
 class Central:
@@ -68,11 +79,13 @@ class Central:
 
     is_open: ClassVar[bool] = True
     calls_election: ClassVar[bool] = False
-    minimum_active: ClassVar[int] = 1
+    minimum_active: ClassVar[int] = 0
 
-    x: Annotated[float, Quantity("m"), "the head is the able node nearest to (x, y)"] = 0.0
-    y: Annotated[float, Quantity("m"), "the head is the able node nearest to (x, y)"] = 0.0
-    threshold: Annotated[float | None, Quantity("J", ge=0), "charge a head must exceed; left out: one step's"] = None
+    x: Annotated[float, PLACE, "the head is the able node nearest to (x, y)"] = 0.0
+    y: Annotated[float, PLACE, "the head is the able node nearest to (x, y)"] = 0.0
+    threshold: Annotated[
+        float | None, Quantity("J", ge=0, lt=inf), "charge a head must exceed; left out: one step's"
+    ] = None
 
     def elect(self, ids: Sequence[int], strengths: Sequence[float], able: Sequence[bool]) -> int | None:
         """None: the head is appointed by its place, not elected."""
@@ -86,9 +99,27 @@ class Central:
         """The able node nearest to (x, y), wherever the target goes. None if nobody is able."""
         return _nearest(np.array([self.x, self.y]), positions, able)
 
+    def faults(self, parts: Parts) -> Iterator[Fault]:
+        """A battery that lets nobody lead."""
+        yield from _too_little_charge(self.threshold, parts)
+
 
 def _nearest(point: Floats, positions: Floats, able: Bools) -> int | None:
     """The able node nearest to a point; of equally near ones the lowest id."""
     squared = np.where(able, ((positions - point) ** 2).sum(axis=1), np.inf)
     nearest = int(np.argmin(squared)) if squared.size else -1
     return nearest if nearest >= 0 and able[nearest] else None
+
+
+def _too_little_charge(threshold: float | None, parts: Parts) -> Iterator[Fault]:
+    """A full battery that does not exceed the threshold, or else what a packet each way and a step take."""
+    energy, source = parts.energy, "clusters.threshold"
+    if threshold is None:
+        radio = sum(energy.transmit(PACKET_BITS, parts.link.reach)) + energy.receive(PACKET_BITS)
+        threshold = radio + energy.compute(getattr(parts.tracker, "member_cycles", 0.0))
+        source = f"a packet sent over {parts.link.reach:g} m, one received, and a step's computing"
+    if energy.battery <= threshold:
+        yield Fault(
+            ("energy", "battery"),
+            f"{energy.battery:g} J lets nobody lead: a head must hold more than {threshold:g} J ({source})",
+        )

@@ -17,6 +17,8 @@ TOLERANCE = 1e-9
 """Arcs that meet within so many radians leave no gap: it is what rounding takes from circles that touch exactly."""
 NEAREST = 16
 """Neighbours tried first: they nearly always hide a circle, and a hidden circle stays hidden whoever else is there."""
+AT_ONCE = 100_000
+"""Circles looked at together: it bounds the memory, a few hundred MB."""
 
 
 def nodes_needed(reach: float, width: float, height: float) -> int:
@@ -41,11 +43,15 @@ def covers(positions: Floats, reach: float, width: float, height: float) -> bool
     if not len(centres):
         return False
     tree = cKDTree(centres)
-    doubtful = np.flatnonzero(
-        ~_hidden(centres, np.arange(len(centres)), *_nearest_pairs(tree, reach), reach, width, height)
+    some = (np.arange(first, min(first + AT_ONCE, len(centres))) for first in range(0, len(centres), AT_ONCE))
+    doubtful = (
+        circles[~_hidden(centres, circles, *_nearest_pairs(tree, circles, reach), reach, width, height)]
+        for circles in some
     )
     return all(
-        _hidden(centres, np.array([i]), *_all_pairs(tree, int(i), reach), reach, width, height)[0] for i in doubtful
+        _hidden(centres, np.array([i]), *_all_pairs(tree, int(i), reach), reach, width, height)[0]
+        for circles in doubtful
+        for i in circles
     )
 
 
@@ -60,13 +66,12 @@ def coverage(positions: Floats, reach: float, width: float, height: float, side:
     return float(np.isfinite(distances).mean())
 
 
-def _nearest_pairs(tree: cKDTree, reach: float) -> tuple[Ints, Ints]:
-    """(circle, neighbour) index pairs: each node with its nearest ones whose discs meet its own."""
-    distances, neighbours = tree.query(tree.data, k=min(NEAREST + 1, tree.n), distance_upper_bound=2 * reach)
-    distances, neighbours = np.reshape(distances, (tree.n, -1)), np.reshape(neighbours, (tree.n, -1))
-    own = np.arange(tree.n)[:, None]
-    chosen = np.isfinite(distances) & (neighbours != own)
-    return np.broadcast_to(own, chosen.shape)[chosen], neighbours[chosen]
+def _nearest_pairs(tree: cKDTree, circles: Ints, reach: float) -> tuple[Ints, Ints]:
+    """(index into circles, neighbour) pairs: each with its nearest nodes whose discs meet its own."""
+    near = tree.query(tree.data[circles], k=min(NEAREST + 1, tree.n), distance_upper_bound=2 * reach)
+    distances, neighbours = (np.reshape(values, (circles.size, -1)) for values in near)
+    chosen = np.isfinite(distances) & (neighbours != circles[:, None])
+    return np.nonzero(chosen)[0], neighbours[chosen]
 
 
 def _all_pairs(tree: cKDTree, node: int, reach: float) -> tuple[Ints, Ints]:

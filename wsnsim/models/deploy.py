@@ -9,7 +9,6 @@ from __future__ import annotations
 import csv
 import math
 from collections.abc import Callable, Iterator
-from math import inf
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -19,6 +18,7 @@ from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import Fault, RunError
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Field, Parts
+from wsnsim.models.bounds import LENGTH, MOST_NODES
 from wsnsim.models.coverage import TOLERANCE, coverage, covers, nodes_needed
 
 
@@ -29,11 +29,11 @@ class Uniform:
     Source: Jiang, Song, Lin (2013), table 2; about 1.05 draws are needed there. The cap on draws is our choice.
     """
 
-    nodes: Annotated[int, Quantity("", ge=1), "number of nodes"] = 256
-    width: Annotated[float, Quantity("m", gt=0, lt=inf), "of the field, in x"] = 400.0
-    height: Annotated[float, Quantity("m", gt=0, lt=inf), "of the field, in y"] = 400.0
+    nodes: Annotated[int, Quantity("", ge=1, le=MOST_NODES), "number of nodes"] = 256
+    width: Annotated[float, LENGTH, "of the field, in x"] = 400.0
+    height: Annotated[float, LENGTH, "of the field, in y"] = 400.0
     cover: Annotated[bool, "whether every point of the field must be within sensing reach of a node"] = True
-    draws: Annotated[int, Quantity("", ge=1), "draws after which coverage is given up"] = 1000
+    draws: Annotated[int, Quantity("", ge=1, le=100_000), "draws after which coverage is given up"] = 1000
 
     def draw(self, reach: float, rng: np.random.Generator) -> Floats:
         """(N, 2) positions. Raises RunError if no draw covers the field."""
@@ -49,9 +49,9 @@ class Uniform:
 class Grid:
     """Nodes at the centres of nearly square cells, row by row; the last row holds the rest, spread evenly."""
 
-    nodes: Annotated[int, Quantity("", ge=1), "number of nodes"] = 256
-    width: Annotated[float, Quantity("m", gt=0, lt=inf), "of the field, in x"] = 400.0
-    height: Annotated[float, Quantity("m", gt=0, lt=inf), "of the field, in y"] = 400.0
+    nodes: Annotated[int, Quantity("", ge=1, le=MOST_NODES), "number of nodes"] = 256
+    width: Annotated[float, LENGTH, "of the field, in x"] = 400.0
+    height: Annotated[float, LENGTH, "of the field, in y"] = 400.0
     cover: Annotated[bool, "whether every point of the field must be within sensing reach of a node"] = True
 
     def draw(self, reach: float, rng: np.random.Generator) -> Floats:
@@ -68,12 +68,12 @@ class Grid:
 class JitteredGrid:
     """Nodes on a grid as in `Grid`, each moved within a part of its cell; redrawn until the field is covered."""
 
-    nodes: Annotated[int, Quantity("", ge=1), "number of nodes"] = 256
-    width: Annotated[float, Quantity("m", gt=0, lt=inf), "of the field, in x"] = 400.0
-    height: Annotated[float, Quantity("m", gt=0, lt=inf), "of the field, in y"] = 400.0
+    nodes: Annotated[int, Quantity("", ge=1, le=MOST_NODES), "number of nodes"] = 256
+    width: Annotated[float, LENGTH, "of the field, in x"] = 400.0
+    height: Annotated[float, LENGTH, "of the field, in y"] = 400.0
     jitter: Annotated[float, Quantity("", ge=0, le=1), "fraction of its cell within which a node is moved"] = 0.5
     cover: Annotated[bool, "whether every point of the field must be within sensing reach of a node"] = True
-    draws: Annotated[int, Quantity("", ge=1), "draws after which coverage is given up"] = 1000
+    draws: Annotated[int, Quantity("", ge=1, le=100_000), "draws after which coverage is given up"] = 1000
 
     def draw(self, reach: float, rng: np.random.Generator) -> Floats:
         """(N, 2) positions. Raises RunError if no draw covers the field."""
@@ -90,8 +90,8 @@ class FromFile:
     """Nodes at positions from a CSV file with the columns x and y, in m, the field's centre being (0, 0)."""
 
     path: Annotated[str, "CSV file with a header that names x and y; other columns are ignored"]
-    width: Annotated[float, Quantity("m", gt=0, lt=inf), "of the field, in x"] = 400.0
-    height: Annotated[float, Quantity("m", gt=0, lt=inf), "of the field, in y"] = 400.0
+    width: Annotated[float, LENGTH, "of the field, in x"] = 400.0
+    height: Annotated[float, LENGTH, "of the field, in y"] = 400.0
     cover: Annotated[bool, "whether every point of the field must be within sensing reach of a node"] = True
 
     def draw(self, reach: float, rng: np.random.Generator) -> Floats:
@@ -174,8 +174,8 @@ def _too_few(part: Uniform | Grid | JitteredGrid, parts: Parts) -> Iterator[Faul
     if part.cover and part.nodes < needed:
         yield Fault(
             ("deploy", "cover"),
-            f"{part.nodes} nodes with a sensing reach of {parts.sensor.reach:g} m cannot cover {part.width:g} m by "
-            f"{part.height:g} m: at least {needed} are needed, or cover: false",
+            f"{part.nodes:g} nodes with a sensing reach of {parts.sensor.reach:g} m cannot cover {part.width:g} m by "
+            f"{part.height:g} m: at least {needed:g} are needed, or cover: false",
         )
     yield from _too_few_for_a_cluster(part.nodes, "nodes", parts)
 

@@ -8,7 +8,6 @@ Idle listening, sleep and switching cost nothing in these models: they allow no 
 from __future__ import annotations
 
 import math
-from math import inf
 from typing import Annotated
 
 from wsnsim.base.part import Quantity, part
@@ -25,15 +24,15 @@ class FirstOrder:
     in software).
     """
 
-    electronics: Annotated[float, Quantity("J/bit", ge=0, lt=inf), "E_elec: sending or receiving a bit"] = 50e-9
-    amplifier: Annotated[float, Quantity("J/bit/m2", ge=0, lt=inf), "E_amp: radiating a bit"] = 100e-12
+    electronics: Annotated[float, Quantity("J/bit", ge=0, le=1e6), "E_elec: sending or receiving a bit"] = 50e-9
+    amplifier: Annotated[float, Quantity("J/bit/m2", ge=0, le=1e6), "E_amp: radiating a bit"] = 100e-12
     battery: Annotated[float, Quantity("J", gt=0), "a node's charge at the start; .inf for no limit"] = 2.0
-    capacitance: Annotated[float, Quantity("F", ge=0, lt=inf), "C: capacitance switched in a cycle"] = 0.67e-9
-    voltage: Annotated[float, Quantity("V", ge=0, lt=inf), "V_dd: supply of the processor"] = 1.5
+    capacitance: Annotated[float, Quantity("F", ge=0, le=1e3), "C: capacitance switched in a cycle"] = 0.67e-9
+    voltage: Annotated[float, Quantity("V", ge=0, le=1e6), "V_dd: supply of the processor"] = 1.5
     cycles_per_operation: Annotated[
-        float, Quantity("", gt=0, lt=inf), "processor cycles that one stated operation takes"
+        float, Quantity("", gt=0, le=1e9), "processor cycles that one stated operation takes"
     ] = 1.0
-    sensing: Annotated[float, Quantity("J", ge=0, lt=inf), "taking one reading"] = 0.0
+    sensing: Annotated[float, Quantity("J", ge=0, le=1e6), "taking one reading"] = 0.0
 
     def transmit(self, bits: float, distance: float) -> tuple[float, float]:
         """(electronics, amplifier) joules of sending `bits` over `distance` m (eq. 9)."""
@@ -54,27 +53,29 @@ class FirstOrder:
 
 @part
 class FirstOrder2002:
-    """Free space up to a crossover distance, multipath fading beyond it, and a cost of aggregating signals.
+    """Free space up to a crossover distance, multipath fading beyond it.
 
     E_tx = k E_elec + k ε_fs d² for d < d0, k E_elec + k ε_mp d⁴ beyond, with d0 = sqrt(ε_fs / ε_mp), where both agree.
 
     Source: Heinzelman, Chandrakasan, Balakrishnan (2002), "An application-specific protocol architecture for wireless
-    microsensor networks". Battery and processor as in `FirstOrder`.
+    microsensor networks". Battery and processor as in `FirstOrder`; its cost of aggregating signals
+    is left out: what a tracker computes is stated in operations.
     """
 
-    electronics: Annotated[float, Quantity("J/bit", ge=0, lt=inf), "E_elec: sending or receiving a bit"] = 50e-9
-    free_space: Annotated[float, Quantity("J/bit/m2", gt=0, lt=inf), "ε_fs: radiating a bit over a short link"] = 10e-12
-    multipath: Annotated[float, Quantity("J/bit/m4", gt=0, lt=inf), "ε_mp: radiating a bit over a long link"] = (
+    electronics: Annotated[float, Quantity("J/bit", ge=0, le=1e6), "E_elec: sending or receiving a bit"] = 50e-9
+    free_space: Annotated[float, Quantity("J/bit/m2", ge=1e-30, le=1e6), "ε_fs: radiating a bit over a short link"] = (
+        10e-12
+    )
+    multipath: Annotated[float, Quantity("J/bit/m4", ge=1e-30, le=1e6), "ε_mp: radiating a bit over a long link"] = (
         0.0013e-12
     )
-    aggregation: Annotated[float, Quantity("J/bit", ge=0, lt=inf), "E_DA: aggregating a bit of a signal"] = 5e-9
     battery: Annotated[float, Quantity("J", gt=0), "a node's charge at the start; .inf for no limit"] = 2.0
-    capacitance: Annotated[float, Quantity("F", ge=0, lt=inf), "C: capacitance switched in a cycle"] = 0.67e-9
-    voltage: Annotated[float, Quantity("V", ge=0, lt=inf), "V_dd: supply of the processor"] = 1.5
+    capacitance: Annotated[float, Quantity("F", ge=0, le=1e3), "C: capacitance switched in a cycle"] = 0.67e-9
+    voltage: Annotated[float, Quantity("V", ge=0, le=1e6), "V_dd: supply of the processor"] = 1.5
     cycles_per_operation: Annotated[
-        float, Quantity("", gt=0, lt=inf), "processor cycles that one stated operation takes"
+        float, Quantity("", gt=0, le=1e9), "processor cycles that one stated operation takes"
     ] = 1.0
-    sensing: Annotated[float, Quantity("J", ge=0, lt=inf), "taking one reading"] = 0.0
+    sensing: Annotated[float, Quantity("J", ge=0, le=1e6), "taking one reading"] = 0.0
 
     @property
     def crossover(self) -> float:
@@ -89,10 +90,6 @@ class FirstOrder2002:
     def receive(self, bits: float) -> float:
         """Joules of receiving `bits`."""
         return bits * self.electronics
-
-    def aggregate(self, bits: float) -> float:
-        """Joules of aggregating `bits` of signals into one."""
-        return bits * self.aggregation
 
     def compute(self, cycles: float) -> float:
         """Joules of `cycles` operations, as trackers state them."""

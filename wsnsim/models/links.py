@@ -16,6 +16,7 @@ from wsnsim.base.arrays import Bools
 from wsnsim.base.asks import all_arrived
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.rng import derive_all, uniforms
+from wsnsim.models.bounds import LENGTH
 
 
 @part
@@ -26,7 +27,7 @@ class Disk:
     independently.
     """
 
-    reach: Annotated[float, Quantity("m", gt=0), "R_c: nominal range of a link"] = 75.0
+    reach: Annotated[float, LENGTH, "R_c: nominal range of a link"] = 75.0
     loss: Annotated[float, Quantity("", ge=0, lt=1), "probability that a packet within reach does not arrive"] = 0.0
 
     def arrivals(self, distance: float, packets: int, key: int) -> Bools:
@@ -52,7 +53,7 @@ class IdealMac:
 
     mechanism: ClassVar[str] = "ideal"
 
-    rate: Annotated[float | None, Quantity("bit/s", gt=0), "of the air; left out: no time passes"] = None
+    rate: Annotated[float | None, Quantity("bit/s", ge=1e-3), "of the air; left out: no time passes"] = None
 
 
 @part

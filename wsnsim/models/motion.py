@@ -9,7 +9,6 @@ import dataclasses
 import math
 from collections.abc import Iterator
 from functools import cached_property
-from math import inf
 from typing import Annotated, ClassVar, Literal, NamedTuple
 
 import numpy as np
@@ -19,8 +18,11 @@ from wsnsim.base.errors import Fault, RunError
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Field, Parts
 from wsnsim.kernels import motion as kernels
+from wsnsim.models.bounds import STATE
 
 START = (-45.0, -20.0, -50.0, -35.0)
+FARTHEST = 1e12
+"""m: whoever gets there has run away (our choice)."""
 
 
 @part
@@ -39,17 +41,19 @@ class BoundedVelocity:
     position: ClassVar[tuple[int, int]] = (0, 2)
 
     bound: Annotated[float, Quantity("m", gt=0), "a: where the target is turned back"] = 180.0
-    c1: Annotated[float, Quantity("1/s2", ge=0, lt=inf), "pull towards the origin beyond the bound"] = 0.75
-    c2: Annotated[float, Quantity("1/s", ge=0, lt=inf), "drag beyond the bound"] = 1.0
-    q: Annotated[float, Quantity("m2/s3", ge=0, lt=inf), "intensity of the process noise Q"] = 0.002
-    sigma0: Annotated[float, Quantity("m/s2", ge=0, lt=inf), "σ0: deviation of the random acceleration in G"] = 1.0
+    c1: Annotated[float, Quantity("1/s2", ge=0, le=1e9), "pull towards the origin beyond the bound"] = 0.75
+    c2: Annotated[float, Quantity("1/s", ge=0, le=1e9), "drag beyond the bound"] = 1.0
+    q: Annotated[float, Quantity("m2/s3", ge=0, le=1e9), "intensity of the process noise Q"] = 0.002
+    sigma0: Annotated[float, Quantity("m/s2", ge=0, le=1e6), "σ0: deviation of the random acceleration in G"] = 1.0
     noise: Annotated[Literal["both", "q_only", "g_only"], "which of the paper's two covariances act"] = "both"
-    start: Annotated[
-        tuple[float, float, float, float], Quantity("", gt=-inf, lt=inf), "px, vx, py, vy at time 0, in m and m/s"
-    ] = START
+    start: Annotated[tuple[float, float, float, float], STATE, "px, vx, py, vy at time 0, in m and m/s"] = START
 
     def truth(self, steps: int, dt: float, rng: np.random.Generator) -> Floats:
-        """(steps + 1, 4): one trajectory from the start state."""
+        """(steps + 1, 4): one trajectory from the start state.
+
+        Raises:
+            RunError: the target runs away: beyond the bound, the step is too long for the pull and the drag.
+        """
         l11, l21, l22 = self._process(dt).root
         draws = rng.standard_normal((steps, 2, 2))
         noise = np.empty((steps, 4))
@@ -60,6 +64,8 @@ class BoundedVelocity:
         law = self._law(dt)
         for step in range(steps):
             states[step + 1] = kernels.advance(states[step, :, None], law)[:, 0] + noise[step]
+            if not -FARTHEST < states[step + 1, 0] < FARTHEST or not -FARTHEST < states[step + 1, 2] < FARTHEST:
+                raise RunError(f"motion: the target runs away: it is beyond {FARTHEST:g} m at {(step + 1) * dt:g} s")
         return states
 
     def propagate(self, states: Floats, dt: float, keys: Keys) -> Floats:

@@ -6,7 +6,6 @@ log_likelihood(points (2, N), readings (S,), positions (S, 2), traits (S, T), ow
 from __future__ import annotations
 
 from functools import cached_property
-from math import inf
 from typing import Annotated, ClassVar
 
 import numpy as np
@@ -14,6 +13,7 @@ import numpy as np
 from wsnsim.base.arrays import Floats, Ints
 from wsnsim.base.part import Quantity, part
 from wsnsim.kernels import sensing as kernels
+from wsnsim.models.bounds import LENGTH, POWER_OF_SOUND
 
 FLOOR = 1.0
 """m: no distance counts as less (our choice: d^-α has no bound)."""
@@ -32,12 +32,12 @@ class AcousticEnergy:
 
     trait_names: ClassVar[tuple[str, ...]] = ("gain",)
 
-    reach: Annotated[float, Quantity("m", gt=0), "R_s: a target within it is sensed"] = 60.0
-    decay: Annotated[float, Quantity("", gt=0, lt=inf), "α: exponent of the loss with distance"] = 2.2
-    samples: Annotated[int, Quantity("", ge=1), "N_sam: samples averaged in a reading"] = 1000
-    nonlinearity: Annotated[float, Quantity("", gt=0, lt=inf), "c: grows the variance of a reading"] = 1.5
-    intensity: Annotated[float, Quantity("", gt=0, lt=inf), "I: energy of the target's sound at 1 m"] = 1e4
-    noise: Annotated[float, Quantity("", gt=0, lt=inf), "σ²: energy of the background noise"] = 1.0
+    reach: Annotated[float, LENGTH, "R_s: a target within it is sensed"] = 60.0
+    decay: Annotated[float, Quantity("", gt=0, le=100), "α: exponent of the loss with distance"] = 2.2
+    samples: Annotated[int, Quantity("", ge=1, le=10**12), "N_sam: samples averaged in a reading"] = 1000
+    nonlinearity: Annotated[float, Quantity("", ge=1e-9, le=1e9), "c: grows the variance of a reading"] = 1.5
+    intensity: Annotated[float, POWER_OF_SOUND, "I: energy of the target's sound at 1 m"] = 1e4
+    noise: Annotated[float, POWER_OF_SOUND, "σ²: energy of the background noise"] = 1.0
     gain_spread: Annotated[float, Quantity("", ge=0, lt=1), "γ: half the width of the gains about 1"] = 0.3
 
     def draw_traits(self, nodes: int, rng: np.random.Generator) -> Floats:

@@ -66,7 +66,7 @@ def _message(problem: Any, path: Keys, model: type[BaseModel]) -> str:
     kind, value, context = problem["type"], problem["input"], problem.get("ctx", {})
     if kind in BOUNDS:
         name, words = BOUNDS[kind]
-        return f"must be {words} {context[name]:g}, is {value:g}"
+        return f"must be {words} {context[name]:g}, is {_short(value)}"
     if kind in EXPECTED:
         return f"expected {EXPECTED[kind]}, got {described(value)}"
     if kind == "literal_error":
@@ -79,6 +79,13 @@ def _message(problem: Any, path: Keys, model: type[BaseModel]) -> str:
         inside = _annotation(model, path[:-1])
         return f"unknown key, {did_you_mean(str(path[-1]), sorted(inside.model_fields))}"
     return str(context.get("said", problem["msg"]))
+
+
+def _short(number: float) -> str:
+    try:
+        return f"{number:g}"
+    except OverflowError:  # a whole number that no float holds
+        return shown(number)
 
 
 def literals(annotation: Any) -> list[str]:

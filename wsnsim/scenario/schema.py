@@ -30,13 +30,13 @@ from wsnsim.scenario.fields import Number, PartError, Strict, fields_of, refusal
 from wsnsim.scenario.tree import Keys, Node, Spot, spot_of
 from wsnsim.scenario.units import shown
 
-MOST_STEPS: Final = 100_000_000
+MOST_STEPS: Final = 10_000_000
 SHORT_FORMS: Final = {"gains": "gains", "inflate": "inflate", "filter_noise_scale": "noise_scale"}
 SAFE_NAME: Final = re.compile(r"\w[\w.\-]{0,99}")
 _FROZEN: Final = ConfigDict(extra="forbid", frozen=True, validate_default=True, protected_namespaces=())
 
 _Flag = Annotated[bool, Strict("bool")]
-_Scale = Annotated[float, Number(Quantity("", gt=0))]
+_Scale = Annotated[float, Number(Quantity("", ge=1e-9, le=1e9))]
 
 
 def is_safe_name(name: str) -> bool:
@@ -118,10 +118,10 @@ class Scenario(BaseModel):
         description="name, also of the result's file"
     )
     seed: Annotated[int, Number(Quantity("", ge=0), whole=True)] = Field(0, description="seed of every random stream")
-    replicates: Annotated[int, Number(Quantity("", ge=1), whole=True)] = Field(
+    replicates: Annotated[int, Number(Quantity("", ge=1, le=100_000), whole=True)] = Field(
         1, description="how many runs, each its own draws"
     )
-    step: Annotated[float, Number(Quantity("s", gt=0), finite=True)] = Field(
+    step: Annotated[float, Number(Quantity("s", ge=1e-6, le=1e6))] = Field(
         0.04, description="time between readings [s]"
     )
     duration: Annotated[float, Number(Quantity("s", gt=0), finite=True)] = Field(description="simulated time [s]")

@@ -57,6 +57,11 @@ class CentralPf:
     threshold: Annotated[float, Quantity("", ge=0, le=1), "resample below this fraction of effective particles"] = 0.5
     handover: Annotated[Literal["particles", "gaussian"], "what a handover carries"] = "particles"
 
+    @property
+    def member_cycles(self) -> float:
+        """None: members only send their readings, the head does the rest."""
+        return 0.0
+
     def start(self, prior: Estimate, scene: Scene) -> Flow[CentralBelief]:
         """Draw the particles from the prior."""
         pool = yield from self._full(no_particles(prior.mean.size), prior.mean, prior.cov, scene)

@@ -78,6 +78,11 @@ class InformationPf:
         """The weights need a transition density, and so a process noise that can be inverted."""
         yield from noise_faults(parts, "the weight of ipf")
 
+    @property
+    def member_cycles(self) -> float:
+        """None: members only send their readings, the head does the rest."""
+        return 0.0
+
     def start(self, prior: Estimate, scene: Scene) -> Flow[InformationBelief]:
         """Draw the particles from the prior, each with the prior's covariance."""
         size = prior.mean.size

@@ -22,12 +22,14 @@ from wsnsim.kernels.gaussian import fuse
 from wsnsim.kernels.particles import moments, weigh
 from wsnsim.trackers.shared.dealing import (
     PREDICT_CYCLES,
+    SMALLEST_CLUSTER,
     Deal,
     Pool,
     give,
     no_particles,
     pooled,
     predict_only,
+    readings_at_most,
     redeal,
     resampled,
     send_all,
@@ -114,6 +116,11 @@ class ParallelPf:
     measurements: Annotated[Literal["all", "own"], "which readings a member weighs with"] = "all"
     threshold: Annotated[float, Quantity("", ge=0, le=1), "resample below this fraction of effective particles"] = 0.5
     handover: Annotated[Literal["particles", "gaussian"], "what a handover carries"] = "particles"
+
+    @property
+    def member_cycles(self) -> float:
+        """Operations of one member of the smallest cluster in a step, its share being N_p / 3: 40 + 30 S a particle."""
+        return self.particles / SMALLEST_CLUSTER * (PREDICT_CYCLES + 30.0 * readings_at_most(self.measurements))
 
     def start(self, prior: Estimate, scene: Scene) -> Flow[ParallelBelief]:
         """Draw the particles from the prior at the head and deal them out."""

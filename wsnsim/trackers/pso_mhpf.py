@@ -22,11 +22,13 @@ from wsnsim.kernels.gaussian import fit, fuse, log_density
 from wsnsim.kernels.particles import moments, weigh
 from wsnsim.trackers.shared.dealing import (
     PREDICT_CYCLES,
+    SMALLEST_CLUSTER,
     Deal,
     give,
     no_particles,
     pooled,
     predict_only,
+    readings_at_most,
     resampled,
     send_all,
     send_moments,
@@ -128,6 +130,12 @@ class PsoMhpf:
         if self.acceptance == "transition":
             yield from noise_faults(parts, "acceptance: transition")
 
+    @property
+    def member_cycles(self) -> float:
+        """Operations of one member of the smallest cluster in a step with a move, its share being N_p / 3."""
+        seen = readings_at_most(self.measurements)
+        return self.particles / SMALLEST_CLUSTER * self._per_particle(seen, True, 1)
+
     def start(self, prior: Estimate, scene: Scene) -> Flow[Spread]:
         """Draw the particles from the prior at the head and deal them out; paid like a handover's deal-out."""
         return begin(prior, self.particles, self.handover == "gaussian", scene)
@@ -205,13 +213,17 @@ class PsoMhpf:
             member.memory[LOCAL] = result
 
     def _cycles(self, counts: list[int], sensors: list[int], moving: list[bool], steps: int) -> list[float]:
-        """Section 5: predict and weigh 40 + 30 S per particle, Gaussian fit 30, each iteration 50 + 30 S."""
-        fit_cycles = 30.0 if self.acceptance == "gaussian" else 0.0
+        """What each member spends on its particles, section 5."""
         return [
-            count
-            * (PREDICT_CYCLES * steps + 30.0 * seen + (fit_cycles + self.iterations * (50.0 + 30.0 * seen)) * moves)
+            count * self._per_particle(seen, moves, steps)
             for count, seen, moves in zip(counts, sensors, moving, strict=True)
         ]
+
+    def _per_particle(self, seen: int, moves: bool, steps: int) -> float:
+        """Section 5: predict and weigh 40 + 30 S, and to move, Gaussian fit 30 and 50 + 30 S an iteration."""
+        fit_cycles = 30.0 if self.acceptance == "gaussian" else 0.0
+        move_cycles = fit_cycles + self.iterations * (50.0 + 30.0 * seen) if moves else 0.0
+        return PREDICT_CYCLES * steps + 30.0 * seen + move_cycles
 
     def _move(self, stack: Stack, before: Floats, fitness: Floats, moving: Bools, score: Score, scene: Scene) -> None:
         """Move the swarms of those who are `moving` (M,) in place of a resampling, and give them equal weights.

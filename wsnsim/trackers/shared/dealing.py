@@ -43,6 +43,9 @@ from wsnsim.trackers.shared.stacks import (
 PREDICT_CYCLES = 40.0
 """To draw or predict (and weigh) one particle, before its readings."""
 
+SMALLEST_CLUSTER = 3
+"""Members of the smallest cluster that does not hand over: where a member's share and work are largest (our choice)."""
+
 
 @dataclass(frozen=True, slots=True)
 class Pool:
@@ -146,6 +149,11 @@ def restored(pool: Pool, mean: Floats, cov: Floats, particles: int, key: int) ->
     if pool.cloud.shape[1] == particles and np.all(pool.log_weights == pool.log_weights[0]):
         return pool.cloud
     return np.ascontiguousarray(pool.cloud[:, resampled(pool.log_weights, particles, key)])
+
+
+def readings_at_most(measurements: str) -> int:
+    """How many readings a member of the smallest cluster weighs with: its 'own', or 'all' of them."""
+    return 1 if measurements == "own" else SMALLEST_CLUSTER
 
 
 def resampled(log_weights: Floats, count: int, key: int) -> Ints:

@@ -20,7 +20,8 @@ import numpy as np
 from wsnsim.base.arrays import Floats, Ints, Keys
 from wsnsim.base.asks import Delivery, Member
 from wsnsim.base.ports import Scene, SensorModel
-from wsnsim.kernels.gaussian import sample
+from wsnsim.base.rng import uniforms
+from wsnsim.kernels.gaussian import cholesky
 from wsnsim.kernels.noise import particle_keys
 from wsnsim.trackers.shared.parcels import MOMENTS, PARTICLES, arrived_particles, guessed, is_whole
 from wsnsim.trackers.shared.readings import Evidence, evidence_at
@@ -144,9 +145,19 @@ def snapshot(pieces: Iterable[tuple[int, Floats, Floats]]) -> Iterator[tuple[int
 
 
 def drawn_from(mean: Floats, cov: Floats, key: int, count: int) -> Floats:
-    """(D, count) particles from a Gaussian, by a node's key."""
+    """(D, count) particles from a Gaussian, by a node's key.
+
+    Components 2p and 2p + 1 take the p-th Box-Muller pair of a particle's key. Plain NumPy: it is called a few times a
+    run, which is too rarely to be worth compiling.
+    """
     keys = particle_keys(np.array([key], np.uint64), np.array([0, count]), DRAW)
-    return sample(np.ascontiguousarray(mean[:, None]), np.ascontiguousarray(cov[None]), keys)[0]
+    factor, white = np.zeros(cov.shape), np.empty((mean.size + 1, count))
+    cholesky(np.ascontiguousarray(cov), factor)
+    for component in range(0, mean.size, 2):
+        radius = np.sqrt(-2.0 * np.log1p(-uniforms(keys, component)))
+        turn = 2.0 * np.pi * uniforms(keys, component + 1)
+        white[component], white[component + 1] = radius * np.cos(turn), radius * np.sin(turn)
+    return mean[:, None] + factor @ white[: mean.size]
 
 
 def propagated(cloud: Floats, offsets: Ints, keys: Keys, scene: Scene) -> tuple[Floats, Floats]:

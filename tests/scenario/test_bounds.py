@@ -1,0 +1,69 @@
+"""Values far beyond any network are refused as faults: none ends as an internal error, none is computed with."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from wsnsim.scenario.catalog import ROLES, load_class
+from wsnsim.scenario.fields import fields_of
+
+from .stand_ins import base_scenario, faults_of
+
+
+@pytest.mark.parametrize(
+    ("override", "fault"),
+    [
+        ("sensor.reach=1e200", "sensor.reach: error: must be at most 1e+07, is 1e+200"),
+        ("sensor.reach=1e-200", "sensor.reach: error: must be at least 0.001, is 1e-200"),
+        ("sensor.reach=.inf", "sensor.reach: error: must be finite"),
+        ("link.reach=.inf", "link.reach: error: must be finite"),
+        ("link.reach=1e200", "link.reach: error: must be at most 1e+07, is 1e+200"),
+        ("motion.start=[0,1e200,0,0]", "motion.start.1: must be at most 1e+07, is 1e+200"),
+        ("deploy.nodes=1000000000", "deploy.nodes: error: must be at most 1e+07, is 1e+09"),
+        ("deploy.width=1e200", "deploy.width: error: must be at most 1e+07, is 1e+200"),
+        ("step=1e-300", "step: error: must be at least 1e-06, is 1e-300"),
+        ("replicates=1000000000", "replicates: error: must be at most 100000, is 1e+09"),
+        (
+            "duration=4e7",
+            "duration: error: 4e+07 s is 1e+09 steps of 0.04 s; 1 to 1e+07 are allowed",
+        ),
+        ("energy.battery=1 nJ", "energy.battery: error: 1e-09 J lets nobody lead: a head must hold more than "),
+    ],
+)
+def test_a_value_beyond_sense_is_a_fault_at_its_key(override: str, fault: str) -> None:
+    found = [one for one in faults_of("pso_mhpf", override) if fault in one]
+    assert found and all(len(one) < 250 for one in found)
+
+
+def test_a_whole_number_that_no_float_holds_is_a_fault() -> None:
+    (fault,) = faults_of(base_scenario(replicates=10**400))
+    assert fault.startswith("replicates: error: must be at most 100000, is 1000") and len(fault) < 120
+
+
+def test_the_smallest_reach_in_the_largest_field_is_a_short_fault() -> None:
+    (fault,) = faults_of("pso_mhpf", "sensor.reach=1e-3", "deploy.width=1e7", "deploy.height=1e7")
+    assert "at least 3.849e+19 are needed" in fault
+
+
+NUMBERS = [
+    (role, row.kind, name)
+    for role in ROLES
+    if role != "tracker"
+    for row in ROLES[role].rows
+    for name in fields_of(load_class(row))
+    if name not in ("kind", "path")
+]
+
+
+@pytest.mark.parametrize(("role", "kind", "name"), NUMBERS)
+@given(st.sampled_from([1e300, 1e200, 1e100, 1e30, 5e-324, 1e-300, 1e-100, -1e-300, -1e300, math.inf, -math.inf]))
+def test_no_number_of_a_model_ends_as_an_internal_error(role: str, kind: str, name: str, value: float) -> None:
+    """With any one number of any kind at an extreme, a scenario is refused in words or is built."""
+    given_kind = [f"{role}.kind={kind}"] if kind != "file" else []
+    written = ".inf" if value == math.inf else "-.inf" if value == -math.inf else repr(value)
+    for fault in faults_of("central_pf", *given_kind, f"{role}.{name}={written}"):
+        assert len(fault) < 400

@@ -1,0 +1,21 @@
+"""Bounds that several models share: far beyond any network, and near enough that no square or product overflows.
+
+All are our choice.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from wsnsim.base.part import Quantity
+
+MOST_NODES: Final = 10_000_000
+LENGTH: Final = Quantity("m", ge=1e-3, le=1e7)
+"""Of a field or a reach."""
+PLACE: Final = Quantity("m", ge=-1e7, le=1e7)
+STATE: Final = Quantity("", ge=-1e7, le=1e7)
+"""A column of a state, in SI units: m, m/s."""
+DEVIATION: Final = Quantity("", ge=1e-6, le=1e7)
+"""The standard deviation of a column of a state."""
+POWER_OF_SOUND: Final = Quantity("", ge=1e-12, le=1e18)
+"""An energy of a signal or of noise, in any unit."""
