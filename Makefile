@@ -11,13 +11,13 @@ READY    := $(VENV)/.ready
 MOVED    := $(shell test -e $(READY) && ! grep -qxF "$(CURDIR)" $(READY) && echo moved)
 
 .DEFAULT_GOAL := help
-.PHONY: help run test check format lint types imports bench lock clean moved
+.PHONY: help run test check interpreted format lint types imports bench lock clean moved
 .DELETE_ON_ERROR:
 
 help:  ## this list
 	@echo "make TARGET [SCENARIO=scenarios/pso_mhpf.yaml] [ARGS='further arguments'] [PYTHON=python3.12]"
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/\1|\2/p' $(firstword $(MAKEFILE_LIST)) | while IFS='|' read -r name what; do \
-	    printf '  %-9s%s\n' "$$name" "$$what"; done
+	    printf '  %-13s%s\n' "$$name" "$$what"; done
 
 run: $(READY)  ## run a scenario and print its summary; SCENARIO=..., ARGS='--replicates 30'
 	@$(PY) -m wsnsim run "$(SCENARIO)" $(ARGS)
@@ -25,7 +25,10 @@ run: $(READY)  ## run a scenario and print its summary; SCENARIO=..., ARGS='--re
 test: $(READY)  ## the whole test suite; ARGS='-k handover'
 	@$(PY) -m pytest -n 2 $(ARGS)
 
-check: format lint types imports test  ## format, lint, types, import contracts and tests
+check: format lint types imports test interpreted  ## format, lint, types, import contracts and tests
+
+interpreted: $(READY)  ## the kernels' tests with the kernels as plain Python, for debugging and coverage
+	@NUMBA_DISABLE_JIT=1 $(PY) -m pytest -n 2 -W ignore::RuntimeWarning tests/kernels $(ARGS)
 
 format: $(READY)  ## whether the code is formatted
 	@$(PY) -m ruff format --check .
