@@ -76,7 +76,7 @@ seed: 2
         ({"until": {"clusters": 0}}, ["until.clusters: error: must be at least 1, is 0"]),
         ({"until": {"cluster": 3}}, [
             "until.cluster: error: unknown key, did you mean 'clusters'?",
-            "until.clusters: error: is missing: end once so many clusters have formed",
+            "until.clusters: error: is missing: end when the cluster of this number would hand over",
         ]),
         ({"record": {"evnts": True}}, ["record.evnts: error: unknown key, did you mean 'events'?"]),
         ({"record": {"events": "on"}}, ["record.events: error: expected true or false, got the text 'on'"]),

@@ -82,7 +82,7 @@ def _addressed(who: Any, members: dict[int, Member]) -> list[Member]:
 
 
 def _compute(ask: Local, addressed: list[Member]) -> tuple[int, ...]:
-    if ask.work_all is not None:
+    if ask.work_all is not None and addressed:
         ask.work_all(addressed)
     else:
         for member in addressed:

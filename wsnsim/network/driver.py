@@ -121,7 +121,8 @@ class Driver:
     def _scatter(self, ask: Scatter) -> Generator[simpy.Event, Any, dict[int, Bools]]:
         letters = [letter(self._head, node, parcel) for node, parcel in ask.parcels.items() if node in self._members]
         packets = sum(item.parcel.packets for item in letters if item.to != self._head)
-        self._stage.log("allocate", self._target, self._head, packets=packets)
+        what = letters[0].parcel.what if letters else ""
+        self._stage.log("allocate", self._target, self._head, what, packets=packets)
         yield from self._carry(letters)
         return {item.to: self._deliver(item.to, item.parcel, item.mask) for item in letters if item.arrived}
 

@@ -97,7 +97,7 @@ class Until(BaseModel):
 
     model_config = _FROZEN
     clusters: Annotated[int, Number(Quantity("", ge=1), whole=True)] = Field(
-        description="end once so many clusters have formed"
+        description="end when the cluster of this number would hand over"
     )
 
 
