@@ -355,3 +355,11 @@ def test_the_bar_shows_simulated_time_and_speed(capsys: pytest.CaptureFixture[st
 def test_no_progress_is_nothing_at_all() -> None:
     assert shown("none") is None
     assert MODES[0] == "auto"
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")
+def test_an_answer_that_cannot_be_written_is_an_error_in_words() -> None:
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run([sys.executable, "-m", "wsnsim", "list"], stdout=full, stderr=subprocess.PIPE, text=True)
+    assert done.returncode == 1
+    assert done.stderr == "wsnsim: error: cannot go on: No space left on device\n"

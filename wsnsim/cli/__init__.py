@@ -75,6 +75,10 @@ def _perform(arguments: list[str]) -> int:
         return _complain("interrupted", 130)
     except BrokenPipeError:
         return _leave_pipe()
+    except OSError as error:
+        _trace()
+        _leave_pipe()
+        return _complain(f"cannot go on: {error.strerror or error}{f': {error.filename}' if error.filename else ''}", 1)
     except Exception as error:
         return _internal(error)
 
