@@ -134,10 +134,12 @@ def test_made_on_another_kind_of_processor_values_are_compared_to_a_tolerance_an
     with h5py.File(copy, "r+") as file:
         stored = json.loads(file["provenance_json"][()])
         del file["provenance_json"]
-        file["provenance_json"] = json.dumps(stored | {"cpu_features": ["another"]})
+        other = {"cpu_features": ["another"], "git": {"commit": "0123456789abcdef", "dirty": False}}
+        file["provenance_json"] = json.dumps(stored | other)
         file["estimates/error"][5] *= 1 + 1e-9
     answer = experiment.verify(copy)
     assert answer.ok and "other CPU features" in answer.text
+    assert "made by commit 0123456789ab, run again by " in answer.text
 
 
 def test_a_plain_dict_is_a_scenario(files):

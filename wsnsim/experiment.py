@@ -223,7 +223,8 @@ def verify(path: Path) -> Verification:
     resolved = rerun_source(path)
     parts = scenarios.build(scenarios.load(resolved))
     stored = json.loads(recording.read_text(path, "provenance_json"))
-    differing = _differing(stored, recording.provenance("", parts.seed))
+    here = recording.provenance("", parts.seed)
+    differing = _differing(stored, here)
     runs = recording.read_table(path, "runs")
     kept = recording.read_table(path, "estimates") if "estimates" in recording.tables(path) else {}
     rows = []
@@ -233,7 +234,7 @@ def verify(path: Path) -> Verification:
         before = {name: column[kept["replicate"] == replicate] for name, column in kept.items()}
         rows.append(_compare(replicate, {name: column[index] for name, column in runs.items()}, again, before, memory))
     ok = all(row["equal"] or (bool(differing) and row["close"]) for row in rows)
-    return Verification(ok, _verification_text(Path(path), rows, differing, ok), tuple(rows))
+    return Verification(ok, _verification_text(Path(path), rows, differing, _commits(stored, here), ok), tuple(rows))
 
 
 def _compare(
@@ -264,8 +265,15 @@ def _differing(stored: Mapping[str, Any], here: Mapping[str, Any]) -> list[str]:
     return [word for name, word in names.items() if stored.get(name) != here.get(name)]
 
 
-def _verification_text(path: Path, rows: list[dict[str, Any]], differing: list[str], ok: bool) -> str:
+def _commits(stored: Mapping[str, Any], here: Mapping[str, Any]) -> str:
+    """A line on the commits where a result was made by other code than this; it excuses no difference."""
+    before, now = ((made.get("git") or {}).get("commit", "no checkout")[:12] for made in (stored, here))
+    return f"  made by commit {before}, run again by {now}" if before != now else ""
+
+
+def _verification_text(path: Path, rows: list[dict[str, Any]], differing: list[str], commits: str, ok: bool) -> str:
     lines = [f"{path}: " + ("repeats" if ok else "DOES NOT REPEAT")]
+    lines += [commits] if commits else []
     if differing:
         lines.append(f"  made with other {' and '.join(differing)}: compared to 1e-6 instead of to the last bit")
     for row in rows:

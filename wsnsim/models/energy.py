@@ -14,18 +14,14 @@ from wsnsim.base.part import Quantity, part
 
 
 @part
-class FirstOrder:
-    """Radio electronics per bit, and an amplifier per bit and squared distance; computing by switched capacitance.
+class Supply:
+    """What the first-order models share: a battery, a radio's electronics, a processor of switched capacitance.
 
-    E_tx = k E_elec + k E_amp d², E_rx = k E_elec, E_cpu = N_c C V².
-
-    Source: Jiang, Song, Lin (2013), eqs. 9-11, after Heinzelman and others (2000). The paper gives neither battery
-    nor C, V and the cycles of an operation: ours are 2 J, a StrongARM-class processor, and 1 (10 is nearer to reals
-    in software).
+    E_rx = k E_elec, E_cpu = N_c C V² (Jiang, Song, Lin 2013, eqs. 10-11). The paper gives neither battery nor C, V and
+    the cycles of an operation: ours are 2 J, a StrongARM-class processor, and 1 (10 is nearer to reals in software).
     """
 
     electronics: Annotated[float, Quantity("J/bit", ge=0, le=1e6), "E_elec: sending or receiving a bit"] = 50e-9
-    amplifier: Annotated[float, Quantity("J/bit/m2", ge=0, le=1e6), "E_amp: radiating a bit"] = 100e-12
     battery: Annotated[float, Quantity("J", gt=0), "a node's charge at the start; .inf for no limit"] = 2.0
     capacitance: Annotated[float, Quantity("F", ge=0, le=1e3), "C: capacitance switched in a cycle"] = 0.67e-9
     voltage: Annotated[float, Quantity("V", ge=0, le=1e6), "V_dd: supply of the processor"] = 1.5
@@ -34,17 +30,13 @@ class FirstOrder:
     ] = 1.0
     sensing: Annotated[float, Quantity("J", ge=0, le=1e6), "taking one reading"] = 0.0
 
-    def transmit(self, bits: float, distance: float) -> tuple[float, float]:
-        """(electronics, amplifier) joules of sending `bits` over `distance` m (eq. 9)."""
-        return bits * self.electronics, bits * self.amplifier * distance * distance
-
     def receive(self, bits: float) -> float:
         """Joules of receiving `bits` (eq. 10)."""
         return bits * self.electronics
 
     def compute(self, cycles: float) -> float:
         """Joules of `cycles` operations, as trackers state them (eq. 11)."""
-        return switched(cycles * self.cycles_per_operation, self.capacitance, self.voltage)
+        return cycles * self.cycles_per_operation * self.capacitance * self.voltage * self.voltage
 
     def sense(self) -> float:
         """Joules of one reading."""
@@ -52,7 +44,23 @@ class FirstOrder:
 
 
 @part
-class FirstOrder2002:
+class FirstOrder(Supply):
+    """Radio electronics per bit, and an amplifier per bit and squared distance; computing by switched capacitance.
+
+    E_tx = k E_elec + k E_amp d², E_rx = k E_elec, E_cpu = N_c C V².
+
+    Source: Jiang, Song, Lin (2013), eqs. 9-11, after Heinzelman and others (2000).
+    """
+
+    amplifier: Annotated[float, Quantity("J/bit/m2", ge=0, le=1e6), "E_amp: radiating a bit"] = 100e-12
+
+    def transmit(self, bits: float, distance: float) -> tuple[float, float]:
+        """(electronics, amplifier) joules of sending `bits` over `distance` m (eq. 9)."""
+        return bits * self.electronics, bits * self.amplifier * distance * distance
+
+
+@part
+class FirstOrder2002(Supply):
     """Free space up to a crossover distance, multipath fading beyond it.
 
     E_tx = k E_elec + k ε_fs d² for d < d0, k E_elec + k ε_mp d⁴ beyond, with d0 = sqrt(ε_fs / ε_mp), where both agree.
@@ -62,20 +70,12 @@ class FirstOrder2002:
     is left out: what a tracker computes is stated in operations.
     """
 
-    electronics: Annotated[float, Quantity("J/bit", ge=0, le=1e6), "E_elec: sending or receiving a bit"] = 50e-9
     free_space: Annotated[float, Quantity("J/bit/m2", ge=1e-30, le=1e6), "ε_fs: radiating a bit over a short link"] = (
         10e-12
     )
     multipath: Annotated[float, Quantity("J/bit/m4", ge=1e-30, le=1e6), "ε_mp: radiating a bit over a long link"] = (
         0.0013e-12
     )
-    battery: Annotated[float, Quantity("J", gt=0), "a node's charge at the start; .inf for no limit"] = 2.0
-    capacitance: Annotated[float, Quantity("F", ge=0, le=1e3), "C: capacitance switched in a cycle"] = 0.67e-9
-    voltage: Annotated[float, Quantity("V", ge=0, le=1e6), "V_dd: supply of the processor"] = 1.5
-    cycles_per_operation: Annotated[
-        float, Quantity("", gt=0, le=1e9), "processor cycles that one stated operation takes"
-    ] = 1.0
-    sensing: Annotated[float, Quantity("J", ge=0, le=1e6), "taking one reading"] = 0.0
 
     @property
     def crossover(self) -> float:
@@ -86,20 +86,3 @@ class FirstOrder2002:
         """(electronics, amplifier) joules of sending `bits` over `distance` m."""
         near = distance < self.crossover
         return bits * self.electronics, bits * (self.free_space * distance**2 if near else self.multipath * distance**4)
-
-    def receive(self, bits: float) -> float:
-        """Joules of receiving `bits`."""
-        return bits * self.electronics
-
-    def compute(self, cycles: float) -> float:
-        """Joules of `cycles` operations, as trackers state them."""
-        return switched(cycles * self.cycles_per_operation, self.capacitance, self.voltage)
-
-    def sense(self) -> float:
-        """Joules of one reading."""
-        return self.sensing
-
-
-def switched(cycles: float, capacitance: float, voltage: float) -> float:
-    """N_c C V² in joules: what a processor's switched capacitance takes."""
-    return cycles * capacitance * voltage * voltage

@@ -26,14 +26,11 @@ from wsnsim.trackers.shared.dealing import (
     Deal,
     Pool,
     give,
-    no_particles,
     pooled,
     predict_only,
     readings_at_most,
     redeal,
     resampled,
-    send_all,
-    send_moments,
     up_to_date,
 )
 from wsnsim.trackers.shared.moments import forecast
@@ -50,7 +47,7 @@ from wsnsim.trackers.shared.parcels import (
     weight_packets,
 )
 from wsnsim.trackers.shared.readings import share_readings
-from wsnsim.trackers.shared.spread import Spread, arrived, begin, look, only_predicted, within_predicted
+from wsnsim.trackers.shared.spread import Spread, begin, hand_on, look, only_predicted, within_predicted
 from wsnsim.trackers.shared.stacks import (
     CLOUD,
     LOG_WEIGHTS,
@@ -153,17 +150,9 @@ class ParallelPf:
 
         The weights need no packets on their way to the head: they came up with the last step.
         """
-        if self.handover == "gaussian":
-            arrival = yield from send_moments(belief.mean, belief.cov, successor)
-        else:
-            pool = belief.deal.whole
-            if pool is None:
-                answer = yield Gather(lambda member: give(member, self.particles, common=0.0), tuple(belief.deal.held))
-                pool = _weighed(answer, belief.weights)
-            arrival = yield from send_all(pool or no_particles(belief.mean.size), belief.mean, belief.cov, successor)
-        if arrival is None:
-            return None
-        return _without_weights(arrived(arrival, successor))
+        collect = None if self.handover == "gaussian" else _collected(belief, self.particles)
+        spread = yield from hand_on(belief, collect, successor)
+        return None if spread is None else _without_weights(spread)
 
     def estimate(self, belief: ParallelBelief) -> Estimate:
         """The fused estimate; the effective number is that of the whole set before resampling."""
@@ -286,6 +275,12 @@ def replicate(member: Member) -> None:
             counts, level = news.payload
             copies = _copies(counts, news.mask)
             keep(member, np.repeat(member.memory[CLOUD], copies, axis=1), np.full(int(copies.sum()), level))
+
+
+def _collected(belief: ParallelBelief, most: int) -> Flow[Pool | None]:
+    """All that the members hold, n packets each; the head knows their weights."""
+    answer = yield Gather(lambda member: give(member, most, common=0.0), tuple(belief.deal.held))
+    return _weighed(answer, belief.weights)
 
 
 def _weighed(answer: dict[int, tuple[tuple[Floats, float], Bools]], weights: Mapping[int, Floats]) -> Pool | None:

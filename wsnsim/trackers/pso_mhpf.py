@@ -24,20 +24,18 @@ from wsnsim.trackers.shared.dealing import (
     PREDICT_CYCLES,
     SMALLEST_CLUSTER,
     Deal,
+    Pool,
     give,
-    no_particles,
     pooled,
     predict_only,
     readings_at_most,
     resampled,
-    send_all,
-    send_moments,
     up_to_date,
 )
 from wsnsim.trackers.shared.moments import forecast, fused_by_variance, noise_faults, symmetric
 from wsnsim.trackers.shared.parcels import arrived_particles, is_whole, parcel, state_packets
 from wsnsim.trackers.shared.readings import share_readings
-from wsnsim.trackers.shared.spread import Spread, arrived, begin, look, only_predicted, within_predicted
+from wsnsim.trackers.shared.spread import Spread, begin, hand_on, look, only_predicted, within_predicted
 from wsnsim.trackers.shared.stacks import (
     CLOUD,
     LOG_WEIGHTS,
@@ -166,17 +164,8 @@ class PsoMhpf:
         The paper counts no packet for the members' weights: a member whose weights differ resamples its share first
         (our choice), with its own key.
         """
-        if self.handover == "gaussian":
-            arrival = yield from send_moments(belief.mean, belief.cov, successor)
-        else:
-            pool = belief.deal.whole
-            if pool is None:
-                answer = yield Gather(_give_all, tuple(belief.deal.held))
-                pool = pooled([arrived_particles(payload, mask) for payload, mask in answer.values()])
-            arrival = yield from send_all(pool or no_particles(belief.mean.size), belief.mean, belief.cov, successor)
-        if arrival is None:
-            return None
-        return arrived(arrival, successor)
+        collect = None if self.handover == "gaussian" else _collected(belief)
+        return hand_on(belief, collect, successor)
 
     def estimate(self, belief: Spread) -> Estimate:
         """The fused estimate; the effective number is that of the head's own share before its move."""
@@ -292,6 +281,12 @@ class PsoMhpf:
 def _cycles_taken(member: Member) -> float:
     result: LocalResult = member.memory[LOCAL]
     return result.cycles
+
+
+def _collected(belief: Spread) -> Flow[Pool | None]:
+    """All that the members hold, n packets each."""
+    answer = yield Gather(_give_all, tuple(belief.deal.held))
+    return pooled([arrived_particles(payload, mask) for payload, mask in answer.values()])
 
 
 def _give_all(member: Member) -> Parcel | None:

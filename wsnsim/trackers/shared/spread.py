@@ -12,7 +12,7 @@ from typing import TypeVar
 from wsnsim.base.arrays import Floats
 from wsnsim.base.asks import Flow, Member
 from wsnsim.base.ports import Estimate, Scene
-from wsnsim.trackers.shared.dealing import Arrival, Deal, no_particles, undealt, up_to_date
+from wsnsim.trackers.shared.dealing import Deal, Pool, no_particles, send_all, send_moments, undealt, up_to_date
 from wsnsim.trackers.shared.moments import predicted
 from wsnsim.trackers.shared.stacks import present, snapshot
 
@@ -41,8 +41,19 @@ def begin(prior: Estimate, particles: int, by_moments: bool, scene: Scene) -> Fl
     return Spread(prior.mean, prior.cov, prior.cov, deal, scene.head)
 
 
-def arrived(arrival: Arrival, successor: int) -> Spread:
-    """What a successor starts from: everything is with it, and not yet dealt out."""
+def hand_on(belief: Spread, collect: Flow[Pool | None] | None, successor: int) -> Flow[Spread | None]:
+    """Collect the particles and send them on, N_p + ceil(N_p / 4) + 4 packets; or the moments' 4 alone.
+
+    `collect` brings in what the members hold, and is not asked where nothing was dealt out; None: the moments alone go.
+    What is returned is all with the successor, and not yet dealt out; None if nothing reached it.
+    """
+    if collect is None:
+        arrival = yield from send_moments(belief.mean, belief.cov, successor)
+    else:
+        pool = belief.deal.whole if belief.deal.whole is not None else (yield from collect)
+        arrival = yield from send_all(pool or no_particles(belief.mean.size), belief.mean, belief.cov, successor)
+    if arrival is None:
+        return None
     return Spread(arrival.mean, arrival.cov, arrival.cov, undealt(arrival.pool), successor)
 
 
