@@ -15,7 +15,7 @@ from scipy.spatial import KDTree
 
 import wsnsim
 from wsnsim import experiment, recording, scenario
-from wsnsim.analysis import summary
+from wsnsim.analysis import summary, verification
 from wsnsim.base.errors import ScenarioError
 from wsnsim.base.tables import CAUSES, EVENT_CAUSE, KIND, Memory
 
@@ -113,7 +113,7 @@ def test_every_receive_names_a_frame_that_was_sent(files):
 
 
 def test_a_result_repeats(files):
-    answer = experiment.verify(files / "ipf.h5")
+    answer = verification.verify(files / "ipf.h5")
     assert answer.ok, answer.text
     assert "repeats" in answer.text and len(answer.rows) == 2
 
@@ -123,7 +123,7 @@ def test_a_result_that_was_tampered_with_does_not_repeat(files, tmp_path):
     copy.write_bytes((files / "ppf.h5").read_bytes())
     with h5py.File(copy, "r+") as file:
         file["estimates/error"][5] += 0.5
-    answer = experiment.verify(copy)
+    answer = verification.verify(copy)
     assert not answer.ok and "DOES NOT REPEAT" in answer.text
     assert [row["equal"] for row in answer.rows] == [False, True]
 
@@ -137,7 +137,7 @@ def test_made_on_another_kind_of_processor_values_are_compared_to_a_tolerance_an
         other = {"cpu_features": ["another"], "git": {"commit": "0123456789abcdef", "dirty": False}}
         file["provenance_json"] = json.dumps(stored | other)
         file["estimates/error"][5] *= 1 + 1e-9
-    answer = experiment.verify(copy)
+    answer = verification.verify(copy)
     assert answer.ok and "other CPU features" in answer.text
     assert "made by commit 0123456789ab, run again by " in answer.text
 

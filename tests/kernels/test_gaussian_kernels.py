@@ -103,7 +103,7 @@ def test_an_update_conditions_the_joint_gaussian_of_state_and_readings() -> None
     gradients, variances = rng.normal(size=(5, 2, 6)), rng.uniform(0.1, 2.0, (5, 6))
     expected, readings = rng.normal(size=(5, 6)), rng.normal(size=5)
     new_means, new_covs = means.copy(), covs.copy()
-    update(new_means, new_covs, expected, gradients, variances, readings, 0, 2)
+    update(new_means, new_covs, expected, gradients, variances, readings, np.array([0, 2]))
     for j in range(6):
         slope = np.zeros((5, 4))
         slope[:, [0, 2]] = gradients[:, :, j]
@@ -116,5 +116,5 @@ def test_an_update_conditions_the_joint_gaussian_of_state_and_readings() -> None
 def test_an_update_passes_over_a_reading_that_has_no_variance_to_speak_of() -> None:
     means, covs = np.zeros((2, 1)), np.eye(2)[None].copy()
     gradients = np.array([[[np.inf], [0.0]], [[1.0], [0.0]]])
-    update(means, covs, np.zeros((2, 1)), gradients, np.ones((2, 1)), np.array([5.0, 1.0]), 0, 1)
+    update(means, covs, np.zeros((2, 1)), gradients, np.ones((2, 1)), np.array([5.0, 1.0]), np.array([0, 1]))
     assert means[:, 0] == pytest.approx([0.5, 0.0]) and covs[0] == pytest.approx(np.diag([0.5, 1.0]))

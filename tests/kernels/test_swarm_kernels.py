@@ -20,11 +20,15 @@ def test_a_move_follows_equations_18_and_19_with_each_particles_own_uniforms() -
     fitness = np.array([0.0, 1.0, 4.0, 9.0, -1.0, 2.0])
     draw, phi1, phi2, length = 10, 2.0, 1.5, 0.04
     new_velocity = velocity.copy()
-    proposal = fly(cloud, new_velocity, best, fitness, OFFSETS, KEYS, draw, phi1, phi2, length, True)
+    proposal = fly(cloud, new_velocity, best, fitness, OFFSETS, KEYS, draw, 0.7, phi1, phi2, length, True)
     for j, leader in enumerate((1, 1, 3, 3, 3, 3)):
         for d in range(2):
             r1, r2 = (uniforms(KEYS[j : j + 1], draw + 2 * d + k)[0] for k in (0, 1))
-            v = velocity[d, j] + phi1 * r1 * (best[d, j] - cloud[d, j]) + phi2 * r2 * (best[d, leader] - cloud[d, j])
+            v = (
+                0.7 * velocity[d, j]
+                + phi1 * r1 * (best[d, j] - cloud[d, j])
+                + phi2 * r2 * (best[d, leader] - cloud[d, j])
+            )
             assert new_velocity[d, j] == pytest.approx(v, rel=1e-12)
             assert proposal[d, j] == pytest.approx(cloud[d, j] + v * length, rel=1e-12)
 
@@ -33,7 +37,7 @@ def test_without_random_factors_and_with_a_step_of_one_the_move_swings_up() -> N
     cloud, velocity, best = np.ones((1, 1)), np.zeros((1, 1)), np.zeros((1, 1))
     path = []
     for _ in range(6):
-        cloud = fly(cloud, velocity, best, np.zeros(1), np.array([0, 1]), KEYS[:1], 0, 2.0, 2.0, 1.0, False)
+        cloud = fly(cloud, velocity, best, np.zeros(1), np.array([0, 1]), KEYS[:1], 0, 1.0, 2.0, 2.0, 1.0, False)
         path.append(cloud[0, 0])
     assert path == pytest.approx([-3.0, 5.0, -7.0, 9.0, -11.0, 13.0])
 

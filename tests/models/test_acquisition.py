@@ -8,6 +8,7 @@ import pytest
 from wsnsim.base.ports import Estimate
 from wsnsim.models.acquire import AroundTruth, FromReadings
 from wsnsim.models.motion import BoundedVelocity
+from wsnsim.models.ranging import Range, RangeFromOrigin
 from wsnsim.models.sensing import AcousticEnergy
 
 SENSOR, MOTION = AcousticEnergy(), BoundedVelocity()
@@ -138,3 +139,53 @@ def test_a_prior_of_another_dimension_is_a_fault():
     assert "2 values for a state of 4 columns" in fault.message
     assert [fault.path for fault in AroundTruth(mean=(1.0,)).faults(parts)] == [("prior", "mean")]
     assert not list(AroundTruth().faults(parts))
+
+
+LINE = SimpleNamespace(position=(0,), columns=("px", "vx", "ax"))
+LINE_PRIOR = Estimate(mean=np.array([1.0, 0.1, 0.01]), cov=np.diag([1.0, 0.01, 0.0001]))
+MARKS = np.array([[-1.0, 10.0], [150.0, 10.0], [300.0, 10.0], [450.0, 10.0]])
+
+
+def on_line(x, nodes=MARKS, normals=None, **given):
+    sensor = Range(**given)
+    traits, normals = np.empty((len(nodes), 0)), np.zeros(len(nodes)) if normals is None else normals
+    readings = sensor.measure(np.full((len(nodes), 1), x), nodes, traits, normals)
+    return FromReadings(floor=0.01).estimate(readings, nodes, traits, sensor, LINE, LINE_PRIOR)
+
+
+@pytest.mark.parametrize("x", [-30.0, 150.0, 217.0, 380.0])
+def test_on_a_line_exact_ranges_give_the_position_and_the_inverse_of_fishers_information(x):
+    estimate = on_line(x)
+    assert estimate.mean[0] == pytest.approx(x, abs=0.1)
+    slopes = (x - MARKS[:, 0]) / np.hypot(x - MARKS[:, 0], 10.0)
+    assert estimate.cov[0, 0] == pytest.approx(1.0 / (slopes**2).sum(), rel=0.15)
+    assert np.array_equal(estimate.mean[1:], [0.0, 0.0])
+    assert np.allclose(np.diag(estimate.cov)[1:], [0.01 + 0.1**2, 0.0001 + 0.01**2])
+    assert np.count_nonzero(estimate.cov) == 3
+
+
+def test_on_a_line_the_error_is_as_large_as_the_covariance_says():
+    """Normalised squared errors of one coordinate have mean 1; over 100 draws its deviation is 0.14."""
+    squares = []
+    for seed in range(100):
+        estimate = on_line(217.0, normals=np.random.default_rng(seed).standard_normal(4))
+        squares.append((estimate.mean[0] - 217.0) ** 2 / estimate.cov[0, 0])
+    assert 0.55 < np.mean(squares) < 1.45
+
+
+def test_on_a_line_one_range_spans_the_places_on_both_sides_of_its_node():
+    estimate = on_line(180.0, nodes=MARKS[1:2])
+    assert estimate.mean[0] == pytest.approx(150.0, abs=0.5)
+    assert estimate.cov[0, 0] == pytest.approx(30.0**2, rel=0.1)
+
+
+def test_a_sensor_that_reaches_everywhere_leaves_nothing_to_search():
+    for sensor, count in ((Range(reach=np.inf), 1), (RangeFromOrigin(), 1), (Range(), 0), (SENSOR, 0)):
+        found = [fault.path for fault in FromReadings().faults(SimpleNamespace(sensor=sensor))]
+        assert found == [("sensor",)] * count
+
+
+def test_the_prior_of_a_line_is_drawn_in_its_own_dimension():
+    prior = AroundTruth(sd=(1.0, 0.1, 0.01))
+    assert prior.draw(np.array([1.0, 0.1, 0.01]), np.random.default_rng(0)).mean.shape == (3,)
+    assert not list(prior.faults(SimpleNamespace(motions=(LINE,))))

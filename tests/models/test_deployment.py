@@ -1,14 +1,16 @@
 """Where nodes stand: uniform, on grids, from a file; and what cannot be."""
 
-from types import SimpleNamespace
+import dataclasses
 
 import numpy as np
 import pytest
 
 from wsnsim.base.errors import RunError
+from wsnsim.base.ports import Field, Parts, Problem
 from wsnsim.models.clusters import StrongestSignal
 from wsnsim.models.coverage import covers
 from wsnsim.models.deploy import FromFile, Grid, JitteredGrid, Uniform, cells
+from wsnsim.models.ranging import Range
 from wsnsim.models.sensing import AcousticEnergy
 
 
@@ -17,11 +19,16 @@ def generator(seed=1):
 
 
 def company(reach=60.0):
-    return SimpleNamespace(sensor=AcousticEnergy(reach=reach), clusters=StrongestSignal())
+    return of_kind(Parts, sensor=AcousticEnergy(reach=reach), clusters=StrongestSignal())
 
 
-def faults(part, reach=60.0):
-    return [(".".join(map(str, fault.path)), fault.message) for fault in part.faults(company(reach))]
+def of_kind(kind, **given):
+    """A scenario with or without a network, of which only what is given matters."""
+    return kind(**dict.fromkeys(field.name for field in dataclasses.fields(kind)) | given)
+
+
+def faults(part, reach=60.0, parts=None):
+    return [(".".join(map(str, fault.path)), fault.message) for fault in part.faults(parts or company(reach))]
 
 
 def written(folder, text):
@@ -149,3 +156,30 @@ def test_nodes_from_a_file_must_cover_and_suffice(tmp_path):
     part = FromFile(path=written(tmp_path, "x,y\n0,0\n"), width=100, height=100)
     assert [path for path, _ in faults(part, reach=80.0)] == ["deploy.path"]
     assert [path for path, _ in faults(part, reach=70.0)] == ["deploy.path", "deploy.cover"]
+
+
+def test_every_deployment_names_its_field(tmp_path):
+    path = written(tmp_path, "x,y\n0,0\n")
+    for part in (Uniform, Grid, JitteredGrid):
+        assert part(width=30.0, height=20.0).field == Field(30.0, 20.0)
+    assert FromFile(path=path, width=30.0, height=20.0).field == Field(30.0, 20.0)
+
+
+def test_without_a_network_there_is_no_cluster_to_be_too_small_for(tmp_path):
+    alone = of_kind(Problem, sensor=AcousticEnergy())
+    path = written(tmp_path, "x,y\n0,0\n")
+    for part in (Uniform(nodes=2, cover=False), Grid(nodes=2, cover=False), FromFile(path=path, cover=False)):
+        assert faults(part, parts=alone) == []
+        assert len(faults(part)) == 1
+    assert [path for path, _ in faults(Uniform(nodes=2), parts=alone)] == ["deploy.cover"]
+
+
+@pytest.mark.parametrize("reach", [np.inf, 1e300])
+def test_one_sensor_without_end_covers_any_field(reach, tmp_path):
+    alone = of_kind(Problem, sensor=Range(reach=reach))
+    path = written(tmp_path, "x,y\n-7,3\n")
+    for part in (Uniform(nodes=1), Grid(nodes=1), JitteredGrid(nodes=1), FromFile(path=path)):
+        assert faults(part, parts=alone) == []
+        assert part.draw(reach, generator()).shape == (1, 2)
+    assert covers(np.zeros((1, 2)), reach, 400.0, 400.0)
+    assert not covers(np.empty((0, 2)), reach, 400.0, 400.0)

@@ -10,6 +10,7 @@ import numpy as np
 from wsnsim.base.asks import PACKET_BITS, Compute, Gather, Member, Parcel, Send
 from wsnsim.base.ports import Estimate, Parts
 from wsnsim.base.rng import Streams
+from wsnsim.base.rows import estimate_rows, truth_rows
 from wsnsim.base.tables import Memory
 from wsnsim.models.acquire import AroundTruth, FromReadings
 from wsnsim.models.clusters import StrongestSignal
@@ -20,7 +21,7 @@ from wsnsim.models.motion import BoundedVelocity
 from wsnsim.models.sensing import AcousticEnergy
 from wsnsim.models.sleep import EventWake
 from wsnsim.models.wakeup import NoWakeUp
-from wsnsim.network.rows import write_rows
+from wsnsim.network.rows import woken_rows, write_rows
 from wsnsim.network.world import Outcome, World
 
 
@@ -68,7 +69,7 @@ class Centroid:
         return Estimate(belief, np.eye(4))
 
     def forecast(self, belief: Any, scene: Any, ahead: int) -> Estimate:
-        return Estimate(scene.motion.advance(belief[:, None], scene.dt)[:, 0], np.eye(4))
+        return Estimate(scene.motion.advance(belief[:, None], scene.dt, scene.previous)[:, 0], np.eye(4))
 
 
 def parts(**changes: Any) -> Parts:
@@ -119,7 +120,17 @@ class Run:
         priors = [Estimate(truth[0], np.diag([25.0, 9.0, 25.0, 9.0])) for truth in truths]
         world = World(made, replicate, self.positions, traits, truths, priors, streams, self.memory)
         self.outcome: Outcome = world.run()
-        self.errors = write_rows(self.outcome, made, replicate, truths, self.memory)
+        write_rows(self.outcome, replicate, made, self.memory)
+        self.errors = np.array([self._write_track(track, replicate) for track in self.outcome.tracks])
+
+    def _write_track(self, track: Any, replicate: int) -> Any:
+        """The rows of one target, and its position errors."""
+        motion, truth = self.parts.motions[track.target], self.truths[track.target]
+        steps, key = self.outcome.steps, {"replicate": replicate, "target": track.target}
+        columns = estimate_rows(track.estimates, track.heads, motion, truth, steps, self.parts.dt)
+        self.memory.write("truth", {**key, **truth_rows(motion, truth, steps, self.parts.dt)})
+        self.memory.write("estimates", {**key, **columns, **woken_rows(self.outcome, track)})
+        return columns["error"]
 
     def events(self, kind: str, what: str | None = None) -> list[dict[str, Any]]:
         """The rows of one kind of event, and of one word if given."""

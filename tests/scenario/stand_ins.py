@@ -88,6 +88,8 @@ class Sensor(_Port):
     decay: Annotated[float, Quantity("", gt=0, le=6), "path loss exponent"] = 2.2
     samples: Annotated[int, Quantity("", ge=1), "samples"] = 1000
 
+    trait_names = ("gain",)
+
 
 @part
 class Energy(_Port):

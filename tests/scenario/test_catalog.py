@@ -178,7 +178,9 @@ def test_the_schema_demands_keys_only_of_files_that_extend_nothing() -> None:
     assert "required" not in schema
     assert schema["if"] == {"required": ["extends"]}
     demanded = schema["else"]
-    assert {"name", "duration", "deploy", "sensor", "energy", "link", "tracker"} == set(demanded["required"])
+    assert {"name", "duration", "sensor", "tracker"} == set(demanded["required"])
+    assert demanded["if"]["properties"]["network"] == {"const": "none"}
+    assert {"deploy", "energy", "link"} == set(demanded["else"]["required"])
     kinds_of_deploy = {
         one["properties"]["kind"]["const"]: one["required"] for one in demanded["properties"]["deploy"]["anyOf"]
     }

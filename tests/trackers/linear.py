@@ -38,16 +38,16 @@ class LinearMotion:
             states.append(F @ states[-1] + self.root @ rng.normal(size=4))
         return np.array(states)
 
-    def propagate(self, states, dt, keys):
+    def propagate(self, states, dt, keys, time=0.0):
         return F @ states + self.root @ np.array([normals(keys, draw) for draw in range(4)])
 
-    def advance(self, states, dt):
+    def advance(self, states, dt, time=0.0):
         return F @ states
 
-    def matrices(self, states, dt):
+    def matrices(self, states, dt, time=0.0):
         return np.repeat(F[None], states.shape[1], axis=0), self.noise
 
-    def log_transition(self, after, before, dt):
+    def log_transition(self, after, before, dt, time=0.0):
         white = np.linalg.solve(self.root, after - F @ before)
         return -0.5 * (white**2).sum(axis=0) - 2.0 * np.log(2.0 * np.pi) - np.log(np.diag(self.root)).sum()
 

@@ -11,3 +11,10 @@ Floats: TypeAlias = NDArray[np.float64]
 Ints: TypeAlias = NDArray[np.int64]
 Keys: TypeAlias = NDArray[np.uint64]
 Bools: TypeAlias = NDArray[np.bool_]
+
+
+def planar(points: Floats) -> Floats:
+    """Points (n, 2) in the plane of points (n, P): those of one coordinate lie on the x-axis."""
+    if points.shape[-1] == 2:
+        return points
+    return np.concatenate([points, np.zeros_like(points)], axis=-1)

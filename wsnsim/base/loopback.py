@@ -45,8 +45,9 @@ def perform(
     head: int,
     lose: Lose = perfect,
     watch: Callable[[Ask], None] | None = None,
+    close: Callable[[Ask, Any], None] | None = None,
 ) -> Any:
-    """Drive a flow to its end and give its belief. `watch` sees every ask (to count packets and cycles)."""
+    """Drive a flow to its end and give its belief. `watch` sees every ask before, `close` every ask and its answer."""
     answer: Any = None
     while True:
         try:
@@ -56,6 +57,8 @@ def perform(
         if watch:
             watch(ask)
         answer = answer_to(ask, members, head, lose)
+        if close:
+            close(ask, answer)
 
 
 def answer_to(ask: Ask, members: dict[int, Member], head: int, lose: Lose) -> Any:

@@ -1,8 +1,8 @@
 """The ports: what each role of a scenario must be able to do. Behind each stands one or more frozen `@part` classes.
 
-Shapes: D state columns, N particles or nodes, S sensors. States are (D, N): column j is particle j. SI units
-throughout. `keys` are (N,) uint64 counter keys, one a particle (see `base.rng`): equal keys, equal noise, whatever
-the order of the calls.
+Shapes: D state columns, P of them the position (1 or 2), N particles or nodes, S sensors. States are (D, N): column j
+is particle j. A target whose position is one column moves along the x-axis. SI units throughout. `keys` are (N,)
+uint64 counter keys, one a particle (see `base.rng`): equal keys, equal noise, whatever the order of the calls.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats, Ints, Keys
 from wsnsim.base.asks import Flow, Member
+from wsnsim.base.metrics import LOST_ERROR, LOST_WINDOW
 from wsnsim.base.tables import Words
 
 B = TypeVar("B")
@@ -22,14 +23,15 @@ B = TypeVar("B")
 
 @dataclass(frozen=True, slots=True)
 class Field:
-    """The monitored rectangle, centred on the origin. Width and height in m."""
+    """The monitored rectangle. Width, height and centre in m."""
 
     width: float
     height: float
+    centre: tuple[float, float] = (0.0, 0.0)
 
     def contains(self, points: Floats) -> Bools:
         """(N,) whether each of the (N, 2) points lies in the field, its edge included."""
-        return np.all(np.abs(points) <= np.array([self.width, self.height]) / 2, axis=-1)
+        return np.all(np.abs(points - np.array(self.centre)) <= np.array([self.width, self.height]) / 2, axis=-1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,9 +76,23 @@ class Scene:
         """N_act: how many members sense now."""
         return len(self.ids)
 
+    @property
+    def since(self) -> float:
+        """The time in s of the belief that comes into this step."""
+        return (self.step - self.steps) * self.dt
+
+    @property
+    def previous(self) -> float:
+        """The time in s one step ago: `since`, unless steps were missed."""
+        return (self.step - 1) * self.dt
+
 
 class MotionModel(Protocol):
-    """How a target moves. `columns` names the state's D columns; `position` says which two of them are x and y."""
+    """How a target moves. `columns` names the state's D columns; `position` says which P of them are x, or x and y.
+
+    `time` is when the states given hold, in s: the earlier end of the step. Models that do not depend on it may give it
+    a default.
+    """
 
     @property
     def columns(self) -> tuple[str, ...]: ...
@@ -85,26 +101,26 @@ class MotionModel(Protocol):
     def units(self) -> tuple[str, ...]: ...
 
     @property
-    def position(self) -> tuple[int, int]: ...
+    def position(self) -> tuple[int, ...]: ...
 
     def truth(self, steps: int, dt: float, rng: np.random.Generator) -> Floats:
         """(steps + 1, D): one trajectory from the start state."""
         ...
 
-    def propagate(self, states: Floats, dt: float, keys: Keys) -> Floats:
+    def propagate(self, states: Floats, dt: float, keys: Keys, time: float) -> Floats:
         """(D, N): each state one step on, with process noise."""
         ...
 
-    def advance(self, states: Floats, dt: float) -> Floats:
+    def advance(self, states: Floats, dt: float, time: float) -> Floats:
         """(D, N): each state one step on, without noise."""
         ...
 
-    def matrices(self, states: Floats, dt: float) -> tuple[Floats, Floats]:
+    def matrices(self, states: Floats, dt: float, time: float) -> tuple[Floats, Floats]:
         """F (N, D, D) at each state, and the process covariance Q (D, D)."""
         ...
 
-    def log_transition(self, after: Floats, before: Floats, dt: float) -> Floats:
-        """(N,) log p(after | before)."""
+    def log_transition(self, after: Floats, before: Floats, dt: float, time: float) -> Floats:
+        """(N,) log p(after | before). Raises RunError where the process noise is singular."""
         ...
 
     def assumed(self, noise_scale: float) -> MotionModel:
@@ -126,17 +142,17 @@ class SensorModel(Protocol):
         ...
 
     def measure(self, points: Floats, positions: Floats, traits: Floats, noise: Floats) -> Floats:
-        """(n,) readings of a target at points[i] (n, 2) by a sensor at positions[i], noise[i] standard normal."""
+        """(n,) readings of a target at points[i] (n, P) by a sensor at positions[i], noise[i] standard normal."""
         ...
 
     def log_likelihood(
         self, points: Floats, readings: Floats, positions: Floats, traits: Floats, owners: Ints | None = None
     ) -> Floats:
-        """(N,) log p(readings | points (2, N)): of all S readings, or of reading owners[j] alone for particle j."""
+        """(N,) log p(readings | points (P, N)): of all S readings, or of reading owners[j] alone for particle j."""
         ...
 
     def linearise(self, points: Floats, positions: Floats, traits: Floats) -> tuple[Floats, Floats, Floats]:
-        """At points (2, N): expected readings (S, N), their gradients in x and y (S, 2, N), their variances (S, N)."""
+        """At points (P, N): expected readings (S, N), their gradients (S, P, N), their variances (S, N)."""
         ...
 
     def assumed(self, gains: str, inflate: bool) -> SensorModel:
@@ -144,14 +160,41 @@ class SensorModel(Protocol):
         ...
 
 
+@runtime_checkable
+class Informs(Protocol):
+    """What a sensor may offer besides: what its readings can tell at best, for the bounds on every filter's error."""
+
+    def information(self, points: Floats, positions: Floats, traits: Floats) -> Floats:
+        """(S, P, P, N) Fisher's information about the position in one reading of each sensor, at points (P, N).
+
+        What a variance that depends on the state tells is included: g gᵀ / R + (∂R / R)(∂R / R)ᵀ / 2.
+        """
+        ...
+
+
+@runtime_checkable
+class Ranks(Protocol):
+    """What a sensor may offer besides: how near its readings say the target is, where a larger one is not nearer."""
+
+    def strength(self, reading: float) -> float:
+        """The larger, the nearer."""
+        ...
+
+
+@runtime_checkable
+class Detects(Protocol):
+    """What a sensor may offer besides: who gets a reading, where it is not everybody within `reach`."""
+
+    def detects(self, points: Floats, positions: Floats) -> Bools:
+        """(n, S) whether a target at each of the points (n, P) gives a reading at each of the sensors (S, 2)."""
+        ...
+
+
 class Deployment(Protocol):
     """Where the nodes stand."""
 
     @property
-    def width(self) -> float: ...
-
-    @property
-    def height(self) -> float: ...
+    def field(self) -> Field: ...
 
     def draw(self, reach: float, rng: np.random.Generator) -> Floats:
         """(N, 2) positions, covering the field if the part asks for it. Raises RunError where that cannot be had."""
@@ -324,12 +367,13 @@ class Snapshots(Protocol):
         ...
 
 
-@dataclass(frozen=True, slots=True)
-class Parts:
-    """A scenario, built: one part a role, ready for the network. Times in s.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Problem:
+    """A scenario without its network: what is estimated, from what, and by whom. Times in s.
 
     `motions` holds one model a target. `filter_motions` and `filter_sensor` are what trackers are told
-    (`tracker.assumes`). `record` maps table names to whether they are wanted.
+    (`tracker.assumes`). `record` maps table names to whether they are wanted. A track is lost if the mean error of its
+    last `lost_window` steps exceeds `lost_limit`.
     """
 
     name: str
@@ -342,6 +386,16 @@ class Parts:
     sensor: SensorModel
     filter_motions: tuple[MotionModel, ...]
     filter_sensor: SensorModel
+    tracker: Tracker[Any]
+    record: Mapping[str, bool] = field(default_factory=dict)
+    lost_window: int = LOST_WINDOW
+    lost_limit: float = LOST_ERROR
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Parts(Problem):
+    """A scenario, built: one part a role, ready for the network."""
+
     energy: EnergyModel
     link: LinkModel
     mac: Mac
@@ -350,6 +404,4 @@ class Parts:
     clusters: ClusterPolicy
     acquire: Acquire
     routing: Routing
-    tracker: Tracker[Any]
     until_clusters: int | None = None
-    record: Mapping[str, bool] = field(default_factory=dict)

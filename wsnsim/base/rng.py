@@ -12,12 +12,14 @@ from typing import Final
 
 import numpy as np
 
-from wsnsim.base.arrays import Floats, Keys
+from wsnsim.base.arrays import Floats, Ints, Keys
 
 MASK: Final = 0xFFFF_FFFF_FFFF_FFFF
 GOLDEN: Final = 0x9E37_79B9_7F4A_7C15
 FIRST: Final = 0xBF58_476D_1CE4_E5B9
 SECOND: Final = 0x94D0_49BB_1331_11EB
+HEAD_KEY: Final = 0xFFFF_FFFF
+"""In the place of a node's number, for the draws that a head makes for the whole track."""
 
 
 def name_hash(name: str) -> int:
@@ -69,6 +71,11 @@ def derive_each(keys: Keys, *numbers: Keys) -> Keys:
     for column in numbers:
         keys = _mix_all(keys + (column + np.uint64(1)) * np.uint64(GOLDEN))
     return keys
+
+
+def reading_noise(key: int, steps: Ints, nodes: Ints) -> Floats:
+    """The standard normals in the readings of nodes at steps, both (n,): a function of (key, step, node) alone."""
+    return normals(derive_each(derive_all(key, steps), nodes.astype(np.uint64)), 0)
 
 
 def uniforms(keys: Keys, draw: int) -> Floats:

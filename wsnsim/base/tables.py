@@ -7,8 +7,8 @@ closes.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -27,7 +27,10 @@ EVENT_CAUSE: Final = {name: code for code, name in enumerate(EVENT_CAUSES)}
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """One column: NumPy type, SI unit ('1' for a count, '' for an identifier), what it holds, its categories."""
+    """One column: NumPy type, SI unit ('1' for a count, '' for an identifier), what it holds, its categories.
+
+    `of_position`: it has the unit of the motion model's position, metres as a rule.
+    """
 
     name: str
     dtype: str
@@ -35,12 +38,17 @@ class Column:
     description: str
     meanings: tuple[str, ...] = ()
     smooth: bool = False
+    of_position: bool = False
 
 
 def _c(
     name: str, dtype: str, units: str, description: str, meanings: tuple[str, ...] = (), smooth: bool = False
 ) -> Column:
     return Column(name, dtype, units, description, meanings, smooth)
+
+
+def _error(name: str, description: str) -> Column:
+    return Column(name, "f8", "m", description, of_position=True)
 
 
 _REPLICATE = _c("replicate", "u4", "", "number of the replicate")
@@ -54,10 +62,10 @@ TABLES: Final[dict[str, tuple[Column, ...]]] = {
         _REPLICATE,
         _c("status", "u1", "", "how the run ended", STATUSES),
         _c("steps", "u4", "1", "steps simulated after the start"),
-        _c("rmse", "f8", "m", "root mean square position error over steps and targets"),
-        _c("median_error", "f8", "m", "median position error over steps and targets"),
+        _error("rmse", "root mean square position error over steps and targets"),
+        _error("median_error", "median position error over steps and targets"),
         _c("lost", "u1", "1", "1 if a track was lost at the end"),
-        _c("energy", "f8", "J", "energy that the network spent"),
+        _c("energy", "f8", "J", "energy that the network spent; NaN without a network"),
         _c("handovers", "u4", "1", "handovers begun"),
         _c("frames_sent", "u8", "1", "bursts put on the air, each hop counted"),
         _c(
@@ -67,18 +75,29 @@ TABLES: Final[dict[str, tuple[Column, ...]]] = {
             "bursts of which a packet did not arrive; of a broadcast, at a living node within reach",
         ),
         _c("packets_sent", "u8", "1", "packets put on the air, each hop counted"),
+        _c("cycles", "f8", "1", "operations that the tracker stated, on all nodes"),
         _c("alive", "u4", "1", "nodes alive at the end"),
         _c("first_death", "f8", "s", "when the first node died; NaN if none did"),
         _c("half_dead", "f8", "s", "when half of the nodes had died; NaN if they had not"),
-        _c("coverage", "f8", "1", "fraction of the field within sensing range of a living node at the end"),
+        _c(
+            "coverage",
+            "f8",
+            "1",
+            "fraction of the field within sensing range of a living node at the end; NaN without a network",
+        ),
         _c("cpu_seconds", "f8", "s", "processor time that the run took"),
-        _c("fingerprint", "u8", "", "64-bit digest of the (time, node, kind, peer, bits) stream"),
+        _c(
+            "fingerprint",
+            "u8",
+            "",
+            "64-bit digest of the (time, node, kind, peer, bits) stream; of the estimates without a network",
+        ),
     ),
     "tracks": (
         _REPLICATE,
         _TARGET,
-        _c("rmse", "f8", "m", "root mean square position error over steps"),
-        _c("median_error", "f8", "m", "median position error over steps"),
+        _error("rmse", "root mean square position error over steps"),
+        _error("median_error", "median position error over steps"),
         _c("lost", "u1", "1", "1 if the track was lost at the end"),
         _c("lost_at", "f8", "s", "when the track was first lost: the end of its first bad window; NaN if it never was"),
         _c("reacquired", "u4", "1", "how often the track was started anew from readings"),
@@ -102,9 +121,9 @@ TABLES: Final[dict[str, tuple[Column, ...]]] = {
         _STEP,
         _TIME,
         _c("issued", "f8", "s", "when the head had the estimate; NaN for a skipped step"),
-        _c("sd_x", "f8", "m", "standard deviation of the position that the filter claims"),
-        _c("sd_y", "f8", "m", "standard deviation of the position that the filter claims"),
-        _c("error", "f8", "m", "distance from the true position; NaN for a skipped step"),
+        _error("sd_x", "standard deviation of the position that the filter claims, in its first column"),
+        _error("sd_y", "the same in its second column, if it has one"),
+        _error("error", "distance from the true position; NaN for a skipped step"),
         _c("head", "i4", "", "node that leads; -1 if none does"),
         _c("active", "u2", "1", "members that sense, the head included"),
         _c("members", "u2", "1", "members of the cluster, the head included"),
@@ -168,9 +187,18 @@ STATE_AFTER: Final = {"truth": "time", "estimates": "issued", "particles": "node
 RECORDED_BY_DEFAULT: Final = {name: name != "particles" for name in TABLES}
 
 
-def columns_of(table: str, states: Iterable[tuple[str, str]] = ()) -> tuple[Column, ...]:
-    """The table's columns, with the motion model's state columns, given as (name, unit), in their place."""
+def columns_of(
+    table: str, states: Sequence[tuple[str, str]] = (), position: Sequence[int] | None = None
+) -> tuple[Column, ...]:
+    """The table's columns for a motion model, given by its state columns as (name, unit) and which are the position.
+
+    The state columns stand in their place, positions have the model's unit, and one of one column has no `sd_y`.
+    """
     columns = TABLES[table]
+    if position is not None:
+        unit = states[position[0]][1]
+        columns = tuple(replace(c, units=unit) if c.of_position else c for c in columns)
+        columns = tuple(c for c in columns if c.name != "sd_y" or len(position) > 1)
     if table not in STATE_AFTER:
         return columns
     cut = 1 + next(i for i, column in enumerate(columns) if column.name == STATE_AFTER[table])

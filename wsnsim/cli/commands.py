@@ -186,9 +186,9 @@ def info(result: Path, as_json: bool) -> None:
 @_json
 def verify(result: Path, as_json: bool) -> int:
     """Run a result's scenario again and compare the fingerprints."""
-    from wsnsim import experiment
+    from wsnsim.analysis import verification
 
-    answer = experiment.verify(result)
+    answer = verification.verify(result)
     if as_json:
         _echo_json({"ok": answer.ok, "rows": answer.rows})
     else:

@@ -181,27 +181,30 @@ def update(
     gradients: Floats,
     variances: Floats,
     readings: Floats,
-    x: int,
-    y: int,
+    place: Ints,
 ) -> None:
     """Update means (D, N) and covariances (N, D, D) in place with S readings, linearised at the means as they come in.
 
-    expected, variances (S, N), gradients (S, 2, N) in the state's rows x and y. Reading after reading with one fixed
-    point of linearisation: the same as the extended Kalman filter's joint update, whose innovation covariance is S x S.
-    A reading without a finite positive innovation variance is passed over.
+    expected, variances (S, N), gradients (S, P, N) in the state's rows `place` (P,). Reading after reading with one
+    fixed point of linearisation: the same as the extended Kalman filter's joint update, whose innovation covariance is
+    S x S. A reading without a finite positive innovation variance is passed over.
     """
     size = means.shape[0]
-    lift = np.empty(size)
+    lift, start = np.empty(size), np.empty(place.size)
     for j in range(means.shape[1]):
-        at_x, at_y = means[x, j], means[y, j]
+        for p in range(place.size):
+            start[p] = means[place[p], j]
         for s in range(readings.size):
-            along_x, along_y = gradients[s, 0, j], gradients[s, 1, j]
             for d in range(size):
-                lift[d] = covs[j, d, x] * along_x + covs[j, d, y] * along_y
-            spread = along_x * lift[x] + along_y * lift[y] + variances[s, j]
+                lift[d] = 0.0
+                for p in range(place.size):
+                    lift[d] += covs[j, d, place[p]] * gradients[s, p, j]
+            spread, surprise = variances[s, j], readings[s] - expected[s, j]
+            for p in range(place.size):
+                spread += gradients[s, p, j] * lift[place[p]]
+                surprise -= gradients[s, p, j] * (means[place[p], j] - start[p])
             if not (0.0 < spread < np.inf):
                 continue
-            surprise = readings[s] - expected[s, j] - along_x * (means[x, j] - at_x) - along_y * (means[y, j] - at_y)
             for d in range(size):
                 means[d, j] += lift[d] * surprise / spread
                 for e in range(size):

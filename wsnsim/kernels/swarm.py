@@ -32,6 +32,7 @@ def fly(
     offsets: Ints,
     keys: Keys,
     draw: int,
+    inertia: float,
     phi1: float,
     phi2: float,
     length: float,
@@ -40,7 +41,7 @@ def fly(
     """(D, N) where the swarm would go; velocities are updated in place, whether the move is accepted later or not.
 
     gB is the best that any particle of the *same node* has been so far (our choice: a node knows no other's).
-    Eqs. (18), (19).
+    Eqs. (18), (19), with an inertia factor on V that is 1 there.
     """
     proposal = np.empty(cloud.shape)
     for m in range(offsets.size - 1):
@@ -54,7 +55,8 @@ def fly(
                 r1 = uniform(keys[j], draw + 2 * d) if random_factors else 1.0
                 r2 = uniform(keys[j], draw + 2 * d + 1) if random_factors else 1.0
                 # eq. 18: V += phi1 r1 (pB - x) + phi2 r2 (gB - x)
-                v = velocity[d, j] + phi1 * r1 * (best[d, j] - cloud[d, j]) + phi2 * r2 * (at_best - cloud[d, j])
+                own, common = best[d, j] - cloud[d, j], at_best - cloud[d, j]
+                v = inertia * velocity[d, j] + phi1 * r1 * own + phi2 * r2 * common
                 velocity[d, j] = v
                 proposal[d, j] = cloud[d, j] + v * length  # eq. 19
     return proposal

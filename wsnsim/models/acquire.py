@@ -14,7 +14,7 @@ import numpy as np
 from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import Fault
 from wsnsim.base.part import Quantity, part
-from wsnsim.base.ports import Estimate, MotionModel, Parts, SensorModel
+from wsnsim.base.ports import Estimate, MotionModel, Problem, SensorModel
 from wsnsim.models.bounds import DEVIATION, STATE
 
 DEVIATIONS = (5.0, 3.0, 5.0, 3.0)
@@ -38,7 +38,7 @@ class AroundTruth:
         mean = start + sd * rng.standard_normal(sd.size) if self.mean is None else np.array(self.mean)
         return Estimate(mean=mean, cov=np.diag(sd**2))
 
-    def faults(self, parts: Parts) -> Iterator[Fault]:
+    def faults(self, parts: Problem) -> Iterator[Fault]:
         """A prior of another dimension than the state."""
         columns = parts.motions[0].columns
         for key, values in (("sd", self.sd), ("mean", self.mean)):
@@ -58,7 +58,9 @@ class FromReadings:
     grows with their logarithm only (Student's t instead of a Gaussian), so that a few false readings are outvoted.
     """
 
-    lattice: Annotated[int, Quantity("", ge=11, le=201), "points along a side of the lattice"] = 41
+    lattice: Annotated[
+        int, Quantity("", ge=11, le=201), "points along a side of the lattice; their square on a line"
+    ] = 41
     outlier: Annotated[
         float, Quantity("", ge=1e-3, le=1e6), "standard deviations beyond which a reading is taken for false"
     ] = 6.0
@@ -78,21 +80,25 @@ class FromReadings:
         Readings that are not finite are left out; if none is left, the target may be anywhere about the nodes. Other
         columns than the position get mean 0 and the prior's mean square, mean² + variance: nothing is known of them.
         """
-        known = np.isfinite(readings)
+        known, place = np.isfinite(readings), list(motion.position)
         point, spread = self._locate(
-            readings[known], positions[known], traits[known], sensor, _box(positions, sensor.reach)
+            readings[known], positions[known], traits[known], sensor, _box(positions[:, : len(place)], sensor.reach)
         )
         mean = np.zeros(prior.mean.size)
         cov = np.diag(prior.mean**2 + np.diag(prior.cov))
-        place = list(motion.position)
         mean[place] = point
         cov[np.ix_(place, place)] = _bounded(spread, self.floor, sensor.reach)
         return Estimate(mean=mean, cov=cov)
 
+    def faults(self, parts: Problem) -> Iterator[Fault]:
+        """A sensor without end: a target that may be anywhere cannot be looked for on a lattice."""
+        if np.isinf(parts.sensor.reach):
+            yield Fault(("sensor",), "its reach must be finite in a network: a new track is looked for within it")
+
     def _locate(
         self, readings: Floats, positions: Floats, traits: Floats, sensor: SensorModel, box: tuple[Floats, Floats]
     ) -> tuple[Floats, Floats]:
-        """Mean (2,) and covariance (2, 2) of the position within a box, given as its centre and half width, both (2,).
+        """Mean (P,) and covariance (P, P) of the position within a box, given as its centre and half width, both (P,).
 
         While the likelihood is too sharp for the lattice, the box shrinks to the best of its points. Where they
         lie apart, as the two crossings of two rings, it cannot, and the likelihood is tempered until it covers a few.
@@ -101,7 +107,7 @@ class FromReadings:
             points = _lattice(*box, self.lattice)
             score = self._score(points, readings, positions, traits, sensor)
             weights, whole = _tempered(score)
-            narrower = _around_best(points, score, self.lattice)
+            narrower = _around_best(points, score)
             if whole or np.all(narrower[1] > 0.9 * box[1]):
                 break
             box = narrower
@@ -110,7 +116,7 @@ class FromReadings:
     def _score(
         self, points: Floats, readings: Floats, positions: Floats, traits: Floats, sensor: SensorModel
     ) -> Floats:
-        """(N,) the log-likelihood of the readings at points (2, N), with the tails of Student's t."""
+        """(N,) the log-likelihood of the readings at points (P, N), with the tails of Student's t."""
         means, _, variances = sensor.linearise(points, positions, traits)
         limit = self.outlier**2
         squares = limit * np.log1p((readings[:, None] - means) ** 2 / (limit * variances))
@@ -124,16 +130,19 @@ def _box(positions: Floats, reach: float) -> tuple[Floats, Floats]:
 
 
 def _lattice(centre: Floats, half: Floats, side: int) -> Floats:
-    """(2, side²) points of a square lattice, its edges included."""
+    """(P, side²) points of a square lattice, or as many along a line; its edges included."""
+    if centre.size == 1:
+        return centre[:, None] + half[:, None] * np.linspace(-1.0, 1.0, side * side)
     offsets = np.linspace(-1.0, 1.0, side)
     x, y = np.meshgrid(centre[0] + half[0] * offsets, centre[1] + half[1] * offsets)
     return np.stack([x.ravel(), y.ravel()])
 
 
-def _around_best(points: Floats, score: Floats, side: int) -> tuple[Floats, Floats]:
+def _around_best(points: Floats, score: Floats) -> tuple[Floats, Floats]:
     """The box, as centre and half width, of the twentieth of the points that score best, and one step more."""
     best = points[:, np.argpartition(score, -(score.size // 20))[-(score.size // 20) :]]
     low, high = best.min(axis=1), best.max(axis=1)
+    side = round(score.size ** (1.0 / len(points)))
     step = (points.max(axis=1) - points.min(axis=1)) / (side - 1)
     return (low + high) / 2, (high - low) / 2 + step
 

@@ -1,6 +1,8 @@
 """Whether nodes cover the field: whether every point of it is within reach of one.
 
 covers(positions (N, 2), reach, width, height) -> bool, exactly      coverage(...) -> fraction, on a fixed lattice
+
+Positions are relative to the field's middle. A reach may be infinite: one node then covers any field.
 """
 
 from __future__ import annotations
@@ -26,7 +28,8 @@ def nodes_needed(reach: float, width: float, height: float) -> int:
 
     N >= 2 / (3 sqrt(3)) · area / reach² (Kershner 1939; for a convex polygon of at most six sides, Fejes Tóth 1953).
     """
-    return math.ceil(2.0 / (3.0 * math.sqrt(3.0)) * width * height / reach**2 - TOLERANCE)
+    hexagons = 2.0 / (3.0 * math.sqrt(3.0)) * width * height / (reach * reach)
+    return max(math.ceil(hexagons - TOLERANCE), 1)
 
 
 def covers(positions: Floats, reach: float, width: float, height: float) -> bool:
@@ -40,8 +43,8 @@ def covers(positions: Floats, reach: float, width: float, height: float) -> bool
     Source: the perimeter coverage of Huang and Tseng (2003), "The coverage problem in a wireless sensor network".
     """
     centres = np.unique(positions, axis=0)
-    if not len(centres):
-        return False
+    if not len(centres) or math.isinf(reach):
+        return len(centres) > 0
     tree = cKDTree(centres)
     some = (np.arange(first, min(first + AT_ONCE, len(centres))) for first in range(0, len(centres), AT_ONCE))
     doubtful = (

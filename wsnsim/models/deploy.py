@@ -1,6 +1,6 @@
 """Where the nodes stand, and whether they cover the field: whether every point of it is within reach of a node.
 
-draw(reach, rng) -> positions (N, 2)
+draw(reach, rng) -> positions (N, 2)          field -> Field, the rectangle that is monitored
 covers(positions, reach, width, height) -> bool, exactly      coverage(...) -> fraction, on a fixed lattice
 """
 
@@ -9,17 +9,21 @@ from __future__ import annotations
 import csv
 import math
 from collections.abc import Callable, Iterator
+from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Final
 
 import numpy as np
 
 from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import Fault, RunError
 from wsnsim.base.part import Quantity, part
-from wsnsim.base.ports import Field, Parts
-from wsnsim.models.bounds import LENGTH, MOST_NODES
+from wsnsim.base.ports import Field, Parts, Problem
+from wsnsim.models.bounds import LENGTH, MOST_NODES, PLACE
 from wsnsim.models.coverage import TOLERANCE, coverage, covers, nodes_needed
+
+LEAST_SIDE: Final = 1.0
+"""m: of a field that is taken from places along a line, or from one place."""
 
 
 @part
@@ -35,12 +39,17 @@ class Uniform:
     cover: Annotated[bool, "whether every point of the field must be within sensing reach of a node"] = True
     draws: Annotated[int, Quantity("", ge=1, le=100_000), "draws after which coverage is given up"] = 1000
 
+    @property
+    def field(self) -> Field:
+        """The rectangle of `width` by `height` about (0, 0)."""
+        return Field(self.width, self.height)
+
     def draw(self, reach: float, rng: np.random.Generator) -> Floats:
         """(N, 2) positions. Raises RunError if no draw covers the field."""
         size = np.array([self.width, self.height])
         return _until_covered(self, lambda: (rng.random((self.nodes, 2)) - 0.5) * size, reach)
 
-    def faults(self, parts: Parts) -> Iterator[Fault]:
+    def faults(self, parts: Problem) -> Iterator[Fault]:
         """Too few nodes to cover the field, or to make a cluster."""
         yield from _too_few(self, parts)
 
@@ -54,11 +63,16 @@ class Grid:
     height: Annotated[float, LENGTH, "of the field, in y"] = 400.0
     cover: Annotated[bool, "whether every point of the field must be within sensing reach of a node"] = True
 
+    @property
+    def field(self) -> Field:
+        """The rectangle of `width` by `height` about (0, 0)."""
+        return Field(self.width, self.height)
+
     def draw(self, reach: float, rng: np.random.Generator) -> Floats:
         """(N, 2) positions, row by row from the lower left; nothing is drawn."""
         return cells(self.nodes, self.width, self.height)[0]
 
-    def faults(self, parts: Parts) -> Iterator[Fault]:
+    def faults(self, parts: Problem) -> Iterator[Fault]:
         """Too few nodes to make a cluster, or a grid that does not cover the field."""
         yield from _too_few(self, parts)
         yield from _uncovered(self, cells(self.nodes, self.width, self.height)[0], parts)
@@ -75,12 +89,17 @@ class JitteredGrid:
     cover: Annotated[bool, "whether every point of the field must be within sensing reach of a node"] = True
     draws: Annotated[int, Quantity("", ge=1, le=100_000), "draws after which coverage is given up"] = 1000
 
+    @property
+    def field(self) -> Field:
+        """The rectangle of `width` by `height` about (0, 0)."""
+        return Field(self.width, self.height)
+
     def draw(self, reach: float, rng: np.random.Generator) -> Floats:
         """(N, 2) positions. Raises RunError if no draw covers the field."""
         centres, sizes = cells(self.nodes, self.width, self.height)
         return _until_covered(self, lambda: centres + self.jitter * sizes * (rng.random((self.nodes, 2)) - 0.5), reach)
 
-    def faults(self, parts: Parts) -> Iterator[Fault]:
+    def faults(self, parts: Problem) -> Iterator[Fault]:
         """Too few nodes to cover the field, or to make a cluster."""
         yield from _too_few(self, parts)
 
@@ -94,19 +113,72 @@ class FromFile:
     height: Annotated[float, LENGTH, "of the field, in y"] = 400.0
     cover: Annotated[bool, "whether every point of the field must be within sensing reach of a node"] = True
 
+    @property
+    def field(self) -> Field:
+        """The rectangle of `width` by `height` about (0, 0)."""
+        return Field(self.width, self.height)
+
     def draw(self, reach: float, rng: np.random.Generator) -> Floats:
         """(N, 2) positions in the file's order. Raises RunError naming file and line if it cannot be read."""
-        return read_positions(self.path, Field(self.width, self.height))
+        return read_positions(self.path, self.field)
 
-    def faults(self, parts: Parts) -> Iterator[Fault]:
+    def faults(self, parts: Problem) -> Iterator[Fault]:
         """A file that cannot be read, too few nodes in it, or nodes that do not cover the field."""
         try:
-            positions = read_positions(self.path, Field(self.width, self.height))
+            positions = read_positions(self.path, self.field)
         except RunError as error:
             yield Fault(("deploy", "path"), str(error))
             return
         yield from _too_few_for_a_cluster(len(positions), "path", parts)
         yield from _uncovered(self, positions, parts)
+
+
+@part
+class Anchors:
+    """Nodes at the places that the scenario names.
+
+    The field is `width` by `height` about `centre`. What is left out is taken from the places: the sides and the
+    middle of the smallest rectangle that holds them, sides of less than 1 m being taken as 1 m (our choice).
+    """
+
+    places: Annotated[tuple[tuple[float, float], ...], PLACE, "x and y of each node"] = ((0.0, 0.0),)
+    width: Annotated[float | None, LENGTH, "of the field, in x; left out: what the places span"] = None
+    height: Annotated[float | None, LENGTH, "of the field, in y; left out: what the places span"] = None
+    centre: Annotated[
+        tuple[float, float] | None, PLACE, "x and y of the field's middle; left out: that of what the places span"
+    ] = None
+    cover: Annotated[bool, "whether every point of the field must be within sensing reach of a node"] = False
+
+    def __post_init__(self) -> None:
+        """Refuse a list without places: there is no field about them. Raises ValueError."""
+        if not self.places:
+            raise ValueError("places must name at least one node, such as [[0, 0]]")
+
+    @cached_property
+    def field(self) -> Field:
+        """The rectangle that is monitored: what the scenario says of it, the rest from the places."""
+        places = np.array(self.places, dtype=np.float64)
+        low, high = places.min(axis=0), places.max(axis=0)
+        sides, middle = np.maximum(high - low, LEAST_SIDE).tolist(), ((low + high) / 2).tolist()
+        return Field(
+            sides[0] if self.width is None else self.width,
+            sides[1] if self.height is None else self.height,
+            (middle[0], middle[1]) if self.centre is None else self.centre,
+        )
+
+    def draw(self, reach: float, rng: np.random.Generator) -> Floats:
+        """(N, 2) positions in the order of the places; nothing is drawn."""
+        return np.array(self.places, dtype=np.float64)
+
+    def faults(self, parts: Problem) -> Iterator[Fault]:
+        """Nodes outside the field, too few to make a cluster, or nodes that do not cover the field."""
+        positions = np.array(self.places, dtype=np.float64)
+        inside = self.field.contains(positions)
+        for i in np.nonzero(~inside)[0].tolist():
+            yield Fault(("deploy", "places", i), _outside(self.places[i], self.field))
+        yield from _too_few_for_a_cluster(len(positions), "places", parts)
+        if inside.all():
+            yield from _uncovered(self, positions, parts)
 
 
 def cells(nodes: int, width: float, height: float) -> tuple[Floats, Floats]:
@@ -152,10 +224,16 @@ def _position(place: str, row: dict[str, str], field: Field) -> tuple[float, flo
     except ValueError:
         raise RunError(f"{place}: x and y must be numbers, got {row.get('x', '')!r} and {row.get('y', '')!r}") from None
     if not field.contains(np.array([[x, y]]))[0]:
-        raise RunError(
-            f"{place}: ({x:g}, {y:g}) m is outside the field of {field.width:g} m by {field.height:g} m around (0, 0)"
-        )
+        raise RunError(f"{place}: {_outside((x, y), field)}")
     return x, y
+
+
+def _outside(place: tuple[float, float], field: Field) -> str:
+    """What a message says of a place that is not in the field."""
+    return (
+        f"({place[0]:g}, {place[1]:g}) m is outside the field of {field.width:g} m by {field.height:g} m around "
+        f"({field.centre[0]:g}, {field.centre[1]:g})"
+    )
 
 
 def _until_covered(part: Uniform | JitteredGrid, draw: Callable[[], Floats], reach: float) -> Floats:
@@ -169,7 +247,7 @@ def _until_covered(part: Uniform | JitteredGrid, draw: Callable[[], Floats], rea
     )
 
 
-def _too_few(part: Uniform | Grid | JitteredGrid, parts: Parts) -> Iterator[Fault]:
+def _too_few(part: Uniform | Grid | JitteredGrid, parts: Problem) -> Iterator[Fault]:
     needed = nodes_needed(parts.sensor.reach, part.width, part.height)
     if part.cover and part.nodes < needed:
         yield Fault(
@@ -180,24 +258,23 @@ def _too_few(part: Uniform | Grid | JitteredGrid, parts: Parts) -> Iterator[Faul
     yield from _too_few_for_a_cluster(part.nodes, "nodes", parts)
 
 
-def _too_few_for_a_cluster(nodes: int, key: str, parts: Parts) -> Iterator[Fault]:
-    minimum = parts.clusters.minimum_active
+def _too_few_for_a_cluster(nodes: int, key: str, parts: Problem) -> Iterator[Fault]:
+    """Fewer nodes than a cluster needs, where there is a network and so are clusters."""
+    minimum = parts.clusters.minimum_active if isinstance(parts, Parts) else 0
     if nodes < minimum:
         yield Fault(
             ("deploy", key), f"{nodes} nodes cannot make a cluster of clusters.minimum_active = {minimum} members"
         )
 
 
-def _uncovered(part: Grid | FromFile, positions: Floats, parts: Parts) -> Iterator[Fault]:
+def _uncovered(part: Grid | FromFile | Anchors, positions: Floats, parts: Problem) -> Iterator[Fault]:
     """Fixed positions that leave a part of the field out of reach, unless their number alone is too small."""
-    if (
-        part.cover
-        and len(positions) >= nodes_needed(parts.sensor.reach, part.width, part.height)
-        and not covers(positions, parts.sensor.reach, part.width, part.height)
-    ):
-        share = coverage(positions, parts.sensor.reach, part.width, part.height)
+    reach, width, height = parts.sensor.reach, part.field.width, part.field.height
+    about = positions - np.array(part.field.centre)
+    if part.cover and len(about) >= nodes_needed(reach, width, height) and not covers(about, reach, width, height):
+        share = coverage(about, reach, width, height)
         yield Fault(
             ("deploy", "cover"),
-            f"these {len(positions)} nodes with a sensing reach of {parts.sensor.reach:g} m leave about "
+            f"these {len(about)} nodes with a sensing reach of {reach:g} m leave about "
             f"{100 * (1 - share):.2g} % of the field uncovered; use more nodes, a longer reach, or cover: false",
         )

@@ -1,6 +1,8 @@
 """How a target moves. A model gives truth, predictions and transition densities, all from one process covariance.
 
-propagate(states (D, N), dt, keys (N,)) -> (D, N)
+propagate(states (D, N), dt, keys (N,), time) -> (D, N)
+
+`time` is when the states given hold, in s; the model here does not depend on it.
 """
 
 from __future__ import annotations
@@ -16,7 +18,7 @@ import numpy as np
 from wsnsim.base.arrays import Floats, Keys
 from wsnsim.base.errors import Fault, RunError
 from wsnsim.base.part import Quantity, part
-from wsnsim.base.ports import Field, Parts
+from wsnsim.base.ports import Problem
 from wsnsim.kernels import motion as kernels
 from wsnsim.models.bounds import STATE
 
@@ -68,19 +70,19 @@ class BoundedVelocity:
                 raise RunError(f"motion: the target runs away: it is beyond {FARTHEST:g} m at {(step + 1) * dt:g} s")
         return states
 
-    def propagate(self, states: Floats, dt: float, keys: Keys) -> Floats:
+    def propagate(self, states: Floats, dt: float, keys: Keys, time: float = 0.0) -> Floats:
         """(4, N): each state one step on, with process noise (eq. 1)."""
         return kernels.propagate(np.ascontiguousarray(states), keys, self._law(dt), self._process(dt).root)
 
-    def advance(self, states: Floats, dt: float) -> Floats:
+    def advance(self, states: Floats, dt: float, time: float = 0.0) -> Floats:
         """(4, N): each state one step on, without noise."""
         return kernels.advance(np.ascontiguousarray(states), self._law(dt))
 
-    def matrices(self, states: Floats, dt: float) -> tuple[Floats, Floats]:
+    def matrices(self, states: Floats, dt: float, time: float = 0.0) -> tuple[Floats, Floats]:
         """A (N, 4, 4) at each state, and the covariance (4, 4) of the process noise (eqs. 2-4)."""
         return kernels.transitions(np.ascontiguousarray(states), self._law(dt)), self._process(dt).covariance.copy()
 
-    def log_transition(self, after: Floats, before: Floats, dt: float) -> Floats:
+    def log_transition(self, after: Floats, before: Floats, dt: float, time: float = 0.0) -> Floats:
         """(N,) log p(after | before); -inf where either is not finite.
 
         Raises:
@@ -98,17 +100,16 @@ class BoundedVelocity:
         """The model as a filter believes it: process covariance times `noise_scale`, since both terms grow with it."""
         return dataclasses.replace(self, q=self.q * noise_scale, sigma0=self.sigma0 * math.sqrt(noise_scale))
 
-    def faults(self, parts: Parts) -> Iterator[Fault]:
+    def faults(self, parts: Problem) -> Iterator[Fault]:
         """A start outside the field."""
-        field = Field(parts.deploy.width, parts.deploy.height)
+        field = parts.deploy.field
         x, y = (self.start[i] for i in self.position)
         if not field.contains(np.array([[x, y]]))[0]:
             several = len(parts.motions) > 1
             path = ("targets", _index(parts, self), "start") if several else ("motion", "start")
-            yield Fault(
-                path,
-                f"({x:g}, {y:g}) m is outside the field of {field.width:g} m by {field.height:g} m around (0, 0)",
-            )
+            x0, y0 = field.centre
+            size = f"{field.width:g} m by {field.height:g} m around ({x0:g}, {y0:g})"
+            yield Fault(path, f"({x:g}, {y:g}) m is outside the field of {size}")
 
     def _law(self, dt: float) -> kernels.Drift:
         return dt, self.bound, self.c1, self.c2
@@ -144,5 +145,5 @@ def _process_of(motion: BoundedVelocity, dt: float) -> Process:
     return Process(np.kron(np.eye(2), np.array([[a, b], [b, c]])), root)
 
 
-def _index(parts: Parts, motion: BoundedVelocity) -> int:
+def _index(parts: Problem, motion: BoundedVelocity) -> int:
     return next(i for i, other in enumerate(parts.motions) if other is motion)

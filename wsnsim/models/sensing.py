@@ -1,6 +1,8 @@
 """What a node measures of a target. A model gives readings for the truth, and likelihoods and slopes for the filters.
 
-log_likelihood(points (2, N), readings (S,), positions (S, 2), traits (S, T), owners (N,) | None) -> (N,)
+log_likelihood(points (P, N), readings (S,), positions (S, 2), traits (S, T), owners (N,) | None) -> (N,)
+
+Sensors stand in the plane. A target whose position is one column (P = 1) moves along the x-axis.
 """
 
 from __future__ import annotations
@@ -10,7 +12,7 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 
-from wsnsim.base.arrays import Floats, Ints
+from wsnsim.base.arrays import Floats, Ints, planar
 from wsnsim.base.part import Quantity, part
 from wsnsim.kernels import sensing as kernels
 from wsnsim.models.bounds import LENGTH, POWER_OF_SOUND
@@ -46,22 +48,30 @@ class AcousticEnergy:
 
     def measure(self, points: Floats, positions: Floats, traits: Floats, noise: Floats) -> Floats:
         """(n,) readings (eqs. 6-8): pair i is a target at points[i], a sensor at positions[i], its traits, a normal."""
-        squared = np.maximum(((points - positions) ** 2).sum(axis=1), FLOOR**2)
+        squared = np.maximum(((planar(points) - positions) ** 2).sum(axis=1), FLOOR**2)
         mean = self.noise + traits[:, 0] * self.intensity * squared ** (-self.decay / 2)
         return mean * (1.0 + np.sqrt(2.0 * self.nonlinearity / self.samples) * noise)
 
     def log_likelihood(
         self, points: Floats, readings: Floats, positions: Floats, traits: Floats, owners: Ints | None = None
     ) -> Floats:
-        """(N,) log p(readings | target at points (2, N)): of all S readings, or of reading owners[j] for particle j.
+        """(N,) log p(readings | target at points (P, N)): of all S readings, or of reading owners[j] for particle j.
 
         No readings: zeros. A point that is not finite, or a reading that is not a number: -inf.
         """
         return _log_likelihood(self._law, points, readings, positions, traits[:, 0], owners)
 
     def linearise(self, points: Floats, positions: Floats, traits: Floats) -> tuple[Floats, Floats, Floats]:
-        """At points (2, N): expected readings (S, N), their gradients in x and y (S, 2, N), their variances (S, N)."""
-        return _linearised(self.law(), points, positions, traits[:, 0])
+        """At points (P, N): expected readings (S, N), their gradients (S, P, N), their variances (S, N)."""
+        return _linearised(self._law, points, positions, traits[:, 0])
+
+    def information(self, points: Floats, positions: Floats, traits: Floats) -> Floats:
+        """(S, P, P, N) Fisher's information about the position in one reading of each sensor, its variance's included.
+
+        R = (2c/N_sam) μ² has the slope ∂R = 2 (2c/N_sam) μ ∂μ.
+        """
+        means, gradients, variances = self.linearise(points, positions, traits)
+        return fisher(gradients, _weights(variances, 2.0 * self._law[3] * means))
 
     def assumed(self, gains: str, inflate: bool) -> AcousticEnergy | UncalibratedAcousticEnergy:
         """The model as a filter believes it: of gains that are 'known' (calibrated nodes) or 'unknown' (taken as 1)."""
@@ -113,6 +123,15 @@ class UncalibratedAcousticEnergy:
         """As `AcousticEnergy.linearise`, with gains of 1 and the variance R'."""
         return _linearised(self.law(), points, positions, np.ones(len(positions)))
 
+    def information(self, points: Floats, positions: Floats, traits: Floats) -> Floats:
+        """(S, P, P, N) the information about the position that a reading holds if the belief is true.
+
+        R' = (2c/N_sam) μ² + (γ²/3) s² with s = μ - σ² has the slope ∂R' = 2 ((2c/N_sam) μ + (γ²/3) s) ∂μ.
+        """
+        noise, _, _, spread, inflation = self.law()
+        means, gradients, variances = self.linearise(points, positions, traits)
+        return fisher(gradients, _weights(variances, 2.0 * (spread * means + inflation * (means - noise))))
+
     def assumed(self, gains: str, inflate: bool) -> AcousticEnergy | UncalibratedAcousticEnergy:
         """The belief that another filter has of the same sensor."""
         return self.sensor.assumed(gains, inflate)
@@ -122,10 +141,27 @@ class UncalibratedAcousticEnergy:
         return self.sensor.law(self.sensor.gain_spread**2 / 3.0 if self.inflate else 0.0)
 
 
+def coordinates(points: Floats) -> tuple[Floats, Floats]:
+    """x (N,) and y (N,) of points (P, N); those of one coordinate lie on the x-axis."""
+    x = np.ascontiguousarray(points[0])
+    return x, np.ascontiguousarray(points[1]) if len(points) == 2 else np.zeros(x.size)
+
+
+def fisher(gradients: Floats, weights: Floats) -> Floats:
+    """(S, P, P, N) w g gᵀ of gradients (S, P, N) and weights (S, N): 1/R where the variance does not change."""
+    scaled = gradients * weights[:, None, :]
+    return gradients[:, :, None, :] * scaled[:, None, :, :]
+
+
+def _weights(variances: Floats, slopes: Floats) -> Floats:
+    """1/R + (R'/R)²/2 (S, N): Fisher's information about the mean μ of a Gaussian whose variance R(μ) has slope R'."""
+    return 1.0 / variances + 0.5 * (slopes / variances) ** 2
+
+
 def _log_likelihood(
     law: kernels.Law, points: Floats, readings: Floats, positions: Floats, gains: Floats, owners: Ints | None
 ) -> Floats:
-    x, y = np.ascontiguousarray(points[0]), np.ascontiguousarray(points[1])
+    x, y = coordinates(points)
     positions, gains = np.ascontiguousarray(positions), np.ascontiguousarray(gains)
     if owners is None or not readings.size:
         return kernels.joint_log_likelihood(x, y, readings, positions, gains, law)
@@ -133,5 +169,7 @@ def _log_likelihood(
 
 
 def _linearised(law: kernels.Law, points: Floats, positions: Floats, gains: Floats) -> tuple[Floats, Floats, Floats]:
-    x, y = np.ascontiguousarray(points[0]), np.ascontiguousarray(points[1])
-    return kernels.linearised(x, y, np.ascontiguousarray(positions), np.ascontiguousarray(gains), law)
+    x, y = coordinates(points)
+    positions, gains = np.ascontiguousarray(positions), np.ascontiguousarray(gains)
+    means, gradients, variances = kernels.linearised(x, y, positions, gains, law)
+    return means, np.ascontiguousarray(gradients[:, : len(points)]), variances

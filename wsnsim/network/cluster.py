@@ -6,11 +6,9 @@ import numpy as np
 
 from wsnsim.base.asks import Member
 from wsnsim.base.ports import Scene
-from wsnsim.base.rng import derive, derive_all, derive_each
+from wsnsim.base.rng import HEAD_KEY, derive, derive_all, derive_each
 from wsnsim.network.stage import Stage
 
-HEAD_KEY = 0xFFFF_FFFF
-"""In the place of a node's number, for the draws that a head makes for the whole track."""
 KEYS_AHEAD = 64
 """Steps for which keys are derived at once."""
 

@@ -98,6 +98,7 @@ class Driver:
     def _pay(self, node: int, cycles: float) -> None:
         """Book a computation. Nothing is logged of what costs nothing."""
         stage = self._stage
+        stage.cycles += cycles
         joules = stage.parts.energy.compute(cycles)
         if joules > 0:
             spent = stage.fleet.spend(node, CPU_LEDGER, joules)

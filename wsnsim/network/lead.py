@@ -12,16 +12,18 @@ from typing import Any
 
 import simpy
 
+from wsnsim.base.arrays import planar
 from wsnsim.base.asks import PACKET_BITS, Parcel
 from wsnsim.base.errors import RunError, WsnsimError
-from wsnsim.base.ports import Estimate, Scene, Snapshots
+from wsnsim.base.ports import Estimate, Scene
+from wsnsim.base.rows import Issued, write_particles
 from wsnsim.network.air import letter
 from wsnsim.network.cluster import Cluster
 from wsnsim.network.driver import Driver, HeadDied
 from wsnsim.network.formation import first_estimate, recruit, vote
 from wsnsim.network.mission import Crew, Mission, TrackLost
 from wsnsim.network.stage import Stage
-from wsnsim.network.track import ClusterRecord, Issued, Track
+from wsnsim.network.track import ClusterRecord, Track
 
 Waiting = Generator[simpy.Event, Any, Any]
 
@@ -66,7 +68,8 @@ def _lead(stage: Stage, crew: Crew, track: Track, head: int, mission: Mission) -
         last = stage.step
         belief = yield from driver.perform(tracker.step(belief, scene))
         _issue(stage, track, last, scene, driver, tracker.estimate(belief))
-        _snapshot(stage, track, cluster, belief, last)
+        if stage.recorder.wants("particles"):
+            _snapshot(stage, track, cluster, belief, last)
         if waits_for is not None and waits_for != set(stage.sensing[track.target]):
             waits_for = None
         if waits_for is None and stage.parts.clusters.must_hand_over(cluster.active(), len(cluster.members)):
@@ -122,7 +125,7 @@ def _hand_over(stage: Stage, crew: Crew, track: Track, cluster: Cluster, belief:
         crew.end_run()
         return
     forecast = parts.tracker.forecast(belief, scene, stage.step - scene.step + 1)
-    point = forecast.mean[list(parts.filter_motions[target].position)]
+    point = planar(forecast.mean[list(parts.filter_motions[target].position)])
     successor = parts.clusters.successor(point, stage.fleet.positions, stage.fleet.able(stage.threshold))
     mission = Mission(scene.step, previous_head=cluster.head)
     track.handovers += 1
@@ -207,21 +210,8 @@ def _issue(stage: Stage, track: Track, step: int, scene: Scene, driver: Driver, 
 
 
 def _snapshot(stage: Stage, track: Track, cluster: Cluster, belief: Any, step: int) -> None:
-    """Record the particles, wherever they are, if that is wanted and the tracker has any."""
-    tracker = stage.parts.tracker
-    if not stage.recorder.wants("particles") or not isinstance(tracker, Snapshots):
-        return
+    """Record the particles, wherever they are."""
     members = [cluster.members[node] for node in cluster.roster()]
+    held = stage.parts.tracker, belief, members
     columns = stage.parts.motions[track.target].columns
-    for node, states, weights in tracker.snapshot(belief, members):
-        stage.recorder.write(
-            "particles",
-            {
-                "replicate": stage.replicate,
-                "target": track.target,
-                "step": step,
-                "node": node,
-                **dict(zip(columns, states, strict=True)),
-                "weight": weights,
-            },
-        )
+    write_particles(stage.recorder, stage.replicate, track.target, step, held, columns)

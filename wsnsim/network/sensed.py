@@ -10,9 +10,9 @@ import itertools
 import numpy as np
 from scipy.spatial import KDTree
 
-from wsnsim.base.arrays import Floats
-from wsnsim.base.ports import SensorModel
-from wsnsim.base.rng import derive, derive_all, derive_each, normals
+from wsnsim.base.arrays import Floats, planar
+from wsnsim.base.ports import Detects, SensorModel
+from wsnsim.base.rng import derive, reading_noise
 
 
 class Sensed:
@@ -28,12 +28,13 @@ class Sensed:
         tree: KDTree,
         key: int,
     ) -> None:
-        found = tree.query_ball_point(points, sensor.reach, return_sorted=True)
+        found = tree.query_ball_point(planar(points), sensor.reach, return_sorted=True)
+        if isinstance(sensor, Detects):
+            found = [_detecting(sensor, point, ids, positions) for point, ids in zip(points, found, strict=True)]
         counts = np.array([len(ids) for ids in found], dtype=np.int64)
         nodes = np.fromiter((node for ids in found for node in ids), np.int64, int(counts.sum()))
         steps = np.repeat(np.arange(len(points)), counts)
-        step_keys = derive_all(derive(key, target), steps)
-        noise = normals(derive_each(step_keys, nodes.astype(np.uint64)), 0)
+        noise = reading_noise(derive(key, target), steps, nodes)
         readings = sensor.measure(points[steps], positions[nodes], traits[nodes], noise)
         cuts = np.concatenate(([0], np.cumsum(counts))).tolist()
         values: list[float] = readings.tolist()
@@ -53,3 +54,9 @@ class Sensed:
         """Nodes in range at the step before that are no longer, ascending."""
         now = set(self.ids[step])
         return [node for node in self.ids[step - 1] if node not in now] if step else []
+
+
+def _detecting(sensor: Detects, point: Floats, ids: list[int], positions: Floats) -> list[int]:
+    """Those of the nodes within reach whose sensor says that it gets a reading."""
+    heard = sensor.detects(point[None], positions[ids])[0]
+    return [node for node, yes in zip(ids, heard.tolist(), strict=True) if yes]

@@ -18,7 +18,10 @@ from wsnsim.network.sensed import Sensed
 
 @dataclass(slots=True)
 class Stage:
-    """The shared services. `step` is the clock; `sensing[target]` is {node: reading} of the living in range now."""
+    """The shared services. `step` is the clock; `sensing[target]` is {node: reading} of the living in range now.
+
+    `cycles`: operations that trackers have stated so far.
+    """
 
     env: simpy.Environment
     parts: Parts
@@ -33,6 +36,7 @@ class Stage:
     replicate: int
     recorder: Recorder
     step: int = 0
+    cycles: float = 0.0
     sensing: list[dict[int, float]] = with_default(default_factory=list)
 
     def log(

@@ -11,22 +11,10 @@ from dataclasses import dataclass, field
 import simpy
 
 from wsnsim.base.arrays import Bools
-from wsnsim.base.ports import ClusterPolicy, Estimate
+from wsnsim.base.ports import ClusterPolicy, Estimate, Ranks, SensorModel
+from wsnsim.base.rows import Issued
 from wsnsim.network.cluster import Cluster
 from wsnsim.network.stage import Stage
-
-
-@dataclass(slots=True)
-class Issued:
-    """One estimate as it was issued."""
-
-    step: int
-    issued: float
-    estimate: Estimate
-    head: int
-    active: int
-    members: int
-    readings: int
 
 
 @dataclass(slots=True)
@@ -81,12 +69,14 @@ class Election:
         strengths: Mapping[int, float],
         policy: ClusterPolicy,
         fills_vacancy: bool,
+        sensor: SensorModel,
     ) -> None:
         self.step = step
         self.strengths = strengths
         self.fills_vacancy = fills_vacancy
         self.closed = env.event()
         self._policy = policy
+        self._sensor = sensor
         self._pending = set(strengths)
         self._ballots: dict[int, Mapping[int, Bools]] = {}
 
@@ -106,8 +96,12 @@ class Election:
         self._pending.discard(node)
         if not self._pending and not self.closed.triggered:
             ids = sorted(self._ballots)
-            strengths = [self.strengths[i] for i in ids]
+            strengths = [self._strength(self.strengths[i]) for i in ids]
             self.closed.succeed(self._policy.elect(ids, strengths, [True] * len(ids)) if ids else None)
+
+    def _strength(self, reading: float) -> float:
+        """How near a reading says the target is; most sensors read more where it is nearer."""
+        return self._sensor.strength(reading) if isinstance(self._sensor, Ranks) else reading
 
     def readings_at(self, node: int) -> dict[int, float]:
         """{candidate: reading} that a candidate knows after the election."""
@@ -118,4 +112,4 @@ def ballot_box(stage: Stage, track: Track, fills_vacancy: bool) -> Election:
     """An election among the nodes that sense the track's target now and are able."""
     readings = stage.sensing[track.target]
     able = {node: reading for node, reading in readings.items() if stage.able(node)}
-    return Election(stage.env, stage.step, able, stage.parts.clusters, fills_vacancy)
+    return Election(stage.env, stage.step, able, stage.parts.clusters, fills_vacancy, stage.parts.sensor)

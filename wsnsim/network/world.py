@@ -18,7 +18,7 @@ import simpy
 from wsnsim.base.arrays import Floats, Ints
 from wsnsim.base.asks import PACKET_BITS
 from wsnsim.base.errors import ResultError, RunError, WsnsimError
-from wsnsim.base.ports import Estimate, Field, Parts, Recorder
+from wsnsim.base.ports import Estimate, Parts, Recorder
 from wsnsim.base.rng import Streams
 from wsnsim.base.tables import CAUSE, CAUSES, EVENT_CAUSE, KIND
 from wsnsim.network.air import Air
@@ -48,6 +48,7 @@ class Outcome:
     frames_sent: int
     frames_lost: int
     packets_sent: int
+    cycles: float
     fingerprint: int
 
 
@@ -92,7 +93,7 @@ class World:
             medium=medium,
             air=Air(env, fleet, make_mac(env, medium, parts.mac), medium, self._router, journal),
             sensed=sensed,
-            field=Field(parts.deploy.width, parts.deploy.height),
+            field=parts.deploy.field,
             threshold=energy_threshold(parts),
             tracker_key=streams.key("tracker"),
             replicate=replicate,
@@ -128,7 +129,7 @@ class World:
         stage, medium = self._stage, self._stage.medium
         return Outcome(
             stage.fleet, self._tracks, self._woken, stage.step, medium.frames_sent, medium.frames_lost,
-            medium.packets_sent, stage.journal.fingerprint(),
+            medium.packets_sent, stage.cycles, stage.journal.fingerprint(),
         )  # fmt: skip
 
     def _clock(self, progress: Callable[[float], None] | None) -> Generator[simpy.Event, Any, None]:

@@ -1,6 +1,7 @@
 """What a result file looks like, as far as writer and readers must agree; and HDF5's complaints in plain words.
 
-Root attributes: `schema_version`, `wsnsim_version`, `status`, `states` and `state_units` (the motion model's columns).
+Root attributes: `schema_version`, `wsnsim_version`, `status`, `states` and `state_units` (the motion model's
+columns), `position` (which of them are the position, as numbers).
 A group a table with the attribute `columns`, in order; a dataset a column with `units`, `description`, and for
 categories the CF attributes `flag_values` and `flag_meanings`. String datasets: `TEXTS`.
 """

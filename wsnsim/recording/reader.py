@@ -60,7 +60,7 @@ def read_text(path: str | Path, name: str) -> str:
 
 
 def attributes(path: str | Path) -> dict[str, Any]:
-    """The root's attributes: status, schema_version, wsnsim_version, and `states`: (name, unit) of state columns."""
+    """The root's attributes: status, schema_version, wsnsim_version, `states` (name, unit), `position` (numbers)."""
     with opened(path) as file:
         root = file.attrs
         return {
@@ -68,6 +68,7 @@ def attributes(path: str | Path) -> dict[str, Any]:
             "schema_version": int(root["schema_version"]),
             "wsnsim_version": str(root["wsnsim_version"]),
             "states": states_of(file),
+            "position": position_of(file),
         }
 
 
@@ -109,6 +110,11 @@ def states_of(file: h5py.File) -> tuple[tuple[str, str], ...]:
     """(name, unit) of each state column."""
     names, units = file.attrs["states"], file.attrs["state_units"]
     return tuple((str(name), str(unit)) for name, unit in zip(names, units, strict=True))
+
+
+def position_of(file: h5py.File) -> tuple[int, ...] | None:
+    """Which of the state columns are the position; None if the file does not say."""
+    return tuple(int(i) for i in file.attrs["position"]) if "position" in file.attrs else None
 
 
 def _check(file: h5py.File, path: Path, unfinished: bool) -> None:

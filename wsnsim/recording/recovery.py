@@ -15,7 +15,7 @@ import numpy as np
 from wsnsim.base.errors import ResultError
 from wsnsim.base.tables import TABLES, Words
 from wsnsim.recording.layout import CHUNK, PARTIAL, TEXTS
-from wsnsim.recording.reader import column_names, opened, states_of, words_of
+from wsnsim.recording.reader import column_names, opened, position_of, states_of, words_of
 from wsnsim.recording.writer import ResultFile
 
 
@@ -40,7 +40,8 @@ def recover(tmp: str | Path, out: str | Path | None = None) -> Path:
 
 def _copy(file: h5py.File, tmp: Path, final: Path) -> None:
     held, copied = [table for table in TABLES if table in file], 0
-    with ResultFile(final, states_of(file), dict.fromkeys(held, True), status=PARTIAL) as result:
+    wanted = dict.fromkeys(held, True)
+    with ResultFile(final, states_of(file), wanted, position=position_of(file), status=PARTIAL) as result:
         if "events/what" in file:
             result.words = Words(words_of(file["events/what"]))
         for name in TEXTS:

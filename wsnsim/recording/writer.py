@@ -41,21 +41,28 @@ from wsnsim.recording.layout import (
 class ResultFile:
     """A `base.ports.Recorder` behind a context manager.
 
-    `states` names the motion model's columns with their units; `wanted` says which tables are kept, rows of the others
-    are dropped; `status` is what the root says once the file is whole.
+    `states` names the motion model's columns with their units, `position` which of them are the position; `wanted` says
+    which tables are kept, rows of the others are dropped; `status` is what the root says once the file is whole.
 
     Raises:
         ResultError: the file cannot be written (no such folder, disk full ...); the temporary file is removed.
     """
 
     def __init__(
-        self, path: Path, states: Sequence[tuple[str, str]], wanted: Mapping[str, bool], *, status: str = COMPLETE
+        self,
+        path: Path,
+        states: Sequence[tuple[str, str]],
+        wanted: Mapping[str, bool],
+        *,
+        position: Sequence[int] | None = None,
+        status: str = COMPLETE,
     ) -> None:
         strange = wanted.keys() - TABLES.keys()
         assert not strange, f"no such tables: {', '.join(sorted(strange))}"
         self.path = Path(path)
         self.words = Words()
         self._states = tuple(states)
+        self._position = None if position is None else tuple(position)
         self._wanted = tuple(table for table in TABLES if wanted.get(table, False))
         self._status = status
         self._buffers: dict[str, TableBuffer] = {}
@@ -121,8 +128,11 @@ class ResultFile:
         attributes["status"] = WRITING
         attributes["states"] = [name for name, _ in self._states]
         attributes["state_units"] = [unit for _, unit in self._states]
+        if self._position is not None:
+            attributes["position"] = list(self._position)
         for table in self._wanted:
-            self._buffers[table] = TableBuffer(self._file.create_group(table), columns_of(table, self._states))
+            columns = columns_of(table, self._states, self._position)
+            self._buffers[table] = TableBuffer(self._file.create_group(table), columns)
         self._file.flush()
 
     def _flush_if_due(self) -> None:

@@ -17,6 +17,10 @@ from typing import Any, Final
 from wsnsim.base.errors import UsageError, did_you_mean
 
 JIANG: Final = "Jiang, Song, Lin (2013)"
+LIU: Final = "Liu, Wang (2012)"
+WEI: Final = "Wei, Guo (2022)"
+RUAN: Final = "Ruan, Wang, Yang, Zhang (2020)"
+BENCH_ROLES: Final = ("prior", "deploy", "motion", "sensor", "tracker")
 
 
 @dataclass(frozen=True)
@@ -35,13 +39,26 @@ class Row:
 
 @dataclass(frozen=True)
 class Role:
-    """A role of a scenario: what it decides, its port, the kind it has when left out (None: it must be given)."""
+    """A role of a scenario: what it decides, its port, the kind it has when left out (None: it must be given).
+
+    `of_network`: a scenario without a network can leave it out.
+    """
 
     name: str
     purpose: str
     port: str
     default: str | None
     rows: tuple[Row, ...]
+
+    @property
+    def of_network(self) -> bool:
+        """Whether only a network needs it."""
+        return self.name not in BENCH_ROLES
+
+    @property
+    def bench_default(self) -> str | None:
+        """The kind it has without a network: one node at the origin deploys itself."""
+        return "anchors" if self.name == "deploy" else self.default
 
     @property
     def plural(self) -> str:
@@ -66,14 +83,28 @@ _ROLES: Final = (
         Row("grid", "wsnsim.models.deploy:Grid", "a regular grid"),
         Row("jittered_grid", "wsnsim.models.deploy:JitteredGrid", "a regular grid, each node moved at random"),
         Row("file", "wsnsim.models.deploy:FromFile", "positions from a CSV file with columns x, y"),
+        Row("anchors", "wsnsim.models.deploy:Anchors", "nodes at the places that the scenario lists"),
     )),
     Role("motion", "how the target moves", "MotionModel", None, (
         Row("bounded_velocity", "wsnsim.models.motion:BoundedVelocity",
             "near-constant velocity, turned back beyond a bound", f"{JIANG}, eq. 1-4"),
+        Row("constant_velocity", "wsnsim.models.linear:ConstantVelocity",
+            "near-constant velocity in the plane, with the noise inputs of two papers", f"{WEI}; {RUAN}"),
+        Row("constant_acceleration", "wsnsim.models.linear:ConstantAcceleration",
+            "near-constant acceleration along a line", f"{LIU}, eq. 15-17"),
+        Row("ungm", "wsnsim.models.ungm:Ungm",
+            "the univariate non-stationary growth model, a benchmark of one column", WEI),
     )),
     Role("sensor", "what a node measures of the target", "SensorModel", None, (
         Row("acoustic_energy", "wsnsim.models.sensing:AcousticEnergy",
             "received energy that falls with a power of the distance", f"{JIANG}, eq. 5-8"),
+        Row("range", "wsnsim.models.ranging:Range", "distance from the node, with constant variance", LIU),
+        Row("range_from_origin", "wsnsim.models.ranging:RangeFromOrigin",
+            "distance from the origin, wherever the node stands", f"{WEI}, experiment 3"),
+        Row("rssi", "wsnsim.models.ranging:Rssi",
+            "received power in dBm, which falls with the logarithm of the distance", f"{RUAN}, eq. 4"),
+        Row("squared", "wsnsim.models.ungm:Squared", "a twentieth of the square of a state of one column",
+            f"{WEI}, experiment 1"),
     )),
     Role("energy", "what each act costs in joules", "EnergyModel", None, (
         Row("first_order", "wsnsim.models.energy:FirstOrder",
@@ -130,6 +161,63 @@ _ROLES: Final = (
             state="particles in the head",
             messages="a reading up per member",
             variants="handover particles|gaussian"),
+        Row("rkf", "wsnsim.trackers.relay_kalman:RelayKalman",
+            "one Kalman filter updated with every reading by the probability that it comes from the target", LIU,
+            state="mean, covariance and a probability a sensor, in the head",
+            messages="a reading up per member",
+            variants="spread false|true"),
+        Row("imsf", "wsnsim.trackers.interacting_kalman:InteractingKalman",
+            "a Kalman filter a sensor, mixed at each step by the probabilities of a Markov chain of sensors", LIU,
+            state="mean, covariance and probability of a filter a sensor, in the head",
+            messages="a reading up per member",
+            variants="mixing corrected|printed"),
+        Row("pf", "wsnsim.trackers.sir:Sir",
+            "the textbook particle filter: predict, weigh, resample at every step", f"{WEI}; {RUAN}",
+            state="particles in the head",
+            messages="a reading up per member",
+            variants="handover particles|gaussian"),
+        Row("cs_pf", "wsnsim.trackers.cuckoo_pf:CuckooPf",
+            "particle filter whose resampling is a cuckoo search: Levy flights and replaced nests", WEI,
+            state="particles in the head",
+            messages="a reading up per member",
+            variants="variant literal|resample_first|metropolis, alpha random|fixed, fitness gaussian|absolute, "
+            "move all|position, handover particles|gaussian"),
+        Row("ics_pf", "wsnsim.trackers.cuckoo_pf:ImprovedCuckooPf",
+            "cuckoo search particle filter whose steps and replacement shrink over the generations", WEI,
+            state="particles in the head",
+            messages="a reading up per member",
+            variants="variant literal|resample_first|metropolis, fitness gaussian|absolute, move all|position, "
+            "handover particles|gaussian"),
+        Row("gpf", "wsnsim.trackers.gaussian_pf:GaussianPf",
+            "particles drawn from a Gaussian, weighed, and summed up in a Gaussian: no resampling", RUAN,
+            state="mean and covariance in the head",
+            messages="a reading up per member",
+            variants=""),
+        Row("pso_gpf", "wsnsim.trackers.gaussian_pf:SwarmGaussianPf",
+            "Gaussian particle filter whose predicted particles fly as a swarm before they are weighed", RUAN,
+            state="mean and covariance in the head",
+            messages="a reading up per member",
+            variants="move position|all"),
+        Row("gsa_gpf", "wsnsim.trackers.gaussian_pf:GravitationalGaussianPf",
+            "Gaussian particle filter whose predicted particles attract each other by their likelihoods", RUAN,
+            state="mean and covariance in the head",
+            messages="a reading up per member",
+            variants="acceptance always|greedy, move position|all"),
+        Row("ekf", "wsnsim.trackers.ekf:ExtendedKalman",
+            "extended Kalman filter on all readings, or on the nearest sensor's alone: a reference",
+            state="mean and covariance in the head",
+            messages="a reading up per member, or one from the nearest",
+            variants="readings all|nearest"),
+        Row("grid", "wsnsim.trackers.grid:GridFilter",
+            "the exact posterior of a state of one column, on a grid: a reference",
+            state="a density on a grid, in the head",
+            messages="a reading up per member",
+            variants=""),
+        Row("trilateration", "wsnsim.trackers.trilateration:Trilateration",
+            "the weighted centroid of the circles' crossings, without memory: a baseline", RUAN,
+            state="the last position found",
+            messages="a reading up per member",
+            variants=""),
     )),
 )  # fmt: skip
 ROLES: Final = {role.name: role for role in _ROLES}

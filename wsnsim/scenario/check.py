@@ -14,7 +14,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from wsnsim.base.errors import Fault
-from wsnsim.scenario.catalog import ROLES, kinds
+from wsnsim.scenario.catalog import BENCH_ROLES, ROLES, kinds
 from wsnsim.scenario.fields import PartError, described, fields_of
 from wsnsim.scenario.messages import faults_of
 from wsnsim.scenario.schema import Chosen, PartModel, Scenario, part_model, scenario_model
@@ -44,8 +44,19 @@ def validate(tree: Node) -> tuple[Scenario | None, list[Fault]]:
 
 def _with_defaults(tree: Node) -> Node:
     """The tree with an empty mapping for each role that is left out and has a default kind."""
-    missing = {name: Entry(tree.spot, Node({}, tree.spot)) for name, role in ROLES.items() if role.default}
+    if _on_bench(tree):
+        deploy = {"kind": Entry(tree.spot, Node(ROLES["deploy"].bench_default, tree.spot))}
+        missing = {name: Entry(tree.spot, Node({}, tree.spot)) for name in BENCH_ROLES if ROLES[name].default}
+        missing["deploy"] = Entry(tree.spot, Node(deploy, tree.spot))
+    else:
+        missing = {name: Entry(tree.spot, Node({}, tree.spot)) for name, role in ROLES.items() if role.default}
     return mapping(missing | tree.value, tree.spot)
+
+
+def _on_bench(tree: Node) -> bool:
+    """Whether the scenario says `network: none`."""
+    said = child(tree, "network")
+    return said is not None and said.value == "none"
 
 
 def _choose(tree: Node) -> tuple[Chosen, list[Fault]]:
@@ -69,6 +80,8 @@ def _role_nodes(tree: Node, faults: list[Fault]) -> Iterator[tuple[str, list[tup
                 spot = spot_of(tree, ("targets",), of_key=True)
                 faults.append(spot.fault(("targets",), "give either 'motion' or 'targets', not both"))
             yield "targets", _target_nodes(targets, faults)
+        elif node is None and ROLES[role].of_network and _on_bench(tree):
+            continue
         elif node is None:
             also = " (or 'targets', a list of them)" if role == "motion" else ""
             faults.append(tree.spot.fault((role,), f"is missing: {ROLES[role].purpose}{also}"))

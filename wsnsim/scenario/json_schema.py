@@ -11,6 +11,7 @@ from typing import Any
 
 from pydantic import BaseModel, Field, create_model
 
+from wsnsim.scenario.build import plain_json
 from wsnsim.scenario.catalog import ROLES, kinds
 from wsnsim.scenario.fields import PartError
 from wsnsim.scenario.schema import PartModel, Scenario, part_model
@@ -36,7 +37,8 @@ def json_schema() -> dict[str, Any]:
         "type": "string",
         "description": "the scenario, a file or shipped, that this changes",
     }
-    return {"$schema": DIALECT, **schema, "if": {"required": ["extends"]}, "then": {}, "else": strict}
+    whole = {"$schema": DIALECT, **schema, "if": {"required": ["extends"]}, "then": {}, "else": strict}
+    return plain_json(whole)
 
 
 def _alternatives(role: str) -> list[type[PartModel]]:
@@ -63,7 +65,12 @@ def _demands(schema: dict[str, Any]) -> dict[str, Any]:
     top = [name for name in given if name not in ROLES or ROLES[name].default is None]
     roles = {name: _fields_demanded(schema, name) for name in ROLES}
     either = [{"required": ["motion"]}, {"required": ["targets"]}]
-    return {"required": top, "oneOf": either, "properties": {name: demand for name, demand in roles.items() if demand}}
+    of_network = [name for name in top if name in ROLES and (ROLES[name].of_network or ROLES[name].bench_default)]
+    always = [name for name in top if name not in of_network]
+    bench = {"required": ["network"], "properties": {"network": {"const": "none"}}}
+    demanded = {"if": bench, "then": {}, "else": {"required": of_network}}
+    kinds_of = {name: demand for name, demand in roles.items() if demand}
+    return {"required": always, **demanded, "oneOf": either, "properties": kinds_of}
 
 
 def _fields_demanded(schema: dict[str, Any], role: str) -> dict[str, Any]:

@@ -22,7 +22,7 @@ from pydantic import (
     model_validator,
 )
 
-from wsnsim.base import ports
+from wsnsim.base import metrics, ports
 from wsnsim.base.part import Quantity
 from wsnsim.base.tables import RECORDED_BY_DEFAULT
 from wsnsim.scenario.catalog import ROLES, find, load_class
@@ -101,6 +101,18 @@ class Until(BaseModel):
     )
 
 
+class Lost(BaseModel):
+    """When a track counts as lost: the mean error of its last steps exceeds a limit."""
+
+    model_config = _FROZEN
+    window: Annotated[int, Number(Quantity("", ge=1, le=MOST_STEPS), whole=True)] = Field(
+        metrics.LOST_WINDOW, description="steps over which the error is averaged"
+    )
+    limit: Annotated[float, Number(Quantity("m", gt=0))] = Field(
+        metrics.LOST_ERROR, description="mean error beyond which the track is lost; .inf: never [m]"
+    )
+
+
 Record: Final[type[BaseModel]] = create_model(
     "Record", __config__=_FROZEN, **{name: (_Flag, default) for name, default in RECORDED_BY_DEFAULT.items()}
 )  # type: ignore[call-overload]
@@ -125,6 +137,10 @@ class Scenario(BaseModel):
         0.04, description="time between readings [s]"
     )
     duration: Annotated[float, Number(Quantity("s", gt=0), finite=True)] = Field(description="simulated time [s]")
+    network: Literal["none"] | None = Field(
+        None, description="none: no network, the tracker is driven on a bench; roles of the network are not used"
+    )
+    lost: Lost = Field(Lost.model_validate({}), description="when a track counts as lost")
     until: Until | None = Field(None, description="what ends a run before its duration does")
     record: Record = Field(Record(), description="which tables the result holds")  # type: ignore[valid-type]
 

@@ -11,13 +11,15 @@ from typing import Any
 
 import numpy as np
 
-from wsnsim.base.arrays import Floats
+from wsnsim.base.arrays import Floats, planar
 from wsnsim.base.asks import Ask, Member
 from wsnsim.base.loopback import Lose, perfect, perform
 from wsnsim.base.ports import Estimate, Field, MotionModel, Scene, SensorModel, Tracker
 from wsnsim.base.rng import derive, derive_all, normals
 
 DT = 0.04
+FARTHEST = 100.0
+"""m: the most that counts of a sensor's reach, which may be infinite."""
 FIRST, SECOND = (11, 4, 29, 17, 23, 8), (31, 2, 29, 40, 6)
 """Node ids of the two clusters, the head first; no order, no relation to anything."""
 SCRIPT: tuple[tuple[int, tuple[int, ...]], ...] = (
@@ -50,8 +52,8 @@ class Table:
         rng = np.random.default_rng(self.seed)
         ids = sorted({*FIRST, *SECOND})
         self.truth = self.motion.truth(len(SCRIPT) + 4, DT, rng)
-        centre = self.truth[0][list(self.motion.position)]
-        spread = 0.4 * self.sensor.reach
+        centre = planar(self.truth[0][list(self.motion.position)])
+        spread = 0.4 * min(self.sensor.reach, FARTHEST)
         self.places = {node: centre + rng.uniform(-spread, spread, 2) for node in ids}
         self.traits = dict(zip(ids, self.sensor.draw_traits(len(ids), rng), strict=True))
 
@@ -76,7 +78,7 @@ class Table:
         left = tuple(node for node in self.sensing if node not in ids)
         self.sensing = ids
         positions = np.array([self.places[node] for node in ids]).reshape(-1, 2)
-        traits = np.array([self.traits[node] for node in ids]).reshape(-1, len(self.sensor.trait_names))
+        traits = np.array([self.traits[node] for node in ids]).reshape(len(ids), len(self.sensor.trait_names))
         return Scene(
             time=step * DT,
             step=step,

@@ -97,7 +97,7 @@ class InformationPf:
         if not seen.ids:
             return self._predicted(belief, scene)
         if scene.steps > 1:
-            belief = self._predicted(belief, replace(scene, steps=scene.steps - 1))
+            belief = self._predicted(belief, replace(scene, step=scene.step - 1, steps=scene.steps - 1))
         return self._weighed(belief, seen, scene)
 
     def hand_over(self, belief: InformationBelief, scene: Scene, successor: int) -> Flow[InformationBelief | None]:
@@ -124,7 +124,7 @@ class InformationPf:
 
     def forecast(self, belief: InformationBelief, scene: Scene, ahead: int) -> Estimate:
         """The estimate `ahead` steps on."""
-        return forecast(self.estimate(belief), scene.motion, scene.dt, ahead)
+        return forecast(self.estimate(belief), scene, ahead)
 
     def snapshot(self, belief: InformationBelief, members: Sequence[Member]) -> Iterator[tuple[int, Floats, Floats]]:
         """(head, particles (D, n), weights (n,)): all of them."""
@@ -157,11 +157,12 @@ class InformationPf:
         """The belief without readings: particles moved with noise, covariances grown."""
         covariances = belief.covariances
         before = belief.pool.cloud
-        for _ in range(scene.steps if len(covariances) else 0):
-            covariances = gaussian.predict(covariances, *scene.motion.matrices(before, scene.dt))
-            before = scene.motion.advance(before, scene.dt)
+        for step in range(scene.steps if len(covariances) else 0):
+            now = scene.since + step * scene.dt
+            covariances = gaussian.predict(covariances, *scene.motion.matrices(before, scene.dt, now))
+            before = scene.motion.advance(before, scene.dt, now)
         cloud = propagated_by(scene.key, belief.pool.cloud, scene)[1]
-        mean, cov = predicted(belief.mean, belief.cov, scene.motion, scene.dt, scene.steps)
+        mean, cov = predicted(belief.mean, belief.cov, scene)
         return InformationBelief(mean, cov, replace(belief.pool, cloud=cloud), covariances, scene.head)
 
     def _weighed(self, belief: InformationBelief, seen: Evidence, scene: Scene) -> InformationBelief:
@@ -173,7 +174,8 @@ class InformationPf:
         cloud, log_proposal = gaussian.sample(means, covs, keys)
         points = cloud[list(motion.position)]
         fitness = sensor.log_likelihood(points, seen.readings, seen.positions, seen.traits)
-        log_weights = belief.pool.log_weights + fitness + motion.log_transition(cloud, before, scene.dt) - log_proposal
+        prior = motion.log_transition(cloud, before, scene.dt, scene.previous)
+        log_weights = belief.pool.log_weights + fitness + prior - log_proposal
         effective = float(weigh(log_weights, everyone)[0])
         mean, cov = (moment[0] for moment in moments(cloud, log_weights, everyone))
         covariances = covs if self.proposal == "per_particle" else belief.covariances
@@ -192,15 +194,15 @@ class InformationPf:
             before, covs = np.ascontiguousarray(centre.T), cov
         else:
             before, covs = belief.pool.cloud, belief.covariances
-        transitions, noise = motion.matrices(before, scene.dt)
+        transitions, noise = motion.matrices(before, scene.dt, scene.previous)
         if self.proposal == "local":
             covs = np.broadcast_to(noise, transitions.shape).copy()
         else:
             covs = gaussian.predict(covs, transitions, noise)
-        means = motion.advance(before, scene.dt)
-        x, y = motion.position
-        linear = scene.sensor.linearise(means[[x, y]], seen.positions, seen.traits)
-        gaussian.update(means, covs, *linear, seen.readings, x, y)
+        means = motion.advance(before, scene.dt, scene.previous)
+        place = np.array(motion.position)
+        linear = scene.sensor.linearise(means[place], seen.positions, seen.traits)
+        gaussian.update(means, covs, *linear, seen.readings, place)
         return means, covs
 
 

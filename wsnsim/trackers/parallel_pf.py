@@ -160,7 +160,7 @@ class ParallelPf:
 
     def forecast(self, belief: ParallelBelief, scene: Scene, ahead: int) -> Estimate:
         """The fused estimate `ahead` steps on."""
-        return forecast(self.estimate(belief), scene.motion, scene.dt, ahead)
+        return forecast(self.estimate(belief), scene, ahead)
 
     def snapshot(self, belief: ParallelBelief, members: Sequence[Member]) -> Iterator[tuple[int, Floats, Floats]]:
         """(node, particles (D, n), weights (n,)) of each holder, the weights normalised over the whole set."""

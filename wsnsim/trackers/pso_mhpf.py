@@ -173,7 +173,7 @@ class PsoMhpf:
 
     def forecast(self, belief: Spread, scene: Scene, ahead: int) -> Estimate:
         """The fused estimate `ahead` steps on."""
-        return forecast(self.estimate(belief), scene.motion, scene.dt, ahead)
+        return forecast(self.estimate(belief), scene, ahead)
 
     def snapshot(self, belief: Spread, members: Sequence[Member]) -> Iterator[tuple[int, Floats, Floats]]:
         """(node, particles (D, n), weights (n,)) of each holder, the weights normalised over the whole set."""
@@ -235,7 +235,7 @@ class PsoMhpf:
         if reference is not None:
             return lambda points: log_density(points, *reference, stack.offsets)
         if self.acceptance == "transition":
-            return lambda points: scene.motion.log_transition(points, before, scene.dt)
+            return lambda points: scene.motion.log_transition(points, before, scene.dt, scene.previous)
         return lambda points: np.zeros(points.shape[1])
 
     def _reporter(self, head: int, columns: int) -> Callable[[Member], Parcel | None]:

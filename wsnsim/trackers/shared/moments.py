@@ -8,26 +8,34 @@ import numpy as np
 
 from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import Fault
-from wsnsim.base.ports import Estimate, MotionModel, Parts
+from wsnsim.base.ports import Estimate, MotionModel, Problem, Scene
 
 LEAST_VARIANCE = 1e-9
 LEAST_EIGENVALUE = 1e-9
 """Of the process noise as a correlation matrix, below which its inverse is not used (our choice)."""
 
 
-def predicted(mean: Floats, cov: Floats, motion: MotionModel, dt: float, steps: int) -> tuple[Floats, Floats]:
-    """Mean (D,) and covariance (D, D) `steps` steps on: the motion without noise, and F P Fᵀ + Q at the mean."""
-    for _ in range(steps):
-        point = np.ascontiguousarray(mean[:, None])
-        transitions, noise = motion.matrices(point, dt)
-        mean = motion.advance(point, dt)[:, 0]
+def predicted(mean: Floats, cov: Floats, scene: Scene) -> tuple[Floats, Floats]:
+    """Mean (D,) and covariance (D, D) as the scene's steps have passed since the belief: eq. x = f(x), F P Fᵀ + Q."""
+    return _stepped(mean, cov, scene.motion, scene.dt, scene.since, scene.steps)
+
+
+def forecast(estimate: Estimate, scene: Scene, ahead: int) -> Estimate:
+    """An estimate of this scene's time, `ahead` steps on."""
+    now = scene.step * scene.dt
+    moved = _stepped(estimate.mean, estimate.cov, scene.motion, scene.dt, now, ahead)
+    return Estimate(*moved, estimate.effective)
+
+
+def _stepped(
+    mean: Floats, cov: Floats, motion: MotionModel, dt: float, time: float, steps: int
+) -> tuple[Floats, Floats]:
+    for step in range(steps):
+        point, now = np.ascontiguousarray(mean[:, None]), time + step * dt
+        transitions, noise = motion.matrices(point, dt, now)
+        mean = motion.advance(point, dt, now)[:, 0]
         cov = symmetric(transitions[0] @ cov @ transitions[0].T + noise)
     return mean, cov
-
-
-def forecast(estimate: Estimate, motion: MotionModel, dt: float, ahead: int) -> Estimate:
-    """An estimate `ahead` steps on."""
-    return Estimate(*predicted(estimate.mean, estimate.cov, motion, dt, ahead), estimate.effective)
 
 
 def symmetric(cov: Floats) -> Floats:
@@ -47,10 +55,10 @@ def fused_by_variance(means: Floats, variances: Floats) -> tuple[Floats, Floats,
     return mean, around.T @ around, np.diag(1.0 / precisions.sum(axis=0))
 
 
-def noise_faults(parts: Parts, why: str) -> Iterator[Fault]:
+def noise_faults(parts: Problem, why: str) -> Iterator[Fault]:
     """A fault for each filter's motion model whose process noise has no inverse, which `why` needs."""
     for number, motion in enumerate(parts.filter_motions):
-        _, noise = motion.matrices(np.zeros((len(motion.columns), 1)), parts.dt)
+        _, noise = motion.matrices(np.zeros((len(motion.columns), 1)), parts.dt, 0.0)
         if _is_singular(noise):
             path = ("motion", "noise") if len(parts.filter_motions) == 1 else ("targets", number, "noise")
             yield Fault(path, f"the process noise is singular, and {why} needs its density")

@@ -59,14 +59,14 @@ def hand_on(belief: Spread, collect: Flow[Pool | None] | None, successor: int) -
 
 def only_predicted(belief: S, deal: Deal, scene: Scene) -> S:
     """The belief when nothing arrived: the motion's prediction, its covariance grown."""
-    mean, cov = predicted(belief.mean, belief.cov, scene.motion, scene.dt, scene.steps)
+    mean, cov = predicted(belief.mean, belief.cov, scene)
     within = within_predicted(belief, scene)
     return replace(belief, mean=mean, cov=cov, within=within, deal=deal, head=scene.head, effective=NAN)
 
 
 def within_predicted(belief: Spread, scene: Scene) -> Floats:
     """(D, D) the last covariance of one cloud that the head knew, grown."""
-    return predicted(belief.mean, belief.within, scene.motion, scene.dt, scene.steps)[1]
+    return predicted(belief.mean, belief.within, scene)[1]
 
 
 def look(belief: Spread, members: Sequence[Member]) -> Iterator[tuple[int, Floats, Floats]]:

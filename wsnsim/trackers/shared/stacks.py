@@ -165,7 +165,8 @@ def propagated(cloud: Floats, offsets: Ints, keys: Keys, scene: Scene) -> tuple[
     before = cloud
     for step in range(scene.steps):
         before = cloud
-        cloud = scene.motion.propagate(before, scene.dt, particle_keys(keys, offsets, PREDICT + step))
+        now = scene.since + step * scene.dt
+        cloud = scene.motion.propagate(before, scene.dt, particle_keys(keys, offsets, PREDICT + step), now)
     return before, cloud
 
 
@@ -248,8 +249,10 @@ class SharedReadings:
 
 def place_of(scene: Scene) -> slice | list[int]:
     """Which rows of a cloud are the position; as a slice where they can be, which copies nothing."""
-    x, y = scene.motion.position
-    return slice(x, y + 1, y - x) if y > x else [x, y]
+    first, *more = scene.motion.position
+    if not more:
+        return slice(first, first + 1)
+    return slice(first, more[0] + 1, more[0] - first) if more[0] > first else [first, *more]
 
 
 def likelihood_of(

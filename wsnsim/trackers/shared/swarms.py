@@ -48,7 +48,7 @@ def move(
     iterations, *rule = pull
     for iteration in range(iterations):
         draw = iteration * (2 * cloud.shape[0] + 1)
-        proposal = fly(cloud, velocity, best, best_fitness, stack.offsets, keys, draw, *rule)
+        proposal = fly(cloud, velocity, best, best_fitness, stack.offsets, keys, draw, 1.0, *rule)
         new_fitness = likelihood(proposal)
         accept(
             cloud,

@@ -1,0 +1,99 @@
+"""Whether a result can be repeated: its scenario is run again, and what comes out is compared.
+
+verify(path) -> Verification
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from wsnsim import recording
+from wsnsim import scenario as scenarios
+from wsnsim.base.tables import Memory
+from wsnsim.experiment import replicate_of, rerun_source
+
+
+@dataclass(frozen=True)
+class Verification:
+    """Whether a result can be repeated; one row a replicate."""
+
+    ok: bool
+    text: str
+    rows: tuple[Mapping[str, Any], ...]
+
+
+def verify(path: Path) -> Verification:
+    """Run a result's scenario again and compare: fingerprints, estimates and energy of every replicate.
+
+    On the machine's kind of CPU and with the same versions the bytes must be equal; otherwise values are compared to
+    1e-6 of their size, and the text says so (NumPy's logarithm and exponential differ in the last bit between kinds
+    of CPU).
+    """
+    resolved = rerun_source(path)
+    parts = scenarios.build(scenarios.load(resolved))
+    stored = json.loads(recording.read_text(path, "provenance_json"))
+    here = recording.provenance("", parts.seed)
+    differing = _differing(stored, here)
+    runs = recording.read_table(path, "runs")
+    kept = recording.read_table(path, "estimates") if "estimates" in recording.tables(path) else {}
+    rows = []
+    for index, replicate in enumerate(runs["replicate"].tolist()):
+        memory = Memory({"estimates": True})
+        again = replicate_of(parts, replicate, memory).run
+        before = {name: column[kept["replicate"] == replicate] for name, column in kept.items()}
+        rows.append(_compare(replicate, {name: column[index] for name, column in runs.items()}, again, before, memory))
+    ok = all(row["equal"] or (bool(differing) and row["close"]) for row in rows)
+    return Verification(ok, _verification_text(Path(path), rows, differing, _commits(stored, here), ok), tuple(rows))
+
+
+def _compare(
+    replicate: int, before: Mapping[str, Any], again: Mapping[str, Any], kept: Mapping[str, Any], memory: Memory
+) -> dict[str, Any]:
+    """One replicate's row: whether all is equal, and whether it is close."""
+    pairs: list[tuple[Any, Any]] = [
+        (kept[name], column) for name, column in memory.table("estimates").items() if name in kept
+    ]
+    pairs += [(before[name], again[name]) for name in ("energy", "rmse")]
+    same_events = int(before["fingerprint"]) == int(again["fingerprint"])
+    equal = all(np.array_equal(a, b, equal_nan=True) for a, b in pairs)
+    close = all(
+        np.shape(a) == np.shape(b) and np.allclose(a, b, rtol=1e-6, atol=1e-9, equal_nan=True) for a, b in pairs
+    )
+    return {
+        "replicate": replicate,
+        "fingerprint": int(before["fingerprint"]),
+        "again": int(again["fingerprint"]),
+        "equal": same_events and equal,
+        "close": close,
+    }
+
+
+def _differing(stored: Mapping[str, Any], here: Mapping[str, Any]) -> list[str]:
+    """What differs between the place of a result and here, of what can change the last bit."""
+    names = {"python": "Python", "packages": "packages", "cpu_features": "CPU features"}
+    return [word for name, word in names.items() if stored.get(name) != here.get(name)]
+
+
+def _commits(stored: Mapping[str, Any], here: Mapping[str, Any]) -> str:
+    """A line on the commits where a result was made by other code than this; it excuses no difference."""
+    before, now = ((made.get("git") or {}).get("commit", "no checkout")[:12] for made in (stored, here))
+    return f"  made by commit {before}, run again by {now}" if before != now else ""
+
+
+def _verification_text(path: Path, rows: list[dict[str, Any]], differing: list[str], commits: str, ok: bool) -> str:
+    lines = [f"{path}: " + ("repeats" if ok else "DOES NOT REPEAT")]
+    lines += [commits] if commits else []
+    if differing:
+        lines.append(f"  made with other {' and '.join(differing)}: compared to 1e-6 instead of to the last bit")
+    for row in rows:
+        verdict = "equal" if row["equal"] else "close" if row["close"] else "different"
+        lines.append(
+            f"  replicate {row['replicate']}: {verdict}, fingerprint {row['fingerprint']:016x} / {row['again']:016x}"
+        )
+    return "\n".join(lines)

@@ -1,0 +1,105 @@
+"""What every run writes of its targets, with a network or without: truth, estimates, errors, particles.
+
+truth_rows(...), estimate_rows(...) -> columns of a table      write_particles(...)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from wsnsim.base.arrays import Floats
+from wsnsim.base.asks import Member
+from wsnsim.base.ports import Estimate, MotionModel, Recorder, Snapshots
+
+NAN = float("nan")
+
+
+@dataclass(slots=True)
+class Issued:
+    """One estimate as it was issued: when, by which head, with how many members sensing, and from how many readings."""
+
+    step: int
+    issued: float
+    estimate: Estimate
+    head: int
+    active: int
+    members: int
+    readings: int
+
+
+def is_late(issued: float, step: int, dt: float) -> bool:
+    """Whether an estimate missed its step."""
+    return issued > (step + 1) * dt
+
+
+def late_steps(estimates: Mapping[int, Issued], steps: int, dt: float) -> int:
+    """How many estimates missed their step, those that were never issued included."""
+    return sum(step not in estimates or is_late(estimates[step].issued, step, dt) for step in range(1, steps + 1))
+
+
+def truth_rows(motion: MotionModel, truth: Floats, steps: int, dt: float) -> dict[str, Any]:
+    """Columns of the table `truth` for steps 0 ... `steps` of a trajectory (steps + 1 or more, D)."""
+    numbers = np.arange(steps + 1)
+    states = {name: truth[: steps + 1, i] for i, name in enumerate(motion.columns)}
+    return {"step": numbers, "time": numbers * dt, **states}
+
+
+def estimate_rows(
+    estimates: Mapping[int, Issued], heads: Sequence[int], motion: MotionModel, truth: Floats, steps: int, dt: float
+) -> dict[str, Any]:
+    """Columns of the table `estimates`, a row a step from 1 on; a step without an estimate has NaN for what it lacks.
+
+    `heads` has who led at each step from 0 on. Who was woken is not among the columns.
+    """
+    place = list(motion.position)
+    means = np.full((steps, len(motion.columns)), NAN)
+    claimed = np.full((steps, len(place)), NAN)
+    issued, effective, late = np.full(steps, NAN), np.full(steps, NAN), np.ones(steps, dtype=np.uint8)
+    counts = np.zeros((steps, 3), dtype=np.int64)
+    leaders = np.array(heads[1 : steps + 1], dtype=np.int64)
+    for step, made in estimates.items():
+        row, guess = step - 1, made.estimate
+        means[row], claimed[row] = guess.mean, np.sqrt(np.diag(guess.cov)[place])
+        issued[row], effective[row], late[row] = made.issued, guess.effective, is_late(made.issued, step, dt)
+        leaders[row], counts[row] = made.head, (made.active, made.members, made.readings)
+    numbers = np.arange(1, steps + 1)
+    return {
+        "step": numbers,
+        "time": numbers * dt,
+        "issued": issued,
+        **{name: means[:, i] for i, name in enumerate(motion.columns)},
+        **dict(zip(("sd_x", "sd_y"), claimed.T, strict=False)),
+        "error": np.sqrt(((means[:, place] - truth[1 : steps + 1, place]) ** 2).sum(axis=1)),
+        "head": leaders,
+        "active": counts[:, 0],
+        "members": counts[:, 1],
+        "readings": counts[:, 2],
+        "received": np.full(steps, NAN),
+        "late": late,
+        "effective_particles": effective,
+    }
+
+
+def deviation_rmse(columns: Mapping[str, Any], motion: MotionModel, truth: Floats) -> Floats:
+    """(D,) root mean square error of each state column over the steps with an estimate; NaN where none has one."""
+    means = np.stack([columns[name] for name in motion.columns], axis=1)
+    known = np.isfinite(columns["error"])
+    if not known.any():
+        return np.full(means.shape[1], NAN)
+    return np.sqrt(np.mean((means - truth[1 : len(means) + 1])[known] ** 2, axis=0))
+
+
+def write_particles(
+    recorder: Recorder, replicate: int, target: int, step: int, held: tuple[Any, Any, Sequence[Member]], names: Any
+) -> None:
+    """Write a step's particles, if that is wanted and the tracker has any; `held`: tracker, belief, members."""
+    tracker, belief, members = held
+    if not recorder.wants("particles") or not isinstance(tracker, Snapshots):
+        return
+    for node, states, weights in tracker.snapshot(belief, members):
+        columns = {"step": step, "node": node, **dict(zip(names, states, strict=True)), "weight": weights}
+        recorder.write("particles", {"replicate": replicate, "target": target, **columns})

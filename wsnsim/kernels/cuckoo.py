@@ -1,0 +1,170 @@
+"""The moves of a cuckoo search among particles, the nests (Wei, Guo 2022, eqs. 5-10), and the two ways to accept them.
+
+Shapes: cloud, proposal (D, N), of which only the rows `rows` (Q,) move; fitness, prior (N,) logarithms. One flight uses
+the 4 Q uniforms from `draw` on (an even number) of each particle's key: component q takes the normal pair draw/2 + 2 q
+for μ and ν, and the first of the next one for α. One replacement uses the uniforms draw (s), draw + 1 (d) and
+draw + 2 (e).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from wsnsim.kernels.elementary import LOG_TWO, exp, log, normal_pair
+from wsnsim.kernels.noise import INNER, SWITCHES, uniform
+from wsnsim.kernels.swarm import NOWHERE
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Keys = NDArray[np.uint64]
+
+LEAST = 1e-12
+"""|ν| is no smaller in a Levy step (our choice)."""
+MOST = 1e3
+"""A Levy step |s| is no longer (our choice)."""
+
+
+def levy_deviation(exponent: float) -> float:
+    """σ_u, the deviation of μ in a Levy step of tail exponent λ in (0, 2): 0.6966 for 1.5. Mantegna (1994)."""
+    rise = math.gamma(1.0 + exponent) * math.sin(0.5 * math.pi * exponent)
+    fall = math.gamma(0.5 * (1.0 + exponent)) * exponent * 2.0 ** (0.5 * (exponent - 1.0))
+    return float((rise / fall) ** (1.0 / exponent))
+
+
+@njit(forceinline=True, **INNER)
+def _levy(key, pair, deviation, inverse):
+    """μ/σ_u, and the step s = μ/|ν|^(1/λ), cut off at ±MOST. Eq. (6)."""
+    white, nu = normal_pair(key, pair)
+    size = abs(nu) if abs(nu) > LEAST else LEAST
+    step = deviation * white * exp(-inverse * log(size))
+    return white, min(max(step, -MOST), MOST)
+
+
+@njit(**SWITCHES)
+def fly_cuckoos(
+    cloud: Floats,
+    best: Floats,
+    rows: Ints,
+    keys: Keys,
+    draw: int,
+    alpha: float,
+    random_alpha: bool,
+    deviation: float,
+    exponent: float,
+    factor: Floats,
+) -> tuple[Floats, Floats]:
+    """Where each cuckoo flies about the best nest (D,), and log q(x | x') - log q(x' | x) (N,) of its flight.
+
+    x' = x_best + c (x - x_best) with c = 1 + α s Δk in each component; factor (N,) are the Δk. `random_alpha`: α is
+    `alpha` times a standard normal, one a component (the paper says random; that each component has its own is our
+    choice). Given ν and α, which the way back keeps, c is Gaussian about 1; the way back is 1/c, its step -s/c, so that
+
+        q(x | x') / q(x' | x) = exp(g² (1 - 1/c²) / 2) / |c|,   g = μ/σ_u
+
+    It holds if `best` does not depend on x. A flight that was cut off, or whose way back would be, has the ratio 0. A
+    component that is at the best's place stays there. Eqs. (5), (6), (10); the ratio is our own.
+    """
+    proposal, log_ratio = cloud.copy(), np.zeros(cloud.shape[1])
+    inverse = 1.0 / exponent
+    for q in range(rows.size):
+        d, pair = rows[q], draw // 2 + 2 * q
+        for j in range(cloud.shape[1]):
+            white, step = _levy(keys[j], pair, deviation, inverse)
+            scale = alpha * factor[j] * (normal_pair(keys[j], pair + 1)[0] if random_alpha else 1.0)
+            away = cloud[d, j] - best[d]
+            proposal[d, j] = cloud[d, j] + scale * step * away  # eqs. 5, 10: x' = x + α s (x - x_best) Δk
+            c = 1.0 + scale * step
+            cut = (abs(step) >= MOST) | (abs(step) >= MOST * abs(c))
+            size = 1.0 if cut else abs(c)
+            known = 0.5 * white * white * (1.0 - 1.0 / (size * size)) - log(size)
+            log_ratio[j] += 0.0 if away == 0.0 else (-np.inf if cut else known)
+    return proposal, log_ratio
+
+
+@njit(**SWITCHES)
+def replace_nests(cloud: Floats, nests: Floats, rows: Ints, keys: Keys, draw: int, keep: float) -> Floats:
+    """(D, N) where the particles go whose nest is found: x + s (x_d - x_e) if s > P, else x, with s ~ U(0, 1). Eq. (7).
+
+    As printed, `keep` = P is a probability of *keeping*, and one s is threshold and step. d and e are drawn with
+    replacement from `nests` (D, M), independently of each other and of the particle (our choice; the paper: random).
+    Without nests nobody moves.
+    """
+    proposal, count = cloud.copy(), nests.shape[1]
+    for j in range(cloud.shape[1] if count > 0 else 0):
+        s = uniform(keys[j], draw)
+        if s > keep:
+            one, other = int(count * uniform(keys[j], draw + 1)), int(count * uniform(keys[j], draw + 2))
+            for q in range(rows.size):
+                d = rows[q]
+                proposal[d, j] = cloud[d, j] + s * (nests[d, one] - nests[d, other])
+    return proposal
+
+
+@njit(forceinline=True, **INNER)
+def _is_somewhere(proposal, j):
+    """Whether the j-th state is a place: no component beyond NOWHERE, and none that is no number."""
+    there = True
+    for d in range(proposal.shape[0]):
+        there = there & (abs(proposal[d, j]) < NOWHERE)
+    return there
+
+
+@njit(**SWITCHES)
+def accept_greedy(cloud: Floats, fitness: Floats, proposal: Floats, proposal_fitness: Floats) -> int:
+    """How many proposals are fitter than what they replace; cloud and fitness are updated in place.
+
+    A fitness that is no number, or a state beyond NOWHERE, is a refusal.
+    """
+    accepted = 0
+    for j in range(fitness.size):
+        if proposal_fitness[j] > fitness[j] and _is_somewhere(proposal, j):
+            accepted += 1
+            fitness[j] = proposal_fitness[j]
+            for d in range(cloud.shape[0]):
+                cloud[d, j] = proposal[d, j]
+    return accepted
+
+
+@njit(**SWITCHES)
+def accept_chains(
+    cloud: Floats,
+    fitness: Floats,
+    prior: Floats,
+    proposal: Floats,
+    proposal_fitness: Floats,
+    proposal_prior: Floats,
+    log_ratio: Floats,
+    keys: Keys,
+    draw: int,
+) -> int:
+    """How many proposals Metropolis and Hastings accept; cloud, fitness and prior are updated in place.
+
+    Accepted if the `draw`-th uniform of the key is below p(z|x') p(x'|ancestor) q(x|x') over the same the other way
+    round, in logs. A ratio that is no number, or a state beyond NOWHERE, is a refusal. Our repair, not in the paper.
+    """
+    accepted = 0
+    for j in range(fitness.size):
+        ratio = proposal_fitness[j] + proposal_prior[j] - fitness[j] - prior[j] + log_ratio[j]
+        if log(uniform(keys[j], draw)) < ratio and _is_somewhere(proposal, j):
+            accepted += 1
+            fitness[j], prior[j] = proposal_fitness[j], proposal_prior[j]
+            for d in range(cloud.shape[0]):
+                cloud[d, j] = proposal[d, j]
+    return accepted
+
+
+@njit(**SWITCHES)
+def relative_changes(fitness: Floats, before: Floats) -> Floats:
+    """(N,) Δk = |(f - f_before) / f_before| in [0, 1] of fitnesses given as logarithms. Eq. (10).
+
+    The paper's is not bounded: the 1 is our choice, and so is 1 where both are nothing (0/0).
+    """
+    changes = np.empty(fitness.size)
+    for j in range(fitness.size):
+        gain = fitness[j] - before[j]
+        changes[j] = abs(exp(gain) - 1.0) if gain < LOG_TWO else 1.0
+    return changes

@@ -1,0 +1,123 @@
+"""The gravitational search move of Ruan et al. (2020), eqs. 5-9: particles fall towards the likeliest of them.
+
+Shapes: points, velocities (Q, N), fitness (N,) log-likelihoods, keys (N,). One iteration uses the N + 1 uniforms from
+`draw` on of each particle's key: rand_i that scales v_i is draw 0, rand_ij that scales the pull of j on i is 1 + j.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from wsnsim.kernels.elementary import exp
+from wsnsim.kernels.noise import INNER, SWITCHES, uniform
+from wsnsim.kernels.particles import NOTHING
+from wsnsim.kernels.swarm import NOWHERE
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Keys = NDArray[np.uint64]
+
+
+@njit(**INNER)
+def _masses(fitness: Floats) -> Floats:
+    """(N,) M_i = m_i / Σ m, m_i = (fit_i - worst) / (best - worst) with fit = exp(l - l_max); 1/N if best = worst.
+
+    A fitness that is no finite number is as bad as none: fit = 0. Eq. (6).
+    """
+    masses, top, worst, total = np.empty(fitness.size), -np.inf, 1.0, 0.0
+    for j in range(fitness.size):
+        top = fitness[j] if top < fitness[j] < np.inf else top
+    for j in range(fitness.size):
+        below = fitness[j] - top
+        masses[j] = exp(below) if NOTHING < below <= 0.0 else 0.0
+        worst = masses[j] if masses[j] < worst else worst
+    for j in range(fitness.size):
+        masses[j] -= worst
+        total += masses[j]
+    for j in range(fitness.size):
+        masses[j] = masses[j] / total if total > 0.0 else 1.0 / fitness.size
+    return masses
+
+
+@njit(**INNER)
+def _pulls(points: Floats, masses: Floats, j: int, elite: int) -> bool:
+    """Whether particle j has mass and a place and is of the `elite` heaviest; among equals, the first ones are.
+
+    It is counted who is heavier, which costs less than the pulls and needs no sort.
+    """
+    heavier, farthest = 0, 0.0
+    for i in range(masses.size):
+        heavier += (masses[i] > masses[j]) | ((masses[i] == masses[j]) & (i < j))
+    for q in range(points.shape[0]):
+        farthest += abs(points[q, j])
+    return heavier < max(elite, 1) and masses[j] > 0.0 and farthest < NOWHERE
+
+
+@njit(**INNER)
+def _add_pulls(
+    falls: Floats,
+    pull: Floats,
+    points: Floats,
+    j: int,
+    places: Ints,
+    keys: Keys,
+    draw: int,
+    strength: float,
+    softening: float,
+) -> None:
+    """Add to everyone's fall what j exerts; on itself that is nothing. Eqs. (5), (7)."""
+    for i in range(keys.size):
+        pull[i] = 0.0
+    for place in places:
+        centre = points[place, j]
+        for i in range(keys.size):
+            pull[i] += (centre - points[place, i]) ** 2
+    for i in range(keys.size):
+        distance = np.sqrt(pull[i]) + softening
+        pull[i] = strength * uniform(keys[i], draw) / distance if distance > 0.0 else 0.0
+    for q in range(points.shape[0]):
+        centre = points[q, j]
+        for i in range(keys.size):
+            falls[q, i] += pull[i] * (centre - points[q, i])
+
+
+@njit(**SWITCHES)
+def attract(
+    points: Floats,
+    velocities: Floats,
+    fitness: Floats,
+    places: Ints,
+    keys: Keys,
+    draw: int,
+    gravity: float,
+    elite: int,
+    softening: float,
+) -> Floats:
+    """(Q, N) where one iteration moves the points; velocities are updated in place.
+
+    a_i = G Σ_{j of the K heaviest, j ≠ i} rand_ij M_j (x_j - x_i) / (R_ij + ε)      eqs. (5), (7), (8)
+    v_i = rand_i v_i + a_i, x_i = x_i + v_i                                          eq. (9)
+
+    `gravity` is G, `elite` K, `softening` ε. R_ij is the distance in the rows `places` of the points, which are the
+    position. M_i, which (5) multiplies and (8) divides by, is cancelled on paper: it is 0 of the worst particle, which
+    falls like any other. One scalar rand an ordered pair, as we read (7). Who would fall beyond NOWHERE, or to where no
+    number is, stays and stops (our choice).
+    """
+    masses, pull = _masses(fitness), np.empty(keys.size)
+    falls, proposal = np.zeros(points.shape), np.empty(points.shape)
+    for j in range(keys.size):
+        if not _pulls(points, masses, j, elite):
+            continue
+        _add_pulls(falls, pull, points, j, places, keys, draw + 1 + j, gravity * masses[j], softening)
+    for i in range(keys.size):
+        lasting, farthest = uniform(keys[i], draw), 0.0
+        for q in range(points.shape[0]):
+            velocities[q, i] = lasting * velocities[q, i] + falls[q, i]
+            proposal[q, i] = points[q, i] + velocities[q, i]
+            farthest += abs(proposal[q, i])
+        if not farthest < NOWHERE:
+            for q in range(points.shape[0]):
+                velocities[q, i], proposal[q, i] = 0.0, points[q, i]
+    return proposal

@@ -1,0 +1,85 @@
+"""A linear motion with Gaussian noise, x⁺ = F x + L w with w ~ N(0, I), for many states at once.
+
+states (D, N): column j is particle j      transition (D, D): F      root (D, K): L, so that Q = L Lᵀ; K may be below D
+
+Loops over particles are the inner ones. Entries of F and L that are zero are passed over: most of them are.
+"""
+
+from __future__ import annotations
+
+from typing import TypeAlias
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from wsnsim.kernels.elementary import normal_pair
+from wsnsim.kernels.noise import INNER, SWITCHES
+
+Floats: TypeAlias = NDArray[np.float64]
+
+LOG_TWO_PI = 1.8378770664093453
+
+
+@njit(forceinline=True, **INNER)
+def _add_moved(result, states, transition, sign):
+    """Add sign F x to the result."""
+    for d in range(transition.shape[0]):
+        for e in range(transition.shape[1]):
+            slope = sign * transition[d, e]
+            if slope != 0.0:
+                for j in range(states.shape[1]):
+                    result[d, j] += slope * states[e, j]
+
+
+@njit(**SWITCHES)
+def advance(states: Floats, transition: Floats) -> Floats:
+    """(D, N): F x, each state one step on without noise."""
+    result = np.zeros(states.shape)
+    _add_moved(result, states, transition, 1.0)
+    return result
+
+
+@njit(**SWITCHES)
+def propagate(states: Floats, keys: NDArray[np.uint64], transition: Floats, root: Floats) -> Floats:
+    """(D, N): F x + L w, each state one step on. Components 2p and 2p + 1 of w are the p-th normal pair of the key."""
+    count, inputs = states.shape[1], root.shape[1]
+    result = np.zeros(states.shape)
+    _add_moved(result, states, transition, 1.0)
+    first, second = np.empty(count), np.empty(count)
+    for k in range(0, inputs, 2):
+        for j in range(count):
+            first[j], second[j] = normal_pair(keys[j], k // 2)
+        for d in range(root.shape[0]):
+            along_first, along_second = root[d, k], root[d, k + 1] if k + 1 < inputs else 0.0
+            if along_first != 0.0 or along_second != 0.0:
+                for j in range(count):
+                    result[d, j] += along_first * first[j] + along_second * second[j]
+    return result
+
+
+@njit(**SWITCHES)
+def log_transition(after: Floats, before: Floats, transition: Floats, factor: Floats) -> Floats:
+    """(N,) log N(after; F before, Q), `factor` (D, D) being the lower Cholesky factor of Q; -inf where it is no number.
+
+    So it is everywhere if the factor's diagonal is not positive.
+    """
+    size, count = before.shape
+    white, result = after.copy(), np.zeros(count)
+    _add_moved(white, before, transition, -1.0)
+    constant = 0.0
+    for d in range(size):
+        for e in range(d):
+            slope = factor[d, e]
+            if slope != 0.0:
+                for j in range(count):
+                    white[d, j] -= slope * white[e, j]
+        scale = 1.0 / factor[d, d]
+        constant -= 0.5 * LOG_TWO_PI + np.log(factor[d, d])
+        for j in range(count):
+            white[d, j] *= scale
+            result[j] += white[d, j] * white[d, j]
+    for j in range(count):
+        value = constant - 0.5 * result[j]
+        result[j] = value if value > -np.inf else -np.inf
+    return result

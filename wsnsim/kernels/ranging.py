@@ -1,0 +1,120 @@
+"""What a sensor reads of a distance, with noise of a constant variance, for many points at once.
+
+    law = (a, b, d_0, R, within, logarithmic)     the sensor's constants: five floats and a truth value
+    mean m = a + b d, or a + b log d if logarithmic, with d floored at d_0; m = 0 beyond `within`     z = m + N(0, R)
+
+It serves the range of Liu and Wang (2012) and of Wei and Guo (2022), and the log-distance law of Ruan et al. (2020,
+eq. 4). Points are given by their coordinates x (N,) and y (N,); positions are (S, 2). A point that is not finite has
+the log-likelihood -inf, and so has a point against a reading that is not a number: never NaN, never an exception.
+"""
+
+from __future__ import annotations
+
+from typing import TypeAlias
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from wsnsim.kernels.elementary import log
+from wsnsim.kernels.noise import INNER, SWITCHES
+
+Floats: TypeAlias = NDArray[np.float64]
+Law: TypeAlias = tuple[float, float, float, float, float, bool]
+
+LOG_TWO_PI = 1.8378770664093453
+
+
+@njit(forceinline=True, **INNER)
+def _set_forms(form, squared, least, logarithmic):
+    """Put d, or log d if logarithmic, into `form`, given d²; it is floored at `least`, positive if logarithmic.
+
+    A loop for each law, and none of them with the choice inside, so that both vectorise.
+    """
+    if logarithmic:
+        for j in range(form.size):
+            form[j] = 0.5 * log(squared[j] if squared[j] > least else least)
+    else:
+        for j in range(form.size):
+            form[j] = np.sqrt(squared[j] if squared[j] > least else least)
+
+
+@njit(forceinline=True, **INNER)
+def _close(result, x, y, count, variance):
+    """From the sum of (z - m)² of `count` readings to their log-likelihood; -inf where nothing is known."""
+    constant = count * (LOG_TWO_PI + log(variance))
+    for j in range(x.size):
+        value = -0.5 * (result[j] / variance + constant)
+        known = (value > -np.inf) & (abs(x[j]) < np.inf) & (abs(y[j]) < np.inf)
+        result[j] = value if known else -np.inf
+
+
+@njit(**SWITCHES)
+def own_log_likelihood(
+    x: Floats, y: Floats, readings: Floats, positions: Floats, owners: NDArray[np.int64], law: Law
+) -> Floats:
+    """(N,) log p(readings[owners[j]] | target at point j): every particle against its own node's reading.
+
+    What belongs to the owners is collected first, so that the second loop vectorises. Raises IndexError for an
+    unknown owner.
+    """
+    offset, slope, floor, variance, within, logarithmic = law
+    squared, reading = np.empty(x.size), np.empty(x.size)
+    for j in range(x.size):
+        s = owners[j]
+        if s < 0 or s >= readings.size:
+            raise IndexError("a particle is owned by a reading that is not there")
+        squared[j] = (x[j] - positions[s, 0]) ** 2 + (y[j] - positions[s, 1]) ** 2
+        reading[j] = readings[s]
+    result, form = np.empty(x.size), np.empty(x.size)
+    _set_forms(form, squared, floor * floor, logarithmic)
+    for j in range(x.size):
+        mean = offset + slope * form[j]
+        result[j] = (reading[j] - (mean if squared[j] <= within * within else 0.0)) ** 2
+    _close(result, x, y, 1, variance)
+    return result
+
+
+@njit(**SWITCHES)
+def joint_log_likelihood(x: Floats, y: Floats, readings: Floats, positions: Floats, law: Law) -> Floats:
+    """(N,) log p(all S readings | target at point j)."""
+    offset, slope, floor, variance, within, logarithmic = law
+    result, squared, form = np.zeros(x.size), np.empty(x.size), np.empty(x.size)
+    for s in range(readings.size):
+        reading, x_sensor, y_sensor = readings[s], positions[s, 0], positions[s, 1]
+        for j in range(x.size):
+            squared[j] = (x[j] - x_sensor) ** 2 + (y[j] - y_sensor) ** 2
+        _set_forms(form, squared, floor * floor, logarithmic)
+        for j in range(x.size):
+            mean = offset + slope * form[j]
+            result[j] += (reading - (mean if squared[j] <= within * within else 0.0)) ** 2
+    _close(result, x, y, readings.size, variance)
+    return result
+
+
+@njit(**SWITCHES)
+def linearised(x: Floats, y: Floats, positions: Floats, law: Law) -> tuple[Floats, Floats, Floats]:
+    """Expected readings (S, N), their gradients in x and y (S, 2, N), their variances (S, N), `within` or beyond.
+
+    ∂m/∂x = b (x - x_s) / d, or b (x - x_s) / d² if logarithmic, and 0 from the floor inwards: 0 too at d = 0. A point
+    that is not finite is infinitely far, and its gradient 0.
+    """
+    offset, slope, floor, variance, _, logarithmic = law
+    sensors = positions.shape[0]
+    means = np.empty((sensors, x.size))
+    gradients = np.empty((sensors, 2, x.size))
+    variances = np.full((sensors, x.size), variance)
+    squared, form = np.empty(x.size), np.empty(x.size)
+    for s in range(sensors):
+        x_sensor, y_sensor = positions[s, 0], positions[s, 1]
+        for j in range(x.size):
+            squared[j] = (x[j] - x_sensor) ** 2 + (y[j] - y_sensor) ** 2
+        _set_forms(form, squared, floor * floor, logarithmic)
+        for j in range(x.size):
+            known = squared[j] < np.inf
+            means[s, j] = offset + slope * (form[j] if known else np.inf)
+            sloping = (squared[j] > floor * floor) & known
+            factor = slope / (squared[j] if logarithmic else form[j])
+            gradients[s, 0, j] = factor * (x[j] - x_sensor) if sloping else 0.0
+            gradients[s, 1, j] = factor * (y[j] - y_sensor) if sloping else 0.0
+    return means, gradients, variances

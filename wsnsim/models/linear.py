@@ -1,0 +1,294 @@
+"""Targets that move linearly with Gaussian noise: constant acceleration on a line, constant velocity in the plane.
+
+propagate(states (D, N), dt, keys (N,), time) -> (D, N)
+
+x⁺ = F x + Γ w. Nothing here depends on `time`, which is when the states given hold, in s.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from collections.abc import Iterator
+from typing import Annotated, ClassVar, Final, Literal, NamedTuple
+
+import numpy as np
+
+from wsnsim.base.arrays import Bools, Floats, Keys
+from wsnsim.base.errors import RunError
+from wsnsim.base.part import Quantity, part
+from wsnsim.kernels import linear as kernels
+from wsnsim.models.bounds import PLACE, STATE
+from wsnsim.models.motion import FARTHEST
+
+BATCH: Final = 256
+"""How many truths are drawn at once where most are thrown away; fewer where they are longer than 1024 steps."""
+INPUTS: Final = {"accelerations": 2, "diagonal": 4, "direct": 4}
+"""How many noise inputs Γ has columns for."""
+
+NoiseInput = Literal["accelerations", "diagonal", "direct"]
+
+
+@part
+class ConstantAcceleration:
+    """A target on the x-axis whose acceleration is constant but for noise.
+
+    x⁺ = F x + G w with F = [1 T T²/2; 0 1 T; 0 0 1], G = [T²/2; T; 1] and w ~ N(0, q): the process covariance G q Gᵀ
+    has rank one.
+
+    Source: Liu, Wang (2012), eqs. 15-17 and 26, which print Q where G Q Gᵀ is meant.
+    """
+
+    columns: ClassVar[tuple[str, ...]] = ("px", "vx", "ax")
+    units: ClassVar[tuple[str, ...]] = ("m", "m/s", "m/s2")
+    position: ClassVar[tuple[int, ...]] = (0,)
+
+    q: Annotated[float, Quantity("m2/s4", ge=0, le=1e9), "variance of the noise in the acceleration"] = 1e-6
+    start: Annotated[tuple[float, float, float], STATE, "px, vx, ax at time 0, in SI units"] = (1.0, 0.1, 0.01)
+    truth_noise: Annotated[bool, "whether the truth has process noise, in which filters always believe"] = True
+
+    def truth(self, steps: int, dt: float, rng: np.random.Generator) -> Floats:
+        """(steps + 1, 3): one trajectory from the start state. Raises RunError if the target runs away."""
+        walk = _walk(np.array(self.start)[:, None], _root(self, dt), self._process(dt).transition, steps, rng)
+        return _kept_near(np.array([states[:, 0] for states in walk]), self.position, dt)
+
+    def propagate(self, states: Floats, dt: float, keys: Keys, time: float = 0.0) -> Floats:
+        """(3, N): each state one step on, with process noise (eq. 15)."""
+        process = self._process(dt)
+        return kernels.propagate(np.ascontiguousarray(states), keys, process.transition, process.root)
+
+    def advance(self, states: Floats, dt: float, time: float = 0.0) -> Floats:
+        """(3, N): each state one step on, without noise."""
+        return kernels.advance(np.ascontiguousarray(states), self._process(dt).transition)
+
+    def matrices(self, states: Floats, dt: float, time: float = 0.0) -> tuple[Floats, Floats]:
+        """F (N, 3, 3), one read-only matrix seen N times, and the process covariance G q Gᵀ (3, 3)."""
+        return _matrices(self._process(dt), states)
+
+    def log_transition(self, after: Floats, before: Floats, dt: float, time: float = 0.0) -> Floats:
+        """Raises RunError, always: noise of one input on three columns is singular, and has no density."""
+        raise RunError(
+            "motion: the process noise is singular (constant_acceleration has one noise input for three columns), so "
+            "the transition has no density; use a tracker, or a variant of it, that does not ask for it"
+        )
+
+    def assumed(self, noise_scale: float) -> ConstantAcceleration:
+        """The model as a filter believes it: process covariance times `noise_scale`."""
+        return dataclasses.replace(self, q=self.q * noise_scale)
+
+    def _process(self, dt: float) -> Process:
+        return _accelerating(self.q, dt)
+
+
+@part
+class ConstantVelocity:
+    """A target in the plane whose velocity is constant but for noise.
+
+    x⁺ = F x + Γ w with F = blkdiag([1 T; 0 1], [1 T; 0 1]). `noise_input` says what Γ is: `accelerations`
+    [T²/2 0; T 0; 0 T²/2; 0 T] with w in m/s² (Wei), `diagonal` diag(T²/2, T, T²/2, T), or `direct`, the identity. The
+    last two are readings of Ruan, whose 4 x 4 covariance of w does not fit the printed Γ of two columns.
+
+    The truth's `course` is `free`; or `turn`: from half of its steps (rounded up) on, the vy that it has there is
+    reversed; or `in_room`: whole truths are drawn until one stays in the `room` enlarged by `slack`, so that it is a
+    draw of the model on that condition. No filter is told of the course.
+
+    Source: Wei, Guo (2022), experiment 3, whose values are the defaults; Ruan, Wang, Yang, Zhang (2020), eq. 3. The
+    courses are our reading of Ruan's tracks; the cap on draws and the truth's `start_sd` are our choice.
+    """
+
+    columns: ClassVar[tuple[str, ...]] = ("px", "vx", "py", "vy")
+    units: ClassVar[tuple[str, ...]] = ("m", "m/s", "m", "m/s")
+    position: ClassVar[tuple[int, ...]] = (0, 2)
+
+    noise_input: Annotated[NoiseInput, "Γ: what the process noise acts on"] = "accelerations"
+    variances: Annotated[
+        tuple[float, ...], Quantity("", ge=0, le=1e9), "of the noise inputs, in SI units: one for all, or one each"
+    ] = (0.72,)
+    start: Annotated[tuple[float, float, float, float], STATE, "px, vx, py, vy at time 0, in m and m/s"] = (
+        70.0, 5.0, 21.0, 8.0,
+    )  # fmt: skip
+    start_sd: Annotated[
+        tuple[float, float, float, float] | None,
+        Quantity("", ge=0, le=1e7),
+        "deviations of the truth's start about `start`, in m and m/s; left out: it is `start`",
+    ] = None
+    truth_noise: Annotated[bool, "whether the truth has process noise, in which filters always believe"] = True
+    course: Annotated[Literal["free", "in_room", "turn"], "what the truth keeps to"] = "free"
+    room: Annotated[
+        tuple[float, float, float, float] | None, PLACE, "xmin, xmax, ymin, ymax that `in_room` keeps to, in m"
+    ] = None
+    slack: Annotated[float, Quantity("m", ge=0, le=1e7), "how far out of the room the truth may go"] = 0.5
+    draws: Annotated[int, Quantity("", ge=1, le=10**7), "truths drawn before `in_room` is given up"] = 100_000
+
+    def __post_init__(self) -> None:
+        """Raises ValueError for a wrong number of variances, and for a room that is missing or cannot be kept to."""
+        inputs = INPUTS[self.noise_input]
+        if len(self.variances) not in (1, inputs):
+            raise ValueError(
+                f"variances: {len(self.variances)} values; noise_input: {self.noise_input} takes 1 for all its inputs, "
+                f"or {inputs}"
+            )
+        if self.course == "in_room":
+            self._check_room()
+
+    def _check_room(self) -> None:
+        if self.room is None:
+            raise ValueError("course: in_room needs room: [xmin, xmax, ymin, ymax]")
+        if not (self.room[0] < self.room[1] and self.room[2] < self.room[3]):
+            raise ValueError(f"room: xmin < xmax and ymin < ymax are needed, got {list(self.room)}")
+        if not self.truth_noise and self.start_sd is None:
+            raise ValueError("course: in_room draws the truth anew, but truth_noise: false leaves nothing to draw")
+        if self.start_sd is None and not self._inside(np.array(self.start)[:, None])[0]:
+            raise ValueError(
+                f"start: ({self.start[0]:g}, {self.start[2]:g}) m is outside {self._room_in_words()}, where "
+                "course: in_room is to keep it"
+            )
+
+    def truth(self, steps: int, dt: float, rng: np.random.Generator) -> Floats:
+        """(steps + 1, 4): one trajectory on the course.
+
+        Raises:
+            RunError: the target runs away, or none of `draws` truths stayed in the room.
+        """
+        if self.course == "in_room":
+            return self._truth_in_room(steps, dt, rng)
+        turn = (steps + 1) // 2 if self.course == "turn" else None
+        return _kept_near(np.array([states[:, 0] for states in self._walk(1, steps, dt, rng, turn)]), self.position, dt)
+
+    def propagate(self, states: Floats, dt: float, keys: Keys, time: float = 0.0) -> Floats:
+        """(4, N): each state one step on, with process noise (Ruan, eq. 3)."""
+        process = self._process(dt)
+        return kernels.propagate(np.ascontiguousarray(states), keys, process.transition, process.root)
+
+    def advance(self, states: Floats, dt: float, time: float = 0.0) -> Floats:
+        """(4, N): each state one step on, without noise."""
+        return kernels.advance(np.ascontiguousarray(states), self._process(dt).transition)
+
+    def matrices(self, states: Floats, dt: float, time: float = 0.0) -> tuple[Floats, Floats]:
+        """F (N, 4, 4), one read-only matrix seen N times, and the process covariance (4, 4)."""
+        return _matrices(self._process(dt), states)
+
+    def log_transition(self, after: Floats, before: Floats, dt: float, time: float = 0.0) -> Floats:
+        """(N,) log p(after | before); -inf where either is not finite.
+
+        Raises:
+            RunError: the process covariance is singular: `noise_input: accelerations`, or a variance of 0.
+        """
+        process = self._process(dt)
+        if process.root.shape[1] < 4 or not np.all(np.diag(process.root) > 0.0):
+            raise RunError(
+                "motion: the process noise is singular (noise_input: accelerations, or a variance of 0), so the "
+                "transition has no density; use noise_input: diagonal or direct with variances > 0"
+            )
+        after, before = np.ascontiguousarray(after), np.ascontiguousarray(before)
+        return kernels.log_transition(after, before, process.transition, process.root)
+
+    def assumed(self, noise_scale: float) -> ConstantVelocity:
+        """The model as a filter believes it: process covariance times `noise_scale`."""
+        return dataclasses.replace(self, variances=tuple(variance * noise_scale for variance in self.variances))
+
+    def _process(self, dt: float) -> Process:
+        return _coasting(self.noise_input, self.variances, dt)
+
+    def _walk(
+        self, count: int, steps: int, dt: float, rng: np.random.Generator, turn: int | None = None
+    ) -> Iterator[Floats]:
+        """`count` truths side by side, from starts of their own."""
+        starts = np.repeat(np.array(self.start)[:, None], count, axis=1)
+        if self.start_sd is not None:
+            starts = starts + np.array(self.start_sd)[:, None] * rng.standard_normal((4, count))
+        return _walk(starts, _root(self, dt), self._process(dt).transition, steps, rng, turn)
+
+    def _truth_in_room(self, steps: int, dt: float, rng: np.random.Generator) -> Floats:
+        """The first truth that stays in the room, of batches that end when the last of their truths has left."""
+        most = min(BATCH, max(1, 1024 * BATCH // (steps + 1)))
+        for done in range(0, self.draws, most):
+            count = min(most, self.draws - done)
+            inside, track = np.ones(count, dtype=np.bool_), []
+            for states in self._walk(count, steps, dt, rng):
+                inside &= self._inside(states)
+                track.append(states)
+                if not inside.any():
+                    break
+            else:
+                return np.array([states[:, inside.argmax()] for states in track])
+        raise RunError(
+            f"motion: none of {self.draws} truths of {steps} steps stayed in {self._room_in_words()}; enlarge room or "
+            "slack, shorten the duration, lower variances, or raise draws"
+        )
+
+    def _inside(self, states: Floats) -> Bools:
+        """(B,) whether each position is in the room enlarged by the slack, its edge included."""
+        assert self.room is not None, "a course in a room has one"
+        left, right, bottom, top = self.room
+        x, y = states[0], states[2]
+        across = (left - self.slack <= x) & (x <= right + self.slack)
+        along = (bottom - self.slack <= y) & (y <= top + self.slack)
+        result: Bools = across & along
+        return result
+
+    def _room_in_words(self) -> str:
+        assert self.room is not None, "a course in a room has one"
+        left, right, bottom, top = self.room
+        return f"the room x {left:g} to {right:g} m, y {bottom:g} to {top:g} m with {self.slack:g} m of slack"
+
+
+class Process(NamedTuple):
+    """One step of a linear motion: F (D, D), a root L (D, K) of its process covariance, and that covariance L Lᵀ."""
+
+    transition: Floats
+    root: Floats
+    covariance: Floats
+
+
+@functools.lru_cache(maxsize=64)
+def _accelerating(q: float, dt: float) -> Process:
+    """F and G of Liu, Wang (2012), eqs. 16-17."""
+    transition = np.array([[1.0, dt, dt**2 / 2], [0.0, 1.0, dt], [0.0, 0.0, 1.0]])
+    root = np.sqrt(q) * np.array([[dt**2 / 2], [dt], [1.0]])
+    return Process(transition, root, root @ root.T)
+
+
+@functools.lru_cache(maxsize=64)
+def _coasting(noise_input: NoiseInput, variances: tuple[float, ...], dt: float) -> Process:
+    """F and Γ of Wei, Guo (2022), experiment 3, or of Ruan et al. (2020), eq. 3."""
+    transition = np.kron(np.eye(2), np.array([[1.0, dt], [0.0, 1.0]]))
+    lever = np.array([[dt**2 / 2], [dt]])
+    gammas = {
+        "accelerations": np.kron(np.eye(2), lever),
+        "diagonal": np.diag(np.tile(lever[:, 0], 2)),
+        "direct": np.eye(4),
+    }
+    root = gammas[noise_input] * np.sqrt(variances)
+    return Process(transition, root, root @ root.T)
+
+
+def _root(motion: ConstantAcceleration | ConstantVelocity, dt: float) -> Floats:
+    """L of the truth's noise: without columns where there is none."""
+    root = motion._process(dt).root
+    return root if motion.truth_noise else root[:, :0]
+
+
+def _walk(
+    states: Floats, root: Floats, transition: Floats, steps: int, rng: np.random.Generator, turn: int | None = None
+) -> Iterator[Floats]:
+    """(D, B) states of B tracks at the steps 0, 1, ... `steps`; vy is reversed at the step `turn`."""
+    for step in range(steps + 1):
+        if step > 0:
+            states = transition @ states + root @ rng.standard_normal((root.shape[1], states.shape[1]))
+        if step == turn:
+            states = states * np.array([[1.0], [1.0], [1.0], [-1.0]])
+        yield states
+
+
+def _matrices(process: Process, states: Floats) -> tuple[Floats, Floats]:
+    size = process.transition.shape[0]
+    return np.broadcast_to(process.transition, (states.shape[1], size, size)), process.covariance.copy()
+
+
+def _kept_near(states: Floats, position: tuple[int, ...], dt: float) -> Floats:
+    """The trajectory itself. Raises RunError with the time at which it is beyond any field."""
+    near = np.all(np.abs(states[:, position]) < FARTHEST, axis=1)
+    if not near.all():
+        raise RunError(f"motion: the target runs away: it is beyond {FARTHEST:g} m at {near.argmin() * dt:g} s")
+    return states

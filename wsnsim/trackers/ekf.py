@@ -1,0 +1,79 @@
+"""The extended Kalman filter in one head: the reference beside filters that relay from sensor to sensor.
+
+What a step asks:
+
+    Gather: readings  Compute                all members, or the nearest alone
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar, Literal
+
+import numpy as np
+
+from wsnsim.base.arrays import Floats, planar
+from wsnsim.base.asks import Compute, Flow, Gather
+from wsnsim.base.part import part
+from wsnsim.base.ports import Scene
+from wsnsim.kernels.relay import kalman
+from wsnsim.trackers.shared.heads import GaussianBelief, HeadGaussian
+from wsnsim.trackers.shared.moments import predicted
+from wsnsim.trackers.shared.readings import Evidence, gather_readings, reading_parcel
+
+LINEARISE_CYCLES = 20.0
+"""To linearise one reading."""
+
+
+@part
+class ExtendedKalman(HeadGaussian):
+    """Extended Kalman filter on all readings that reach the head, or on that of the nearest sensor alone.
+
+    `nearest` asks only the member that is nearest to the predicted position: one packet, none if it is the head. All
+    readings are linearised at the predicted mean. The variance of a reading is taken there, too.
+
+    Source: Bar-Shalom, Li, Kirubarajan (2001), section 10.3.
+    """
+
+    paper: ClassVar[str] = ""
+    idea: ClassVar[str] = "extended Kalman filter on all readings, or on the nearest sensor's alone: a reference"
+    state: ClassVar[str] = "mean and covariance in the head"
+    messages: ClassVar[str] = "a reading up per member, or one from the nearest"
+    variants: ClassVar[str] = "readings all|nearest"
+
+    readings: Annotated[Literal["all", "nearest"], "whose readings update the filter"] = "all"
+
+    def step(self, belief: GaussianBelief, scene: Scene) -> Flow[GaussianBelief]:
+        """One step: N_act - 1 readings reach the head, or one; it predicts, and updates with what arrived."""
+        mean, cov = predicted(belief.mean, belief.cov, scene)
+        place = np.array(scene.motion.position)
+        if self.readings == "nearest":
+            seen = yield from _nearest_reading(mean[place], scene)
+        else:
+            seen = yield from gather_readings(scene)
+        yield Compute(_cycles(mean.size, place.size, len(seen.ids), scene.steps))
+        if seen.ids:
+            linear = scene.sensor.linearise(mean[place][:, None], seen.positions, seen.traits)
+            expected, gradients, variances = (np.ascontiguousarray(values[..., 0]) for values in linear)
+            mean, cov = kalman(mean, cov, expected, gradients, variances, seen.readings, place)
+        return GaussianBelief(mean, cov, scene.head)
+
+
+def _nearest_reading(point: Floats, scene: Scene) -> Flow[Evidence]:
+    """The reading of the member nearest to a point (P,), if there is one and its packet arrives."""
+    rows: list[int] = []
+    values: list[float] = []
+    if scene.ids:
+        row = int(((scene.positions - planar(point[None])) ** 2).sum(axis=1).argmin())
+        answer = yield Gather(reading_parcel, who=(scene.ids[row],))
+        rows = [row] if scene.ids[row] in answer else []
+        values = [answer[scene.ids[row]][0] for row in rows]
+    ids = tuple(scene.ids[row] for row in rows)
+    return Evidence(ids, np.array(values, dtype=np.float64), scene.positions[rows], scene.traits[rows])
+
+
+def _cycles(size: int, place: int, sensors: int, steps: int) -> float:
+    """Operations of a step, those of the update a reading."""
+    prediction = steps * (4.0 * size**3 + 2.0 * size**2)  # x⁻ = f(x), P⁻ = F P Fᵀ + Q
+    innovation = 4.0 * place + 2.0 * place * size + LINEARISE_CYCLES  # ν, S = H P⁻ Hᵀ + R
+    update = 3.0 * size + 8.0 * size**2  # x⁺ = x⁻ + G ν; P⁺ in Joseph's form
+    return prediction + sensors * (innovation + update)

@@ -1,0 +1,240 @@
+"""Particle filters that believe in one Gaussian between steps, and so never resample: GPF, PSO-GPF and GSA-GPF.
+
+Ruan, Wang, Yang, Zhang (2020), after Kotecha, Djurić (2003). What a step asks:
+
+    Gather: readings  Compute
+
+A step draws particles from the Gaussian, predicts them, may move them towards the readings, weighs them by the
+likelihood where they are, and sums them up. After a move that is a heuristic: the particles are no longer drawn from
+the prediction, and nothing in their weights makes up for it. The 1/N in the paper's step 5 would give an estimate N
+times too small, its weights being normalised already, and is left out. Without a reading nothing is drawn.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Annotated, ClassVar, Literal
+
+import numpy as np
+
+from wsnsim.base.arrays import Floats
+from wsnsim.base.asks import Compute, Flow, Member
+from wsnsim.base.part import Quantity, part
+from wsnsim.base.ports import Scene
+from wsnsim.kernels.gaussian import sample
+from wsnsim.kernels.gravity import attract
+from wsnsim.kernels.swarm import NOWHERE, fly
+from wsnsim.trackers.shared.dealing import PREDICT_CYCLES, Pool
+from wsnsim.trackers.shared.heads import (
+    WEIGH_CYCLES,
+    CloudBelief,
+    GaussianBelief,
+    HeadGaussian,
+    keys_of,
+    only_predicted,
+    score_of,
+    summary,
+)
+from wsnsim.trackers.shared.readings import gather_readings
+from wsnsim.trackers.shared.stacks import DRAW, MOVE, Score, place_of, propagated_by, snapshot
+
+FLY_CYCLES = 50.0
+"""To move one particle of a swarm, as Jiang (2013), section 5, counts it."""
+PAIR_CYCLES = 20.0
+"""To pull one particle towards another: a distance, a random number, a quotient, a sum (our count)."""
+
+Move = Literal["position", "all"]
+
+
+@part
+class HeadSampling(HeadGaussian):
+    """What the three have in common. A tracker gives `moved(cloud, score, scene)`, `evaluations` and `move_cycles`."""
+
+    particles: Annotated[int, Quantity("", ge=1, le=10**6), "N: particles drawn at each step"] = 100
+
+    @property
+    def evaluations(self) -> int:
+        """How many likelihoods of all readings one particle costs in one step."""
+        return 1
+
+    @property
+    def move_cycles(self) -> float:
+        """Operations of the whole move of one step, its likelihoods apart."""
+        return 0.0
+
+    def moved(self, cloud: Floats, score: Score, scene: Scene) -> tuple[Floats, Floats]:
+        """The predicted particles (D, N) where they are weighed, and their log-likelihoods (N,) there."""
+        raise NotImplementedError
+
+    def step(self, belief: GaussianBelief, scene: Scene) -> Flow[GaussianBelief]:
+        """One step: N_act - 1 readings reach the head, which does the rest; without any, the Gaussian is predicted.
+
+        Where no particle is likely, all weigh the same.
+        """
+        seen = yield from gather_readings(scene)
+        if not seen.ids:
+            yield Compute(PREDICT_CYCLES * scene.steps)
+            return only_predicted(belief, scene)
+        yield Compute(self._cycles(len(seen.ids), scene.steps))
+        keys = keys_of(scene, self.particles, DRAW)
+        drawn, _ = sample(np.ascontiguousarray(belief.mean[:, None]), np.ascontiguousarray(belief.cov[None]), keys)
+        _, predicted = propagated_by(scene.key, drawn, scene)
+        cloud, log_weights = self.moved(predicted, score_of(seen, scene), scene)
+        mean, cov, effective = summary(cloud, log_weights)
+        return CloudBelief(mean, cov, scene.head, effective, Pool(cloud, log_weights))
+
+    def snapshot(self, belief: GaussianBelief, members: Sequence[Member]) -> Iterator[tuple[int, Floats, Floats]]:
+        """(head, particles (D, n), weights (n,)) of this step, which the next will not use; none without a reading."""
+        if isinstance(belief, CloudBelief):
+            yield from snapshot([(belief.head, belief.pool.cloud, belief.pool.log_weights)])
+
+    def _cycles(self, readings: int, steps: int) -> float:
+        """To draw and predict, 40 each a particle; 30 S a likelihood; and the move."""
+        a_particle = PREDICT_CYCLES * (1 + steps) + WEIGH_CYCLES * readings * self.evaluations
+        return a_particle * self.particles + self.move_cycles
+
+
+@part
+class GaussianPf(HeadSampling):
+    """GPF: particles drawn from N(μ, Σ), predicted, weighed by the likelihood and summed up in N(μ', Σ')."""
+
+    paper: ClassVar[str] = "Ruan, Wang, Yang, Zhang (2020)"
+    idea: ClassVar[str] = "particles drawn from a Gaussian, weighed, and summed up in a Gaussian: no resampling"
+    state: ClassVar[str] = "mean and covariance in the head"
+    messages: ClassVar[str] = "a reading up per member"
+    variants: ClassVar[str] = ""
+
+    def moved(self, cloud: Floats, score: Score, scene: Scene) -> tuple[Floats, Floats]:
+        """Where they are predicted."""
+        return cloud, score(cloud)
+
+
+@part
+class SwarmGaussianPf(HeadSampling):
+    """PSO-GPF: the predicted particles fly as a swarm, its fitness being their likelihood, before they are weighed.
+
+    v = w v + c1 r1 (own best - x) + c2 r2 (swarm's best - x), x = x + v, always accepted; the particles are weighed
+    where they end, not where they were best. The paper gives none of the parameters: w, c1, c2 are the usual constants
+    of a swarm that settles, and all four are our choice.
+    """
+
+    paper: ClassVar[str] = "Ruan, Wang, Yang, Zhang (2020)"
+    idea: ClassVar[str] = "Gaussian particle filter whose predicted particles fly as a swarm before they are weighed"
+    state: ClassVar[str] = "mean and covariance in the head"
+    messages: ClassVar[str] = "a reading up per member"
+    variants: ClassVar[str] = "move position|all"
+
+    iterations: Annotated[int, Quantity("", ge=0, le=1000), "moves of the swarm per step"] = 10
+    inertia: Annotated[float, Quantity("", ge=0, le=1), "w: what remains of a velocity"] = 0.729
+    c1: Annotated[float, Quantity("", ge=0, le=1000), "pull towards the particle's own best"] = 1.494
+    c2: Annotated[float, Quantity("", ge=0, le=1000), "pull towards the swarm's best"] = 1.494
+    move: Annotated[Move, "whether the position alone or the whole state moves"] = "position"
+
+    @property
+    def evaluations(self) -> int:
+        """One at the start and one after each move."""
+        return 1 + self.iterations
+
+    @property
+    def move_cycles(self) -> float:
+        """50 a particle and move."""
+        return FLY_CYCLES * self.particles * self.iterations
+
+    def moved(self, cloud: Floats, score: Score, scene: Scene) -> tuple[Floats, Floats]:
+        """The last of the swarm's places."""
+        rows, _ = _moving(self.move, scene)
+        keys, everyone = keys_of(scene, self.particles, MOVE), np.array([0, self.particles])
+        fitness, points = score(cloud), np.ascontiguousarray(cloud[rows])
+        velocities, best, best_fitness = np.zeros(points.shape), points.copy(), fitness.copy()
+        for iteration in range(self.iterations):
+            draw = iteration * 2 * len(points)
+            rule = (self.inertia, self.c1, self.c2, 1.0, True)
+            flown = fly(points, velocities, best, best_fitness, everyone, keys, draw, *rule)
+            points = np.clip(flown, -NOWHERE, NOWHERE)
+            cloud, fitness = _scored(cloud, rows, points, score)
+            better = fitness > best_fitness
+            best = np.where(better, points, best)
+            best_fitness = np.where(better, fitness, best_fitness)
+        return cloud, fitness
+
+
+@part
+class GravitationalGaussianPf(HeadSampling):
+    """GSA-GPF: the predicted particles attract each other by their likelihoods before they are weighed. Eqs. (5)-(9).
+
+    In iteration t = 1 ... T_c, G = G0 exp(-α t / T_c), and the K = round(N + (1 - N)(t - 1)/(T_c - 1)) heaviest pull.
+    G0 = 100 is a constant of searches in a box of that size: as masses sum to one and the pull does not fall with the
+    distance, it carries a particle up to 13.5 m in the first move, and so throws a cloud of a metre apart. That is the
+    literal form, and the default. `acceptance: greedy` moves a particle only where that is more likely than where it
+    is; a smaller `G0` is the other repair.
+
+    Our choice, where the paper is silent: `move: position` (literal would be `all`: the distance does not count the
+    velocity, so that pulls on it have no bound), the softening ε, and a velocity that outlives a refused move.
+    The "perception threshold r" of step 3 is never defined, and is not here.
+    """
+
+    paper: ClassVar[str] = "Ruan, Wang, Yang, Zhang (2020)"
+    idea: ClassVar[str] = "Gaussian particle filter whose predicted particles attract each other by their likelihoods"
+    state: ClassVar[str] = "mean and covariance in the head"
+    messages: ClassVar[str] = "a reading up per member"
+    variants: ClassVar[str] = "acceptance always|greedy, move position|all"
+
+    iterations: Annotated[int, Quantity("", ge=0, le=1000), "T_c: moves per step"] = 10
+    G0: Annotated[float, Quantity("", ge=0, le=1e9), "how strongly particles attract each other at first"] = 100.0
+    alpha: Annotated[float, Quantity("", ge=0, le=1e6), "α: how fast the attraction decays over the moves"] = 20.0
+    softening: Annotated[float, Quantity("m", ge=1e-12, le=1e6), "ε: added to the distance of two particles"] = 1e-6
+    acceptance: Annotated[Literal["always", "greedy"], "whether a move is always made, or only to a fitter place"] = (
+        "always"
+    )
+    move: Annotated[Move, "whether the position alone or the whole state moves"] = "position"
+
+    @property
+    def evaluations(self) -> int:
+        """One at the start and one after each move."""
+        return 1 + self.iterations
+
+    @property
+    def move_cycles(self) -> float:
+        """20 for each particle that is pulled by each of the elite, move by move."""
+        pulling = sum(elite_size(self.particles, t, self.iterations) for t in range(1, self.iterations + 1))
+        return PAIR_CYCLES * self.particles * pulling
+
+    def moved(self, cloud: Floats, score: Score, scene: Scene) -> tuple[Floats, Floats]:
+        """Where the particles are after T_c moves."""
+        rows, places = _moving(self.move, scene)
+        keys, fitness = keys_of(scene, self.particles, MOVE), score(cloud)
+        velocities = np.zeros(cloud[rows].shape)
+        for t in range(1, self.iterations + 1):
+            gravity = self.G0 * math.exp(-self.alpha * t / self.iterations)
+            elite, draw = elite_size(self.particles, t, self.iterations), (t - 1) * (self.particles + 1)
+            points = np.ascontiguousarray(cloud[rows])
+            pulled = attract(points, velocities, fitness, places, keys, draw, gravity, elite, self.softening)
+            after, after_fitness = _scored(cloud, rows, pulled, score)
+            if self.acceptance == "greedy":
+                fitter = after_fitness > fitness
+                after, after_fitness = np.where(fitter, after, cloud), np.where(fitter, after_fitness, fitness)
+            cloud, fitness = after, after_fitness
+        return cloud, fitness
+
+
+def elite_size(particles: int, t: int, iterations: int) -> int:
+    """K = round(N + (1 - N)(t - 1)/(T_c - 1)): from N in iteration t = 1 to 1 in the last; N if there is only one."""
+    if iterations == 1:
+        return particles
+    return math.floor(particles + (1 - particles) * (t - 1) / (iterations - 1) + 0.5)
+
+
+def _moving(move: Move, scene: Scene) -> tuple[slice | list[int], np.ndarray]:
+    """Which rows of a cloud move, and which of those are the position."""
+    position = scene.motion.position
+    if move == "all":
+        return slice(None), np.array(position)
+    return place_of(scene), np.arange(len(position))
+
+
+def _scored(cloud: Floats, rows: slice | list[int], points: Floats, score: Score) -> tuple[Floats, Floats]:
+    """A cloud with these rows put in, and its log-likelihoods."""
+    after = cloud.copy()
+    after[rows] = points
+    return after, score(after)

@@ -1,0 +1,153 @@
+"""IMSF: a Kalman filter a sensor, mixed at each step by the probabilities of a Markov chain of sensors.
+
+After Liu, Wang (2012), section 4. What a step asks:
+
+    Gather: readings  Compute
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Annotated, ClassVar, Literal
+
+import numpy as np
+
+from wsnsim.base.arrays import Bools, Floats
+from wsnsim.base.asks import Compute, Flow, Send
+from wsnsim.base.part import Quantity, part
+from wsnsim.base.ports import Estimate, Scene
+from wsnsim.kernels import gaussian
+from wsnsim.kernels.relay import combine, mix, update_each
+from wsnsim.trackers.shared.heads import GaussianBelief, HeadFilter
+from wsnsim.trackers.shared.moments import predicted
+from wsnsim.trackers.shared.parcels import arrived_groups, moment_packets, parcel, weight_packets
+from wsnsim.trackers.shared.sensors import LIKELIHOOD_CYCLES, arrived_probabilities, chain_readings, relayed
+
+
+@dataclass(frozen=True, slots=True)
+class InteractingBelief(GaussianBelief):
+    """The mixture's mean and covariance; and of each of the sensors `ids` a mean (D, n), covariance and probability."""
+
+    ids: tuple[int, ...] = ()
+    means: Floats = field(default_factory=lambda: np.empty((0, 0)))
+    covs: Floats = field(default_factory=lambda: np.empty((0, 0, 0)))
+    probabilities: Floats = field(default_factory=lambda: np.empty(0))
+
+
+@part
+class InteractingKalman(HeadFilter):
+    """A filter a sensor in the head: each starts from a mixture of all, predicts, and updates with its own reading.
+
+    `mixing: printed` sums the covariances of eq. 23 without their weights, as the paper's bracket says: they grow
+    n-fold a step wherever readings do not hold them, a variance is kept from exceeding 1e12 (our choice), and the track
+    is soon lost. `corrected` weighs them.
+
+    A sensor that joins has a filter that starts from the mixture, with probability 0; one that no longer senses drops
+    out with its filter, and the other probabilities are renormalised. A sensor whose reading is lost keeps its
+    predicted probability and its filter only predicts; the others share the remainder by their likelihoods. While
+    nobody senses, the mixture predicts as one Gaussian. Steps that were missed are mixed and predicted. (All our
+    choice: in the paper there is a reading of each sensor at each step.)
+
+    Source: Liu, Wang (2012), eqs. 18-25.
+    """
+
+    paper: ClassVar[str] = "Liu, Wang (2012)"
+    idea: ClassVar[str] = (
+        "a Kalman filter a sensor, mixed at each step by the probabilities of a Markov chain of sensors"
+    )
+    state: ClassVar[str] = "mean, covariance and probability of a filter a sensor, in the head"
+    messages: ClassVar[str] = "a reading up per member"
+    variants: ClassVar[str] = "mixing corrected|printed"
+
+    stay: Annotated[float, Quantity("", ge=0, le=1), "diagonal of M; the other entries are equal"] = 0.93
+    mixing: Annotated[Literal["corrected", "printed"], "whether eq. 23 weighs the covariances"] = "corrected"
+
+    def start(self, prior: Estimate, scene: Scene) -> Flow[InteractingBelief]:
+        """The prior in every filter, every sensor as probable as another."""
+        return _with_filters(InteractingBelief(prior.mean, prior.cov, scene.head), scene)
+        yield  # a flow that asks for nothing
+
+    def step(self, belief: InteractingBelief, scene: Scene) -> Flow[InteractingBelief]:
+        """One step: N_act - 1 readings reach the head; its filters mix, predict, and update with one reading each."""
+        readings, heard = yield from chain_readings(scene)
+        yield Compute(self._cycles(belief.mean.size, len(scene.motion.position), scene))
+        belief = _with_filters(belief, scene)
+        if not belief.ids:
+            return InteractingBelief(*predicted(belief.mean, belief.cov, scene), scene.head)
+        means, covs, chances = self._predicted(belief, scene)
+        if heard.any():
+            _update(means, covs, chances, readings, heard, scene)
+        mean, cov = combine(means, covs, chances)
+        return InteractingBelief(mean, cov, scene.head, ids=belief.ids, means=means, covs=covs, probabilities=chances)
+
+    def _predicted(self, belief: InteractingBelief, scene: Scene) -> tuple[Floats, Floats, Floats]:
+        """Means, covariances and probabilities of the filters as the scene's steps have passed: mix, then predict."""
+        motion, means, covs, chances = scene.motion, belief.means, belief.covs, belief.probabilities
+        for step in range(scene.steps):
+            now = scene.since + step * scene.dt
+            means, covs, chances = mix(means, covs, chances, self.stay, self.mixing == "printed")
+            transitions, noise = motion.matrices(means, scene.dt, now)
+            covs = gaussian.predict(covs, np.ascontiguousarray(transitions), noise)
+            means = np.ascontiguousarray(motion.advance(means, scene.dt, now))
+        return means, covs, chances
+
+    def hand_over(self, belief: InteractingBelief, scene: Scene, successor: int) -> Flow[InteractingBelief | None]:
+        """The packets of n means and covariances, and ceil(n / 4) of probabilities; the filters that arrived whole.
+
+        Probabilities that are lost share what is missing to one; those of the filters that arrived are renormalised.
+        No filter, no track. If nobody sensed, the moments of the mixture alone go, and must arrive whole.
+        """
+        each, count = moment_packets(belief.mean.size), len(belief.ids)
+        if not count:
+            mask = yield Send(successor, parcel((belief.mean, belief.cov), each, "handover"))
+            return InteractingBelief(belief.mean, belief.cov, successor) if mask.all() else None
+        packets = count * each + weight_packets(count)
+        payload = (belief.ids, belief.means, belief.covs, belief.probabilities)
+        mask = yield Send(successor, parcel(payload, packets, "handover"))
+        whole = arrived_groups(mask, count, each)
+        if not whole.any():
+            return None
+        chances = arrived_probabilities(belief.probabilities, mask[count * each :])
+        ids = tuple(node for node, arrived in zip(belief.ids, whole, strict=True) if arrived)
+        chances = relayed(belief.ids, chances, ids)
+        means, covs = np.ascontiguousarray(belief.means[:, whole]), belief.covs[whole]
+        mean, cov = combine(means, covs, chances)
+        return InteractingBelief(mean, cov, successor, ids=ids, means=means, covs=covs, probabilities=chances)
+
+    def _cycles(self, size: int, place: int, scene: Scene) -> float:
+        """Operations of a step, those of one filter times n; without filters, the prediction of the mixture."""
+        sensors, square = scene.active, size**2
+        prediction = 4.0 * size**3 + 2.0 * square  # eqs. 15, 17
+        if not sensors:
+            return scene.steps * prediction
+        chain = 2.0 * sensors  # eq. 20
+        mixing = sensors * (2.0 + 2.0 * size + size + 4.0 * square)  # eqs. 21, 22, 23
+        innovation = 2.0 * place * size + 2.0 * place + LIKELIHOOD_CYCLES  # eqs. 12, 13, 19
+        update = 3.0 * size + 8.0 * square + 4.0  # eqs. 10, 11; 14 in Joseph's form; 18
+        mixture = 3.0 * size + 4.0 * square  # eqs. 24, 25
+        return sensors * (scene.steps * (chain + mixing + prediction) + innovation + update + mixture)
+
+
+def _with_filters(belief: InteractingBelief, scene: Scene) -> InteractingBelief:
+    """The belief with the filters of those who sense now; one that joins starts from the mixture."""
+    if belief.ids == scene.ids:
+        return belief
+    row = {node: i for i, node in enumerate(belief.ids)}
+    rows = [row.get(node) for node in scene.ids]
+    size = belief.mean.size
+    means, covs = np.empty((size, len(rows))), np.empty((len(rows), size, size))
+    for i, old in enumerate(rows):
+        means[:, i] = belief.mean if old is None else belief.means[:, old]
+        covs[i] = belief.cov if old is None else belief.covs[old]
+    chances = relayed(belief.ids, belief.probabilities, scene.ids)
+    return InteractingBelief(
+        belief.mean, belief.cov, scene.head, ids=scene.ids, means=means, covs=covs, probabilities=chances
+    )
+
+
+def _update(means: Floats, covs: Floats, chances: Floats, readings: Floats, heard: Bools, scene: Scene) -> None:
+    """Every filter and its probability by the sensor's own reading, in place; linearised at the filter's prediction."""
+    place = np.array(scene.motion.position)
+    linear = scene.sensor.linearise(means[place], scene.positions, scene.traits)
+    expected, gradients, variances = (np.ascontiguousarray(values) for values in linear)
+    update_each(means, covs, chances, expected, gradients, variances, readings, heard, place)

@@ -1,0 +1,109 @@
+"""RKF: one Kalman filter that is relayed from sensor to sensor by the probabilities of a Markov chain.
+
+After Liu, Wang (2012), section 3. What a step asks:
+
+    Gather: readings  Compute
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Annotated, ClassVar
+
+import numpy as np
+
+from wsnsim.base.arrays import Floats
+from wsnsim.base.asks import Compute, Flow, Send
+from wsnsim.base.part import Quantity, part
+from wsnsim.base.ports import Estimate, Scene
+from wsnsim.kernels.relay import rkf
+from wsnsim.trackers.shared.heads import GaussianBelief, HeadFilter
+from wsnsim.trackers.shared.moments import predicted
+from wsnsim.trackers.shared.parcels import moment_packets, parcel, weight_packets
+from wsnsim.trackers.shared.sensors import (
+    LIKELIHOOD_CYCLES,
+    arrived_probabilities,
+    chain_readings,
+    relayed,
+    stay_over,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class RelayBelief(GaussianBelief):
+    """Mean, covariance, and the probability (n,) of each of the sensors `ids`."""
+
+    ids: tuple[int, ...] = ()
+    probabilities: Floats = field(default_factory=lambda: np.empty(0))
+
+
+@part
+class RelayKalman(HeadFilter):
+    """One (extended) Kalman filter in the head, updated with every reading by the probability that it is the target's.
+
+    P⁺ is that of eq. 14; `spread` adds the spread of the updated means, which the paper leaves out. A sensor that joins
+    enters with probability 0; one that no longer senses drops out, and the rest are renormalised. A sensor whose
+    reading is lost keeps its predicted probability, and the others share the remainder by their likelihoods; without
+    any reading all probabilities stay predicted. Steps that were missed are steps of the chain. (All our choice: in the
+    paper there is a reading of each sensor at each step.)
+
+    Source: Liu, Wang (2012), eqs. 8-20.
+    """
+
+    paper: ClassVar[str] = "Liu, Wang (2012)"
+    idea: ClassVar[str] = (
+        "one Kalman filter updated with every reading by the probability that it comes from the target"
+    )
+    state: ClassVar[str] = "mean, covariance and a probability a sensor, in the head"
+    messages: ClassVar[str] = "a reading up per member"
+    variants: ClassVar[str] = "spread false|true"
+
+    stay: Annotated[float, Quantity("", ge=0, le=1), "diagonal of M; the other entries are equal"] = 0.93
+    spread: Annotated[bool, "whether the covariance gets the spread of the updated means"] = False
+
+    def start(self, prior: Estimate, scene: Scene) -> Flow[RelayBelief]:
+        """The prior, every sensor as probable as another."""
+        return RelayBelief(
+            prior.mean, prior.cov, scene.head, ids=scene.ids, probabilities=relayed((), np.empty(0), scene.ids)
+        )
+        yield  # a flow that asks for nothing
+
+    def step(self, belief: RelayBelief, scene: Scene) -> Flow[RelayBelief]:
+        """One step: N_act - 1 readings reach the head, which predicts and updates; with none, it predicts."""
+        readings, heard = yield from chain_readings(scene)
+        yield Compute(self._cycles(belief.mean.size, len(scene.motion.position), scene))
+        mean, cov = predicted(belief.mean, belief.cov, scene)
+        chances = relayed(belief.ids, belief.probabilities, scene.ids)
+        if scene.ids:
+            place = np.array(scene.motion.position)
+            linear = scene.sensor.linearise(mean[place][:, None], scene.positions, scene.traits)
+            expected, gradients, variances = (np.ascontiguousarray(values[..., 0]) for values in linear)
+            stay = stay_over(self.stay, len(scene.ids), scene.steps)
+            mean, cov, chances = rkf(
+                mean, cov, chances, expected, gradients, variances, readings, heard, place, stay, self.spread
+            )
+        return RelayBelief(mean, cov, scene.head, ids=scene.ids, probabilities=chances)
+
+    def hand_over(self, belief: RelayBelief, scene: Scene, successor: int) -> Flow[RelayBelief | None]:
+        """The packets of mean and covariance, and ceil(n / 4) of probabilities. Without all of the former, nothing.
+
+        Probabilities that are lost share what is missing to one. The new head takes them by the rule of sensors that
+        join and drop out.
+        """
+        first = moment_packets(belief.mean.size)
+        packets = first + weight_packets(len(belief.ids))
+        payload = (belief.mean, belief.cov, belief.ids, belief.probabilities)
+        mask = yield Send(successor, parcel(payload, packets, "handover"))
+        if not mask[:first].all():
+            return None
+        chances = arrived_probabilities(belief.probabilities, mask[first:])
+        return RelayBelief(belief.mean, belief.cov, successor, ids=belief.ids, probabilities=chances)
+
+    def _cycles(self, size: int, place: int, scene: Scene) -> float:
+        """Operations of a step: those of the prediction, and those of the update a sensor."""
+        sensors = scene.active
+        prediction = scene.steps * (4.0 * size**3 + 2.0 * size**2)  # eqs. 15, 17
+        chain = 2.0 * sensors + 4.0  # eqs. 18, 20: a product and a sum of n, and their quotient
+        innovation = 2.0 * place * size + 2.0 * place + LIKELIHOOD_CYCLES  # eqs. 12, 13, 19
+        update = 3.0 * size + 8.0 * size**2  # eqs. 10, 11; 14 in Joseph's form
+        return prediction + sensors * (chain + innovation + update + (3.0 * size**2 if self.spread else 0.0))

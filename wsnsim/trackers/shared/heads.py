@@ -1,0 +1,178 @@
+"""Filters whose whole state is in the head: readings come up to it, and what it believes goes on with a handover.
+
+    Gather: readings  Compute                       what every step asks
+
+`HeadCloud` is a particle filter in the head: a tracker of this kind says how its prediction is weighed.
+`HeadGaussian` is one whose belief between steps is a Gaussian.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Annotated, Any, Literal, NamedTuple
+
+import numpy as np
+
+from wsnsim.base.arrays import Floats, Keys
+from wsnsim.base.asks import Compute, Flow, Member
+from wsnsim.base.part import Quantity, part
+from wsnsim.base.ports import Estimate, Scene
+from wsnsim.kernels.noise import particle_keys
+from wsnsim.kernels.particles import moments, weigh
+from wsnsim.trackers.shared.dealing import (
+    PREDICT_CYCLES,
+    Pool,
+    no_particles,
+    resampled,
+    restored,
+    send_all,
+    send_moments,
+)
+from wsnsim.trackers.shared.moments import forecast, predicted, symmetric
+from wsnsim.trackers.shared.readings import Evidence, gather_readings
+from wsnsim.trackers.shared.stacks import Score, place_of, propagated_by, snapshot
+
+WEIGH_CYCLES = 30.0
+"""To weigh one particle with one reading."""
+NOTHING = no_particles(0)
+
+
+@dataclass(frozen=True, slots=True)
+class GaussianBelief:
+    """Mean (D,) and covariance (D, D) in the head."""
+
+    mean: Floats
+    cov: Floats
+    head: int
+    effective: float = float("nan")
+
+
+@dataclass(frozen=True, slots=True)
+class CloudBelief(GaussianBelief):
+    """Particles with weights in the head, and their moments."""
+
+    pool: Pool = NOTHING
+
+
+class Prediction(NamedTuple):
+    """Particles one step ago and now, both (D, N), and the log-weights (N,) that they come with."""
+
+    before: Floats
+    cloud: Floats
+    log_weights: Floats
+
+
+class HeadFilter:
+    """What all of them have in common: members only send readings; the estimate is the belief's own moments."""
+
+    @property
+    def member_cycles(self) -> float:
+        """None: members only send their readings, the head does the rest."""
+        return 0.0
+
+    def estimate(self, belief: Any) -> Estimate:
+        """The belief's mean and covariance, with the effective number of its particles if it has any."""
+        return Estimate(belief.mean, belief.cov, belief.effective)
+
+    def forecast(self, belief: Any, scene: Scene, ahead: int) -> Estimate:
+        """The estimate `ahead` steps on."""
+        return forecast(self.estimate(belief), scene, ahead)
+
+
+@part
+class HeadCloud(HeadFilter):
+    """A particle filter in the head. A tracker gives `weighed(prediction, seen, scene)` and `reading_cycles`."""
+
+    particles: Annotated[int, Quantity("", ge=1), "N_p: particles"] = 400
+    handover: Annotated[Literal["particles", "gaussian"], "what a handover carries"] = "particles"
+
+    @property
+    def reading_cycles(self) -> float:
+        """Operations a particle and reading, in one step."""
+        return WEIGH_CYCLES
+
+    def weighed(self, prediction: Prediction, seen: Evidence, scene: Scene) -> CloudBelief:
+        """The belief after at least one reading."""
+        raise NotImplementedError
+
+    def start(self, prior: Estimate, scene: Scene) -> Flow[CloudBelief]:
+        """Draw the particles from the prior."""
+        nothing = CloudBelief(prior.mean, prior.cov, scene.head, pool=no_particles(prior.mean.size))
+        return (yield from self._full(nothing, scene))
+
+    def step(self, belief: CloudBelief, scene: Scene) -> Flow[CloudBelief]:
+        """One step: N_act - 1 readings reach the head, which predicts and weighs; without any, it predicts."""
+        belief = yield from self._full(belief, scene)
+        seen = yield from gather_readings(scene)
+        yield Compute((PREDICT_CYCLES * scene.steps + self.reading_cycles * len(seen.ids)) * self.particles)
+        before, cloud = propagated_by(scene.key, belief.pool.cloud, scene)
+        if not seen.ids:
+            mean, cov = predicted(belief.mean, belief.cov, scene)
+            return replace(belief, mean=mean, cov=cov, pool=replace(belief.pool, cloud=cloud), head=scene.head)
+        return self.weighed(Prediction(before, cloud, belief.pool.log_weights), seen, scene)
+
+    def hand_over(self, belief: CloudBelief, scene: Scene, successor: int) -> Flow[CloudBelief | None]:
+        """N_p + ceil(N_p / 4) + 4 packets to the successor, or the 4 of the moments alone (of a state of four)."""
+        if self.handover == "gaussian":
+            arrival = yield from send_moments(belief.mean, belief.cov, successor)
+        else:
+            arrival = yield from send_all(belief.pool, belief.mean, belief.cov, successor)
+        if arrival is None:
+            return None
+        return CloudBelief(arrival.mean, arrival.cov, successor, pool=arrival.pool)
+
+    def snapshot(self, belief: CloudBelief, members: Sequence[Member]) -> Iterator[tuple[int, Floats, Floats]]:
+        """(head, particles (D, n), weights (n,)): all of them."""
+        return snapshot([(belief.head, belief.pool.cloud, belief.pool.log_weights)])
+
+    def _full(self, belief: CloudBelief, scene: Scene) -> Flow[CloudBelief]:
+        """The belief with its full number of particles, which losses on a handover may have reduced."""
+        if belief.pool.log_weights.size == self.particles:
+            return belief
+        cloud = yield from restored(belief.pool, belief.mean, belief.cov, self.particles, scene.key)
+        return replace(belief, pool=Pool(cloud, np.zeros(self.particles)))
+
+
+@part
+class HeadGaussian(HeadFilter):
+    """A filter whose belief between steps is one Gaussian; a handover carries its mean and covariance."""
+
+    def start(self, prior: Estimate, scene: Scene) -> Flow[GaussianBelief]:
+        """The prior itself."""
+        return GaussianBelief(prior.mean, prior.cov, scene.head)
+        yield  # a flow that asks for nothing
+
+    def hand_over(self, belief: GaussianBelief, scene: Scene, successor: int) -> Flow[GaussianBelief | None]:
+        """The packets of a mean and a covariance: 4 for a state of four."""
+        arrival = yield from send_moments(belief.mean, belief.cov, successor)
+        return None if arrival is None else GaussianBelief(arrival.mean, arrival.cov, successor)
+
+
+def only_predicted(belief: GaussianBelief, scene: Scene) -> GaussianBelief:
+    """The Gaussian when nothing arrived: the motion's prediction, its covariance grown."""
+    return GaussianBelief(*predicted(belief.mean, belief.cov, scene), scene.head)
+
+
+def score_of(seen: Evidence, scene: Scene) -> Score:
+    """(D, N) particles → (N,) log-likelihoods of all readings that reached the head."""
+    place, sensor = place_of(scene), scene.sensor
+    return lambda cloud: sensor.log_likelihood(cloud[place], seen.readings, seen.positions, seen.traits)
+
+
+def keys_of(scene: Scene, count: int, tag: int) -> Keys:
+    """(count,) keys, one a particle, for one purpose of this step in this head."""
+    return particle_keys(np.array([scene.key], np.uint64), np.array([0, count]), tag)
+
+
+def summary(cloud: Floats, log_weights: Floats) -> tuple[Floats, Floats, float]:
+    """Weighted mean (D,), covariance (D, D), effective number of a cloud. Its log-weights are normalised in place."""
+    everyone = np.array([0, log_weights.size])
+    effective = float(weigh(log_weights, everyone)[0])
+    means, covs = moments(cloud, log_weights, everyone)
+    return means[0], symmetric(covs[0]), effective
+
+
+def resampled_pool(cloud: Floats, log_weights: Floats, count: int, scene: Scene) -> Pool:
+    """`count` equally weighted particles, drawn by systematic resampling."""
+    return Pool(np.take(cloud, resampled(log_weights, count, scene.key), axis=1), np.zeros(count))

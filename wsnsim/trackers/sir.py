@@ -1,0 +1,41 @@
+"""The textbook particle filter: predict, weigh, resample at every step.
+
+Gordon, Salmond, Smith (1993), as Wei, Guo (2022) and Ruan et al. (2020) compare with. What a step asks:
+
+    Gather: readings  Compute
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar
+
+from wsnsim.base.part import Quantity, part
+from wsnsim.base.ports import Scene
+from wsnsim.trackers.shared.dealing import Pool
+from wsnsim.trackers.shared.heads import CloudBelief, HeadCloud, Prediction, resampled_pool, score_of, summary
+from wsnsim.trackers.shared.readings import Evidence
+
+
+@part
+class Sir(HeadCloud):
+    """Sampling importance resampling (SIR) in the head, on all readings that reach it."""
+
+    paper: ClassVar[str] = "Wei, Guo (2022); Ruan, Wang, Yang, Zhang (2020)"
+    idea: ClassVar[str] = "the textbook particle filter: predict, weigh, resample at every step"
+    state: ClassVar[str] = "particles in the head"
+    messages: ClassVar[str] = "a reading up per member"
+    variants: ClassVar[str] = "handover particles|gaussian"
+
+    particles: Annotated[int, Quantity("", ge=1), "N_p: particles"] = 100
+    threshold: Annotated[
+        float, Quantity("", ge=0, le=1), "resample below this fraction of effective particles; 1: at every step"
+    ] = 1.0
+
+    def weighed(self, prediction: Prediction, seen: Evidence, scene: Scene) -> CloudBelief:
+        """Weigh with all readings, sum up, resample: mean, covariance and effective number are those before it."""
+        cloud, log_weights = prediction.cloud, prediction.log_weights + score_of(seen, scene)(prediction.cloud)
+        mean, cov, effective = summary(cloud, log_weights)
+        pool = Pool(cloud, log_weights)
+        if self.threshold >= 1.0 or effective < self.threshold * self.particles:
+            pool = resampled_pool(cloud, log_weights, self.particles, scene)
+        return CloudBelief(mean, cov, scene.head, effective, pool)
