@@ -1,12 +1,14 @@
-"""`python -m tests.bench [--json FILE] [--quick]`: a table on the terminal, the same as JSON in a file."""
+"""`python -m tests.bench [--json FILE] [--quick] [--only GROUP]`: a table on the terminal, and as JSON in a file."""
 
 from __future__ import annotations
 
 import argparse
 import json
+import math
 from pathlib import Path
+from typing import Any
 
-from tests.bench.measures import all_rows
+from tests.bench.measures import GROUPS, all_rows
 
 
 def main() -> None:
@@ -15,20 +17,26 @@ def main() -> None:
         prog="python -m tests.bench", description="wsnsim's benchmark: ratios within one run"
     )
     parser.add_argument("--json", type=Path, help="write the rows to this file")
+    parser.add_argument("--only", choices=GROUPS, help="one group of figures")
     parser.add_argument("--quick", action="store_true", help="fewer repetitions")
     options = parser.parse_args()
     rows = []
-    for row in all_rows(repeats=3 if options.quick else 9):
+    for row in all_rows(repeats=3 if options.quick else 9, only=options.only):
         rows.append(row)
-        bound = (
-            ""
-            if row.get("bound") is None
-            else f"   bound {row['bound']:g}: {'within' if row['within'] else 'EXCEEDED'}"
-        )
-        print(f"{row['name']:<58} {row['value']:>11.4g} {row['unit']}{bound}", flush=True)
+        print(line_of(row), flush=True)
     if options.json:
         options.json.parent.mkdir(parents=True, exist_ok=True)
-        options.json.write_text(json.dumps({"schema_version": 1, "rows": rows}, indent=1) + "\n")
+        written = [row | {"value": None if math.isnan(row["value"]) else row["value"]} for row in rows]
+        options.json.write_text(json.dumps({"schema_version": 1, "rows": written}, indent=1, allow_nan=False) + "\n")
+
+
+def line_of(row: dict[str, Any]) -> str:
+    """One figure as a line: name, value, unit, and what it should be."""
+    wanted = "" if row["bound"] is None else f"   bound {row['bound']:g}"
+    wanted += "" if row["at_least"] is None else f"   at least {row['at_least']:g}"
+    verdict = "" if row["within"] is None else f": {'within' if row['within'] else 'MISSED'}"
+    note = f"   ({row['note']})" if row["note"] else ""
+    return f"{row['name']:<66} {row['value']:>11.4g} {row['unit']}{wanted}{verdict}{note}"
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""What is measured, each as rows {name, value, unit, bound, within}. CPU seconds are medians over repetitions."""
+"""What is measured, each as a row (see `timing`). CPU seconds are medians over repetitions."""
 
 from __future__ import annotations
 
@@ -16,7 +16,9 @@ from typing import Any
 import simpy
 
 from tests.bench.kernels import Tape
+from tests.bench.ratios import compile_rows, filter_rows, kernel_rows
 from tests.bench.script import Recorded, Replayed, Script
+from tests.bench.timing import median_cpu, paired_medians, row
 from wsnsim import experiment, scenario
 from wsnsim.base.tables import Memory
 
@@ -24,19 +26,14 @@ SCENARIOS = ("pso_mhpf", "ipf", "ppf", "central_pf")
 PER_FRAME, PER_STEP = 8, 150
 
 
-def row(name: str, value: float, unit: str, bound: float | None = None) -> dict[str, Any]:
-    """One figure; `within` says whether it keeps to its bound."""
-    return {"name": name, "value": value, "unit": unit, "bound": bound, "within": bound is None or value <= bound}
+def all_rows(repeats: int, only: str | None = None) -> Iterator[dict[str, Any]]:
+    """Every figure, or those of one group, as soon as it is known."""
+    for name, rows in GROUPS.items():
+        if only in (None, name):
+            yield from rows(repeats)
 
 
-def all_rows(repeats: int) -> Iterator[dict[str, Any]]:
-    """Every figure, as soon as it is known."""
-    yield from startup_rows()
-    yield from tracker_rows(repeats)
-    yield from seam_rows(repeats)
-
-
-def startup_rows() -> Iterator[dict[str, Any]]:
+def startup_rows(repeats: int) -> Iterator[dict[str, Any]]:
     """How long a newcomer waits: `--help`, and the first run of all with nothing compiled."""
     python = [sys.executable, "-m", "wsnsim"]
     walls = [_wall([*python, "--help"]) for _ in range(7)]
@@ -61,8 +58,8 @@ def tracker_rows(repeats: int) -> Iterator[dict[str, Any]]:
     """CPU seconds a replicate of each shipped tracker, event log and digest on."""
     for name in SCENARIOS:
         parts = scenario.build(scenario.load(name))
-        experiment._simulate(parts, 0, Memory())
-        seconds = median_cpu(lambda parts=parts: experiment._simulate(parts, 0, Memory()), repeats)
+        experiment.replicate_of(parts, 0, Memory())
+        seconds = median_cpu(lambda parts=parts: experiment.replicate_of(parts, 0, Memory()), repeats)
         yield row(f"{name}: CPU a replicate of {parts.steps} steps", seconds, "s", 0.5 if name == "pso_mhpf" else None)
 
 
@@ -70,13 +67,13 @@ def seam_rows(repeats: int) -> Iterator[dict[str, Any]]:
     """PSO-MHPF without its mathematics, against bare SimPy timeouts; and its kernels alone."""
     parts = scenario.build(scenario.load("pso_mhpf"))
     script, tape = Script(), Tape()
-    summary = experiment._simulate(replace(parts, tracker=Recorded(parts.tracker, script)), 0, Memory())
+    summary = experiment.replicate_of(replace(parts, tracker=Recorded(parts.tracker, script)), 0, Memory())
     with tape.recording():
-        experiment._simulate(parts, 0, Memory())
+        experiment.replicate_of(parts, 0, Memory())
     seam, whole, kernels, bare = paired_medians(
         [
-            lambda: experiment._simulate(replace(parts, tracker=Replayed(script)), 0, Memory()),
-            lambda: experiment._simulate(parts, 0, Memory()),
+            lambda: experiment.replicate_of(replace(parts, tracker=Replayed(script)), 0, Memory()),
+            lambda: experiment.replicate_of(parts, 0, Memory()),
             tape.play,
             lambda: bare_timeouts(100_000),
         ],
@@ -111,23 +108,17 @@ def bare_timeouts(count: int) -> None:
     env.run(until=count / 100)
 
 
-def median_cpu(act: Callable[[], Any], repeats: int) -> float:
-    """Median CPU seconds of an act."""
-    return paired_medians([act], repeats)[0]
-
-
-def paired_medians(acts: list[Callable[[], Any]], repeats: int) -> list[float]:
-    """Median CPU seconds of each of several acts, taken in turn, so that a drifting machine serves all alike."""
-    seconds: list[list[float]] = [[] for _ in acts]
-    for _ in range(repeats):
-        for act, mine in zip(acts, seconds, strict=True):
-            began = time.process_time()
-            act()
-            mine.append(time.process_time() - began)
-    return [statistics.median(mine) for mine in seconds]
-
-
 def _wall(command: list[str], env: dict[str, str] | None = None) -> float:
     began = time.monotonic()
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=env)
     return time.monotonic() - began
+
+
+GROUPS: dict[str, Callable[[int], Iterator[dict[str, Any]]]] = {
+    "startup": startup_rows,
+    "compiling": compile_rows,
+    "filters": filter_rows,
+    "kernels": kernel_rows,
+    "trackers": tracker_rows,
+    "seam": seam_rows,
+}

@@ -1,0 +1,134 @@
+"""What a kernel costs, as nanoseconds per particle-step and as a ratio: to the C reference, and to NumPy twins."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from tests.bench.creference import Program, compiled
+from tests.bench.entries import ENTRIES, Arguments, Entry, copies
+from tests.bench.filters import STEPS, Reference, composed, reference
+from tests.bench.timing import median_ratio, paired_seconds, row
+from wsnsim.kernels.bootstrap import run, run_with_generator
+
+SIZES = (400, 4000)
+COUNTER_BOUND, PHILOX_BOUND, TWIN_BOUND = 1.15, 1.45, 4.0
+BATCH = 2e-3
+"""Seconds of calls that are timed together."""
+
+
+def filter_rows(repeats: int) -> Iterator[dict[str, Any]]:
+    """The bootstrap filter in one run: C, whole-run kernels, and the building blocks through the loopback driver."""
+    with compiled() as programs:
+        if not programs:
+            yield row("C reference", math.nan, "", note="gcc is missing: no C reference")
+        for size in SIZES:
+            yield from _filters_of(reference(size), programs, repeats)
+
+
+def _filters_of(problem: Reference, programs: dict[str, Program], repeats: int) -> Iterator[dict[str, Any]]:
+    size, keys = problem.arguments[0].shape[1], problem.keys
+    acts: dict[str, Callable[[], Any]] = {
+        "whole-run kernel, counter noise": lambda: run(*problem.arguments, keys),
+        "whole-run kernel, Generator(Philox)": lambda: run_with_generator(*problem.arguments, problem.generator()),
+        "building blocks, loopback driver": composed(problem),
+    }
+    references = {f"C, {name}": partial(program, *problem.arguments, keys) for name, program in programs.items()}
+    errors = _same_estimates(problem, acts, references)
+    everything = acts | references
+    seconds = dict(zip(everything, paired_seconds(list(everything.values()), repeats), strict=True))
+    for name, mine in seconds.items():
+        nanoseconds = 1e9 * float(np.median(mine)) / (size * STEPS)
+        note = f"position error {errors[name]:.2f} m" if name in errors else ""
+        yield row(f"bootstrap N={size}: {name}", nanoseconds, "ns/particle-step", note=note)
+    libmvec = [name for name in references if "own" not in name]
+    if not libmvec:
+        return
+    fastest = min(libmvec, key=lambda name: float(np.median(seconds[name])))
+    bounds = dict(zip(acts, (COUNTER_BOUND, PHILOX_BOUND, None), strict=True))
+    for name, bound in bounds.items():
+        ratio = median_ratio(seconds[name], seconds[fastest])
+        yield row(f"bootstrap N={size}: {name} / C", ratio, "", bound, note=f"{fastest}, the faster libmvec build")
+    counter = seconds[next(iter(acts))]
+    for name in references:
+        yield row(f"bootstrap N={size}: whole-run kernel / {name}", median_ratio(counter, seconds[name]), "")
+
+
+def _same_estimates(problem: Reference, acts: Any, references: Any) -> dict[str, float]:
+    """Errors of position of the acts; raises where C and the kernel with the same noise part before the end."""
+    results = {name: act() for name, act in acts.items()}
+    means = {name: found[0] if isinstance(found, tuple) else found for name, found in results.items()}
+    ours, resampled = results["whole-run kernel, counter noise"]
+    for name, act in references.items():
+        theirs, as_often = act()
+        if as_often != resampled or not np.allclose(theirs, ours, rtol=0.0, atol=1e-6):
+            raise RuntimeError(f"{name} and the kernel give different estimates: their times say nothing")
+    return {name: problem.error(found) for name, found in means.items()}
+
+
+def kernel_rows(repeats: int) -> Iterator[dict[str, Any]]:
+    """Each kernel of the table at 400 particles and at 100: its time, and its twin's as a multiple."""
+    for entry in ENTRIES:
+        for count in (400, 100):
+            kernel, twin, arguments = entry.load(), entry.load_twin(), entry.arguments(count)
+            _agree(entry, kernel, twin, arguments)
+            ours, theirs = _call_seconds([kernel, twin], arguments, max(repeats, 9))
+            nanoseconds = 1e9 * float(np.median(ours)) / count
+            yield row(f"{entry.kernel} N={count}", nanoseconds, "ns/particle-step")
+            ratio = median_ratio(theirs, ours)
+            yield row(f"{entry.kernel} N={count}: NumPy twin / kernel", ratio, "", at_least=TWIN_BOUND)
+
+
+def _agree(entry: Entry, kernel: Callable[..., Any], twin: Callable[..., Any], arguments: Arguments) -> None:
+    """Raises where a kernel and its twin give different results or change their arguments differently."""
+    mine, theirs = copies(arguments), copies(arguments)
+    pairs = [(kernel(*mine), twin(*theirs)), *zip(mine, theirs, strict=True)]
+    for found, expected in pairs:
+        both = zip(found, expected, strict=True) if isinstance(found, tuple) else [(found, expected)]
+        for a, b in both:
+            if a is not None and not np.allclose(a, b, rtol=1e-8, atol=1e-8, equal_nan=True):
+                raise RuntimeError(f"{entry.kernel} and its twin differ: their times say nothing")
+
+
+def _call_seconds(functions: list[Callable[..., Any]], arguments: Arguments, repeats: int) -> list[list[float]]:
+    """CPU seconds of one call of each function, taken in turn; every call has arguments of its own."""
+    began = time.process_time()
+    for _ in range(5):
+        functions[0](*copies(arguments))
+    calls = int(min(max(BATCH / ((time.process_time() - began) / 5 + 1e-9), 5), 100))
+    fresh: list[list[Arguments]] = []
+
+    def prepare() -> None:
+        fresh[:] = [[copies(arguments) for _ in range(calls)] for _ in functions]
+
+    def batch(which: int) -> None:
+        function = functions[which]
+        for own in fresh[which]:
+            function(*own)
+
+    acts = [partial(batch, which) for which in range(len(functions))]
+    return [[second / calls for second in mine] for mine in paired_seconds(acts, repeats, prepare)]
+
+
+def compile_rows(repeats: int) -> Iterator[dict[str, Any]]:
+    """Every kernel of the table and the whole-run filter called once in a new process: nothing cached, then all."""
+    with tempfile.TemporaryDirectory() as folder:
+        command = [sys.executable, "-m", "tests.bench.cold"]
+        for name, bound in (("cold", 30.0), ("cached", 1.0)):
+            env = {**os.environ, "NUMBA_CACHE_DIR": folder}
+            answer = subprocess.run(command, check=True, capture_output=True, text=True, env=env).stdout
+            found = json.loads(answer.splitlines()[-1])
+            title, note = f"all kernels called once, {name}", f"{found['kernels']} kernels, wall {found['wall']:.3g} s"
+            yield row(f"{title}: CPU beyond importing NumPy and Numba", found["cpu"], "s", bound, note=note)
+            yield row(f"{title}: until the first returns, in which Numba starts up, wall", found["first"], "s")
+            yield row(f"{title}: importing NumPy and Numba, wall", found["import"], "s")
