@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Final
 
+from wsnsim.papers.matching import same_set_up
+
 SOURCE: Final = "Jiang 2013"
 RMSE: Final = {"pso_mhpf": 2.5347, "ipf": 3.3710, "ppf": 4.5519}
 """Metres: the time mean of eq. (26)."""
@@ -58,15 +60,12 @@ def published(resolved: Mapping[str, Any]) -> dict[str, float]:
     process covariances act (`motion.noise`).
     """
     kind = resolved.get("tracker", {}).get("kind", "")
-    same = all(_matches(resolved.get(role) or {}, values) for role, values in TABLE_2.items())
-    if not same or resolved.get("step") != 0.04 or not _as_long(resolved):
+    if resolved.get("network") or not same_set_up(resolved, TABLE_2):
+        return {}
+    if resolved.get("step") != 0.04 or not _as_long(resolved):
         return {}
     figures: dict[str, Mapping[str, float]] = {"rmse": RMSE, "energy": ENERGY, "clusters": CLUSTERS}
     return {name: float(table[kind]) for name, table in figures.items() if kind in table}
-
-
-def _matches(role: Mapping[str, Any], values: Mapping[str, Any]) -> bool:
-    return all(role.get(key) == value for key, value in values.items())
 
 
 def _as_long(resolved: Mapping[str, Any]) -> bool:

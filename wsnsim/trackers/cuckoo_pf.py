@@ -16,7 +16,8 @@ from typing import Annotated, ClassVar, Literal, TypeAlias
 from wsnsim.base.errors import Fault
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Problem, Scene
-from wsnsim.trackers.shared.heads import WEIGH_CYCLES, CloudBelief, HeadCloud, Prediction
+from wsnsim.trackers.shared.dealing import PREDICT_CYCLES
+from wsnsim.trackers.shared.heads import MOVE_CYCLES, WEIGH_CYCLES, CloudBelief, HeadCloud, Prediction
 from wsnsim.trackers.shared.moments import noise_faults
 from wsnsim.trackers.shared.nests import Fitness, Generation, Move, Search, Variant, searched
 from wsnsim.trackers.shared.readings import Evidence
@@ -79,6 +80,11 @@ class CuckooPf(HeadCloud):
         """Operations a particle and reading: to weigh, at every evaluation."""
         return WEIGH_CYCLES * self.evaluations
 
+    @property
+    def move_cycles(self) -> float:
+        """Operations a particle: a flight and a replacement a generation, each under a Metropolis test if it is."""
+        return _move_cycles(self.generations, self.variant)
+
     def weighed(self, prediction: Prediction, seen: Evidence, scene: Scene) -> CloudBelief:
         """The search, and the moments of what it found."""
         schedule = (Generation(self.length, self.keep),) * self.generations
@@ -128,6 +134,11 @@ class ImprovedCuckooPf(HeadCloud):
         return WEIGH_CYCLES * self.evaluations
 
     @property
+    def move_cycles(self) -> float:
+        """Operations a particle: a flight and a replacement a generation, each under a Metropolis test if it is."""
+        return _move_cycles(self.generations, self.variant)
+
+    @property
     def schedule(self) -> tuple[Generation, ...]:
         """α and P of each generation c = 1 ... n; a single one is the first (our choice: 0/0 in print).
 
@@ -147,3 +158,8 @@ class ImprovedCuckooPf(HeadCloud):
         """The search, and the moments of what it found."""
         search = Search(self.schedule, self.exponent, False, True, self.variant, self.fitness, self.move)
         return searched(search, prediction, seen, scene)
+
+
+def _move_cycles(generations: int, variant: Variant) -> float:
+    """50 a move, as in the other trackers; and a transition density, to predict and to compare, a Metropolis test."""
+    return 2.0 * generations * (MOVE_CYCLES + (PREDICT_CYCLES if variant == "metropolis" else 0.0))

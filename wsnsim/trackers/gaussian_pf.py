@@ -27,6 +27,7 @@ from wsnsim.kernels.gravity import attract
 from wsnsim.kernels.swarm import NOWHERE, fly
 from wsnsim.trackers.shared.dealing import PREDICT_CYCLES, Pool
 from wsnsim.trackers.shared.heads import (
+    MOVE_CYCLES,
     WEIGH_CYCLES,
     CloudBelief,
     GaussianBelief,
@@ -39,8 +40,6 @@ from wsnsim.trackers.shared.heads import (
 from wsnsim.trackers.shared.readings import gather_readings
 from wsnsim.trackers.shared.stacks import DRAW, MOVE, Score, place_of, propagated_by, snapshot
 
-FLY_CYCLES = 50.0
-"""To move one particle of a swarm, as Jiang (2013), section 5, counts it."""
 PAIR_CYCLES = 20.0
 """To pull one particle towards another: a distance, a random number, a quotient, a sum (our count)."""
 
@@ -139,7 +138,7 @@ class SwarmGaussianPf(HeadSampling):
     @property
     def move_cycles(self) -> float:
         """50 a particle and move."""
-        return FLY_CYCLES * self.particles * self.iterations
+        return MOVE_CYCLES * self.particles * self.iterations
 
     def moved(self, cloud: Floats, score: Score, scene: Scene) -> tuple[Floats, Floats]:
         """The last of the swarm's places."""

@@ -35,6 +35,8 @@ from wsnsim.trackers.shared.stacks import Score, place_of, propagated_by, snapsh
 
 WEIGH_CYCLES = 30.0
 """To weigh one particle with one reading."""
+MOVE_CYCLES = 50.0
+"""To move one particle after its prediction, as a swarm does (Jiang 2013, section 5); the same for other searches."""
 NOTHING = no_particles(0)
 
 
@@ -92,6 +94,11 @@ class HeadCloud(HeadFilter):
         """Operations a particle and reading, in one step."""
         return WEIGH_CYCLES
 
+    @property
+    def move_cycles(self) -> float:
+        """Operations a particle to move it after the prediction, in one step."""
+        return 0.0
+
     def weighed(self, prediction: Prediction, seen: Evidence, scene: Scene) -> CloudBelief:
         """The belief after at least one reading."""
         raise NotImplementedError
@@ -105,7 +112,8 @@ class HeadCloud(HeadFilter):
         """One step: N_act - 1 readings reach the head, which predicts and weighs; without any, it predicts."""
         belief = yield from self._full(belief, scene)
         seen = yield from gather_readings(scene)
-        yield Compute((PREDICT_CYCLES * scene.steps + self.reading_cycles * len(seen.ids)) * self.particles)
+        used = self.move_cycles + self.reading_cycles * len(seen.ids) if seen.ids else 0.0
+        yield Compute((PREDICT_CYCLES * scene.steps + used) * self.particles)
         before, cloud = propagated_by(scene.key, belief.pool.cloud, scene)
         if not seen.ids:
             mean, cov = predicted(belief.mean, belief.cov, scene)

@@ -60,7 +60,7 @@ def noise_faults(parts: Problem, why: str) -> Iterator[Fault]:
     for number, motion in enumerate(parts.filter_motions):
         _, noise = motion.matrices(np.zeros((len(motion.columns), 1)), parts.dt, 0.0)
         if _is_singular(noise):
-            path = ("motion", "noise") if len(parts.filter_motions) == 1 else ("targets", number, "noise")
+            path = ("motion",) if len(parts.filter_motions) == 1 else ("targets", number)
             yield Fault(path, f"the process noise is singular, and {why} needs its density")
 
 
