@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -10,6 +10,12 @@ import pytest
 
 from wsnsim.base.asks import PACKET_BITS, Broadcast, Compute, Gather, Local, Member, Parcel, Send
 from wsnsim.base.ports import Estimate
+from wsnsim.models.linear import ConstantAcceleration, ConstantVelocity
+from wsnsim.models.motion import BoundedVelocity
+from wsnsim.models.ranging import Range, Rssi
+from wsnsim.models.sensing import AcousticEnergy
+from wsnsim.models.ungm import Squared, Ungm
+from wsnsim.scenario.catalog import ROLES, Row, load_class
 from wsnsim.testing import check_tracker
 from wsnsim.trackers.centralised import CentralPf
 from wsnsim.trackers.information_pf import InformationPf
@@ -39,6 +45,32 @@ SHIPPED = [
 @pytest.mark.parametrize("tracker", SHIPPED, ids=lambda tracker: type(tracker).__name__)
 def test_every_shipped_tracker_and_variant_keeps_the_rules(tracker: Any) -> None:
     check_tracker(tracker)
+
+
+SETTINGS: dict[str, tuple[Any, Any]] = {
+    "the plane of Jiang": (BoundedVelocity(), AcousticEnergy()),
+    "a line and ranges": (ConstantAcceleration(), Range()),
+    "a room and RSSI": (ConstantVelocity(noise_input="diagonal", variances=(0.5,)), Rssi(reach=100.0)),
+    "one column and its square": (Ungm(), Squared()),
+}
+CANNOT = {
+    ("ipf", "a line and ranges"),  # its weights need a density, and this process noise has none
+    *(("grid", name) for name in SETTINGS if name != "one column and its square"),
+    *(("trilateration", name) for name in SETTINGS if name != "a room and RSSI"),
+}
+
+
+@pytest.mark.parametrize("setting", SETTINGS)
+@pytest.mark.parametrize("row", ROLES["tracker"].rows, ids=lambda row: row.kind)
+def test_every_tracker_of_the_catalogue_keeps_the_rules_with_every_model_it_can_use(row: Row, setting: str) -> None:
+    part = load_class(row)
+    fewer = {"particles": 20, "cells": 300}
+    tracker = part(**{f.name: fewer[f.name] for f in fields(part) if f.name in fewer})
+    if (row.kind, setting) in CANNOT:
+        with pytest.raises(AssertionError, match="demand 'sound': the tracker raised"):
+            check_tracker(tracker, *SETTINGS[setting])
+    else:
+        check_tracker(tracker, *SETTINGS[setting])
 
 
 @dataclass(frozen=True)

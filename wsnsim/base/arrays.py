@@ -18,3 +18,9 @@ def planar(points: Floats) -> Floats:
     if points.shape[-1] == 2:
         return points
     return np.concatenate([points, np.zeros_like(points)], axis=-1)
+
+
+def stateful(states: Floats, columns: int) -> Floats:
+    """States (D, N) as kernels take them: contiguous, and of as many rows as the model has columns."""
+    assert states.shape[0] == columns, f"states of {states.shape[0]} rows were given to a model of {columns} columns"
+    return np.ascontiguousarray(states)

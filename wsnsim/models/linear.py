@@ -14,7 +14,7 @@ from typing import Annotated, ClassVar, Final, Literal, NamedTuple
 
 import numpy as np
 
-from wsnsim.base.arrays import Bools, Floats, Keys
+from wsnsim.base.arrays import Bools, Floats, Keys, stateful
 from wsnsim.base.errors import RunError
 from wsnsim.base.part import Quantity, part
 from wsnsim.kernels import linear as kernels
@@ -55,11 +55,11 @@ class ConstantAcceleration:
     def propagate(self, states: Floats, dt: float, keys: Keys, time: float = 0.0) -> Floats:
         """(3, N): each state one step on, with process noise (eq. 15)."""
         process = self._process(dt)
-        return kernels.propagate(np.ascontiguousarray(states), keys, process.transition, process.root)
+        return kernels.propagate(stateful(states, len(self.columns)), keys, process.transition, process.root)
 
     def advance(self, states: Floats, dt: float, time: float = 0.0) -> Floats:
         """(3, N): each state one step on, without noise."""
-        return kernels.advance(np.ascontiguousarray(states), self._process(dt).transition)
+        return kernels.advance(stateful(states, len(self.columns)), self._process(dt).transition)
 
     def matrices(self, states: Floats, dt: float, time: float = 0.0) -> tuple[Floats, Floats]:
         """F (N, 3, 3), one read-only matrix seen N times, and the process covariance G q Gᵀ (3, 3)."""
@@ -158,11 +158,11 @@ class ConstantVelocity:
     def propagate(self, states: Floats, dt: float, keys: Keys, time: float = 0.0) -> Floats:
         """(4, N): each state one step on, with process noise (Ruan, eq. 3)."""
         process = self._process(dt)
-        return kernels.propagate(np.ascontiguousarray(states), keys, process.transition, process.root)
+        return kernels.propagate(stateful(states, len(self.columns)), keys, process.transition, process.root)
 
     def advance(self, states: Floats, dt: float, time: float = 0.0) -> Floats:
         """(4, N): each state one step on, without noise."""
-        return kernels.advance(np.ascontiguousarray(states), self._process(dt).transition)
+        return kernels.advance(stateful(states, len(self.columns)), self._process(dt).transition)
 
     def matrices(self, states: Floats, dt: float, time: float = 0.0) -> tuple[Floats, Floats]:
         """F (N, 4, 4), one read-only matrix seen N times, and the process covariance (4, 4)."""
@@ -180,7 +180,7 @@ class ConstantVelocity:
                 "motion: the process noise is singular (noise_input: accelerations, or a variance of 0), so the "
                 "transition has no density; use noise_input: diagonal or direct with variances > 0"
             )
-        after, before = np.ascontiguousarray(after), np.ascontiguousarray(before)
+        after, before = stateful(after, len(self.columns)), stateful(before, len(self.columns))
         return kernels.log_transition(after, before, process.transition, process.root)
 
     def assumed(self, noise_scale: float) -> ConstantVelocity:

@@ -15,7 +15,7 @@ from typing import Annotated, ClassVar, Literal, NamedTuple
 
 import numpy as np
 
-from wsnsim.base.arrays import Floats, Keys
+from wsnsim.base.arrays import Floats, Keys, stateful
 from wsnsim.base.errors import Fault, RunError
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Problem
@@ -72,15 +72,16 @@ class BoundedVelocity:
 
     def propagate(self, states: Floats, dt: float, keys: Keys, time: float = 0.0) -> Floats:
         """(4, N): each state one step on, with process noise (eq. 1)."""
-        return kernels.propagate(np.ascontiguousarray(states), keys, self._law(dt), self._process(dt).root)
+        return kernels.propagate(stateful(states, len(self.columns)), keys, self._law(dt), self._process(dt).root)
 
     def advance(self, states: Floats, dt: float, time: float = 0.0) -> Floats:
         """(4, N): each state one step on, without noise."""
-        return kernels.advance(np.ascontiguousarray(states), self._law(dt))
+        return kernels.advance(stateful(states, len(self.columns)), self._law(dt))
 
     def matrices(self, states: Floats, dt: float, time: float = 0.0) -> tuple[Floats, Floats]:
         """A (N, 4, 4) at each state, and the covariance (4, 4) of the process noise (eqs. 2-4)."""
-        return kernels.transitions(np.ascontiguousarray(states), self._law(dt)), self._process(dt).covariance.copy()
+        transitions = kernels.transitions(stateful(states, len(self.columns)), self._law(dt))
+        return transitions, self._process(dt).covariance.copy()
 
     def log_transition(self, after: Floats, before: Floats, dt: float, time: float = 0.0) -> Floats:
         """(N,) log p(after | before); -inf where either is not finite.
@@ -94,7 +95,8 @@ class BoundedVelocity:
                 "motion: the process noise is singular (noise: g_only, or q: 0), so the transition has no density; "
                 "use noise: both or q_only with q > 0"
             )
-        return kernels.log_transition(np.ascontiguousarray(after), np.ascontiguousarray(before), self._law(dt), root)
+        after, before = stateful(after, len(self.columns)), stateful(before, len(self.columns))
+        return kernels.log_transition(after, before, self._law(dt), root)
 
     def assumed(self, noise_scale: float) -> BoundedVelocity:
         """The model as a filter believes it: process covariance times `noise_scale`, since both terms grow with it."""

@@ -12,7 +12,7 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 
-from wsnsim.base.arrays import Floats, Ints, Keys
+from wsnsim.base.arrays import Floats, Ints, Keys, stateful
 from wsnsim.base.errors import Fault, RunError
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Problem
@@ -49,11 +49,11 @@ class Ungm:
 
     def propagate(self, states: Floats, dt: float, keys: Keys, time: float) -> Floats:
         """(1, N): each state one step on, with process noise."""
-        return kernels.propagate(np.ascontiguousarray(states), keys, self._law, time)
+        return kernels.propagate(stateful(states, len(self.columns)), keys, self._law, time)
 
     def advance(self, states: Floats, dt: float, time: float) -> Floats:
         """(1, N): each state one step on, without noise."""
-        return kernels.advance(np.ascontiguousarray(states), self._law, time)
+        return kernels.advance(stateful(states, len(self.columns)), self._law, time)
 
     def matrices(self, states: Floats, dt: float, time: float) -> tuple[Floats, Floats]:
         """The derivative 1/2 + 25 (1 - x²)/(1 + x²)² (N, 1, 1) at each state, and the noise's variance (1, 1)."""
@@ -65,7 +65,8 @@ class Ungm:
         """(N,) log p(after | before); -inf where either is not finite. Raises RunError without noise: q = 0."""
         if not self.q > 0.0:
             raise RunError("motion: without process noise (q: 0) the transition has no density; use q > 0")
-        return kernels.log_transition(np.ascontiguousarray(after), np.ascontiguousarray(before), self._law, time)
+        after, before = stateful(after, len(self.columns)), stateful(before, len(self.columns))
+        return kernels.log_transition(after, before, self._law, time)
 
     def assumed(self, noise_scale: float) -> Ungm:
         """The model as a filter believes it: process variance times `noise_scale`."""

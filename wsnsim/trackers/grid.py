@@ -15,7 +15,7 @@ import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats
 from wsnsim.base.asks import Compute, Flow, Member, Send
-from wsnsim.base.errors import Fault
+from wsnsim.base.errors import Fault, RunError
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Estimate, MotionModel, Problem, Scene
 from wsnsim.kernels.grid import WINDOW, spread, weigh
@@ -81,7 +81,9 @@ class GridFilter(HeadFilter):
         return middles
 
     def start(self, prior: Estimate, scene: Scene) -> Flow[GridBelief]:
-        """The prior's Gaussian on the grid."""
+        """The prior's Gaussian on the grid. Raises RunError for a state of more than one column."""
+        if prior.mean.size != 1:
+            raise RunError(f"grid holds the density of a state of one column, and this one has {prior.mean.size}")
         return self._belief(self._gaussian(prior.mean, prior.cov), scene.head)
         yield  # a flow that asks for nothing
 
