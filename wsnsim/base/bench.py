@@ -12,7 +12,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -25,6 +25,8 @@ from wsnsim.base.rng import HEAD_KEY, Streams, derive, derive_all, derive_each, 
 from wsnsim.base.rows import NAN, Issued, write_particles
 
 HEAD = 0
+MOST_AHEAD = 200_000
+"""Readings that are drawn at a time: enough to be quick, few enough for a field of many nodes."""
 
 
 @dataclass
@@ -130,12 +132,13 @@ class Bench:
 
     def _follow(self, target: int, progress: Callable[[float], None] | None) -> BenchTrack:
         problem, tracker = self._problem, self._problem.tracker
-        seats = Seats(problem, target, self._positions, self._traits, self._truths[target], self._sense_key)
-        track, key, step = BenchTrack(target, [HEAD] * (problem.steps + 1)), derive(self._tracker_key, target), 0
+        keys = derive(self._sense_key, target), derive(self._tracker_key, target)
+        seats = Seats(problem, target, self._positions, self._traits, self._truths[target], keys)
+        track, step = BenchTrack(target, [HEAD] * (problem.steps + 1)), 0
         try:
-            belief = self._perform(tracker.start(self._priors[target], seats.scene(0, 0, key)), seats)
+            belief = self._perform(tracker.start(self._priors[target], seats.scene(0, 0)), seats)
             for step in range(1, problem.steps + 1):
-                scene = seats.scene(step, 1, key)
+                scene = seats.scene(step, 1)
                 belief = self._perform(tracker.step(belief, scene), seats)
                 self._issue(track, scene, tracker.estimate(belief))
                 held = tracker, belief, list(seats.members.values())
@@ -171,28 +174,26 @@ class Seats:
     """The sensors as members of one cluster, and what each of them reads of one target at each step."""
 
     def __init__(
-        self, problem: Problem, target: int, positions: Floats, traits: Floats, truth: Floats, sense_key: int
+        self, problem: Problem, target: int, positions: Floats, traits: Floats, truth: Floats, keys: tuple[int, int]
     ) -> None:
         self._problem, self._target = problem, target
         self._positions, self._traits = positions, traits
-        self.members = {node: Member(node, positions[node], traits[node]) for node in range(len(positions))}
-        points = truth[:, list(problem.motions[target].position)]
-        self._sensing, self._readings = sensed(problem.sensor, points, positions, traits, derive(sense_key, target))
+        self._sense_key, self._track_key = keys
+        self._points = truth[:, list(problem.motions[target].position)]
+        self._length = max(1, min(len(truth), MOST_AHEAD // len(positions)))
+        self._block = _Block(0, [], [], [])
         self._ids: tuple[int, ...] = ()
         self._rows = np.zeros(0, dtype=np.int64)
+        self.members = {node: Member(node, positions[node], traits[node]) for node in range(len(positions))}
 
-    def scene(self, step: int, steps: int, key: int) -> Scene:
+    def scene(self, step: int, steps: int) -> Scene:
         """What the head knows at a step; gives each member its reading and its key."""
-        problem, rows = self._problem, np.flatnonzero(self._sensing[step])
-        before, ids = self._ids, tuple(rows.tolist())
+        problem, block = self._problem, self._block_of(step)
+        before, ids, row = self._ids, block.ids[step - block.first], step - block.first
         if ids != before:
-            self._ids, self._rows = ids, rows
-        values = np.where(self._sensing[step], self._readings[step], np.nan).tolist()
-        nodes = np.arange(len(self.members), dtype=np.uint64)
-        for member, value, own in zip(
-            self.members.values(), values, derive_each(derive_all(key, np.array([step])), nodes).tolist(), strict=True
-        ):
-            member.reading, member.key = None if value != value else value, own
+            self._ids, self._rows = ids, np.array(ids, dtype=np.int64)
+        for member, value, key in zip(self.members.values(), block.readings[row], block.keys[row], strict=True):
+            member.reading, member.key = None if value != value else value, key
         return Scene(
             time=step * problem.dt,
             step=step,
@@ -204,17 +205,40 @@ class Seats:
             positions=self._positions[self._rows],
             traits=self._traits[self._rows],
             roster=tuple(self.members),
-            joined=() if ids == before else tuple(node for node in ids if node not in before),
-            left=() if ids == before else tuple(node for node in before if node not in ids),
+            joined=() if ids == before else tuple([node for node in ids if node not in before]),
+            left=() if ids == before else tuple([node for node in before if node not in ids]),
             field=problem.deploy.field,
             motion=problem.filter_motions[self._target],
             sensor=problem.filter_sensor,
-            key=derive(key, step, HEAD_KEY),
+            key=derive(self._track_key, step, HEAD_KEY),
         )
 
+    def _block_of(self, step: int) -> _Block:
+        """The readings and keys of the steps about this one, drawn many steps at a time."""
+        if not self._block.first <= step < self._block.first + len(self._block.ids):
+            points = self._points[step : step + self._length]
+            numbers = np.arange(step, step + len(points))
+            sensor = self._problem.sensor
+            readings = sensed(sensor, points, self._positions, self._traits, self._sense_key, step)
+            keys = derive_each(
+                derive_all(self._track_key, numbers)[:, None], np.arange(len(self.members), dtype=np.uint64)[None, :]
+            )
+            ids = [tuple(np.flatnonzero(known).tolist()) for known in np.isfinite(readings)]
+            self._block = _Block(step, ids, readings.tolist(), keys.tolist())
+        return self._block
 
-def sensed(sensor: SensorModel, points: Floats, positions: Floats, traits: Floats, key: int) -> tuple[Bools, Floats]:
-    """Who gets a reading at each of the points (T, P), and what it reads: both (T, S); not a number where nobody does.
+
+class _Block(NamedTuple):
+    """Of some steps in a row: who senses, what each member reads (not a number: nothing), and the members' keys."""
+
+    first: int
+    ids: list[tuple[int, ...]]
+    readings: list[list[float]]
+    keys: list[list[int]]
+
+
+def sensed(sensor: SensorModel, points: Floats, positions: Floats, traits: Floats, key: int, first: int = 0) -> Floats:
+    """(T, S) what each sensor reads of a target at points (T, P) from step `first` on; not a number where it does not.
 
     `key`: derive(the key of the stream `sense`, target).
     """
@@ -225,6 +249,6 @@ def sensed(sensor: SensorModel, points: Floats, positions: Floats, traits: Float
         detecting = np.hypot(apart[..., 0], apart[..., 1]) <= sensor.reach
     readings = np.full(detecting.shape, np.nan)
     steps, nodes = np.nonzero(detecting)
-    noise = reading_noise(key, steps, nodes)
+    noise = reading_noise(key, first + steps, nodes)
     readings[steps, nodes] = sensor.measure(points[steps], positions[nodes], traits[nodes], noise)
-    return detecting & np.isfinite(readings), readings
+    return readings
