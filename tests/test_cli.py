@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import resource
+import shutil
 import signal
 import subprocess
 import sys
@@ -45,7 +46,7 @@ def wsnsim(*arguments: str, **options: Any) -> subprocess.CompletedProcess[str]:
 
 
 @pytest.mark.parametrize(
-    "words", ["--help", "--version", "run --help", "list", "list trackers", "list scenarios", "rnu"]
+    "words", ["--help", "--version", "run --help", "plot --help", "list", "list trackers", "list scenarios", "rnu"]
 )
 def test_a_word_about_itself_imports_nothing_heavy(words: str) -> None:
     probe = (
@@ -203,7 +204,7 @@ def test_a_result_can_be_run_again_checked_described_and_verified(
     assert json.loads(capsys.readouterr().out)["ok"] is True
 
 
-@pytest.mark.parametrize("command", ["info", "verify", "recover"])
+@pytest.mark.parametrize("command", ["info", "plot", "verify", "recover"])
 def test_a_result_that_is_missing_or_something_else_is_one_message(
     command: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -231,6 +232,63 @@ def test_an_output_that_cannot_be_written_is_refused_before_anything_runs(
     assert main(["run", "pso_mhpf", "--out", out]) == 2
     assert capsys.readouterr().err == f"wsnsim: error: {message}\n"
     assert sorted(path.name for path in Path().iterdir()) == ["file", "folder"]
+
+
+# pictures
+
+
+def test_plot_draws_all_that_a_result_shows_beside_it_and_says_what_it_lacks(
+    result: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shutil.copy(result, "mine.h5")
+    assert main(["plot", "mine.h5"]) == 0
+    said = capsys.readouterr()
+    assert said.out.splitlines() == [
+        "mine.png: track, state px, state vx, state py, state vy, error, energy",
+        "  without particles: table particles was not recorded; run the scenario with record.particles=true",
+    ]
+    assert (said.err, Path("mine.png").read_bytes()[:8]) == ("", b"\x89PNG\r\n\x1a\n")
+    assert sorted(path.name for path in Path().iterdir()) == ["mine.h5", "mine.png"]
+
+
+def test_plot_draws_what_is_asked_for_where_it_is_asked_for(result: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    asked = ["--what", "states", "--column", "vy", "--replicate", "1", "--target", "0", "--out", "vy.svg"]
+    assert main(["plot", str(result), *asked]) == 0
+    assert capsys.readouterr().out == "vy.svg: state vy\n"
+    assert Path("vy.svg").read_text().startswith("<?xml")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "message"),
+    [
+        (["--column", "vxx"], 2, "R: there is no state column 'vxx' (did you mean 'vx'?)"),
+        (["--replicate", "2"], 2, "R: there is no replicate 2 in table truth; it has 0, 1"),
+        (["--what", "track", "--target", "1"], 2, "R: there is no target 1 in table truth; it has 0"),
+        (["--what", "energy", "--column", "px"], 2,
+         "--column has no meaning for --what energy; it has for all, states, particles"),
+        (["--out", "x.jpg"], 2, "x.jpg: a picture cannot have the suffix '.jpg' (did you mean '.png'?)"),
+        (["--out", "nowhere/x.png"], 2, "--out nowhere/x.png: there is no folder nowhere; make it first"),
+        (["--what", "particles"], 1,
+         "R: cannot draw particles: table particles was not recorded; run the scenario with record.particles=true"),
+        (["--what", "tracks"], 2, "Invalid value for '--what': 'tracks' is not one of 'all', 'track', 'states', "
+         "'error', 'energy', 'particles'. (see 'wsnsim plot --help')"),
+    ],
+)  # fmt: skip
+def test_a_picture_that_cannot_be_is_one_message_and_no_file(
+    arguments: list[str], code: int, message: str, result: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["plot", str(result), "--out", "x.png", *arguments]) == code
+    assert capsys.readouterr().err == f"wsnsim: error: {message.replace('R: ', f'{result}: ')}\n"
+    assert not list(Path().iterdir())
+
+
+def test_a_picture_never_takes_the_place_of_its_result(result: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    shutil.copy(result, "x.png")
+    assert main(["plot", "x.png"]) == 2
+    assert (
+        capsys.readouterr().err == "wsnsim: error: x.png is the result itself; say with --out where the picture goes\n"
+    )
+    assert Path("x.png").read_bytes() == result.read_bytes()
 
 
 # what it refuses

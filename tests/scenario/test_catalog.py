@@ -187,9 +187,10 @@ def test_the_schema_demands_keys_only_of_files_that_extend_nothing() -> None:
     assert kinds_of_deploy["file"] == ["kind", "path"]
 
 
-def test_a_new_scenario_is_a_good_one(tmp_path: Path) -> None:
+@pytest.mark.parametrize("bench", [False, True])
+def test_a_new_scenario_is_a_good_one(tmp_path: Path, bench: bool) -> None:
     path = tmp_path / "fresh.yaml"
-    path.write_text(template("fresh"))
+    path.write_text(template("fresh", bench))
     assert faults_of(path) == []
     assert scenario.load(path).name == "fresh"
 

@@ -17,19 +17,26 @@ from pandas.api.types import union_categoricals
 
 from wsnsim import recording
 from wsnsim.base.errors import ResultError
+from wsnsim.base.tables import TABLES
 
 FIGURES: Final = {
-    "rmse": ("RMSE of a run", "{:.3f} m"),
-    "median_error": ("median error", "{:.3f} m"),
+    "rmse": ("RMSE of a run", "{:.3f}"),
+    "median_error": ("median error", "{:.3f}"),
     "lost": ("runs that lost a track", "{:.1%}"),
     "energy": ("energy", "{:.4g} J"),
     "handovers": ("handovers", "{:.1f}"),
     "frames_sent": ("frames sent", "{:.0f}"),
     "frames_lost": ("frames lost", "{:.0f}"),
+    "packets_sent": ("packets sent", "{:.0f}"),
+    "cycles": ("operations", "{:,.0f}"),
     "alive": ("nodes alive", "{:.1f}"),
     "cpu_seconds": ("processor time", "{:.2f} s"),
 }
 """Which columns of `runs` sum a file up, with the words and the form that a terminal shows."""
+OF_POSITION: Final = tuple(column.name for column in TABLES["runs"] if column.of_position)
+"""Which of them have the position's unit, that the file alone knows."""
+OF_NETWORK: Final = ("handovers", "frames_lost", "alive")
+"""Which of them say nothing of a scenario without a network, where no energy is spent."""
 
 
 def read(path: str | Path, table: str, columns: Sequence[str] | None = None) -> pd.DataFrame:
@@ -59,7 +66,8 @@ def info(path: str | Path) -> dict[str, Any]:
     """What a result file is about, without reading its long tables.
 
     Keys: file, bytes, status, schema_version, wsnsim_version, name, seed, replicates, tables ({name: {rows, columns,
-    bytes}}), figures (means of `runs`; `lost` is the fraction of runs that lost a track), fingerprints, provenance.
+    bytes}}), figures (means of `runs`; `lost` is the fraction of runs that lost a track), position_unit, fingerprints,
+    provenance.
     """
     root = recording.attributes(path)
     sizes = recording.tables(path)
@@ -79,6 +87,7 @@ def info(path: str | Path) -> dict[str, Any]:
             for name, size in sizes.items()
         },
         "figures": _figures(runs),
+        "position_unit": _position_unit(root),
         "fingerprints": [f"{value:016x}" for value in runs.get("fingerprint", ())],
         "provenance": _json(path, "provenance_json"),
     }
@@ -97,7 +106,7 @@ def info_text(path: str | Path) -> str:
         *_table_lines(about["tables"]),
     ]
     if about["figures"]:
-        lines += ["", *_figure_lines(about["figures"])]
+        lines += ["", *_figure_lines(about["figures"], about["position_unit"])]
     if len(about["fingerprints"]) == 1:
         lines.append(f"{'fingerprint':<25}{about['fingerprints'][0]}")
     return "\n".join(lines)
@@ -141,11 +150,22 @@ def _json(path: str | Path, name: str) -> dict[str, Any]:
 def _figures(runs: dict[str, np.ndarray]) -> dict[str, float]:
     """Means over the runs of the file; those of a column that is nowhere known are left out."""
     known = {name: runs[name][np.isfinite(runs[name])] for name in FIGURES if name in runs}
-    return {name: float(values.mean()) for name, values in known.items() if values.size}
+    means = {name: float(values.mean()) for name, values in known.items() if values.size}
+    left_out = () if "energy" in means else OF_NETWORK
+    return {name: mean for name, mean in means.items() if name not in left_out}
 
 
-def _figure_lines(figures: dict[str, float]) -> list[str]:
-    return [f"{FIGURES[name][0]:<25}{FIGURES[name][1].format(value)}" for name, value in figures.items()]
+def _position_unit(root: dict[str, Any]) -> str:
+    """The unit of the errors; metres in a file that does not say which columns are the position."""
+    return root["states"][root["position"][0]][1] if root["position"] else "m"
+
+
+def _figure_lines(figures: dict[str, float], unit: str) -> list[str]:
+    lines = []
+    for name, value in figures.items():
+        words, form = FIGURES[name]
+        lines.append(f"{words:<25}{form.format(value)}{f' {unit}' if name in OF_POSITION else ''}".rstrip())
+    return lines
 
 
 def _provenance_lines(made: dict[str, Any], version: str) -> list[str]:

@@ -1,12 +1,15 @@
 """A run in figures, for the terminal and for programs: what was measured, beside what the paper printed.
 
 text(report, published) -> str        as_json(report, published) -> dict
+
+`published` may hold 'rmse' (in the position's unit), 'energy' (J), 'clusters', and 'rmse_px', 'rmse_vx', ... for the
+state columns.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -16,14 +19,25 @@ from wsnsim.base.arrays import Floats
 from wsnsim.experiment import Report
 
 SCHEMA_VERSION = 1
+NAN = float("nan")
+Row = tuple[str, str, str]
+"""What it is, what was measured, what the paper printed."""
 
 
 def as_json(report: Report, published: Mapping[str, float]) -> dict[str, Any]:
-    """The summary as one object: SI units, NaN where a figure does not exist."""
+    """The summary as one object: SI units, NaN where a figure does not exist.
+
+    `rmse` is the time mean of the RMSE over replicates at each step; `rmse_median` the median over replicates of each
+    one's RMSE over steps and targets, which a few lost tracks do not move; `column_rmse` is the root of the mean square
+    over replicates and targets, `column_rmse_median` the median over replicates. What has no estimate is passed over.
+    """
     errors = _errors(report)
-    low, high = metrics.bootstrap_interval(errors, metrics.time_mean_rmse)
+    low, high = _interval(errors.reshape(len(report.summaries), -1, errors.shape[1]), _rmse_of_runs)
     runs = [summary.run for summary in report.summaries]
+    each = np.array([run["rmse"] for run in runs], dtype=np.float64)
+    median_low, median_high = _interval(each, metrics.median_error)
     causes = sorted({cause for summary in report.summaries for cause in summary.joules})
+    bare = _without_network(report)
     return {
         "schema_version": SCHEMA_VERSION,
         "name": report.scenario.name,
@@ -34,16 +48,21 @@ def as_json(report: Report, published: Mapping[str, float]) -> dict[str, Any]:
         "rmse": metrics.time_mean_rmse(errors),
         "rmse_low": low,
         "rmse_high": high,
+        "rmse_median": metrics.median_error(each),
+        "rmse_median_low": median_low,
+        "rmse_median_high": median_high,
+        **_column_figures(report),
         "median_error": metrics.median_error(errors),
         "lost_fraction": metrics.lost_fraction(np.array([run["lost"] for run in runs])),
         "rmse_of_kept": _rmse_of_kept(report),
         "energy": _mean(runs, "energy"),
         "joules": {cause: float(np.mean([s.joules.get(cause, 0.0) for s in report.summaries])) for cause in causes},
-        "clusters": float(np.mean([summary.clusters for summary in report.summaries])),
-        "handovers": _mean(runs, "handovers"),
+        "clusters": NAN if bare else float(np.mean([summary.clusters for summary in report.summaries])),
+        "handovers": NAN if bare else _mean(runs, "handovers"),
         "frames_sent": _mean(runs, "frames_sent"),
-        "frames_lost": _mean(runs, "frames_lost"),
+        "frames_lost": NAN if bare else _mean(runs, "frames_lost"),
         "packets_sent": _mean(runs, "packets_sent"),
+        "cycles": _mean(runs, "cycles"),
         "alive": _mean(runs, "alive"),
         "runs_with_deaths": sum(math.isfinite(run["first_death"]) for run in runs),
         "first_death": _median([run["first_death"] for run in runs]),
@@ -67,7 +86,11 @@ def text(report: Report, published: Mapping[str, float], source: str = "the pape
         f" seed {figures['seed']} → {figures['file']}"
     )
     rows = [("", "measured", f"published ({source})" if published else "")]
-    rows += _accuracy_rows(figures, published) + _energy_rows(figures, published) + _network_rows(figures, published)
+    rows += _accuracy_rows(figures, published, report)
+    if _without_network(report):
+        rows += _load_rows(report)
+    else:
+        rows += _energy_rows(figures, published) + _network_rows(figures, published)
     widths = [max(len(row[i]) for row in rows) for i in range(2)]
     lines = [f"  {row[0]:<{widths[0]}}  {row[1]:>{widths[1]}}  {row[2]}".rstrip() for row in rows]
     replicates = figures["replicates"]
@@ -75,16 +98,20 @@ def text(report: Report, published: Mapping[str, float], source: str = "the pape
     return "\n".join([heading, *lines, took])
 
 
-def _accuracy_rows(figures: Mapping[str, Any], published: Mapping[str, float]) -> list[tuple[str, str, str]]:
-    interval = ""
-    if math.isfinite(figures["rmse_low"]):
-        interval = f"  [{figures['rmse_low']:.3f}, {figures['rmse_high']:.3f}]"
+def _accuracy_rows(figures: Mapping[str, Any], published: Mapping[str, float], report: Report) -> list[Row]:
+    unit = _spaced(report.states[report.position[0]][1])
     rows = [
-        ("RMSE, mean over time", f"{figures['rmse']:.4f} m{interval}", _published(published, "rmse", "{:.4f} m")),
-        ("median error", f"{figures['median_error']:.4f} m", ""),
+        (
+            "RMSE, mean over time",
+            f"{figures['rmse']:.4f}{unit}{_bounds(figures, 'rmse')}",
+            _published(published, "rmse", "{:.4f}" + unit),
+        ),
+        ("RMSE of a run, median", f"{figures['rmse_median']:.4f}{unit}{_bounds(figures, 'rmse_median')}", ""),
+        ("median error", f"{figures['median_error']:.4f}{unit}", ""),
+        *_column_rows(figures["column_rmse"], published, dict(report.states)),
     ]
     if figures["lost_fraction"] > 0 and math.isfinite(figures["rmse_of_kept"]):
-        rows.insert(1, ("  of tracks kept", f"{figures['rmse_of_kept']:.4f} m", ""))
+        rows.insert(1, ("  of tracks kept", f"{figures['rmse_of_kept']:.4f}{unit}", ""))
     lost = round(figures["lost_fraction"] * figures["replicates"])
     rows.append(("runs with a track lost", f"{lost} of {figures['replicates']}", ""))
     for key, name in (("reacquired", "re-acquisitions"), ("late", "steps late or without estimate")):
@@ -93,17 +120,29 @@ def _accuracy_rows(figures: Mapping[str, Any], published: Mapping[str, float]) -
     return rows
 
 
-def _energy_rows(figures: Mapping[str, Any], published: Mapping[str, float]) -> list[tuple[str, str, str]]:
+def _column_rows(measured: Mapping[str, float], published: Mapping[str, float], units: Mapping[str, str]) -> list[Row]:
+    """The RMSE of the state columns in one row; in one row each where the paper prints one of them."""
+    said = {name: f"{value:.4g}{_spaced(units[name])}" for name, value in measured.items()}
+    if not any(f"rmse_{name}" in published for name in said):
+        return [(f"RMSE of {', '.join(said)}", ", ".join(said.values()), "")]
+    return [
+        (f"RMSE of {name}", value, _published(published, f"rmse_{name}", "{:.4g}" + _spaced(units[name])))
+        for name, value in said.items()
+    ]
+
+
+def _energy_rows(figures: Mapping[str, Any], published: Mapping[str, float]) -> list[Row]:
     rows = [("energy of the network", f"{figures['energy']:.4f} J", _published(published, "energy", "{:.2f} J"))]
     rows += [(f"  {cause.replace('_', ' ')}", f"{joules:.4f} J", "") for cause, joules in figures["joules"].items()]
     return rows
 
 
-def _network_rows(figures: Mapping[str, Any], published: Mapping[str, float]) -> list[tuple[str, str, str]]:
+def _network_rows(figures: Mapping[str, Any], published: Mapping[str, float]) -> list[Row]:
     rows = [
         ("clusters", f"{figures['clusters']:.4g}", _published(published, "clusters", "{:.0f}")),
         ("frames sent / lost", f"{figures['frames_sent']:,.0f} / {figures['frames_lost']:,.0f}", ""),
         ("packets sent", f"{figures['packets_sent']:,.0f}", ""),
+        ("operations computed", f"{figures['cycles']:,.0f}", ""),
     ]
     if figures["runs_with_deaths"]:
         rows += [
@@ -115,6 +154,51 @@ def _network_rows(figures: Mapping[str, Any], published: Mapping[str, float]) ->
             ("coverage left", f"{100 * figures['coverage']:.1f} %", ""),
         ]
     return rows
+
+
+def _load_rows(report: Report) -> list[Row]:
+    """What a network would have to carry and compute for a run that had none."""
+    packets, cycles, steps = (
+        sum(summary.run[name] for summary in report.summaries) for name in ("packets_sent", "cycles", "steps")
+    )
+    return [("load of a network, a step", f"{packets / steps:,.4g} packets, {cycles / steps:,.0f} operations", "")]
+
+
+def _column_figures(report: Report) -> dict[str, dict[str, float]]:
+    """The state columns' RMSE by name, over all replicates and targets, and as the median over replicates."""
+    pooled, middle = {}, {}
+    for i, (name, _) in enumerate(report.states):
+        runs = [summary.column_rmse[:, i] for summary in report.summaries]
+        pooled[name] = metrics.rmse(np.concatenate(runs))
+        middle[name] = metrics.median_error(np.array([metrics.rmse(run) for run in runs]))
+    return {"column_rmse": pooled, "column_rmse_median": middle}
+
+
+def _rmse_of_runs(errors: Floats) -> float:
+    """The time mean of the RMSE, of errors (replicates, targets, steps)."""
+    return metrics.time_mean_rmse(errors.reshape(-1, errors.shape[-1]))
+
+
+def _without_network(report: Report) -> bool:
+    return report.scenario.network is not None
+
+
+def _interval(rows: Floats, statistic: Callable[[Floats], float]) -> tuple[float, float]:
+    """The bootstrap's 95 % interval over replicates, one a row; NaN if nothing is known in any.
+
+    Targets of one replicate share its sensors, so that they are drawn together.
+    """
+    return metrics.bootstrap_interval(rows, statistic) if np.isfinite(rows).any() else (NAN, NAN)
+
+
+def _bounds(figures: Mapping[str, Any], name: str) -> str:
+    low, high = figures[f"{name}_low"], figures[f"{name}_high"]
+    return f"  [{low:.3f}, {high:.3f}]" if math.isfinite(low) else ""
+
+
+def _spaced(unit: str) -> str:
+    """A unit as it follows a number; nothing where there is none."""
+    return f" {unit}" if unit else ""
 
 
 def _errors(report: Report) -> Floats:
@@ -129,7 +213,7 @@ def _errors(report: Report) -> Floats:
 def _rmse_of_kept(report: Report) -> float:
     errors = _errors(report)
     lost = np.array([track["lost"] for summary in report.summaries for track in summary.tracks], dtype=bool)
-    return metrics.time_mean_rmse(errors[~lost]) if not lost.all() else float("nan")
+    return metrics.time_mean_rmse(errors[~lost]) if not lost.all() else NAN
 
 
 def _mean(runs: list[Mapping[str, Any]], name: str) -> float:
@@ -140,7 +224,7 @@ def _median(times: list[float]) -> float:
     """The median time of an event, infinite where it did not happen; NaN if in half of the cases it did not."""
     values = np.array(times)
     middle = float(np.median(np.where(np.isfinite(values), values, np.inf)))
-    return middle if math.isfinite(middle) else float("nan")
+    return middle if math.isfinite(middle) else NAN
 
 
 def _when(time: float) -> str:

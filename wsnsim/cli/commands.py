@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 HDF5_MARK: Final = b"\x89HDF\r\n\x1a\n"
 SCHEMA_VERSION: Final = 1
+PICTURES: Final = ("all", "track", "states", "error", "energy", "particles")
 
 
 class _Commands(click.Group):
@@ -79,10 +80,10 @@ def run(
     """Run a scenario and write its result."""
     seeded = overrides if seed is None else (*overrides, f"seed={seed}")
     scenario = _loaded(source, seeded)
-    place = _writable(out, scenario.name)
+    place = _writable(out, Path("results") / f"{scenario.name}.h5")
     from wsnsim import experiment
     from wsnsim.analysis import summary
-    from wsnsim.papers import jiang2013
+    from wsnsim.papers.published import published
     from wsnsim.scenario import resolved
 
     show = shown("none" if quiet else progress)
@@ -97,11 +98,11 @@ def run(
     finally:
         if show:
             show.close()
-    published = jiang2013.published(resolved(scenario))
+    printed, paper = published(resolved(scenario))
     if as_json:
-        _echo_json(summary.as_json(report, published))
+        _echo_json(summary.as_json(report, printed))
     else:
-        click.echo(summary.text(report, published, jiang2013.SOURCE))
+        click.echo(summary.text(report, printed, paper))
 
 
 @group.command()
@@ -149,7 +150,8 @@ def schema() -> None:
 
 @group.command()
 @click.argument("name")
-def new(name: str) -> None:
+@click.option("--bench", is_flag=True, help="Without a network: a filter on its own.")
+def new(name: str, bench: bool) -> None:
     """Write NAME.yaml, a commented scenario to start from."""
     from wsnsim.scenario.schema import is_safe_name
     from wsnsim.scenario.template import template
@@ -160,7 +162,7 @@ def new(name: str) -> None:
     path = Path(f"{stem}.yaml")
     try:
         with path.open("x", encoding="utf-8") as file:
-            file.write(template(stem))
+            file.write(template(stem, bench))
     except FileExistsError:
         raise UsageError(f"{path} exists already; it is left as it is") from None
     except OSError as error:
@@ -179,6 +181,45 @@ def info(result: Path, as_json: bool) -> None:
         _echo_json(frames.info(result))
     else:
         click.echo(frames.info_text(result))
+
+
+@group.command()
+@_result
+@click.option("--what", type=click.Choice(PICTURES), default="all", show_default=True, help="What to draw.")
+@click.option("--column", metavar="NAME", help="State column, of the states or of the particles.")
+@click.option("--step", type=click.IntRange(min=0), metavar="K", help="Step of the particles; default the last.")
+@click.option("--replicate", type=click.IntRange(min=0), metavar="R", help="Run to draw; default 0.")
+@click.option("--target", type=click.IntRange(min=0), metavar="T", help="Target to draw; default 0.")
+@click.option(
+    "--out", "-o", type=click.Path(path_type=Path), metavar="PICTURE", help="A .png, .svg or .pdf; default FILE.png."
+)
+def plot(
+    result: Path,
+    what: str,
+    column: str | None,
+    step: int | None,
+    replicate: int | None,
+    target: int | None,
+    out: Path | None,
+) -> None:
+    """Draw what a result shows, in one picture."""
+    from wsnsim import recording
+    from wsnsim.analysis import figures
+
+    for name, value in (("column", column), ("step", step), ("replicate", replicate), ("target", target)):
+        if value is not None and name not in figures.TAKES[what]:
+            takes = ", ".join(other for other, names in figures.TAKES.items() if name in names)
+            raise UsageError(f"--{name} has no meaning for --what {what}; it has for {takes}")
+    picture = out or result.with_suffix(".png")
+    figures.suffix_of(picture)
+    recording.attributes(result)
+    place = _writable(picture, Path(picture.name))
+    if place.exists() and place.samefile(result):
+        raise UsageError(f"{place} is the result itself; say with --out where the picture goes")
+    drawn = figures.draw(result, place, what, figures.Choice(column, step, replicate or 0, target or 0))
+    click.echo(f"{drawn.out}: {', '.join(drawn.shown)}")
+    for name, reason in drawn.left_out.items():
+        click.echo(f"  without {name}: {reason}")
 
 
 @group.command()
@@ -225,16 +266,16 @@ def _is_result(source: str) -> bool:
         return source.endswith(".h5")
 
 
-def _writable(out: Path | None, name: str) -> Path:
-    """Where the result goes. Raises UsageError, before anything runs, if it cannot be written there."""
+def _writable(out: Path | None, default: Path) -> Path:
+    """Where the answer goes. Raises UsageError, before anything runs, if it cannot be written there."""
     import tempfile
 
-    path = out or Path("results") / f"{name}.h5"
+    path = out or default
     try:
         if out is None:
             path.parent.mkdir(parents=True, exist_ok=True)
         if path.is_dir():
-            raise UsageError(f"--out {path} is a folder; give a file such as {path / name}.h5")
+            raise UsageError(f"--out {path} is a folder; give a file such as {path / default.name}")
         if path.exists() and not path.is_file():
             raise UsageError(f"--out {path} is no regular file")
         if not path.parent.exists():

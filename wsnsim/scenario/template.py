@@ -1,4 +1,4 @@
-"""The commented scenario that `wsnsim new` writes. A test loads it, so that it stays true."""
+"""The commented scenarios that `wsnsim new` writes. Tests load them, so that they stay true."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ clusters:                        # who leads, and until when
   kind: strongest_signal
   handover_fraction: 0.25
   minimum_active: 3
-tracker:                         # the strategy: pso_mhpf, ipf, ppf, central_pf, or your own `mylab.trackers:Mine`
+tracker:                         # the strategy: `wsnsim list trackers`, or your own `mylab.trackers:Mine`
   kind: pso_mhpf
   particles: 400
   assumes:                       # what the filter believes
@@ -51,6 +51,37 @@ record:                          # which tables the result holds
 """
 
 
-def template(name: str) -> str:
-    """The text of a scenario of this name."""
-    return TEMPLATE.format(name=name)
+BENCH = """\
+# A scenario of wsnsim without a network: a filter on its own, on a state-space model. Nothing is sent, nothing costs.
+# `wsnsim check {name}.yaml` finds every fault, `wsnsim run {name}.yaml` runs it, `wsnsim list` shows what there is.
+name: {name}                     # also of the result: results/{name}.h5
+network: none                    # take this line out, and give energy, link ... for the same with a network
+seed: 1                          # same seed, same run
+replicates: 20                   # runs with other draws from the same seed
+duration: 30 s                   # a whole number of steps
+step: 1 s                        # time between readings
+lost: {{window: 1, limit: 20 m}}   # a track whose final error is larger is lost
+
+prior:                           # what every filter is told at the start
+  sd: [2, 1, 2, 1]               # standard deviations of px, vx, py, vy
+deploy:                          # where the sensors stand; left out: one, at the origin
+  kind: anchors
+  places: [[0, 0], [200, 0], [0, 200], [200, 200]]
+motion:                          # also: ungm, constant_acceleration, bounded_velocity
+  kind: constant_velocity
+  noise_input: diagonal          # the process noise acts on each column of its own
+  variances: [0.5]
+  start: [70, 5, 21, 8]          # px, vx, py, vy
+sensor:                          # also: rssi, range_from_origin, squared, acoustic_energy
+  kind: range
+  sd: 1 m
+  reach: .inf
+tracker:                         # `wsnsim list trackers`, or your own: `mylab:Mine`, a class in mylab.py here
+  kind: pf
+  particles: 200
+"""
+
+
+def template(name: str, bench: bool = False) -> str:
+    """The text of a scenario of this name, with a network or without."""
+    return (BENCH if bench else TEMPLATE).format(name=name)

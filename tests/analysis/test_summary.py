@@ -1,0 +1,208 @@
+"""The summary's figures are those that a hand would compute from the tables, in the position's own unit."""
+
+from __future__ import annotations
+
+import json
+import math
+import statistics
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wsnsim import experiment, scenario
+from wsnsim.analysis import frames, summary
+from wsnsim.experiment import Report, Summary
+from wsnsim.recording import ResultFile, read_table
+
+PLANE = (("px", "m"), ("vx", "m/s"), ("py", "m"), ("vy", "m/s"))
+NAN = float("nan")
+
+
+def run_row(errors, network=True, **said):
+    """A row of the table `runs` for errors (targets, steps)."""
+    known = errors[np.isfinite(errors)]
+    return {
+        "steps": errors.shape[1],
+        "rmse": math.sqrt(np.mean(known**2)) if known.size else NAN,
+        "lost": 0,
+        "energy": 1.5 if network else NAN,
+        "handovers": 4 if network else 0,
+        "frames_sent": 30,
+        "frames_lost": 2 if network else 0,
+        "packets_sent": 50,
+        "cycles": 2_000.0,
+        "alive": 9,
+        "first_death": NAN,
+        "half_dead": NAN,
+        "coverage": 1.0 if network else NAN,
+        "cpu_seconds": 0.1,
+        "fingerprint": 7,
+    } | said
+
+
+def report_of(errors, column_rmse, states=PLANE, position=(0, 2), name="pso_mhpf", **said):
+    """A report of replicates with errors (replicates, targets, steps) and column RMSE (replicates, targets, D)."""
+    loaded = scenario.load(name)
+    network = loaded.network is None
+    track = {"lost": 0, "lost_at": NAN, "reacquired": 0, "late": 0}
+    summaries = tuple(
+        Summary(run_row(e, network, **said), (track,) * len(e), e, c, {"rx": 1.5} if network else {}, 3 * network)
+        for e, c in zip(np.asarray(errors, dtype=float), np.asarray(column_rmse, dtype=float), strict=True)
+    )
+    return Report(loaded, summaries, Path("x.h5"), 1.0, states, position)
+
+
+def rows(report, published=None):
+    """The text's rows by their first words: name -> the rest of the line."""
+    lines = summary.text(report, published or {}).splitlines()[2:-1]
+    return {name.strip(): rest.strip() for name, _, rest in (line[2:].partition("  ") for line in lines)}
+
+
+ERRORS = np.arange(1.0, 13.0).reshape(3, 2, 2)  # three replicates, two targets, two steps
+COLUMNS = np.arange(1.0, 25.0).reshape(3, 2, 4)
+
+
+def test_the_rmse_of_a_column_is_the_root_of_the_mean_square_over_replicates_and_targets():
+    figures = summary.as_json(report_of(ERRORS, COLUMNS), {})
+    for i, (name, _) in enumerate(PLANE):
+        squares = [COLUMNS[r, t, i] ** 2 for r in range(3) for t in range(2)]
+        assert figures["column_rmse"][name] == pytest.approx(math.sqrt(sum(squares) / 6))
+        each = [math.sqrt((COLUMNS[r, 0, i] ** 2 + COLUMNS[r, 1, i] ** 2) / 2) for r in range(3)]
+        assert figures["column_rmse_median"][name] == pytest.approx(statistics.median(each))
+
+
+def test_the_median_over_replicates_is_not_moved_by_a_lost_track():
+    errors = np.full((9, 1, 5), 2.0) + 0.1 * np.arange(9)[:, None, None]
+    before = summary.as_json(report_of(errors, np.ones((9, 1, 4))), {})
+    errors[8] = 1e4
+    after = summary.as_json(report_of(errors, np.ones((9, 1, 4))), {})
+    assert before["rmse_median"] == after["rmse_median"] == pytest.approx(2.4)
+    assert after["rmse"] > 1e3
+    assert after["rmse_median_low"] < 2.4 < after["rmse_median_high"] < 3.0
+
+
+def test_the_interval_of_the_median_covers_the_true_median_as_often_as_it_says():
+    """40 draws of 25 runs from an exponential: a 95 % interval misses ln 2 in 2 of them, in 7 at most (3.6 sigma)."""
+    rng = np.random.default_rng(3)
+    missed = 0
+    for _ in range(40):
+        low, high = summary._interval(rng.exponential(size=25), summary.metrics.median_error)
+        missed += not low <= math.log(2.0) <= high
+    assert missed <= 7
+
+
+def test_fewer_than_five_replicates_have_no_interval():
+    figures = summary.as_json(report_of(ERRORS, COLUMNS), {})
+    assert math.isnan(figures["rmse_median_low"]) and math.isnan(figures["rmse_low"])
+    assert rows(report_of(ERRORS, COLUMNS))["RMSE of a run, median"] == f"{figures['rmse_median']:.4f} m"
+
+
+def test_targets_of_one_replicate_are_drawn_together():
+    """Six replicates of two targets whose errors are equal are as certain as six, not as twelve."""
+    errors = np.linspace(1.0, 6.0, 6)[:, None, None] * np.ones((6, 2, 3))
+    twice = summary.as_json(report_of(errors, np.ones((6, 2, 4))), {})
+    once = summary.as_json(report_of(errors[:, :1], np.ones((6, 1, 4))), {})
+    assert (twice["rmse_low"], twice["rmse_high"]) == pytest.approx((once["rmse_low"], once["rmse_high"]), rel=1e-12)
+
+
+def test_every_accuracy_carries_the_positions_own_unit():
+    for unit, expected in (("m", "2.0000 m"), ("km", "2.0000 km"), ("", "2.0000")):
+        states = (("x", unit), ("v", "m/s"))
+        told = rows(report_of(np.full((2, 1, 3), 2.0), np.full((2, 1, 2), 2.0), states, (0,)))
+        for name in ("RMSE, mean over time", "RMSE of a run, median", "median error"):
+            assert told[name] == expected
+        assert told["RMSE of x, v"] == f"2{' ' * bool(unit)}{unit}, 2 m/s"
+
+
+def test_the_unit_is_that_of_the_position_not_of_the_first_column():
+    states = (("v", "m/s"), ("x", "mm"))
+    told = rows(report_of(np.ones((2, 1, 3)), np.ones((2, 1, 2)), states, (1,)))
+    assert told["median error"] == "1.0000 mm"
+
+
+def test_what_the_paper_prints_of_a_column_stands_beside_it():
+    report = report_of(ERRORS, COLUMNS)
+    published = {"rmse": 2.5, "rmse_px": 0.71, "rmse_vx": 0.4, "rmse_unheard_of": 1.0}
+    told = rows(report, published)
+    figures = summary.as_json(report, published)["column_rmse"]
+    assert told["RMSE of px"].split("  ") == [f"{figures['px']:.4g} m", "0.71 m"]
+    assert told["RMSE of vx"].split("  ") == [f"{figures['vx']:.4g} m/s", "0.4 m/s"]
+    assert told["RMSE of py"] == f"{figures['py']:.4g} m"
+    assert told["RMSE, mean over time"].endswith("2.5000 m")
+    assert "unheard" not in summary.text(report, published)
+
+
+def test_without_a_network_there_are_only_the_packets_and_operations_it_would_have_had_to_carry():
+    report = report_of(np.ones((4, 1, 10)), np.ones((4, 1, 1)), (("x", ""),), (0,), "ungm_pf", packets_sent=25)
+    told = rows(report)
+    assert told["load of a network, a step"] == "2.5 packets, 200 operations"
+    assert not {"energy of the network", "clusters", "frames sent / lost", "packets sent"} & set(told)
+    assert "nan" not in summary.text(report, {})
+
+
+def test_without_a_network_the_keys_are_the_same_and_null_where_nothing_exists():
+    bench = summary.as_json(report_of(np.ones((4, 1, 3)), np.ones((4, 1, 1)), (("x", ""),), (0,), "ungm_pf"), {})
+    network = summary.as_json(report_of(ERRORS, COLUMNS), {})
+    assert list(bench) == list(network)
+    for name in ("energy", "clusters", "handovers", "frames_lost", "coverage"):
+        assert math.isnan(bench[name]) and math.isfinite(network[name])
+    assert (bench["joules"], bench["packets_sent"], bench["cycles"]) == ({}, 50.0, 2000.0)
+
+
+def test_with_a_network_its_rows_are_there():
+    told = rows(report_of(ERRORS, COLUMNS))
+    assert told["energy of the network"] == "1.5000 J"
+    assert (told["clusters"], told["frames sent / lost"], told["operations computed"]) == ("3", "30 / 2", "2,000")
+
+
+def test_runs_without_any_estimate_are_passed_over_and_none_at_all_is_nan():
+    errors, columns = np.ones((6, 1, 3)), np.ones((6, 1, 4))
+    errors[0], columns[0] = NAN, NAN
+    figures = summary.as_json(report_of(errors, columns), {})
+    assert (figures["rmse_median"], figures["column_rmse"]["px"], figures["column_rmse_median"]["vy"]) == (1, 1, 1)
+    nothing = summary.as_json(report_of(errors * NAN, columns * NAN), {})
+    assert math.isnan(nothing["rmse_median"]) and math.isnan(nothing["rmse_low"])
+    assert math.isnan(nothing["column_rmse"]["px"])
+    assert "RMSE" in summary.text(report_of(errors * NAN, columns * NAN), {})
+
+
+@pytest.fixture(scope="module")
+def ran(tmp_path_factory):
+    """A short run of the bench, and its file."""
+    path = tmp_path_factory.mktemp("ran") / "x.h5"
+    loaded = scenario.load("rkf", ["duration=20 s", "tracker.kind=ekf", "sensor.beyond=silent"])
+    return experiment.run(loaded, replicates=6, out=path), path
+
+
+def test_a_real_runs_figures_are_those_of_its_tables(ran):
+    report, path = ran
+    figures = summary.as_json(report, {})
+    truth, guess, runs = (read_table(path, name) for name in ("truth", "estimates", "runs"))
+    after = truth["step"] > 0
+    for name in ("px", "vx", "ax"):
+        off = guess[name] - truth[name][after]
+        assert figures["column_rmse"][name] == pytest.approx(math.sqrt(np.mean(off**2)), rel=1e-12)
+        each = np.sqrt(np.mean(off.reshape(6, 20) ** 2, axis=1))
+        assert figures["column_rmse_median"][name] == pytest.approx(statistics.median(each), rel=1e-12)
+    np.testing.assert_allclose(guess["error"], np.abs(guess["px"] - truth["px"][after]))
+    a_step = np.sqrt(np.mean(guess["error"].reshape(6, 20) ** 2, axis=0))
+    assert figures["rmse"] == pytest.approx(a_step.mean(), rel=1e-12)
+    assert figures["rmse_median"] == pytest.approx(statistics.median(runs["rmse"]), rel=1e-12)
+    assert figures["cycles"] == pytest.approx(runs["cycles"].mean())
+    assert json.loads(json.dumps(figures))["column_rmse"] == figures["column_rmse"]
+
+
+def test_info_of_a_bench_has_neither_energy_nor_handovers_and_its_errors_a_unit(ran):
+    about, text = frames.info(ran[1]), frames.info_text(ran[1])
+    assert not {"energy", "handovers", "frames_lost", "alive"} & set(about["figures"])
+    assert about["position_unit"] == "m"
+    assert "nan" not in text
+    assert f"{'RMSE of a run':<25}{about['figures']['rmse']:.3f} m" in text.splitlines()
+
+
+def test_info_gives_errors_without_a_unit_where_the_position_has_none(tmp_path, rows_of):
+    with ResultFile(tmp_path / "x.h5", [("x", "")], {"runs": True}, position=(0,)) as file:
+        file.write("runs", rows_of("runs", 1) | {"rmse": 3.25, "energy": NAN})
+    assert frames.info(tmp_path / "x.h5")["position_unit"] == ""
+    assert f"{'RMSE of a run':<25}3.250" in frames.info_text(tmp_path / "x.h5").splitlines()

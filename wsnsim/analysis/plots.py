@@ -1,0 +1,238 @@
+"""Pictures of a result: each function draws one thing from a file on a matplotlib Axes, and returns the Axes.
+
+    track(axes, path, replicate, target)      states(axes, path, column, replicate, target)      error(axes, path)
+    energy(axes, path)      particles(axes, path, step, column, replicate, target)
+
+Every function raises ResultError for a table that was not recorded, and UsageError for a column, replicate, target or
+step that the file does not have. What was never estimated is a gap. The colours are those of Okabe and Ito, which the
+colour-blind tell apart.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from wsnsim.analysis import sources
+from wsnsim.analysis.sources import Columns, Layout, bracketed
+from wsnsim.base import metrics
+from wsnsim.base.arrays import Floats
+from wsnsim.base.tables import CAUSES
+
+BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, VERMILLION, PURPLE = (
+    "#000000", "#E69F00", "#56B4E9", "#009E73", "#F0E442", "#0072B2", "#D55E00", "#CC79A7",
+)  # fmt: skip
+GREY, PALE = "#8C8C8C", "#D0D0D0"
+CAUSE_COLOURS: Final = dict(
+    zip(CAUSES, (ORANGE, VERMILLION, SKY, BLUE, GREEN, YELLOW, GREY, PALE, PURPLE), strict=True)
+)
+LOG_FROM: Final = 100.0
+"""How many times the least error the largest must be for a logarithmic axis (our choice)."""
+LEAST_WEIGHT: Final = 1e-6
+"""Particles below this part of the largest weight are not drawn (our choice)."""
+
+
+def track(axes: Axes, path: str | Path, replicate: int = 0, target: int = 0) -> Axes:
+    """The plane with the true path, the estimates, the sensors and who led; on a line, the position over time."""
+    sources.demand(path, "track")
+    plan = sources.layout(path)
+    truth, guess = sources.course(path, plan.position, replicate, target)
+    nodes = sources.nodes_of(path, replicate)
+    if len(plan.position) == 1:
+        _over_time(axes, plan, plan.position[0], truth, guess)
+        if nodes:
+            _beside(axes, nodes["x"])
+    else:
+        _in_plane(axes, plan, truth, guess, nodes)
+    return _titled(axes, f"track of {_which(replicate, target)}")
+
+
+def states(axes: Axes, path: str | Path, column: str, replicate: int = 0, target: int = 0) -> Axes:
+    """One state column over time, true and estimated; a position with ±2 of the sd that the filter claims."""
+    plan = sources.layout(path)
+    plan.check(path, column)
+    sources.demand(path, "states")
+    _over_time(axes, plan, column, *sources.course(path, (column,), replicate, target))
+    return _titled(axes, f"{column} of {_which(replicate, target)}")
+
+
+def error(axes: Axes, path: str | Path) -> Axes:
+    """The position error at each step over all runs: RMSE (Jiang 2013, eq. 26), median and quartiles."""
+    sources.demand(path, "error")
+    plan = sources.layout(path)
+    rows, times = sources.errors(path)
+    runs, targets, lost = sources.counts(path)
+    counted = _counted("run", runs) + (f" × {targets} targets" if targets > 1 else "")
+    mean = metrics.per_step_rmse(rows)
+    shown = mean
+    if len(rows) > 1:
+        low, middle, high = _quartiles(rows)
+        axes.fill_between(times, low, high, color=SKY, alpha=0.4, linewidth=0, label=f"quartiles of {counted}")
+        axes.plot(times, middle, color=BLUE, linewidth=1.0, label="median", **_marks(middle))
+        shown = np.concatenate([mean, middle])
+    told = f"RMSE of {counted}" if len(rows) == 1 else "RMSE"
+    axes.plot(times, mean, color=VERMILLION, linewidth=1.2, label=told, **_marks(mean))
+    _scaled(axes, shown)
+    axes.set_xlabel("time [s]")
+    axes.set_ylabel("position error" + bracketed(plan.units[plan.position[0]]))
+    return _titled(axes, "position error" + ("" if lost is None else f", {lost} of {counted} lost"))
+
+
+def energy(axes: Axes, path: str | Path) -> Axes:
+    """What the network has spent by each step, stacked by cause; the mean over all runs."""
+    sources.demand(path, "energy")
+    joules, times, runs = sources.spent(path)
+    words = [cause for cause, row in zip(CAUSES, joules, strict=True) if row.any()]
+    axes.stackplot(
+        times,
+        joules[[CAUSES.index(word) for word in words]],
+        labels=[word.replace("_", " ") for word in words],
+        colors=[CAUSE_COLOURS[word] for word in words],
+        linewidth=0,
+    )
+    axes.set_xlabel("time [s]")
+    axes.set_ylabel("energy spent [J]")
+    axes.set_ylim(bottom=0)
+    return _titled(axes, f"energy of the network, mean of {_counted('run', runs)}")
+
+
+def particles(
+    axes: Axes, path: str | Path, step: int, column: str | None = None, replicate: int = 0, target: int = 0
+) -> Axes:
+    """The particles at a step beside the truth: a cloud in the plane, or the weighted histogram of one column.
+
+    A cloud is drawn where the position has two columns and no `column` is named; its dots' areas grow with the weights.
+    """
+    plan = sources.layout(path)
+    if column is not None:
+        plan.check(path, column)
+    sources.demand(path, "particles")
+    names = (column,) if column else plan.position
+    held, truth = sources.cloud(path, names, step, replicate, target)
+    seen = held["weight"] > LEAST_WEIGHT * held["weight"].max()
+    weights, values = held["weight"][seen], [held[name][seen] for name in names]
+    label = ("" if seen.all() else f"{weights.size:,} of ") + _counted("particle", seen.size)
+    if len(names) == 1:
+        _histogram(axes, plan, names[0], values[0], weights, label)
+        axes.axvline(truth[names[0]], color=BLACK, linewidth=1.4, label="truth")
+    else:
+        sizes = 4.0 + 40.0 * weights / weights.max()
+        across, up = values
+        axes.scatter(across, up, s=sizes, color=SKY, linewidths=0, alpha=0.6, label=label)
+        axes.plot(*truth.values(), "+", color=BLACK, markersize=12, markeredgewidth=2, label="truth")
+        _plane(axes, plan)
+    return _titled(axes, f"particles at step {step} of {_which(replicate, target)}")
+
+
+def _in_plane(axes: Axes, plan: Layout, truth: Columns, guess: Columns, nodes: Columns) -> None:
+    across, up = plan.position
+    if nodes:
+        size = 4.0 if len(nodes["x"]) > 100 else 14.0
+        label = _counted("sensor", len(nodes["x"]))
+        axes.scatter(nodes["x"], nodes["y"], s=size, color=GREY, linewidths=0, label=label)
+    axes.plot(truth[across], truth[up], color=BLACK, linewidth=2.2, label="truth")
+    axes.plot(truth[across][:1], truth[up][:1], "o", color=BLACK, markersize=5)
+    axes.plot(guess[across], guess[up], color=ORANGE, linewidth=1.0, label="estimate", **_marks(guess[across]))
+    if nodes and not np.isnan(nodes["energy_initial"]).all():  # who leads a bench means nothing
+        _lead(axes, nodes, guess["head"])
+    _plane(axes, plan)
+
+
+def _plane(axes: Axes, plan: Layout) -> None:
+    axes.set_xlabel(plan.label(plan.position[0]))
+    axes.set_ylabel(plan.label(plan.position[1]))
+    axes.set_aspect("equal", adjustable="datalim")
+
+
+def _lead(axes: Axes, nodes: Columns, heads: np.ndarray) -> None:
+    """The heads in the order in which they led, joined by a line."""
+    led = heads[heads >= 0]
+    order = led[np.diff(led, prepend=-1) != 0]
+    place = {node: row for row, node in enumerate(nodes["node"].tolist())}
+    rows = [place[node] for node in order.tolist()]
+    label = _counted("head", len(set(rows)))
+    axes.plot(nodes["x"][rows], nodes["y"][rows], ":s", color=VERMILLION, markersize=4, linewidth=0.8, label=label)
+
+
+def _beside(axes: Axes, places: Floats) -> None:
+    """Where on the line the sensors stand, as marks at the right edge."""
+    edge, label = np.ones(len(places)), _counted("sensor", len(places))
+    inward = axes.get_yaxis_transform()
+    axes.plot(edge, places, "<", color=BLUE, markersize=6, transform=inward, clip_on=False, label=label)
+
+
+def _over_time(axes: Axes, plan: Layout, column: str, truth: Columns, guess: Columns) -> None:
+    if column in plan.position:
+        claimed = 2.0 * guess[("sd_x", "sd_y")[plan.position.index(column)]]
+        low, high = guess[column] - claimed, guess[column] + claimed
+        axes.fill_between(guess["time"], low, high, color=ORANGE, alpha=0.3, linewidth=0, label="±2 sd claimed")
+    axes.plot(truth["time"], truth[column], color=BLACK, linewidth=2.2, label="truth")
+    axes.plot(guess["time"], guess[column], color=ORANGE, linewidth=1.0, label="estimate", **_marks(guess[column]))
+    axes.set_xlabel("time [s]")
+    axes.set_ylabel(plan.label(column))
+
+
+def _quartiles(rows: Floats) -> Floats:
+    """(3, steps) quartiles over tracks, NaN where none has an estimate."""
+    known = np.isfinite(rows).any(axis=0)
+    result = np.full((3, rows.shape[1]), np.nan)
+    if known.any():
+        result[:, known] = np.nanquantile(rows[:, known], [0.25, 0.5, 0.75], axis=0)
+    return result
+
+
+def _scaled(axes: Axes, shown: Floats) -> None:
+    """A logarithmic axis where errors span decades, else one from zero."""
+    positive = shown[shown > 0]
+    if positive.size and positive.max() > LOG_FROM * positive.min():
+        axes.set_yscale("log")
+        axes.set_ylim(bottom=positive.min() / 2)
+    else:
+        axes.set_ylim(bottom=0)
+
+
+def _histogram(axes: Axes, plan: Layout, column: str, values: Floats, weights: Floats, label: str) -> None:
+    low, high = float(values.min()), float(values.max())
+    margin = 1e-6 * max(1.0, abs(low), abs(high))  # particles that are all one still have a bin
+    bins = int(np.clip(2 * np.sqrt(values.size), 10, 60))
+    heights, edges = np.histogram(values, np.linspace(low - margin, high + margin, bins + 1), weights=weights)
+    heights = heights / (heights.sum() * np.diff(edges))
+    axes.stairs(heights, edges, fill=True, color=SKY, label=label)
+    axes.set_xlabel(plan.label(column))
+    unit = plan.units[column]
+    axes.set_ylabel("probability density" + bracketed(f"1/({unit})" if "/" in unit else f"1/{unit}" if unit else ""))
+
+
+def _marks(values: Floats) -> dict[str, Any]:
+    """A dot for each value between two gaps, which a line alone would not show."""
+    gap = np.isnan(np.concatenate(([np.nan], values, [np.nan])))
+    alone = np.flatnonzero(~gap[1:-1] & gap[:-2] & gap[2:])
+    return {"marker": ".", "markersize": 3, "markevery": alone.tolist()} if alone.size else {}
+
+
+def _which(replicate: int, target: int) -> str:
+    return f"replicate {replicate}" + (f", target {target}" if target else "")
+
+
+def _counted(noun: str, number: int) -> str:
+    return f"{number:,} {noun}" + ("" if number == 1 else "s")
+
+
+def _titled(axes: Axes, title: str) -> Axes:
+    """The title, and between it and the data the legend in one row."""
+    axes.set_title(title, loc="left", pad=20)
+    handles, _ = axes.get_legend_handles_labels()
+    axes.legend(
+        loc="lower left",
+        bbox_to_anchor=(0.0, 1.0),
+        ncols=len(handles),
+        frameon=False,
+        borderaxespad=0.1,
+        borderpad=0.2,
+        handlelength=1.4,
+        columnspacing=1.0,
+    )
+    return axes
