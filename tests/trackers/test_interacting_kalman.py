@@ -7,13 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.kernels.test_relay import chain, combine_twin, mix_twin, update_each_twin
+from tests.kernels.test_relay import chain, combine_by_the_book, mix_by_the_book, update_each_by_the_book
 from tests.trackers.linear import Cluster, LinearMotion, against_kalman, kalman, sent
-from tests.trackers.test_relay_kalman import Line, Marked, losing
+from tests.trackers.test_relay_kalman import Line, losing
 from wsnsim.base.asks import Member
 from wsnsim.base.loopback import perform, silent
 from wsnsim.base.ports import Estimate
 from wsnsim.models.linear import ConstantAcceleration
+from wsnsim.models.ranging import Range
 from wsnsim.models.ungm import Squared, Ungm
 from wsnsim.testing import check_tracker
 from wsnsim.trackers.ekf import ExtendedKalman
@@ -33,21 +34,21 @@ class Textbook:
         self.chances = np.full(8, 0.125)
 
     def predict(self):
-        self.means, self.covs, self.chances = mix_twin(self.means, self.covs, self.chances, 0.93, self.printed)
+        self.means, self.covs, self.chances = mix_by_the_book(self.means, self.covs, self.chances, 0.93, self.printed)
         moved = [self.line.predicted(self.means[:, i], self.covs[i]) for i in range(8)]
         self.means, self.covs = np.array([mean for mean, _ in moved]).T.copy(), np.array([cov for _, cov in moved])
 
     def update(self, readings, heard):
         linear = [self.line.linear(x) for x in self.means[0]]
         expected, gradients, variances = (np.stack(values, axis=-1) for values in zip(*linear, strict=True))
-        return update_each_twin(
+        return update_each_by_the_book(
             self.means, self.covs, self.chances, expected, gradients, variances, readings, heard, [0]
         )
 
     def agrees(self, belief, rel=1e-9):
         for found, value in (
             (belief.means, self.means),
-            (belief.covs, self.covs),
+            (belief.covs.transpose(2, 0, 1), self.covs),
             (belief.probabilities, self.chances),
         ):
             assert found == pytest.approx(value, rel=rel, abs=rel)
@@ -122,9 +123,11 @@ def test_where_nothing_mixes_each_filter_is_the_kalman_filter_of_its_own_sensor(
         z, traits = cluster.readings()
         moments = [kalman(*moments[i], cluster.motion.noise, z[i : i + 1], traits[i : i + 1]) for i in range(3)]
     for i, (mean, cov) in enumerate(moments):
-        assert belief.means[:, i] == pytest.approx(mean, rel=1e-9) and belief.covs[i] == pytest.approx(cov, rel=1e-9)
+        assert belief.means[:, i] == pytest.approx(mean, rel=1e-9) and belief.covs[..., i] == pytest.approx(
+            cov, rel=1e-9
+        )
     means, covs = np.array([mean for mean, _ in moments]).T, np.array([cov for _, cov in moments])
-    expected = combine_twin(means, covs, belief.probabilities)
+    expected = combine_by_the_book(means, covs, belief.probabilities)
     assert belief.mean == pytest.approx(expected[0]) and belief.cov == pytest.approx(expected[1])
 
 
@@ -163,7 +166,7 @@ def test_a_lost_reading_leaves_its_filter_and_its_probability_predicted() -> Non
     book.update(line.readings(4), np.array([row not in lost for row in range(8)]))
     book.agrees(after)
     assert after.means[:, lost] == pytest.approx(predicted[0][:, lost], rel=1e-12)
-    assert after.covs[lost] == pytest.approx(predicted[1][lost], rel=1e-12)
+    assert after.covs[..., lost].transpose(2, 0, 1) == pytest.approx(predicted[1][lost], rel=1e-12)
     assert after.probabilities[lost] == pytest.approx(predicted[2][lost], rel=1e-12)
 
 
@@ -176,7 +179,7 @@ def test_with_all_readings_lost_it_mixes_and_predicts() -> None:
     assert alone.ids == line.ids[1:]
     b = belief.probabilities[1:] / belief.probabilities[1:].sum()
     assert alone.probabilities == pytest.approx(chain(7, 0.93) @ chain(7, 0.93) @ b, rel=1e-12)
-    mean, cov = combine_twin(belief.means[:, 1:], belief.covs[1:], b)
+    mean, cov = combine_by_the_book(belief.means[:, 1:], belief.covs[..., 1:].transpose(2, 0, 1), b)
     for _ in range(2):
         mean, cov = line.predicted(mean, cov)
     assert alone.mean == pytest.approx(mean, rel=1e-9), "the motion is linear: a mixture predicts as its moments do"
@@ -194,14 +197,14 @@ def test_a_sensor_that_joins_starts_from_the_mixture_and_while_nobody_senses_the
     back = line.step(tracker, belief, 3, losing(*line.ids), ids=line.ids[1:3])
     mean, cov = line.predicted(mean, cov)
     assert back.means == pytest.approx(np.repeat(mean[:, None], 2, axis=1)) and back.covs == pytest.approx(
-        np.repeat(cov[None], 2, axis=0)
+        np.repeat(cov[..., None], 2, axis=2)
     )
     assert back.probabilities == pytest.approx([0.5, 0.5])
     joined = line.step(tracker, first, 2, losing(*line.ids), ids=(*some[1:], line.ids[6]))
     b = np.append(first.probabilities[1:] / first.probabilities[1:].sum(), 0.0)
     assert joined.probabilities == pytest.approx(chain(3, 0.93) @ b)
     means = np.column_stack([first.means[:, 1:], first.mean])
-    mixed = mix_twin(means, np.array([*first.covs[1:], first.cov]), b, 0.93, False)[0]
+    mixed = mix_by_the_book(means, np.array([*first.covs[..., 1:].transpose(2, 0, 1), first.cov]), b, 0.93, False)[0]
     for i in range(3):
         assert joined.means[:, i] == pytest.approx(line.predicted(mixed[:, i], np.eye(3))[0])
 
@@ -239,7 +242,7 @@ def test_of_a_handover_the_filters_that_arrived_whole_go_on() -> None:
     assert after.ids == tuple(belief.ids[i] for i in (1, 2, 4))
     assert np.array_equal(after.means, belief.means[:, [1, 2, 4]])
     assert after.probabilities == pytest.approx(np.array([0.2, 0.3, 0.25]) / 0.75)
-    expected = combine_twin(after.means, after.covs, after.probabilities)
+    expected = combine_by_the_book(after.means, after.covs.transpose(2, 0, 1), after.probabilities)
     assert after.mean == pytest.approx(expected[0]) and after.cov == pytest.approx(expected[1])
     guessed = np.array([0.1875, 0.1875, 0.1875, 0.25])  # four share 0.75, and one of them is gone
     assert without(0, 20).probabilities == pytest.approx(guessed / guessed.sum())
@@ -278,5 +281,5 @@ def test_a_step_sends_one_reading_per_active_member_but_the_head_and_costs_what_
 )
 def test_it_keeps_the_rules_of_the_seam(tracker) -> None:
     check_tracker(tracker)
-    check_tracker(tracker, ConstantAcceleration(), Marked(beyond="noise"))
-    check_tracker(tracker, LinearMotion(), Marked(reach=60.0))
+    check_tracker(tracker, ConstantAcceleration(), Range(beyond="noise"))
+    check_tracker(tracker, LinearMotion(), Range(reach=60.0))

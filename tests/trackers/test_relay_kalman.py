@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.kernels.test_relay import chain, kalman_twin, rkf_twin
+from tests.kernels.test_relay import chain, kalman_by_the_book, rkf_by_the_book
 from tests.trackers.linear import Cluster, LinearMotion, against_kalman, kalman, sent
 from wsnsim.base.asks import Member
 from wsnsim.base.loopback import perfect, perform, silent
@@ -71,15 +71,6 @@ class Line:
         return distance, ((x - self.positions[:, 0]) / distance)[:, None], np.ones(8)
 
 
-class Marked(Range):
-    """A range with a trait that says nothing, since the table of `check_tracker` needs one."""
-
-    trait_names = ("mark",)
-
-    def draw_traits(self, nodes, rng):
-        return np.zeros((nodes, 1))
-
-
 def losing(*nodes):
     """A network that loses whatever these send."""
     return lambda source, to, parcel: np.full(parcel.packets, source not in nodes)
@@ -93,7 +84,7 @@ def test_fifty_steps_on_the_papers_line_are_those_of_a_textbook_loop(spread) -> 
         for step in range(1, 51):
             belief = line.step(tracker, belief, step)
             mean, cov = line.predicted(mean, cov)
-            mean, cov, chances = rkf_twin(
+            mean, cov, chances = rkf_by_the_book(
                 mean, cov, chances, *line.linear(mean[0]), line.readings(step), np.ones(8, bool), [0], 0.93, spread
             )
             assert belief.mean == pytest.approx(mean, rel=1e-9, abs=1e-9)
@@ -154,7 +145,7 @@ def test_a_lost_reading_keeps_its_predicted_probability_and_the_rest_share_the_r
     heard = np.array([row not in lost for row in range(8)])
     after = line.step(tracker, belief, 4, losing(1, 8))
     mean, cov = line.predicted(belief.mean, belief.cov)
-    expected = rkf_twin(
+    expected = rkf_by_the_book(
         mean, cov, belief.probabilities, *line.linear(mean[0]), line.readings(4), heard, [0], 0.93, False
     )
     for found, value in zip((after.mean, after.cov, after.probabilities), expected, strict=True):
@@ -185,7 +176,9 @@ def test_two_missed_steps_are_two_predictions_and_two_steps_of_the_chain() -> No
     for _ in range(3):
         mean, cov = line.predicted(mean, cov)
     before = chain(8, 0.93) @ chain(8, 0.93) @ belief.probabilities
-    expected = rkf_twin(mean, cov, before, *line.linear(mean[0]), line.readings(4), np.ones(8, bool), [0], 0.93, False)
+    expected = rkf_by_the_book(
+        mean, cov, before, *line.linear(mean[0]), line.readings(4), np.ones(8, bool), [0], 0.93, False
+    )
     for found, value in zip((after.mean, after.cov, after.probabilities), expected, strict=True):
         assert found == pytest.approx(value, rel=1e-9, abs=1e-12)
 
@@ -257,13 +250,13 @@ def test_the_joint_update_of_one_sensor_is_the_step_of_a_chain_of_one() -> None:
     """The twins agree with each other, so that they can be trusted where they stand for the paper."""
     mean, cov = np.array([1.0, 0.1, 0.01]), np.diag([1.0, 0.01, 1e-4])
     linear = np.array([10.0]), np.array([[0.4]]), np.array([1.0]), np.array([11.0])
-    first = rkf_twin(mean, cov, np.ones(1), *linear, np.ones(1, bool), [0], 0.93, True)
-    for found, value in zip(first, kalman_twin(mean, cov, *linear, [0]), strict=False):
+    first = rkf_by_the_book(mean, cov, np.ones(1), *linear, np.ones(1, bool), [0], 0.93, True)
+    for found, value in zip(first, kalman_by_the_book(mean, cov, *linear, [0]), strict=False):
         assert found == pytest.approx(value, rel=1e-12)
 
 
 @pytest.mark.parametrize("tracker", [*EVERY, RelayKalman(stay=1.0), RelayKalman(stay=0.0)], ids=repr)
 def test_it_keeps_the_rules_of_the_seam(tracker) -> None:
     check_tracker(tracker)
-    check_tracker(tracker, ConstantAcceleration(), Marked(beyond="noise"))
-    check_tracker(tracker, LinearMotion(), Marked(reach=60.0))
+    check_tracker(tracker, ConstantAcceleration(), Range(beyond="noise"))
+    check_tracker(tracker, LinearMotion(), Range(reach=60.0))

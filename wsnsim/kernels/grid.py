@@ -37,8 +37,10 @@ def spread(masses: Floats, moved: Floats, deviations: Floats, low: float, width:
     grid: exact to 3e-9 of it where the deviation is a cell's width or more, which is demanded. What has no finite image
     is lost, and made up for by the rest; if there is no rest, all cells get the same.
     """
-    result, weights = np.zeros(cells), np.empty(cells)
+    result, weights = np.empty(cells), np.empty(cells)
     high, kept = low + cells * width, 0.0
+    for k in range(cells):
+        result[k] = 0.0
     for i in range(masses.size):
         deviation, centre = deviations[i], moved[i]
         if not (masses[i] > SLIGHT and 0.0 < deviation < np.inf and -np.inf < centre < np.inf):

@@ -1,30 +1,35 @@
 """Kalman filters that reckon with which sensor's reading comes from the target (Liu, Wang 2012).
 
-    rkf            one filter that relays from sensor to sensor: eqs. 8-14, 18-20
-    mix, update_each, combine    a filter a sensor, mixed at each step: eqs. 20-23, 10-14 and 18-19 in each, 24-25
+    mix            a filter a sensor: what each of them starts its step from, eqs. 20-23
+    filter_each    then each predicts and updates with its own reading, eqs. 10-20, and all are combined, eqs. 24-25;
+                   from one start for all, the filter that relays from sensor to sensor, eqs. 8-14, 18-20
     kalman         the extended Kalman filter's joint update with all readings, to compare with
 
-n sensors, D state columns, P of them the position in the rows `place`. One filter has its mean (D,) and cov (D, D); a
-filter a sensor has means (D, n), covs (n, D, D). `readings` (n,) count where `heard` (n,). `stay` is the diagonal of
-the Markov matrix M, whose other entries are (1 - stay) / (n - 1); a single sensor stays.
+n sensors, D state columns, P (1 or 2) of them the position in the rows `place`. A filter a sensor has means (D, n) and
+covs (D, D, n). Sensors are linearised at N points: expected, variances (n, N), gradients (n, P, N). `stay` is the
+diagonal of the Markov matrix M, whose other entries are (1 - stay) / (n - 1); a single sensor stays. Results go to
+arrays that are given, since to hand new ones to Python takes longer than to work them out.
 
-What is no number does no harm: a reading, or an innovation variance that is not positive and finite, counts as not
-heard. Likelihoods are logs, the greatest of them subtracted once; where none is positive, the predicted probabilities
-stay. Covariances are updated in Joseph's form, which sharp readings do not make indefinite.
+A reading (n,) that is NaN was not heard. What is no number does no harm: an innovation that is none, or whose variance
+is not positive and finite, counts as not heard. Likelihoods are logs, the greatest of them subtracted once; where none
+is positive, the predicted probabilities stay. Covariances are updated in Joseph's form, which sharp readings do not
+make indefinite.
+
+What the kernels share is put into them before they are compiled, since Numba compiles what they call once more in each.
+Loops over columns are inside those over filters where a loop of eight would gain less than it takes to compile.
 """
 
 from __future__ import annotations
 
-from typing import TypeAlias
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from wsnsim.kernels.elementary import exp, log
+from wsnsim.kernels.elementary import EXACT, exp, log
 from wsnsim.kernels.noise import INNER, SWITCHES
 
-Bools: TypeAlias = NDArray[np.bool_]
 Floats: TypeAlias = NDArray[np.float64]
 Ints: TypeAlias = NDArray[np.int64]
 
@@ -32,283 +37,255 @@ NOTHING = -690.0
 LEAST = 1e-300
 LARGEST = 1e12
 """The greatest variance, in SI units, that the diverging sum of eq. 23 as printed may reach (our choice)."""
+ORDERED: Final[dict[str, Any]] = {**SWITCHES, "fastmath": EXACT["fastmath"]}
+"""Sums in the order in which they are written: what Joseph's form puts right is a rounding error."""
+PART: Final[dict[str, Any]] = {**INNER, "inline": "always"}
 
 
-@njit(**INNER)
-def _stepped(probabilities: Floats, stay: float) -> Floats:
-    """(n,) predicted probabilities M b, eq. 20."""
-    count = probabilities.size
-    leave = (1.0 - stay) / max(count - 1, 1)
-    result, total = np.empty(count), 0.0
+@njit(**PART)
+def _step(probabilities: Floats, stay: float) -> None:
+    """Make probabilities (n,) the predicted ones M b, eq. 20, in place."""
+    count, total = probabilities.size, 0.0
     for j in range(count):
         total += probabilities[j]
-    for i in range(count):
-        result[i] = stay * probabilities[i] + leave * (total - probabilities[i]) if count > 1 else total
-    return result
+    for i in range(count if count > 1 else 0):
+        others = (total - probabilities[i]) / (count - 1)
+        probabilities[i] = stay * probabilities[i] + (1.0 - stay) * others
 
 
-@njit(**INNER)
+@njit(**PART)
 def _weigh(probabilities: Floats, logs: Floats) -> None:
     """From predicted to updated probabilities by log-likelihoods, in place, eq. 18; a NaN is a sensor not heard.
 
-    Those not heard keep theirs; the rest share the remainder.
+    Those not heard keep theirs; the rest share the remainder. The logs are used up.
     """
-    scores, top, rest = np.empty(logs.size), -np.inf, 0.0
+    top, rest, total = -np.inf, 0.0, 0.0
     for i in range(logs.size):
-        scores[i] = -np.inf
         if logs[i] == logs[i]:
             rest += probabilities[i]
-            if probabilities[i] > LEAST:
-                scores[i] = logs[i] + log(probabilities[i])
-        top = scores[i] if scores[i] > top else top
+            logs[i] = logs[i] + log(probabilities[i]) if probabilities[i] > LEAST else -np.inf
+            top = logs[i] if logs[i] > top else top
     if not top > -np.inf:
         return
-    total = 0.0
-    for i in range(logs.size):
-        scores[i] = exp(scores[i] - top) if scores[i] - top > NOTHING else 0.0
-        total += scores[i]
     for i in range(logs.size):
         if logs[i] == logs[i]:
-            probabilities[i] = rest * scores[i] / total
+            probabilities[i] = exp(logs[i] - top) if logs[i] - top > NOTHING else 0.0
+            total += probabilities[i]
+    for i in range(logs.size):
+        if logs[i] == logs[i]:
+            probabilities[i] *= rest / total
 
 
-@njit(forceinline=True, **INNER)
-def _lift(cov, slope, variance, place, lift):
-    """Write P Hᵀ (D,) to `lift` and give S = H P Hᵀ + R, eq. 13."""
-    width = variance
-    for d in range(lift.size):
-        lift[d] = 0.0
-        for p in range(place.size):
-            lift[d] += cov[d, place[p]] * slope[p]
-    for p in range(place.size):
-        width += slope[p] * lift[place[p]]
-    return width
-
-
-@njit(forceinline=True, **INNER)
-def _log_likelihood(surprise, width, heard):
-    """log N(ν; 0, S) up to its constant, eq. 19; NaN if nothing can be said, -inf if ν is too large for a number."""
-    if not (heard and 0.0 < width < np.inf and surprise == surprise):
-        return np.nan
-    return -0.5 * (surprise * surprise / width + log(width))
-
-
-@njit(forceinline=True, **INNER)
-def _set_updated(work, cov, lift, inverse, slope, variance, place):
-    """Write (I - G H) P (I - G H)ᵀ + G R Gᵀ = P - G H P to `work`, whose symmetric part is meant; G = lift inverse."""
-    for d in range(lift.size):
-        gain, rest = lift[d] * inverse, 0.0
-        for e in range(lift.size):
-            work[d, e] = cov[d, e] - gain * lift[e]
-        for p in range(place.size):
-            rest += work[d, place[p]] * slope[p]
-        rest = (variance * gain - rest) * inverse
-        for e in range(lift.size):
-            work[d, e] += rest * lift[e]
-
-
-@njit(**SWITCHES)
-def rkf(
-    mean: Floats,
-    cov: Floats,
-    probabilities: Floats,
-    expected: Floats,
-    gradients: Floats,
-    variances: Floats,
-    readings: Floats,
-    heard: Bools,
-    place: Ints,
-    stay: float,
-    spread: bool,
-) -> tuple[Floats, Floats, Floats]:
-    """Mean (D,), covariance (D, D) and probabilities (n,) after the readings, from the prediction and the last ones.
-
-    expected, variances (n,), gradients (n, P) at the predicted mean. Eq. 14 as printed; with `spread`, that of the
-    updated means is added, as in probabilistic data association. Since the probabilities do not exceed one in all,
-    P⁻ - sum b G H P⁻ is an average of P⁻ and of what each reading alone would make of it, and so it is worked out.
-    """
-    size, count = mean.size, readings.size
-    updated = _stepped(probabilities, stay)
-    lift, work, logs = np.empty(size), np.empty((size, size)), np.empty(count)
-    for i in range(count):
-        width = _lift(cov, gradients[i], variances[i], place, lift)
-        logs[i] = _log_likelihood(readings[i] - expected[i], width, heard[i])
-    _weigh(updated, logs)
-    shift, after, result, unused = np.zeros(size), np.empty(size), np.zeros((size, size)), 1.0
-    for i in range(count):
-        if not (logs[i] > -np.inf and updated[i] > 0.0):
-            continue
-        width = _lift(cov, gradients[i], variances[i], place, lift)
-        scale = (readings[i] - expected[i]) / width
-        unused -= updated[i]
-        _set_updated(work, cov, lift, 1.0 / width, gradients[i], variances[i], place)
+@njit(**PART)
+def _condition(covs, lifts, inverses, slopes, variances, first, last):
+    """Put (I - G H) P (I - G H)ᵀ + G R Gᵀ = P - G H P in the place of each P; lifts are P Hᵀ, and G P Hᵀ / S."""
+    size = lifts.shape[0]
+    for i in range(inverses.size):
         for d in range(size):
-            shift[d] += updated[i] * lift[d] * scale  # eqs. 10-12
-            added = lift[d] * scale * scale if spread else 0.0
-            for e in range(d + 1):
-                result[d, e] += updated[i] * (0.5 * (work[d, e] + work[e, d]) + added * lift[e])  # eq. 14
-    unused = max(unused, 0.0)
+            gain = lifts[d, i] * inverses[i]
+            for e in range(size):
+                covs[d, e, i] -= gain * lifts[e, i]
+            across = covs[d, first, i] * slopes[0, i] + covs[d, last, i] * slopes[1, i]
+            rest = (variances[i] * gain - across) * inverses[i]
+            for e in range(size):
+                covs[d, e, i] += rest * lifts[e, i]
+        for d in range(size):
+            for e in range(d):
+                covs[d, e, i] = covs[e, d, i] = 0.5 * (covs[d, e, i] + covs[e, d, i])
+
+
+@njit(**PART)
+def _update(covs, slopes, variances, surprises, place, shifts, logs):
+    """Condition each covariance (D, D, n) on its sensor's reading, in place; eqs. 11-13, 19. Uses up the arguments.
+
+    slopes (2, n), of which the second is 0 where P = 1; variances, surprises (n,). To `shifts` (D, n) goes G ν, and to
+    `logs` (n,) log N(ν; 0, S) up to its constant: NaN if nothing can be said, -inf if ν is too large for a number;
+    then the filter stays.
+    """
+    size, count = shifts.shape
+    first, last, inverses = place[0], place[place.size - 1], np.empty(count)
     for d in range(size):
-        after[d] = mean[d] + shift[d]
-        for e in range(d + 1):
-            result[d, e] += unused * cov[d, e] - (shift[d] * shift[e] if spread else 0.0)
-            result[e, d] = result[d, e]
-    return after, result, updated
+        for i in range(count):
+            shifts[d, i] = covs[d, first, i] * slopes[0, i] + covs[d, last, i] * slopes[1, i]  # P Hᵀ
+    for i in range(count):
+        width = variances[i] + slopes[0, i] * shifts[first, i] + slopes[1, i] * shifts[last, i]
+        known = (0.0 < width < np.inf) and surprises[i] == surprises[i]
+        logs[i] = -0.5 * (surprises[i] * surprises[i] / width + log(width)) if known else np.nan
+        inverses[i] = 1.0 / width
+        if not logs[i] > -np.inf:
+            inverses[i] = variances[i] = surprises[i] = slopes[0, i] = slopes[1, i] = 0.0
+            for d in range(size):
+                shifts[d, i] = 0.0
+    _condition(covs, shifts, inverses, slopes, variances, first, last)
+    for d in range(size):
+        for i in range(count):
+            shifts[d, i] *= inverses[i] * surprises[i]
 
 
-@njit(**INNER)
-def _cap(cov: Floats) -> None:
-    """Scale a covariance down, in place, if a variance exceeds LARGEST; what is no number becomes that."""
-    largest = 0.0
-    for d in range(cov.shape[0]):
-        largest = largest if cov[d, d] <= largest else cov[d, d]
-    if largest <= LARGEST:
-        return
-    for d in range(cov.shape[0]):
-        for e in range(cov.shape[0]):
-            if largest < np.inf:
-                cov[d, e] *= LARGEST / largest
-            else:
-                cov[d, e] = LARGEST if d == e else 0.0
-
-
-@njit(forceinline=True, **INNER)
-def _set_shares(shares, i, probabilities, predicted, stay):
-    """Write b_{j|i} (n,), eq. 21, to `shares`: of what filter i starts from; from itself if it is not probable."""
-    count = shares.size
-    if count == 1 or not predicted > LEAST:
-        for j in range(count):
-            shares[j] = 1.0 if i == j else 0.0
-        return
-    others = (1.0 - stay) / (count - 1) / predicted
-    for j in range(count):
-        shares[j] = others * probabilities[j]
-    shares[i] = stay * probabilities[i] / predicted
+@njit(**PART)
+def _cap(covs: Floats) -> None:
+    """Scale each covariance (D, D, n) down, in place, if a variance exceeds LARGEST; what is no number becomes that."""
+    size = covs.shape[0]
+    for i in range(covs.shape[2]):
+        largest = 0.0
+        for d in range(size):
+            largest = largest if covs[d, d, i] <= largest else covs[d, d, i]
+        scale = 1.0 if largest <= LARGEST else LARGEST / largest
+        for k in range(size * size if scale != 1.0 else 0):
+            d, e = k // size, k % size
+            covs[d, e, i] = covs[d, e, i] * scale if scale > 0.0 else (LARGEST if d == e else 0.0)
 
 
 @njit(**SWITCHES)
 def mix(
-    means: Floats, covs: Floats, probabilities: Floats, stay: float, printed: bool
-) -> tuple[Floats, Floats, Floats]:
-    """What each filter starts its step from: mixed means (D, n), covariances (n, D, D), predicted probabilities (n,).
+    means: Floats, covs: Floats, probabilities: Floats, stay: float, printed: bool, mixed: Floats, spreads: Floats
+) -> None:
+    """What each filter starts its step from, to `mixed` (D, n) and `spreads` (D, D, n): eqs. 20-23.
 
-    A filter of no predicted probability starts from itself. With `printed`, eq. 23 sums the covariances without their
-    weights, as its bracket says: they grow n-fold a step, and are scaled down when a variance exceeds LARGEST. `covs`
-    must be contiguous.
+    `probabilities` (n,) are those of the last step. A filter of no predicted probability starts from itself. With
+    `printed`, eq. 23 sums the covariances without their weights, as its bracket says: they grow n-fold a step, and are
+    scaled down when a variance exceeds LARGEST.
     """
     size, count = means.shape
-    predicted = _stepped(probabilities, stay)
-    mixed, spreads = np.empty((size, count)), np.zeros((count, size, size))
-    shares, around = np.empty(count), np.empty((size, count))
-    flat, into = covs.reshape((count, size * size)), spreads.reshape((count, size * size))
+    shares, leave, total = np.empty((count, count)), (1.0 - stay) / max(count - 1, 1), 0.0
+    for j in range(count):
+        total += probabilities[j]
     for i in range(count):
-        _set_shares(shares, i, probabilities, predicted[i], stay)
-        for d in range(size):
-            total = 0.0
-            for j in range(count):
-                total += shares[j] * means[d, j]  # eq. 22
-            mixed[d, i] = total
-            for j in range(count):
-                around[d, j] = means[d, j] - total
+        predicted = stay * probabilities[i] + leave * (total - probabilities[i])  # eq. 20
+        alone = count == 1 or not predicted > LEAST
         for j in range(count):
-            share = 1.0 if printed else shares[j]
-            for k in range(size * size):
-                into[i, k] += share * flat[j, k]  # eq. 23
+            joint = probabilities[j] * (stay if i == j else leave)
+            shares[j, i] = (1.0 if i == j else 0.0) if alone else joint / predicted  # eq. 21
+    for d in range(size):
+        for i in range(count):
+            mixed[d, i] = 0.0
+        for j in range(count):
+            for i in range(count):
+                mixed[d, i] += shares[j, i] * means[d, j]  # eq. 22
+    for d in range(size):
+        for e in range(d + 1):
+            for i in range(count):
+                spreads[d, e, i] = 0.0
+            for j in range(count):
+                for i in range(count):
+                    around = (means[d, j] - mixed[d, i]) * (means[e, j] - mixed[e, i])
+                    spreads[d, e, i] += shares[j, i] * around + (1.0 if printed else shares[j, i]) * covs[d, e, j]
+            for i in range(count):  # eq. 23
+                spreads[e, d, i] = spreads[d, e, i]
+    if printed:
+        _cap(spreads)
+
+
+@njit(**PART)
+def _predict(covs, transitions, noise):
+    """Put F P Fᵀ + Q in the place of each P, eq. 17; each has its own F (D, D, n)."""
+    size, product = covs.shape[0], np.empty((covs.shape[0], covs.shape[0]))
+    for i in range(covs.shape[2]):
+        for d in range(size):
+            for e in range(size):
+                value = 0.0
+                for k in range(size):
+                    value += transitions[d, k, i] * covs[k, e, i]
+                product[d, e] = value
         for d in range(size):
             for e in range(d + 1):
-                total = spreads[i, d, e]
-                for j in range(count):
-                    total += shares[j] * around[d, j] * around[e, j]
-                spreads[i, d, e] = total
-                spreads[i, e, d] = total
-        if printed:
-            _cap(spreads[i])
-    return mixed, spreads, predicted
+                value = noise[d, e]
+                for k in range(size):
+                    value += product[d, k] * transitions[e, k, i]
+                covs[d, e, i] = covs[e, d, i] = value
 
 
-@njit(**SWITCHES)
-def combine(means: Floats, covs: Floats, probabilities: Floats) -> tuple[Floats, Floats]:
-    """Mean (D,) and covariance (D, D) of the mixture of all filters: eqs. 24, 25."""
-    size, count = means.shape
-    mean, cov, around = np.zeros(size), np.zeros((size, size)), np.empty(size)
-    for i in range(count):
-        for d in range(size if probabilities[i] > 0.0 else 0):
-            mean[d] += probabilities[i] * means[d, i]
-    for i in range(count):
-        for d in range(size if probabilities[i] > 0.0 else 0):
-            around[d] = mean[d] - means[d, i]
-            for e in range(d + 1):
-                cov[d, e] += probabilities[i] * (covs[i, d, e] + around[d] * around[e])
-    for d in range(size):
-        for e in range(d):
-            cov[e, d] = cov[d, e]
-    return mean, cov
-
-
-@njit(forceinline=True, **INNER)
-def _update(cov, lift, inverse, slope, variance, place, work):
-    """Put P - G H P in the place of P."""
-    _set_updated(work, cov, lift, inverse, slope, variance, place)
-    for d in range(lift.size):
-        for e in range(d + 1):
-            cov[d, e] = 0.5 * (work[d, e] + work[e, d])
-            cov[e, d] = cov[d, e]
-
-
-@njit(**SWITCHES)
-def update_each(
+@njit(**ORDERED)
+def filter_each(
     means: Floats,
     covs: Floats,
     probabilities: Floats,
+    transitions: Floats,
+    noise: Floats,
     expected: Floats,
     gradients: Floats,
     variances: Floats,
     readings: Floats,
-    heard: Bools,
     place: Ints,
-) -> tuple[Floats, Floats]:
-    """Update each sensor's filter with its own reading, and the predicted probabilities (n,), in place; then `combine`.
+    stay: float,
+    spread: bool,
+    mean: Floats,
+    cov: Floats,
+) -> None:
+    """Predict each filter's covariance, and update filters and probabilities with each sensor's reading, in place.
 
-    expected, variances (n, n), gradients (n, P, n): of sensor i at filter j's prediction, of which i = j is used. A
-    sensor that is not heard leaves its filter at the prediction. Eqs. 10-13 with b = 1, 18, 19.
+    Means come in as predicted, probabilities as of the last step; transitions (D, D, n), noise (D, D) are F and Q. With
+    transitions (D, D, 0) the covariances, too, come in as predicted. Sensor i is linearised at the prediction of filter
+    i, or at the only point. If it is not heard, its filter stays at the prediction. Eqs. 10-13 for b = 1, 17-20. To
+    `mean` (D,), `cov` (D, D) go the moments of the mixture, eqs. 24, 25: without `spread` the average of the
+    covariances alone.
+
+    Where all filters start from one mean and covariance, these moments are the relaying filter's: eqs. 10, and 14,
+    which has no spread. For the probabilities are one in all, and so P⁻ - sum b G H P⁻ is an average of what each
+    reading alone makes of P⁻.
     """
     size, count = means.shape
-    logs, lift, work = np.empty(count), np.empty(size), np.empty((size, size))
-    slope = np.empty(place.size)
+    shifts, table, slopes = np.empty((size, count)), np.empty((3, count)), np.empty((2, count))
     for i in range(count):
-        for p in range(place.size):
-            slope[p] = gradients[i, p, i]
-        width = _lift(covs[i], slope, variances[i, i], place, lift)
-        surprise = readings[i] - expected[i, i]
-        logs[i] = _log_likelihood(surprise, width, heard[i])
-        if logs[i] > -np.inf:
-            _update(covs[i], lift, 1.0 / width, slope, variances[i, i], place, work)
-            for d in range(size):
-                means[d, i] += lift[d] * (surprise / width)
-    _weigh(probabilities, logs)
-    return combine(means, covs, probabilities)
+        j = i if expected.shape[1] > 1 else 0
+        table[0, i], table[1, i] = variances[i, j], readings[i] - expected[i, j]
+        slopes[0, i], slopes[1, i] = gradients[i, 0, j], gradients[i, 1, j] if place.size > 1 else 0.0
+    if transitions.shape[2] == count:
+        _predict(covs, transitions, noise)
+    _update(covs, slopes, table[0], table[1], place, shifts, table[2])
+    _step(probabilities, stay)
+    _weigh(probabilities, table[2])
+    for d in range(size):
+        total = 0.0
+        for i in range(count):
+            means[d, i] += shifts[d, i]
+            total += probabilities[i] * means[d, i]
+        mean[d] = total
+        for i in range(count):
+            shifts[d, i] = means[d, i] - total if spread else 0.0
+        for e in range(d + 1):
+            value = 0.0
+            for i in range(count):
+                value += probabilities[i] * (covs[d, e, i] + shifts[d, i] * shifts[e, i])
+            cov[d, e] = cov[e, d] = value
 
 
-@njit(**SWITCHES)
+@njit(**ORDERED)
 def kalman(
     mean: Floats, cov: Floats, expected: Floats, gradients: Floats, variances: Floats, readings: Floats, place: Ints
-) -> tuple[Floats, Floats]:
-    """Mean (D,) and covariance (D, D) after S readings, linearised at the mean as it comes in: the joint update.
+) -> None:
+    """Update mean (D,) and covariance (D, D) with S readings, linearised at the mean as it comes in, in place.
 
-    expected, variances (S,), gradients (S, P). Reading after reading with one fixed point of linearisation, each in
-    Joseph's form; a reading of which nothing can be said is passed over. Bar-Shalom, Li, Kirubarajan (2001), 5.2, 10.3.
+    expected, variances (S, 1), gradients (S, P, 1). The joint update, reading after reading with one fixed point of
+    linearisation, each in Joseph's form; a reading of which nothing can be said is passed over. Bar-Shalom, Li,
+    Kirubarajan (2001), 5.2, 10.3.
     """
     size = mean.size
-    after, within = mean.copy(), cov.copy()
-    lift, work = np.empty(size), np.empty((size, size))
+    moved, lift, work = np.empty(size), np.empty(size), np.empty((size, size))
+    for d in range(size):
+        moved[d] = 0.0
     for s in range(readings.size):
-        width = _lift(within, gradients[s], variances[s], place, lift)
-        surprise = readings[s] - expected[s]
+        width, surprise = variances[s, 0], readings[s] - expected[s, 0]
+        for d in range(size):
+            lift[d] = 0.0
+            for p in range(place.size):
+                lift[d] += cov[d, place[p]] * gradients[s, p, 0]
         for p in range(place.size):
-            surprise -= gradients[s, p] * (after[place[p]] - mean[place[p]])
+            width += gradients[s, p, 0] * lift[place[p]]
+            surprise -= gradients[s, p, 0] * moved[place[p]]
         if not (0.0 < width < np.inf and -np.inf < surprise < np.inf):
             continue
-        _update(within, lift, 1.0 / width, gradients[s], variances[s], place, work)
         for d in range(size):
-            after[d] += lift[d] * (surprise / width)
-    return after, within
+            rest = variances[s, 0] * lift[d] / width
+            for e in range(size):
+                work[d, e] = cov[d, e] - lift[d] / width * lift[e]
+            for p in range(place.size):
+                rest -= work[d, place[p]] * gradients[s, p, 0]
+            for e in range(size):
+                work[d, e] += rest / width * lift[e]
+        for d in range(size):
+            moved[d] += lift[d] * (surprise / width)
+            for e in range(size):
+                cov[d, e] = 0.5 * (work[d, e] + work[e, d])
+    for d in range(size):
+        mean[d] += moved[d]

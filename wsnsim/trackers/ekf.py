@@ -52,9 +52,9 @@ class ExtendedKalman(HeadGaussian):
             seen = yield from gather_readings(scene)
         yield Compute(_cycles(mean.size, place.size, len(seen.ids), scene.steps))
         if seen.ids:
-            linear = scene.sensor.linearise(mean[place][:, None], seen.positions, seen.traits)
-            expected, gradients, variances = (np.ascontiguousarray(values[..., 0]) for values in linear)
-            mean, cov = kalman(mean, cov, expected, gradients, variances, seen.readings, place)
+            linear = scene.sensor.linearise(mean[place, None], seen.positions, seen.traits)
+            mean = mean.copy()
+            kalman(mean, cov, *(np.ascontiguousarray(values) for values in linear), seen.readings, place)
         return GaussianBelief(mean, cov, scene.head)
 
 

@@ -12,21 +12,20 @@ from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 
-from wsnsim.base.arrays import Bools, Floats
+from wsnsim.base.arrays import Floats
 from wsnsim.base.asks import Compute, Flow, Send
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Estimate, Scene
-from wsnsim.kernels import gaussian
-from wsnsim.kernels.relay import combine, mix, update_each
+from wsnsim.kernels.relay import filter_each, mix
 from wsnsim.trackers.shared.heads import GaussianBelief, HeadFilter
 from wsnsim.trackers.shared.moments import predicted
 from wsnsim.trackers.shared.parcels import arrived_groups, moment_packets, parcel, weight_packets
-from wsnsim.trackers.shared.sensors import LIKELIHOOD_CYCLES, arrived_probabilities, chain_readings, relayed
+from wsnsim.trackers.shared.sensors import LIKELIHOOD_CYCLES, arrived_probabilities, chain_readings, linearised, relayed
 
 
 @dataclass(frozen=True, slots=True)
 class InteractingBelief(GaussianBelief):
-    """The mixture's mean and covariance; and of each of the sensors `ids` a mean (D, n), covariance and probability."""
+    """The mixture's moments; and of the n sensors `ids` means (D, n), covariances (D, D, n), probabilities (n,)."""
 
     ids: tuple[int, ...] = ()
     means: Floats = field(default_factory=lambda: np.empty((0, 0)))
@@ -69,27 +68,29 @@ class InteractingKalman(HeadFilter):
 
     def step(self, belief: InteractingBelief, scene: Scene) -> Flow[InteractingBelief]:
         """One step: N_act - 1 readings reach the head; its filters mix, predict, and update with one reading each."""
-        readings, heard = yield from chain_readings(scene)
+        readings = yield from chain_readings(scene)
         yield Compute(self._cycles(belief.mean.size, len(scene.motion.position), scene))
         belief = _with_filters(belief, scene)
         if not belief.ids:
             return InteractingBelief(*predicted(belief.mean, belief.cov, scene), scene.head)
-        means, covs, chances = self._predicted(belief, scene)
-        if heard.any():
-            _update(means, covs, chances, readings, heard, scene)
-        mean, cov = combine(means, covs, chances)
-        return InteractingBelief(mean, cov, scene.head, ids=belief.ids, means=means, covs=covs, probabilities=chances)
+        return self._filtered(belief, readings, scene)
 
-    def _predicted(self, belief: InteractingBelief, scene: Scene) -> tuple[Floats, Floats, Floats]:
-        """Means, covariances and probabilities of the filters as the scene's steps have passed: mix, then predict."""
-        motion, means, covs, chances = scene.motion, belief.means, belief.covs, belief.probabilities
+    def _filtered(self, belief: InteractingBelief, readings: Floats, scene: Scene) -> InteractingBelief:
+        """The belief as the scene's steps have passed: in each, mix and predict; in the last, with the readings."""
+        motion, place, printed = scene.motion, np.array(scene.motion.position), self.mixing == "printed"
+        means, covs, chances = belief.means, belief.covs, belief.probabilities.copy()
+        mean, cov = np.empty(belief.mean.shape), np.empty(belief.cov.shape)
         for step in range(scene.steps):
             now = scene.since + step * scene.dt
-            means, covs, chances = mix(means, covs, chances, self.stay, self.mixing == "printed")
-            transitions, noise = motion.matrices(means, scene.dt, now)
-            covs = gaussian.predict(covs, np.ascontiguousarray(transitions), noise)
-            means = np.ascontiguousarray(motion.advance(means, scene.dt, now))
-        return means, covs, chances
+            mixed, spreads = np.empty(means.shape), np.empty(covs.shape)
+            mix(means, covs, chances, self.stay, printed, mixed, spreads)
+            transitions, noise = motion.matrices(mixed, scene.dt, now)
+            each = np.array(transitions.transpose(1, 2, 0), order="C")
+            means, covs = np.ascontiguousarray(motion.advance(mixed, scene.dt, now)), spreads
+            linear = linearised(means[place], scene)
+            heard = readings if step == scene.steps - 1 else np.full(readings.size, np.nan)
+            filter_each(means, covs, chances, each, noise, *linear, heard, place, self.stay, True, mean, cov)
+        return InteractingBelief(mean, cov, scene.head, ids=belief.ids, means=means, covs=covs, probabilities=chances)
 
     def hand_over(self, belief: InteractingBelief, scene: Scene, successor: int) -> Flow[InteractingBelief | None]:
         """The packets of n means and covariances, and ceil(n / 4) of probabilities; the filters that arrived whole.
@@ -110,8 +111,8 @@ class InteractingKalman(HeadFilter):
         chances = arrived_probabilities(belief.probabilities, mask[count * each :])
         ids = tuple(node for node, arrived in zip(belief.ids, whole, strict=True) if arrived)
         chances = relayed(belief.ids, chances, ids)
-        means, covs = np.ascontiguousarray(belief.means[:, whole]), belief.covs[whole]
-        mean, cov = combine(means, covs, chances)
+        means, covs = (np.ascontiguousarray(moments[..., whole]) for moments in (belief.means, belief.covs))
+        mean, cov = _mixture(means, covs, chances)
         return InteractingBelief(mean, cov, successor, ids=ids, means=means, covs=covs, probabilities=chances)
 
     def _cycles(self, size: int, place: int, scene: Scene) -> float:
@@ -135,19 +136,18 @@ def _with_filters(belief: InteractingBelief, scene: Scene) -> InteractingBelief:
     row = {node: i for i, node in enumerate(belief.ids)}
     rows = [row.get(node) for node in scene.ids]
     size = belief.mean.size
-    means, covs = np.empty((size, len(rows))), np.empty((len(rows), size, size))
+    means, covs = np.empty((size, len(rows))), np.empty((size, size, len(rows)))
     for i, old in enumerate(rows):
         means[:, i] = belief.mean if old is None else belief.means[:, old]
-        covs[i] = belief.cov if old is None else belief.covs[old]
+        covs[..., i] = belief.cov if old is None else belief.covs[..., old]
     chances = relayed(belief.ids, belief.probabilities, scene.ids)
     return InteractingBelief(
         belief.mean, belief.cov, scene.head, ids=scene.ids, means=means, covs=covs, probabilities=chances
     )
 
 
-def _update(means: Floats, covs: Floats, chances: Floats, readings: Floats, heard: Bools, scene: Scene) -> None:
-    """Every filter and its probability by the sensor's own reading, in place; linearised at the filter's prediction."""
-    place = np.array(scene.motion.position)
-    linear = scene.sensor.linearise(means[place], scene.positions, scene.traits)
-    expected, gradients, variances = (np.ascontiguousarray(values) for values in linear)
-    update_each(means, covs, chances, expected, gradients, variances, readings, heard, place)
+def _mixture(means: Floats, covs: Floats, chances: Floats) -> tuple[Floats, Floats]:
+    """Mean (D,) and covariance (D, D) of all filters, eqs. 24, 25."""
+    mean: Floats = means @ chances
+    around = means - mean[:, None]
+    return mean, covs @ chances + (around * chances) @ around.T

@@ -16,7 +16,7 @@ from wsnsim.base.arrays import Floats
 from wsnsim.base.asks import Compute, Flow, Send
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Estimate, Scene
-from wsnsim.kernels.relay import rkf
+from wsnsim.kernels.relay import filter_each
 from wsnsim.trackers.shared.heads import GaussianBelief, HeadFilter
 from wsnsim.trackers.shared.moments import predicted
 from wsnsim.trackers.shared.parcels import moment_packets, parcel, weight_packets
@@ -24,6 +24,7 @@ from wsnsim.trackers.shared.sensors import (
     LIKELIHOOD_CYCLES,
     arrived_probabilities,
     chain_readings,
+    linearised,
     relayed,
     stay_over,
 )
@@ -70,19 +71,28 @@ class RelayKalman(HeadFilter):
 
     def step(self, belief: RelayBelief, scene: Scene) -> Flow[RelayBelief]:
         """One step: N_act - 1 readings reach the head, which predicts and updates; with none, it predicts."""
-        readings, heard = yield from chain_readings(scene)
+        readings = yield from chain_readings(scene)
         yield Compute(self._cycles(belief.mean.size, len(scene.motion.position), scene))
         mean, cov = predicted(belief.mean, belief.cov, scene)
         chances = relayed(belief.ids, belief.probabilities, scene.ids)
         if scene.ids:
-            place = np.array(scene.motion.position)
-            linear = scene.sensor.linearise(mean[place][:, None], scene.positions, scene.traits)
-            expected, gradients, variances = (np.ascontiguousarray(values[..., 0]) for values in linear)
-            stay = stay_over(self.stay, len(scene.ids), scene.steps)
-            mean, cov, chances = rkf(
-                mean, cov, chances, expected, gradients, variances, readings, heard, place, stay, self.spread
-            )
+            chances = chances.copy()
+            mean, cov = self._updated(mean, cov, chances, readings, scene)
         return RelayBelief(mean, cov, scene.head, ids=scene.ids, probabilities=chances)
+
+    def _updated(
+        self, mean: Floats, cov: Floats, chances: Floats, readings: Floats, scene: Scene
+    ) -> tuple[Floats, Floats]:
+        """Mean and covariance with the readings; the probabilities in place. Each sensor starts from the prediction."""
+        size, count, place = mean.size, len(scene.ids), np.array(scene.motion.position)
+        linear = linearised(mean[place, None], scene)
+        means, covs = np.repeat(mean[:, None], count, axis=1), np.repeat(cov[:, :, None], count, axis=2)
+        stay, predicted_already = stay_over(self.stay, count, scene.steps), np.empty((size, size, 0))
+        mean, cov = np.empty(size), np.empty((size, size))
+        filter_each(
+            means, covs, chances, predicted_already, cov, *linear, readings, place, stay, self.spread, mean, cov
+        )
+        return mean, cov
 
     def hand_over(self, belief: RelayBelief, scene: Scene, successor: int) -> Flow[RelayBelief | None]:
         """The packets of mean and covariance, and ceil(n / 4) of probabilities. Without all of the former, nothing.

@@ -18,14 +18,19 @@ LIKELIHOOD_CYCLES = 30.0
 """To linearise one reading and to take the log of its likelihood."""
 
 
-def chain_readings(scene: Scene) -> Flow[tuple[Floats, Bools]]:
-    """Readings (n,) of the sensors `scene.ids`, and whether each was heard: one packet a member, NaN for a lost one."""
+def chain_readings(scene: Scene) -> Flow[Floats]:
+    """Readings (n,) of the sensors `scene.ids`: one packet a member, NaN for a lost one."""
     seen = yield from gather_readings(scene)
     if seen.ids == scene.ids:
-        return seen.readings, np.ones(seen.readings.size, dtype=np.bool_)
+        return seen.readings
     arrived = dict(zip(seen.ids, seen.readings.tolist(), strict=True))
-    readings = np.array([arrived.get(node, np.nan) for node in scene.ids], dtype=np.float64)
-    return readings, np.isfinite(readings)
+    return np.array([arrived.get(node, np.nan) for node in scene.ids], dtype=np.float64)
+
+
+def linearised(points: Floats, scene: Scene) -> tuple[Floats, Floats, Floats]:
+    """The sensors `scene.ids` at points (P, N): expected (n, N), gradients (n, P, N), variances (n, N), contiguous."""
+    expected, gradients, variances = scene.sensor.linearise(points, scene.positions, scene.traits)
+    return np.ascontiguousarray(expected), np.ascontiguousarray(gradients), np.ascontiguousarray(variances)
 
 
 def relayed(ids: tuple[int, ...], probabilities: Floats, now: tuple[int, ...]) -> Floats:
