@@ -23,15 +23,22 @@ SEGMENTS, SENSORS = 8, 10
 DRIFT, ROOT, LAW = (0.04, 180.0, 0.75, 1.0), (0.0008, 0.04, 0.005), (1.0, 1e4, 2.2, 0.003, 0.0)
 RANGE, GROWTH = (0.0, 1.0, 0.0, 4.0, np.inf, False), (1.2, 1.5)
 SINGLE = np.array([0, 2])
+FEW = (24, 8)
+"""Sizes of what is as small as a cluster of sensors."""
 
 
 @dataclass(frozen=True)
 class Entry:
-    """A kernel of wsnsim.kernels, its NumPy twin somewhere in tests (None: none yet), and its arguments."""
+    """A kernel of wsnsim.kernels, its NumPy twin somewhere in tests, its arguments, and what N counts: how many each.
+
+    It is called with `sizes`. A filter a sensor, or a bank of them, is smaller than a cloud.
+    """
 
     kernel: str
-    twin: str | None
+    twin: str
     arguments: Callable[[int], Arguments]
+    sizes: tuple[int, int] = (400, 100)
+    each: str = "particle-step"
 
     def load(self) -> Callable[..., Any]:
         """The compiled kernel."""
@@ -40,7 +47,6 @@ class Entry:
 
     def load_twin(self) -> Callable[..., Any]:
         """Its twin."""
-        assert self.twin is not None, f"{self.kernel} has no twin"
         module, name = self.twin.split(":")
         return getattr(importlib.import_module(f"tests.{module}"), name)  # type: ignore[no-any-return]
 
@@ -96,6 +102,10 @@ def _densities(count: int) -> Arguments:
     return _states(count), _rng().normal(size=(SEGMENTS, 4)), np.linalg.cholesky(_spd(SEGMENTS)), _offsets(count)
 
 
+def _gaussians(count: int) -> Arguments:
+    return _rng().normal(size=(count, 4)), _rng().dirichlet(np.ones(count))
+
+
 def _linear_update(count: int) -> Arguments:
     rng = _rng()
     expected, variances = rng.normal(size=(SENSORS, count)), rng.uniform(0.5, 2.0, (SENSORS, count))
@@ -147,10 +157,59 @@ def _chains(count: int) -> Arguments:
     return cloud, fitness, prior, proposal, new_fitness, new_prior, np.zeros(count), _keys(count), 9
 
 
+def _greedy(count: int) -> Arguments:
+    cloud, fitness, _, proposal, new_fitness, *_ = _acceptance(count)
+    return cloud, fitness, proposal, new_fitness
+
+
+def _gains(count: int) -> Arguments:
+    before, after = _rng().normal(size=(2, count))
+    return before, after
+
+
 def _masses(count: int) -> Arguments:
     rng = _rng()
     points, velocities = rng.normal(size=(2, 4, count))
     return points, velocities, rng.normal(size=count), SINGLE, _keys(count), 5, 10.0, min(count, 10), 1e-6
+
+
+def _cells(count: int) -> Arguments:
+    rng, width = _rng(), 40.0 / count
+    return rng.dirichlet(np.ones(count)), rng.uniform(-20.0, 20.0, count), np.full(count, 1.0), -20.0, width, count
+
+
+def _scores(count: int) -> Arguments:
+    return _rng().dirichlet(np.ones(count)), _rng().normal(0.0, 10.0, count)
+
+
+def _bank(count: int) -> Arguments:
+    """A filter a sensor, three columns each: means (3, n), covs (3, 3, n), probabilities (n,)."""
+    rng = _rng()
+    root = rng.normal(size=(count, 3, 3))
+    covs = (root @ root.transpose(0, 2, 1) + np.eye(3)).transpose(1, 2, 0)
+    return rng.normal(size=(3, count)), np.ascontiguousarray(covs), rng.dirichlet(np.ones(count))
+
+
+def _mixing(count: int) -> Arguments:
+    return *_bank(count), 0.9, False, np.zeros((3, count)), np.zeros((3, 3, count))
+
+
+def _readings(sensors: int, points: int) -> Arguments:
+    """What sensors on a line read, linearised at so many points, and which row is the position."""
+    rng = _rng()
+    expected, variances = rng.normal(size=(sensors, points)), rng.uniform(0.5, 2.0, (sensors, points))
+    return expected, rng.normal(size=(sensors, 1, points)), variances, rng.normal(size=sensors), np.array([0])
+
+
+def _bank_step(count: int) -> Arguments:
+    transitions, (_, covs, _) = _rng().normal(size=(3, 3, count)), _bank(1)
+    noise = np.ascontiguousarray(covs[:, :, 0])
+    return *_bank(count), transitions, noise, *_readings(count, count), 0.9, True, np.zeros(3), np.zeros((3, 3))
+
+
+def _kalman(count: int) -> Arguments:
+    means, covs, _ = _bank(1)
+    return means[:, 0].copy(), np.ascontiguousarray(covs[:, :, 0]), *_readings(count, 1)
 
 
 ENTRIES: tuple[Entry, ...] = (
@@ -167,6 +226,8 @@ ENTRIES: tuple[Entry, ...] = (
     Entry("particles.systematic", "bench.twins:systematic", _teeth),
     Entry("gaussian.fit", "bench.twins:fit", lambda n: (_states(n), _offsets(n), 1e-3)),
     Entry("gaussian.log_density", "bench.twins:log_density", _densities),
+    Entry("gaussian.fuse", "bench.twins:fuse", lambda n: (*_gaussians(n), _spd(1)[0]), FEW, "member"),
+    Entry("gaussian.cholesky", "bench.twins:cholesky", lambda n: (_spd(1)[0], np.zeros((4, 4))), (1, 1), "matrix"),
     Entry("gaussian.sample", "bench.twins:sample", lambda n: (_states(n), _spd(n), _keys(n))),
     Entry("gaussian.predict", "bench.twins:predict", lambda n: (_spd(n), _rng().normal(size=(n, 4, 4)), _spd(1)[0])),
     Entry("gaussian.update", "bench.twins:update", _linear_update),
@@ -197,7 +258,13 @@ ENTRIES: tuple[Entry, ...] = (
     Entry("ranging.linearised", "kernels.test_ranging:linearised_twin", _sense("xyp", RANGE)),
     Entry("cuckoo.fly_cuckoos", "kernels.test_cuckoo:fly_cuckoos_twin", _cuckoos),
     Entry("cuckoo.replace_nests", "kernels.test_cuckoo:replace_nests_twin", _nests),
+    Entry("cuckoo.accept_greedy", "kernels.test_cuckoo:accept_greedy_twin", _greedy),
+    Entry("cuckoo.relative_changes", "kernels.test_cuckoo:relative_changes_twin", _gains),
     Entry("cuckoo.accept_chains", "kernels.test_cuckoo:accept_chains_twin", _chains),
     Entry("gravity.attract", "kernels.test_gravity:attract_twin", _masses),
-    # relay and grid: their lines go here
+    Entry("grid.spread", "kernels.test_grid:spread_twin", _cells, each="cell"),
+    Entry("grid.weigh", "kernels.test_grid:weigh_twin", _scores, each="cell"),
+    Entry("relay.mix", "kernels.test_relay:mix_twin", _mixing, FEW, "sensor"),
+    Entry("relay.filter_each", "kernels.test_relay:filter_each_twin", _bank_step, FEW, "sensor"),
+    Entry("relay.kalman", "kernels.test_relay:kalman_twin", _kalman, FEW, "sensor"),
 )

@@ -139,6 +139,16 @@ def log_density(points, means, factors, offsets):
     return -0.5 * (np.einsum("nde,en->dn", inverses, around) ** 2).sum(axis=0)
 
 
+def fuse(means, shares, within):
+    mean = shares @ means / shares.sum()
+    around = means - mean
+    return mean, (shares * around.T) @ around / shares.sum() + 0.5 * (within + within.T)
+
+
+def cholesky(matrix, result):
+    result[:] = np.linalg.cholesky(matrix)
+
+
 def sample(means, covs, keys):
     size = len(means)
     white = np.concatenate([normal_pair(keys, pair) for pair in range((size + 1) // 2)])[:size]

@@ -167,10 +167,10 @@ def test_the_ipf_refuses_a_process_noise_without_a_density() -> None:
     tracker = InformationPf()
     assert list(tracker.faults(parts("both"))) == [] and list(tracker.faults(parts("q_only"))) == []
     (fault,) = tracker.faults(parts("g_only"))
-    assert fault.path == ("motion", "noise") and "singular" in fault.message
+    assert fault.path == ("motion",) and "singular" in fault.message
     assert [fault.path for fault in tracker.faults(parts("g_only", 2))] == [
-        ("targets", 0, "noise"),
-        ("targets", 1, "noise"),
+        ("targets", 0),
+        ("targets", 1),
     ]
 
 

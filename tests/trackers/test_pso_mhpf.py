@@ -357,7 +357,7 @@ def test_the_defaults_track_and_the_literal_move_and_the_bare_likelihood_visibly
 
 def test_the_transition_density_needs_a_process_noise_that_has_one() -> None:
     parts = SimpleNamespace(filter_motions=(BoundedVelocity(noise="g_only"),), dt=0.04)
-    assert [fault.path for fault in PsoMhpf(acceptance="transition").faults(parts)] == [("motion", "noise")]
+    assert [fault.path for fault in PsoMhpf(acceptance="transition").faults(parts)] == [("motion",)]
     assert list(PsoMhpf().faults(parts)) == []
 
 

@@ -4,6 +4,7 @@
     log2(x), exp2(y)           the same to the base two: fewer operations, and closer; for powers, exp2(a * log2(x))
     normal_pair(key, pair)     two standard normals of a counter key (Box-Muller: its cosine and its sine)
     box_muller(u, turn)        the same of two uniforms
+    total(row), dot(row, row)  sums over arrays (n,); give slices, since an index that might be negative is slow
 
 They are inlined into the kernels that use them. Numba's cache does not notice an edit here: touch the kernels' files
 too.
@@ -148,3 +149,21 @@ def box_muller(u, turn):
     first = -first if (quarter == 1.0) | (quarter == 2.0) else first
     second = -second if (quarter == 2.0) | (quarter == 3.0) else second
     return radius * first, radius * second
+
+
+@njit(**INNER)
+def total(row):
+    """The sum of a row."""
+    result = 0.0
+    for j in range(row.size):
+        result += row[j]
+    return result
+
+
+@njit(**INNER)
+def dot(one, other):
+    """The sum of the products of two rows."""
+    result = 0.0
+    for j in range(one.size):
+        result += one[j] * other[j]
+    return result

@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from wsnsim.kernels.elementary import log, normal_pair
+from wsnsim.kernels.elementary import dot, log, normal_pair, total
 from wsnsim.kernels.noise import INNER, SWITCHES
 
 Floats = NDArray[np.float64]
@@ -19,20 +19,21 @@ Keys = NDArray[np.uint64]
 TRIES = 14
 
 
-@njit(**INNER)
-def _factorise(matrix: Floats, jitter: float, result: Floats) -> bool:
-    for i in range(matrix.shape[0]):
+@njit(forceinline=True, **INNER)
+def _factorise(matrix, jitter, result, size):
+    """Write the factor and say whether there is one. Inlined, so that a size which is known unrolls the loops."""
+    definite = True
+    for i in range(size):
         for k in range(i + 1):
             value = matrix[i, k] + (jitter if i == k else 0.0)
             for d in range(k):
                 value -= result[i, d] * result[k, d]
             if i > k:
                 result[i, k] = value / result[k, k]
-            elif not (0.0 < value < np.inf):
-                return False
             else:
+                definite = definite & (0.0 < value < np.inf)
                 result[i, i] = np.sqrt(value)
-    return True
+    return definite
 
 
 @njit(**SWITCHES)
@@ -49,7 +50,7 @@ def cholesky(matrix: Floats, result: Floats) -> None:
         scale = 1.0
     jitter = 0.0
     for _ in range(TRIES):
-        if _factorise(matrix, jitter, result):
+        if _factorise(matrix, jitter, result, matrix.shape[0]):
             return
         jitter = max(10.0 * jitter, 1e-14 * scale)
     for i in range(matrix.shape[0]):
@@ -66,22 +67,17 @@ def fit(cloud: Floats, offsets: Ints, ridge: float) -> tuple[Floats, Floats]:
     """
     size, segments = cloud.shape[0], offsets.size - 1
     means, factors = np.empty((segments, size)), np.empty((segments, size, size))
-    cov, around = np.empty((size, size)), np.empty(size)
+    cov, around = np.empty((size, size)), np.empty(cloud.shape)
     for m in range(segments):
-        count = offsets[m + 1] - offsets[m]
+        first, last = offsets[m], offsets[m + 1]
         for d in range(size):
-            means[m, d] = 0.0
-            for e in range(size):
-                factors[m, d, e] = cov[d, e] = 0.0
-        for j in range(offsets[m], offsets[m + 1]):
-            for d in range(size):
-                means[m, d] += cloud[d, j] / count
-        for j in range(offsets[m], offsets[m + 1]):
-            for d in range(size):
-                around[d] = cloud[d, j] - means[m, d]
-                for e in range(d + 1):
-                    cov[d, e] += around[d] * around[e] / max(count - 1, 1)
-        for d in range(size):
+            row, beyond = cloud[d, first:last], around[d, first:last]
+            means[m, d] = mean = total(row) / max(row.size, 1)
+            for j in range(row.size):
+                beyond[j] = row[j] - mean
+            for e in range(d + 1):
+                cov[d, e] = dot(beyond, around[e, first:last]) / max(row.size - 1, 1)
+                factors[m, e, d] = 0.0
             cov[d, d] += ridge
         cholesky(cov, factors[m])
     return means, factors
@@ -133,43 +129,60 @@ def sample(means: Floats, covs: Floats, keys: Keys) -> tuple[Floats, Floats]:
 
     means (D, N), covs (N, D, D); or (D, 1), (1, D, D). Components 2p and 2p + 1 take the key's p-th pair of normals.
     """
-    size = means.shape[0]
-    points, logs = np.empty((size, keys.size)), np.zeros(keys.size)
-    factor, white = np.zeros((size, size)), np.empty(size + 1)
-    for j in range(keys.size):
+    size, count = means.shape[0], keys.size
+    points, logs = np.empty((size, count)), np.empty(count)
+    white, factor = np.empty((size + 1, count)), np.empty((size, size))
+    for d in range(0, size, 2):
+        first, second = white[d], white[d + 1]
+        for j in range(count):
+            first[j], second[j] = normal_pair(keys[j], d // 2)
+    for j in range(count):
         source = j if covs.shape[0] > 1 else 0
-        if j == source:
+        if j == source and not (size == 4 and _factorise(covs[source], 0.0, factor, size)):
             cholesky(covs[source], factor)
-        for d in range(0, size, 2):
-            white[d], white[d + 1] = normal_pair(keys[j], d // 2)
         volume = 1.0
         for d in range(size):
             volume *= factor[d, d]
-            logs[j] -= 0.5 * white[d] * white[d]
-            points[d, j] = means[d, source]
+            value = means[d, source]
             for e in range(d + 1):
-                points[d, j] += factor[d, e] * white[e]
-        logs[j] -= log(volume)
+                value += factor[d, e] * white[e, j]
+            points[d, j] = value
+        logs[j] = volume
+    for j in range(count):
+        square = 0.0
+        for d in range(size):
+            square += white[d, j] * white[d, j]
+        logs[j] = -0.5 * square - log(logs[j])
     return points, logs
+
+
+@njit(forceinline=True, **INNER)
+def _set_predicted(result, covs, transitions, noise, product, size):
+    """Write F P Fᵀ + Q of every particle. Inlined, so that a size which is known unrolls the loops."""
+    for j in range(covs.shape[0]):
+        cov, transition, into = covs[j], transitions[j], result[j]
+        for d in range(size):
+            for e in range(size):
+                value = 0.0
+                for k in range(size):
+                    value += transition[d, k] * cov[k, e]
+                product[d, e] = value
+        for d in range(size):
+            for e in range(d + 1):
+                value = noise[d, e]
+                for k in range(size):
+                    value += product[d, k] * transition[e, k]
+                into[d, e] = into[e, d] = value
 
 
 @njit(**SWITCHES)
 def predict(covs: Floats, transitions: Floats, noise: Floats) -> Floats:
     """(N, D, D) covariances one step on: F P Fᵀ + Q, each with its own F (N, D, D). Symmetric by construction."""
-    count, size = covs.shape[0], covs.shape[1]
-    result, product = np.empty(covs.shape), np.empty((size, size))
-    for j in range(count):
-        for d in range(size):
-            for e in range(size):
-                product[d, e] = 0.0
-                for k in range(size):
-                    product[d, e] += transitions[j, d, k] * covs[j, k, e]
-        for d in range(size):
-            for e in range(d + 1):
-                value = noise[d, e]
-                for k in range(size):
-                    value += product[d, k] * transitions[j, e, k]
-                result[j, d, e] = result[j, e, d] = value
+    result, product = np.empty(covs.shape), np.empty(noise.shape)
+    if covs.shape[1] == 4:
+        _set_predicted(result, covs, transitions, noise, product, 4)
+    else:
+        _set_predicted(result, covs, transitions, noise, product, covs.shape[1])
     return result
 
 
@@ -189,23 +202,27 @@ def update(
     fixed point of linearisation: the same as the extended Kalman filter's joint update, whose innovation covariance is
     S x S. A reading without a finite positive innovation variance is passed over.
     """
-    size = means.shape[0]
-    lift, start = np.empty(size), np.empty(place.size)
-    for j in range(means.shape[1]):
-        for p in range(place.size):
-            start[p] = means[place[p], j]
-        for s in range(readings.size):
+    size, count = means.shape
+    lift, start = np.empty(size), np.empty((place.size, count))
+    for p in range(place.size):
+        for j in range(count):
+            start[p, j] = means[place[p], j]
+    for s in range(readings.size):
+        for j in range(count):
+            cov, spread, surprise = covs[j], variances[s, j], readings[s] - expected[s, j]
             for d in range(size):
-                lift[d] = 0.0
+                value = 0.0
                 for p in range(place.size):
-                    lift[d] += covs[j, d, place[p]] * gradients[s, p, j]
-            spread, surprise = variances[s, j], readings[s] - expected[s, j]
+                    value += cov[d, place[p]] * gradients[s, p, j]
+                lift[d] = value
             for p in range(place.size):
                 spread += gradients[s, p, j] * lift[place[p]]
-                surprise -= gradients[s, p, j] * (means[place[p], j] - start[p])
+                surprise -= gradients[s, p, j] * (means[place[p], j] - start[p, j])
             if not (0.0 < spread < np.inf):
                 continue
+            inverse = 1.0 / spread
             for d in range(size):
-                means[d, j] += lift[d] * surprise / spread
+                gain = lift[d] * inverse
+                means[d, j] += gain * surprise
                 for e in range(size):
-                    covs[j, d, e] -= lift[d] * lift[e] / spread
+                    cov[d, e] -= gain * lift[e]

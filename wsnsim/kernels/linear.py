@@ -21,31 +21,33 @@ Floats: TypeAlias = NDArray[np.float64]
 LOG_TWO_PI = 1.8378770664093453
 
 
-@njit(forceinline=True, **INNER)
-def _add_moved(result, states, transition, sign):
-    """Add sign F x to the result."""
+@njit(**INNER)
+def _moved(states, transition):
+    """F x (D, N), passing over the zeros of F."""
+    result = np.empty(states.shape)
     for d in range(transition.shape[0]):
+        row = result[d]
+        for j in range(row.size):
+            row[j] = 0.0
         for e in range(transition.shape[1]):
-            slope = sign * transition[d, e]
+            slope, state = transition[d, e], states[e]
             if slope != 0.0:
-                for j in range(states.shape[1]):
-                    result[d, j] += slope * states[e, j]
+                for j in range(row.size):
+                    row[j] += slope * state[j]
+    return result
 
 
 @njit(**SWITCHES)
 def advance(states: Floats, transition: Floats) -> Floats:
     """(D, N): F x, each state one step on without noise."""
-    result = np.zeros(states.shape)
-    _add_moved(result, states, transition, 1.0)
-    return result
+    return _moved(states, transition)
 
 
 @njit(**SWITCHES)
 def propagate(states: Floats, keys: NDArray[np.uint64], transition: Floats, root: Floats) -> Floats:
     """(D, N): F x + L w, each state one step on. Components 2p and 2p + 1 of w are the p-th normal pair of the key."""
     count, inputs = states.shape[1], root.shape[1]
-    result = np.zeros(states.shape)
-    _add_moved(result, states, transition, 1.0)
+    result = _moved(states, transition)
     first, second = np.empty(count), np.empty(count)
     for k in range(0, inputs, 2):
         for j in range(count):
@@ -65,10 +67,12 @@ def log_transition(after: Floats, before: Floats, transition: Floats, factor: Fl
     So it is everywhere if the factor's diagonal is not positive.
     """
     size, count = before.shape
-    white, result = after.copy(), np.zeros(count)
-    _add_moved(white, before, transition, -1.0)
-    constant = 0.0
+    white, result, constant = _moved(before, transition), np.empty(count), 0.0
+    for j in range(count):
+        result[j] = 0.0
     for d in range(size):
+        for j in range(count):
+            white[d, j] = after[d, j] - white[d, j]
         for e in range(d):
             slope = factor[d, e]
             if slope != 0.0:

@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from wsnsim.kernels.elementary import exp, log
+from wsnsim.kernels.elementary import dot, exp, log, total
 from wsnsim.kernels.noise import INNER, SWITCHES
 
 Floats = NDArray[np.float64]
@@ -27,14 +27,17 @@ def relative_weights(log_weights: Floats, offsets: Ints) -> tuple[Floats, Floats
     """
     weights, tops = np.empty(log_weights.size), np.empty(offsets.size - 1)
     for m in range(offsets.size - 1):
+        logs, below = log_weights[offsets[m] : offsets[m + 1]], weights[offsets[m] : offsets[m + 1]]
         top = -np.inf
-        for j in range(offsets[m], offsets[m + 1]):
-            top = log_weights[j] if log_weights[j] > top else top
+        for j in range(logs.size):
+            top = logs[j] if logs[j] > top else top
         known = -np.inf < top < np.inf
         tops[m] = top if known else -np.inf
-        for j in range(offsets[m], offsets[m + 1]):
-            below = log_weights[j] - top if known else 0.0
-            weights[j] = exp(below) if below > NOTHING else 0.0
+        for j in range(logs.size):
+            below[j] = logs[j] - top if known else 0.0
+    for j in range(weights.size):
+        weight = exp(weights[j])
+        weights[j] = weight if weights[j] > NOTHING else 0.0
     return weights, tops
 
 
@@ -48,19 +51,27 @@ def weigh(log_weights: Floats, offsets: Ints) -> Floats:
     effective = np.empty(offsets.size - 1)
     weights, tops = relative_weights(log_weights, offsets)
     for m in range(offsets.size - 1):
-        total, squares = 0.0, 0.0
-        for j in range(offsets[m], offsets[m + 1]):
-            total += weights[j]
-            squares += weights[j] * weights[j]
+        logs, mine = log_weights[offsets[m] : offsets[m + 1]], weights[offsets[m] : offsets[m + 1]]
+        whole, squares = total(mine), dot(mine, mine)
         known = tops[m] > -np.inf
-        shift = tops[m] + log(total / (offsets[m + 1] - offsets[m])) if known else 0.0
-        for j in range(offsets[m], offsets[m + 1]):
-            if weights[j] > 0.0:
-                log_weights[j] = log_weights[j] - shift if known else 0.0
-            else:
-                log_weights[j] = -np.inf
-        effective[m] = total * total / squares if known else 0.0
+        shift = tops[m] + log(whole / logs.size) if known else 0.0
+        for j in range(logs.size):
+            log_weight = logs[j] - shift if known else 0.0
+            logs[j] = log_weight if mine[j] > 0.0 else -np.inf
+        effective[m] = whole * whole / squares if known else 0.0
     return effective
+
+
+@njit(**INNER)
+def _centre(row, weights, share, around):
+    """The mean of a row, by weights times `share`; what is beyond it is written, zero where there is no weight."""
+    mean = 0.0
+    for j in range(row.size):
+        mean += weights[j] * row[j] if weights[j] > 0.0 else 0.0
+    mean *= share
+    for j in range(row.size):
+        around[j] = row[j] - mean if weights[j] > 0.0 else 0.0
+    return mean
 
 
 @njit(**SWITCHES)
@@ -72,32 +83,18 @@ def moments(cloud: Floats, log_weights: Floats, offsets: Ints) -> tuple[Floats, 
     size, segments = cloud.shape[0], offsets.size - 1
     means, covs = np.empty((segments, size)), np.empty((segments, size, size))
     weights, _ = relative_weights(log_weights, offsets)
-    around = np.empty(size)
+    around, scaled = np.empty(cloud.shape), np.empty(weights.size)
     for m in range(segments):
-        total = 0.0
+        first, last = offsets[m], offsets[m + 1]
+        weight, along = weights[first:last], scaled[first:last]
+        share = 1.0 / max(total(weight), 1.0)
         for d in range(size):
-            means[m, d] = 0.0
-            for e in range(size):
-                covs[m, d, e] = 0.0
-        for j in range(offsets[m], offsets[m + 1]):
-            total += weights[j]
-            if weights[j] == 0.0:
-                continue
-            for d in range(size):
-                means[m, d] += weights[j] * cloud[d, j]
-        for d in range(size):
-            means[m, d] /= max(total, 1.0)
-        for j in range(offsets[m], offsets[m + 1]):
-            share = weights[j] / total
-            if share == 0.0:
-                continue
-            for d in range(size):
-                around[d] = cloud[d, j] - means[m, d]
-                for e in range(d + 1):
-                    covs[m, d, e] += share * around[d] * around[e]
-        for d in range(size):
-            for e in range(d):
-                covs[m, e, d] = covs[m, d, e]
+            row = around[d, first:last]
+            means[m, d] = _centre(cloud[d, first:last], weight, share, row)
+            for j in range(row.size):
+                along[j] = weight[j] * share * row[j]
+            for e in range(d + 1):
+                covs[m, d, e] = covs[m, e, d] = dot(along, around[e, first:last])
     return means, covs
 
 
@@ -115,14 +112,14 @@ def systematic(log_weights: Floats, offsets: Ints, sizes: Ints, starts: Floats) 
     weights, _ = relative_weights(log_weights, offsets)
     drawn = 0
     for m in range(sizes.size):
-        total, final = 0.0, offsets[m]
+        whole, final = 0.0, offsets[m]
         for j in range(offsets[m], offsets[m + 1]):
-            total += weights[j]
+            whole += weights[j]
             if weights[j] > 0.0:
                 final = j
         column, reached = offsets[m], 0.0
         for i in range(sizes[m]):
-            tooth = (i + starts[m]) * total / sizes[m]
+            tooth = (i + starts[m]) * whole / sizes[m]
             while reached + weights[column] <= tooth and column < final:
                 reached += weights[column]
                 column += 1

@@ -22,7 +22,7 @@ from wsnsim.trackers.shared.moments import noise_faults
 from wsnsim.trackers.shared.nests import Fitness, Generation, Move, Search, Variant, searched
 from wsnsim.trackers.shared.readings import Evidence
 
-Particles: TypeAlias = Annotated[int, Quantity("", ge=1), "N_p: particles, the nests"]
+Particles: TypeAlias = Annotated[int, Quantity("", ge=1, le=10**7), "N_p: particles, the nests"]
 Generations: TypeAlias = Annotated[int, Quantity("", ge=1, le=10_000), "n: generations of the search per step"]
 Exponent: TypeAlias = Annotated[float, Quantity("", ge=0.3, le=1.99), "λ: tail exponent of the Levy flights"]
 Variants: TypeAlias = Annotated[Variant, "search alone, after a resampling, or after it under a Metropolis test"]

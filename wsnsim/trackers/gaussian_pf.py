@@ -179,6 +179,9 @@ class GravitationalGaussianPf(HeadSampling):
     messages: ClassVar[str] = "a reading up per member"
     variants: ClassVar[str] = "acceptance always|greedy, move position|all"
 
+    particles: Annotated[
+        int, Quantity("", ge=1, le=10_000), "N: particles drawn at each step; the work grows with their square"
+    ] = 100
     iterations: Annotated[int, Quantity("", ge=0, le=1000), "T_c: moves per step"] = 10
     G0: Annotated[float, Quantity("", ge=0, le=1e9), "how strongly particles attract each other at first"] = 100.0
     alpha: Annotated[float, Quantity("", ge=0, le=1e6), "α: how fast the attraction decays over the moves"] = 20.0

@@ -67,7 +67,7 @@ class InformationPf:
     messages: ClassVar[str] = "a reading up per member"
     variants: ClassVar[str] = "proposal per_particle|local|cloud, handover particles|gaussian"
 
-    particles: Annotated[int, Quantity("", ge=1), "N_p: particles"] = 400
+    particles: Annotated[int, Quantity("", ge=1, le=10**7), "N_p: particles"] = 400
     proposal: Annotated[
         Literal["per_particle", "local", "cloud"], "whose covariance a particle's proposal starts from"
     ] = "per_particle"
@@ -159,7 +159,8 @@ class InformationPf:
         before = belief.pool.cloud
         for step in range(scene.steps if len(covariances) else 0):
             now = scene.since + step * scene.dt
-            covariances = gaussian.predict(covariances, *scene.motion.matrices(before, scene.dt, now))
+            transitions, noise = scene.motion.matrices(before, scene.dt, now)
+            covariances = gaussian.predict(covariances, np.ascontiguousarray(transitions), noise)
             before = scene.motion.advance(before, scene.dt, now)
         cloud = propagated_by(scene.key, belief.pool.cloud, scene)[1]
         mean, cov = predicted(belief.mean, belief.cov, scene)
@@ -195,6 +196,7 @@ class InformationPf:
         else:
             before, covs = belief.pool.cloud, belief.covariances
         transitions, noise = motion.matrices(before, scene.dt, scene.previous)
+        transitions = np.ascontiguousarray(transitions)  # a linear motion's is one matrix seen N times
         if self.proposal == "local":
             covs = np.broadcast_to(noise, transitions.shape).copy()
         else:

@@ -109,7 +109,7 @@ class ParallelPf:
     )
     variants: ClassVar[str] = "measurements all|own, handover particles|gaussian"
 
-    particles: Annotated[int, Quantity("", ge=1), "N_p: particles in all"] = 400
+    particles: Annotated[int, Quantity("", ge=1, le=10**7), "N_p: particles in all"] = 400
     measurements: Annotated[Literal["all", "own"], "which readings a member weighs with"] = "all"
     threshold: Annotated[float, Quantity("", ge=0, le=1), "resample below this fraction of effective particles"] = 0.5
     handover: Annotated[Literal["particles", "gaussian"], "what a handover carries"] = "particles"

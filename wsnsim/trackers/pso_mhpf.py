@@ -96,7 +96,7 @@ class PsoMhpf:
         "handover particles|gaussian"
     )
 
-    particles: Annotated[int, Quantity("", ge=1), "N_p: particles in all"] = 400
+    particles: Annotated[int, Quantity("", ge=1, le=10**7), "N_p: particles in all"] = 400
     iterations: Annotated[int, Quantity("", ge=0), "moves of the swarm per step"] = 2
     phi1: Annotated[float, Quantity("", ge=0), "pull towards the particle's own best, eq. 18"] = 2.0
     phi2: Annotated[float, Quantity("", ge=0), "pull towards the node's best, eq. 18"] = 2.0

@@ -26,7 +26,7 @@ class Sir(HeadCloud):
     messages: ClassVar[str] = "a reading up per member"
     variants: ClassVar[str] = "handover particles|gaussian"
 
-    particles: Annotated[int, Quantity("", ge=1), "N_p: particles"] = 100
+    particles: Annotated[int, Quantity("", ge=1, le=10**7), "N_p: particles"] = 100
     threshold: Annotated[
         float, Quantity("", ge=0, le=1), "resample below this fraction of effective particles; 1: at every step"
     ] = 1.0

@@ -86,7 +86,7 @@ class HeadFilter:
 class HeadCloud(HeadFilter):
     """A particle filter in the head. A tracker gives `weighed(prediction, seen, scene)` and `reading_cycles`."""
 
-    particles: Annotated[int, Quantity("", ge=1), "N_p: particles"] = 400
+    particles: Annotated[int, Quantity("", ge=1, le=10**7), "N_p: particles"] = 400
     handover: Annotated[Literal["particles", "gaussian"], "what a handover carries"] = "particles"
 
     @property
