@@ -62,14 +62,22 @@ def test_the_file_has_the_columns_and_the_units_of_the_state(tmp_path: Path):
     assert verification.verify(report.out).ok
 
 
-def test_a_network_and_the_bench_chase_the_same_target_with_the_same_readings():
-    short = "duration=2 s"
-    network, _ = ran("jiang_field", short)
-    alone, _ = ran("jiang_field", short, "network=none")
+@pytest.mark.parametrize("tracker", ["ekf", "pf"])
+def test_with_all_sensors_in_one_cluster_the_network_gives_the_benchs_estimates(tracker):
+    """So truth, prior and readings are the same; for the particle filter, the tracker's own draws are, too."""
+    changes = (
+        f"tracker.kind={tracker}",
+        "duration=40 s",
+        "link.reach=2000",
+        "sensor.reach=3000",
+        "clusters.kind=central",
+    )
+    network, _ = ran("liu_network", *changes)
+    alone, _ = ran("liu_network", *changes, "network=none")
     assert np.array_equal(network.table("truth")["px"], alone.table("truth")["px"])
-    parts = scenario.build(scenario.load("jiang_field", [short]))
-    assert np.array_equal(network.table("nodes")["x"], alone.table("nodes")["x"])
-    assert len(network.table("nodes")["x"]) == parts.deploy.nodes
+    for column in ("px", "vx", "ax", "readings"):
+        assert np.array_equal(network.table("estimates")[column], alone.table("estimates")[column])
+    assert set(alone.table("estimates")["readings"].tolist()) == {8}
 
 
 def test_on_the_bench_all_readings_arrive_and_are_counted_as_a_network_would_carry_them():

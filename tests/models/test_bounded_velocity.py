@@ -1,14 +1,11 @@
 """The manoeuvring target against its equations written out by hand."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
 from wsnsim.base.errors import RunError
 from wsnsim.base.rng import derive_all
-from wsnsim.models.deploy import Uniform
 from wsnsim.models.motion import BoundedVelocity
 
 T = 0.04
@@ -104,15 +101,6 @@ def test_columns_of_a_larger_cloud_are_taken_as_they_are():
     assert np.allclose(
         model.propagate(states[:, 5:9], T, keys[5:9]), model.propagate(states, T, keys)[:, 5:9], rtol=1e-14
     )
-
-
-def test_a_start_outside_the_field_is_a_fault_of_its_own_target():
-    inside, outside = BoundedVelocity(), BoundedVelocity(start=(0.0, 0.0, 201.0, 0.0))
-    parts = SimpleNamespace(deploy=Uniform(), motions=(outside,))
-    assert [fault.path for fault in outside.faults(parts)] == [("motion", "start")]
-    parts = SimpleNamespace(deploy=Uniform(), motions=(inside, outside))
-    assert [fault.path for fault in outside.faults(parts)] == [("targets", 1, "start")]
-    assert not list(inside.faults(parts))
 
 
 def test_a_target_that_a_long_step_throws_out_is_an_error():

@@ -29,6 +29,12 @@ def test_each_papers_figures_stand_beside_its_own_set_up():
         ("indoor_pf", "step=1"),
         ("indoor_surrogate", "seed=1"),
         ("ungm_grid", "seed=1"),
+        ("ungm_pf", "deploy.places=[[0, 0], [1, 0], [2, 0]]"),
+        ("ungm_pf", "prior.mean=[3]"),
+        ("ungm_ics_pf", "tracker.filter_noise_scale=100"),
+        ("range_pf", "tracker.filter_noise_scale=10"),
+        ("indoor_gsa_gpf", "tracker.filter_noise_scale=100"),
+        ("indoor_gsa_gpf", "deploy.places=[[0, 5], [5, 10]]"),
     ],
 )
 def test_another_set_up_has_no_published_figures(name, change):

@@ -56,7 +56,7 @@ def test_readings_that_are_lost_do_not_count() -> None:
     assert after.mean == pytest.approx(mean, rel=1e-9) and after.cov == pytest.approx(cov, rel=1e-9, abs=1e-9)
 
 
-def test_it_is_updated_by_the_member_nearest_to_the_prediction_alone_for_one_packet() -> None:
+def test_it_is_updated_by_the_member_nearest_to_the_prediction_alone_for_a_poll_and_a_packet() -> None:
     cluster, tracker = Cluster(20), ExtendedKalman(readings="nearest")
     belief, _ = cluster.drive(tracker.start(cluster.prior, cluster.scene(0)))
     asked = set()
@@ -70,7 +70,7 @@ def test_it_is_updated_by_the_member_nearest_to_the_prediction_alone_for_one_pac
         gain_of[[0, 2]] = traits[row]
         gain = grown @ gain_of / (gain_of @ grown @ gain_of + 2.0)
         assert belief.mean == pytest.approx(moved + gain * (readings[row] - gain_of @ moved), rel=1e-9, abs=1e-9)
-        assert sent(heard, cluster.head) == ({"^reading": 1} if row else {})
+        assert sent(heard, cluster.head) == ({"vpoll": 1, "^reading": 1} if row else {})
         asked.add(row)
     assert len(asked) > 1, "the target went past more than one"
 

@@ -15,11 +15,13 @@ from typing import Annotated, ClassVar, Final, Literal, NamedTuple
 import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats, Keys, stateful
-from wsnsim.base.errors import RunError
+from wsnsim.base.errors import Fault, RunError
 from wsnsim.base.part import Quantity, part
+from wsnsim.base.ports import Problem
 from wsnsim.kernels import linear as kernels
 from wsnsim.models.bounds import PLACE, STATE
 from wsnsim.models.motion import FARTHEST
+from wsnsim.models.starts import start_faults
 
 BATCH: Final = 256
 """How many truths are drawn at once where most are thrown away; fewer where they are longer than 1024 steps."""
@@ -71,6 +73,10 @@ class ConstantAcceleration:
             "motion: the process noise is singular (constant_acceleration has one noise input for three columns), so "
             "the transition has no density; use a tracker, or a variant of it, that does not ask for it"
         )
+
+    def faults(self, parts: Problem) -> Iterator[Fault]:
+        """A start outside the field of a network."""
+        yield from start_faults(self, parts)
 
     def assumed(self, noise_scale: float) -> ConstantAcceleration:
         """The model as a filter believes it: process covariance times `noise_scale`."""
@@ -182,6 +188,10 @@ class ConstantVelocity:
             )
         after, before = stateful(after, len(self.columns)), stateful(before, len(self.columns))
         return kernels.log_transition(after, before, process.transition, process.root)
+
+    def faults(self, parts: Problem) -> Iterator[Fault]:
+        """A start outside the field of a network."""
+        yield from start_faults(self, parts)
 
     def assumed(self, noise_scale: float) -> ConstantVelocity:
         """The model as a filter believes it: process covariance times `noise_scale`."""

@@ -21,6 +21,7 @@ from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Problem
 from wsnsim.kernels import motion as kernels
 from wsnsim.models.bounds import STATE
+from wsnsim.models.starts import start_faults
 
 START = (-45.0, -20.0, -50.0, -35.0)
 FARTHEST = 1e12
@@ -104,14 +105,7 @@ class BoundedVelocity:
 
     def faults(self, parts: Problem) -> Iterator[Fault]:
         """A start outside the field."""
-        field = parts.deploy.field
-        x, y = (self.start[i] for i in self.position)
-        if not field.contains(np.array([[x, y]]))[0]:
-            several = len(parts.motions) > 1
-            path = ("targets", _index(parts, self), "start") if several else ("motion", "start")
-            x0, y0 = field.centre
-            size = f"{field.width:g} m by {field.height:g} m around ({x0:g}, {y0:g})"
-            yield Fault(path, f"({x:g}, {y:g}) m is outside the field of {size}")
+        yield from start_faults(self, parts)
 
     def _law(self, dt: float) -> kernels.Drift:
         return dt, self.bound, self.c1, self.c2
@@ -145,7 +139,3 @@ def _process_of(motion: BoundedVelocity, dt: float) -> Process:
     determinant = q * q * dt**4 / 4 + s * q * dt**5 / 4
     root = (math.sqrt(a), b / math.sqrt(a), math.sqrt(determinant / a)) if a > 0.0 else (0.0, 0.0, 0.0)
     return Process(np.kron(np.eye(2), np.array([[a, b], [b, c]])), root)
-
-
-def _index(parts: Problem, motion: BoundedVelocity) -> int:
-    return next(i for i, other in enumerate(parts.motions) if other is motion)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Final
 
-from wsnsim.papers.matching import same_set_up
+from wsnsim.papers.matching import believes_the_truth, same_set_up
 
 SOURCE: Final = "Wei 2022"
 TABLE_1: Final[Mapping[str, Mapping[int, float]]] = {
@@ -20,11 +20,16 @@ TABLE_2: Final[Mapping[str, tuple[float, float, float, float]]] = {
     "ics_pf": (0.0306, 0.0213, 0.0253, 0.0102),
 }
 """RMSE of px, vx, py, vy."""
+ONE_SENSOR: Final[Mapping[str, Any]] = {"kind": "anchors", "places": [[0.0, 0.0]]}
 GROWTH: Final[Mapping[str, Mapping[str, Any]]] = {
+    "deploy": ONE_SENSOR,
+    "prior": {"mean": [0.1]},
     "motion": {"kind": "ungm", "q": 1.0, "rate": 1.2, "start": [0.1]},
     "sensor": {"kind": "squared", "variance": 1.0},
 }
 PLANE: Final[Mapping[str, Mapping[str, Any]]] = {
+    "deploy": ONE_SENSOR,
+    "prior": {"mean": [71.0, 2.66, 18.9, 7.8]},
     "motion": {
         "kind": "constant_velocity",
         "noise_input": "accelerations",
@@ -39,11 +44,11 @@ PLANE: Final[Mapping[str, Mapping[str, Any]]] = {
 def published(resolved: Mapping[str, Any]) -> dict[str, float]:
     """'rmse_x' of experiment 1, or 'rmse_px', 'rmse_vx' ... of experiment 3, for that set-up; {} for any other.
 
-    The paper gives neither the steps of its runs nor their prior, so these may be any.
+    Whatever the tracker's variant; the paper does not give the steps of its runs, so these may be any.
     """
     tracker = resolved.get("tracker", {})
     kind = tracker.get("kind", "")
-    if resolved.get("network") != "none" or kind not in TABLE_1:
+    if resolved.get("network") != "none" or kind not in TABLE_1 or not believes_the_truth(resolved):
         return {}
     if same_set_up(resolved, GROWTH) and tracker.get("particles") in TABLE_1[kind]:
         return {"rmse_x": TABLE_1[kind][tracker["particles"]]}

@@ -206,7 +206,7 @@ _ROLES: Final = (
         Row("ekf", "wsnsim.trackers.ekf:ExtendedKalman",
             "extended Kalman filter on all readings, or on the nearest sensor's alone: a reference",
             state="mean and covariance in the head",
-            messages="a reading up per member, or one from the nearest",
+            messages="a reading up per member; or a poll down and a reading up, of the nearest",
             variants="readings all|nearest"),
         Row("grid", "wsnsim.trackers.grid:GridFilter",
             "the exact posterior of a state of one column, on a grid: a reference",

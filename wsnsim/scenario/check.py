@@ -48,6 +48,11 @@ def _with_defaults(tree: Node) -> Node:
         deploy = {"kind": Entry(tree.spot, Node(ROLES["deploy"].bench_default, tree.spot))}
         missing = {name: Entry(tree.spot, Node({}, tree.spot)) for name in BENCH_ROLES if ROLES[name].default}
         missing["deploy"] = Entry(tree.spot, Node(deploy, tree.spot))
+        given = child(tree, "deploy")
+        if given is not None and isinstance(given.value, dict) and "kind" not in given.value:
+            tree = mapping(
+                tree.value | {"deploy": Entry(given.spot, mapping(deploy | given.value, given.spot))}, tree.spot
+            )
     else:
         missing = {name: Entry(tree.spot, Node({}, tree.spot)) for name, role in ROLES.items() if role.default}
     return mapping(missing | tree.value, tree.spot)

@@ -11,8 +11,7 @@ from typing import Annotated, ClassVar
 
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Scene
-from wsnsim.trackers.shared.dealing import Pool
-from wsnsim.trackers.shared.heads import CloudBelief, HeadCloud, Prediction, resampled_pool, score_of, summary
+from wsnsim.trackers.shared.heads import CloudBelief, HeadCloud, Prediction, bootstrap
 from wsnsim.trackers.shared.readings import Evidence
 
 
@@ -30,9 +29,4 @@ class CentralPf(HeadCloud):
 
     def weighed(self, prediction: Prediction, seen: Evidence, scene: Scene) -> CloudBelief:
         """Weigh with all readings; resample if too few particles are effective, whose number is that before."""
-        cloud, log_weights = prediction.cloud, prediction.log_weights + score_of(seen, scene)(prediction.cloud)
-        mean, cov, effective = summary(cloud, log_weights)
-        pool = Pool(cloud, log_weights)
-        if effective < self.threshold * self.particles:
-            pool = resampled_pool(cloud, log_weights, self.particles, scene)
-        return CloudBelief(mean, cov, scene.head, effective, pool)
+        return bootstrap(prediction, seen, scene, self.particles, self.threshold)

@@ -2,7 +2,8 @@
 
 What a step asks:
 
-    Gather: readings  Compute                all members, or the nearest alone
+    Gather: readings  Compute                        all members
+    Scatter: poll  Gather: reading  Compute          the nearest alone
 """
 
 from __future__ import annotations
@@ -12,14 +13,16 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 
 from wsnsim.base.arrays import Floats, planar
-from wsnsim.base.asks import Compute, Flow, Gather
+from wsnsim.base.asks import Compute, Flow, Gather, Member, Parcel, Scatter
 from wsnsim.base.part import part
 from wsnsim.base.ports import Scene
 from wsnsim.kernels.relay import kalman
 from wsnsim.trackers.shared.heads import GaussianBelief, HeadGaussian
 from wsnsim.trackers.shared.moments import predicted
+from wsnsim.trackers.shared.parcels import parcel
 from wsnsim.trackers.shared.readings import Evidence, gather_readings, reading_parcel
 
+POLL = "poll"
 LINEARISE_CYCLES = 20.0
 """To linearise one reading."""
 
@@ -28,8 +31,9 @@ LINEARISE_CYCLES = 20.0
 class ExtendedKalman(HeadGaussian):
     """Extended Kalman filter on all readings that reach the head, or on that of the nearest sensor alone.
 
-    `nearest` asks only the member that is nearest to the predicted position: one packet, none if it is the head. All
-    readings are linearised at the predicted mean. The variance of a reading is taken there, too.
+    `nearest` asks only the member that is nearest to the predicted position: a packet down that polls it, and its
+    reading up; nothing if it is the head. All readings are linearised at the predicted mean. The variance of a reading
+    is taken there, too.
 
     Source: Bar-Shalom, Li, Kirubarajan (2001), section 10.3.
     """
@@ -37,7 +41,7 @@ class ExtendedKalman(HeadGaussian):
     paper: ClassVar[str] = ""
     idea: ClassVar[str] = "extended Kalman filter on all readings, or on the nearest sensor's alone: a reference"
     state: ClassVar[str] = "mean and covariance in the head"
-    messages: ClassVar[str] = "a reading up per member, or one from the nearest"
+    messages: ClassVar[str] = "a reading up per member; or a poll down and a reading up, of the nearest"
     variants: ClassVar[str] = "readings all|nearest"
 
     readings: Annotated[Literal["all", "nearest"], "whose readings update the filter"] = "all"
@@ -64,11 +68,19 @@ def _nearest_reading(point: Floats, scene: Scene) -> Flow[Evidence]:
     values: list[float] = []
     if scene.ids:
         row = int(((scene.positions - planar(point[None])) ** 2).sum(axis=1).argmin())
-        answer = yield Gather(reading_parcel, who=(scene.ids[row],))
-        rows = [row] if scene.ids[row] in answer else []
-        values = [answer[scene.ids[row]][0] for row in rows]
+        node = scene.ids[row]
+        polled = {node: True} if node == scene.head else (yield Scatter({node: parcel(None, 1, POLL)}))
+        answer = (yield Gather(_polled_reading, who=(node,))) if node in polled else {}
+        rows = [row] if node in answer else []
+        values = [answer[node][0] for _ in rows]
     ids = tuple(scene.ids[row] for row in rows)
     return Evidence(ids, np.array(values, dtype=np.float64), scene.positions[rows], scene.traits[rows])
+
+
+def _polled_reading(member: Member) -> Parcel | None:
+    """The reading of a member that was asked for it; the poll is read."""
+    member.take_inbox()
+    return reading_parcel(member)
 
 
 def _cycles(size: int, place: int, sensors: int, steps: int) -> float:

@@ -79,7 +79,7 @@ class InteractingKalman(HeadFilter):
         """The belief as the scene's steps have passed: in each, mix and predict; in the last, with the readings."""
         motion, place, printed = scene.motion, np.array(scene.motion.position), self.mixing == "printed"
         means, covs, chances = belief.means, belief.covs, belief.probabilities.copy()
-        mean, cov = np.empty(belief.mean.shape), np.empty(belief.cov.shape)
+        mean, cov = belief.mean.copy(), belief.cov.copy()
         for step in range(scene.steps):
             now = scene.since + step * scene.dt
             mixed, spreads = np.empty(means.shape), np.empty(covs.shape)

@@ -18,6 +18,7 @@ from wsnsim.base.arrays import Floats, Keys
 from wsnsim.base.asks import Compute, Flow, Member
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Estimate, Scene
+from wsnsim.base.rng import derive
 from wsnsim.kernels.noise import particle_keys
 from wsnsim.kernels.particles import moments, weigh
 from wsnsim.trackers.shared.dealing import (
@@ -38,6 +39,8 @@ WEIGH_CYCLES = 30.0
 MOVE_CYCLES = 50.0
 """To move one particle after its prediction, as a swarm does (Jiang 2013, section 5); the same for other searches."""
 NOTHING = no_particles(0)
+RESTORE = 5
+"""Makes the key that losses on a handover are made good with another than that of the step's own resampling."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,7 +112,10 @@ class HeadCloud(HeadFilter):
         return (yield from self._full(nothing, scene))
 
     def step(self, belief: CloudBelief, scene: Scene) -> Flow[CloudBelief]:
-        """One step: N_act - 1 readings reach the head, which predicts and weighs; without any, it predicts."""
+        """One step: N_act - 1 readings reach the head, which predicts and weighs; without any, it predicts.
+
+        Then mean and covariance are the motion's prediction of the last ones, free of the noise of a resampling.
+        """
         belief = yield from self._full(belief, scene)
         seen = yield from gather_readings(scene)
         used = self.move_cycles + self.reading_cycles * len(seen.ids) if seen.ids else 0.0
@@ -138,7 +144,8 @@ class HeadCloud(HeadFilter):
         """The belief with its full number of particles, which losses on a handover may have reduced."""
         if belief.pool.log_weights.size == self.particles:
             return belief
-        cloud = yield from restored(belief.pool, belief.mean, belief.cov, self.particles, scene.key)
+        key = derive(scene.key, RESTORE) if belief.pool.log_weights.size else scene.key
+        cloud = yield from restored(belief.pool, belief.mean, belief.cov, self.particles, key)
         return replace(belief, pool=Pool(cloud, np.zeros(self.particles)))
 
 
@@ -179,6 +186,19 @@ def summary(cloud: Floats, log_weights: Floats) -> tuple[Floats, Floats, float]:
     effective = float(weigh(log_weights, everyone)[0])
     means, covs = moments(cloud, log_weights, everyone)
     return means[0], symmetric(covs[0]), effective
+
+
+def bootstrap(prediction: Prediction, seen: Evidence, scene: Scene, particles: int, threshold: float) -> CloudBelief:
+    """Weigh with all readings, sum up, resample if the effective number is below this fraction; 1: always.
+
+    Mean, covariance and effective number are those before the resampling. Gordon, Salmond, Smith (1993).
+    """
+    cloud, log_weights = prediction.cloud, prediction.log_weights + score_of(seen, scene)(prediction.cloud)
+    mean, cov, effective = summary(cloud, log_weights)
+    pool = Pool(cloud, log_weights)
+    if threshold >= 1.0 or effective < threshold * particles:
+        pool = resampled_pool(cloud, log_weights, particles, scene)
+    return CloudBelief(mean, cov, scene.head, effective, pool)
 
 
 def resampled_pool(cloud: Floats, log_weights: Floats, count: int, scene: Scene) -> Pool:

@@ -61,7 +61,8 @@ def noise_faults(parts: Problem, why: str) -> Iterator[Fault]:
         _, noise = motion.matrices(np.zeros((len(motion.columns), 1)), parts.dt, 0.0)
         if _is_singular(noise):
             path = ("motion",) if len(parts.filter_motions) == 1 else ("targets", number)
-            yield Fault(path, f"the process noise is singular, and {why} needs its density")
+            remedy = "take a noise that acts on every column (see the motion's `noise` or `noise_input`)"
+            yield Fault(path, f"the process noise is singular, and {why} needs its density: {remedy}")
 
 
 def _is_singular(noise: Floats) -> bool:

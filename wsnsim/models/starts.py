@@ -1,0 +1,29 @@
+"""Where a target may start: in a network, within the field that it monitors.
+
+start_faults(motion, parts) -> Iterator[Fault]
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from wsnsim.base.arrays import planar
+from wsnsim.base.errors import Fault
+from wsnsim.base.ports import Parts, Problem
+
+
+def start_faults(motion: Any, parts: Problem) -> Iterator[Fault]:
+    """A start outside the field. Without a network, nobody monitors one."""
+    if not isinstance(parts, Parts):
+        return
+    field = parts.deploy.field
+    point = planar(np.array([motion.start[column] for column in motion.position]))
+    if not field.contains(point):
+        number = next(i for i, other in enumerate(parts.motions) if other is motion)
+        path = ("targets", number, "start") if len(parts.motions) > 1 else ("motion", "start")
+        (x, y), (x0, y0) = point, field.centre
+        size = f"{field.width:g} m by {field.height:g} m around ({x0:g}, {y0:g})"
+        yield Fault(path, f"({x:g}, {y:g}) m is outside the field of {size}")
