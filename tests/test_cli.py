@@ -56,17 +56,17 @@ def test_a_word_about_itself_imports_nothing_heavy(words: str) -> None:
     assert done.stdout.splitlines()[-1] == "set()", done.stdout
 
 
-def test_help_answers_within_150_ms_of_processor_time() -> None:
-    def seconds() -> float:
-        used = resource.getrusage(resource.RUSAGE_CHILDREN)
-        return used.ru_utime + used.ru_stime
+def test_help_costs_little_more_than_the_interpreter_and_click() -> None:
+    """A ratio in one run, which a busy machine does not change; `make bench` has the bound in milliseconds."""
 
-    took = []
-    for _ in range(5):
-        before = seconds()
-        assert wsnsim("--help").returncode == 0
-        took.append(seconds() - before)
-    assert min(took) < 0.150
+    def seconds(*words: str) -> float:
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        assert subprocess.run([sys.executable, *words], capture_output=True).returncode == 0
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+    pairs = [(seconds("-m", "wsnsim", "--help"), seconds("-c", "import click")) for _ in range(7)]
+    assert min(help for help, _ in pairs) < 3.0 * min(bare for _, bare in pairs)
 
 
 def test_threads_of_numerical_libraries_are_held_to_one_unless_the_user_says(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -22,6 +22,7 @@ from tests.bench.timing import median_ratio, paired_seconds, row
 from wsnsim.kernels.bootstrap import run, run_with_generator
 
 SIZES = (400, 4000)
+LINE, SENSOR_BOUND = 8, 1.0
 COUNTER_BOUND, PHILOX_BOUND, TWIN_BOUND = 1.15, 1.45, 4.0
 BATCH = 2e-3
 """Seconds of calls that are timed together."""
@@ -78,15 +79,22 @@ def _same_estimates(problem: Reference, acts: Any, references: Any) -> dict[str,
 
 def kernel_rows(repeats: int) -> Iterator[dict[str, Any]]:
     """Each kernel of the table at its sizes, mostly 400 particles and 100: its time, and its twin's as a multiple."""
+    taken: dict[tuple[str, int], float] = {}
     for entry in ENTRIES:
         for count in sorted(set(entry.sizes), reverse=True):
             kernel, twin, arguments = entry.load(), entry.load_twin(), entry.arguments(count)
             _agree(entry, kernel, twin, arguments)
             ours, theirs = _call_seconds([kernel, twin], arguments, max(repeats, 9))
             nanoseconds = 1e9 * float(np.median(ours)) / count
+            taken[entry.kernel, count] = nanoseconds / 1000
             yield row(f"{entry.kernel} N={count}", nanoseconds, f"ns/{entry.each}")
             ratio = median_ratio(theirs, ours)
             yield row(f"{entry.kernel} N={count}: NumPy twin / kernel", ratio, "", at_least=TWIN_BOUND)
+    if ("relay.mix", LINE) in taken:
+        update, mixing = taken["relay.filter_each", LINE], taken["relay.mix", LINE]
+        note = "filter_each, with a prediction each, which the relaying filter does not need"
+        yield row("rkf: kernels of a step, 8 sensors", update, "us/sensor-step", SENSOR_BOUND, note=note)
+        yield row("imsf: kernels of a step, 8 sensors", mixing + update, "us/sensor-step", SENSOR_BOUND)
 
 
 def _agree(entry: Entry, kernel: Callable[..., Any], twin: Callable[..., Any], arguments: Arguments) -> None:
