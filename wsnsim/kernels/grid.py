@@ -78,7 +78,9 @@ def weigh(masses: Floats, logs: Floats) -> Floats:
     """
     scores, top = np.empty(masses.size), -np.inf
     for k in range(masses.size):
-        scores[k] = log(masses[k]) + logs[k] if masses[k] > LEAST else -np.inf
+        score = log(masses[k] if masses[k] > LEAST else 1.0) + logs[k]
+        scores[k] = score if masses[k] > LEAST else -np.inf
+    for k in range(masses.size):
         top = scores[k] if scores[k] > top else top
     if not -np.inf < top < np.inf:
         return masses.copy()
