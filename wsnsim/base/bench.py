@@ -18,7 +18,7 @@ import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats, planar
 from wsnsim.base.asks import Ask, Broadcast, Compute, Gather, Local, Member, Parcel, all_arrived
-from wsnsim.base.errors import RunError, WsnsimError
+from wsnsim.base.errors import RunError, failed_run
 from wsnsim.base.loopback import perform
 from wsnsim.base.ports import Detects, Estimate, Problem, Recorder, Scene, SensorModel
 from wsnsim.base.rng import HEAD_KEY, Streams, derive, derive_all, derive_each, reading_noise
@@ -147,7 +147,7 @@ class Bench:
                 if progress:
                     progress(scene.time)
         except Exception as reason:
-            raise self._failed(step, reason) from reason
+            raise failed_run(step * problem.dt, problem.seed, self._replicate, reason) from reason
         return track
 
     def _perform(self, flow: Any, seats: Seats) -> Any:
@@ -161,13 +161,6 @@ class Bench:
         self._digest.update(np.ascontiguousarray(estimate.mean).tobytes())
         counts = scene.active, len(scene.roster), self.bill.readings
         track.estimates[scene.step] = Issued(scene.step, scene.time, estimate, HEAD, *counts)
-
-    def _failed(self, step: int, reason: Exception) -> RunError:
-        name = "" if isinstance(reason, WsnsimError) else f"{type(reason).__name__}: "
-        return RunError(
-            f"the run failed at {step * self._problem.dt:g} s of simulated time"
-            f" (seed {self._problem.seed}, replicate {self._replicate}): {name}{reason}"
-        )
 
 
 class Seats:

@@ -63,6 +63,14 @@ class RunError(WsnsimError):
     """A simulation could not go on."""
 
 
+def failed_run(time: float, seed: int, replicate: int, reason: BaseException) -> RunError:
+    """The error of a run that failed: where it can be repeated, and why it ended."""
+    name = "" if isinstance(reason, WsnsimError) else f"{type(reason).__name__}: "
+    return RunError(
+        f"the run failed at {time:g} s of simulated time (seed {seed}, replicate {replicate}): {name}{reason}"
+    )
+
+
 def did_you_mean(word: str, known: Iterable[str]) -> str:
     """The closing words of a message about an unknown name: the nearest known one, or all of them if none is near."""
     names = sorted(known)

@@ -17,7 +17,7 @@ import simpy
 
 from wsnsim.base.arrays import Floats, Ints
 from wsnsim.base.asks import PACKET_BITS
-from wsnsim.base.errors import ResultError, RunError, WsnsimError
+from wsnsim.base.errors import ResultError, RunError, failed_run
 from wsnsim.base.ports import Estimate, Parts, Recorder
 from wsnsim.base.rng import Streams
 from wsnsim.base.tables import CAUSE, CAUSES, EVENT_CAUSE, KIND
@@ -119,11 +119,8 @@ class World:
             raise
         except Exception as raised:
             reason = raised.__cause__ or raised
-            name = "" if isinstance(reason, WsnsimError) else f"{type(reason).__name__}: "
-            raise RunError(
-                f"the run failed at {self._env.now:g} s of simulated time"
-                f" (seed {self._stage.parts.seed}, replicate {self._stage.replicate}): {name}{reason}"
-            ) from reason
+            parts, replicate = self._stage.parts, self._stage.replicate
+            raise failed_run(self._env.now, parts.seed, replicate, reason) from reason
         self._close_step()
         self._write_step_costs()
         stage, medium = self._stage, self._stage.medium

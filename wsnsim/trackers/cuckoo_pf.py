@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Annotated, ClassVar, Literal, TypeAlias
+from typing import Annotated, ClassVar, Literal
 
 from wsnsim.base.errors import Fault
 from wsnsim.base.part import Quantity, part
@@ -22,24 +22,49 @@ from wsnsim.trackers.shared.moments import noise_faults
 from wsnsim.trackers.shared.nests import Fitness, Generation, Move, Search, Variant, searched
 from wsnsim.trackers.shared.readings import Evidence
 
-Particles: TypeAlias = Annotated[int, Quantity("", ge=1, le=10**7), "N_p: particles, the nests"]
-Generations: TypeAlias = Annotated[int, Quantity("", ge=1, le=10_000), "n: generations of the search per step"]
-Exponent: TypeAlias = Annotated[float, Quantity("", ge=0.3, le=1.99), "λ: tail exponent of the Levy flights"]
-Variants: TypeAlias = Annotated[Variant, "search alone, after a resampling, or after it under a Metropolis test"]
-Fitnesses: TypeAlias = Annotated[Fitness, "what is sought and weighed with, eq. 13: the likelihood, or without square"]
-Moves: TypeAlias = Annotated[Move, "which columns of the state the search moves"]
 PROBABILITY = Quantity("", ge=0, le=1)
 LENGTH = Quantity("", ge=0, le=1e3)
 
 
-def _faults(variant: Variant, parts: Problem) -> Iterator[Fault]:
-    """The Metropolis test needs the density of the motion's transition."""
-    if variant == "metropolis":
-        yield from noise_faults(parts, "variant: metropolis")
+@part
+class Nests:
+    """What the two searches have in common, beside a particle filter in the head."""
+
+    particles: Annotated[int, Quantity("", ge=1, le=10**7), "N_p: particles, the nests"] = 100
+    generations: Annotated[int, Quantity("", ge=1, le=10_000), "n: generations of the search per step"] = 5
+    exponent: Annotated[float, Quantity("", ge=0.3, le=1.99), "λ: tail exponent of the Levy flights"] = 1.5
+    variant: Annotated[Variant, "search alone, after a resampling, or after it under a Metropolis test"] = "literal"
+    fitness: Annotated[Fitness, "what is sought and weighed with, eq. 13: the likelihood, or without square"] = (
+        "gaussian"
+    )
+    move: Annotated[Move, "which columns of the state the search moves"] = "all"
+
+    def faults(self, parts: Problem) -> Iterator[Fault]:
+        """A process noise without a density, under a Metropolis test, which needs that of the motion's transition."""
+        if self.variant == "metropolis":
+            yield from noise_faults(parts, "variant: metropolis")
+
+    @property
+    def evaluations(self) -> int:
+        """Likelihoods a particle and step."""
+        return 1 + 2 * self.generations
+
+    @property
+    def reading_cycles(self) -> float:
+        """Operations a particle and reading: to weigh, at every evaluation."""
+        return WEIGH_CYCLES * self.evaluations
+
+    @property
+    def move_cycles(self) -> float:
+        """Operations a particle: a flight and a replacement a generation, 50 each, as moves in the other trackers.
+
+        A Metropolis test needs a transition density besides: to predict, and to compare.
+        """
+        return 2.0 * self.generations * (MOVE_CYCLES + (PREDICT_CYCLES if self.variant == "metropolis" else 0.0))
 
 
 @part
-class CuckooPf(HeadCloud):
+class CuckooPf(Nests, HeadCloud):
     """CS-PF: the predicted particles search for likely places, are weighed there, and go on with equal weights.
 
     The literal search is no sampler: it climbs the likelihood from the prediction, and weighs with the likelihood once
@@ -56,34 +81,9 @@ class CuckooPf(HeadCloud):
         "handover particles|gaussian"
     )
 
-    particles: Particles = 100
-    generations: Generations = 5
-    exponent: Exponent = 1.5
     alpha: Annotated[Literal["random", "fixed"], "whether a standard normal multiplies the step, eq. 5"] = "random"
     length: Annotated[float, LENGTH, "α: length of a flight, eq. 5"] = 0.01
     keep: Annotated[float, PROBABILITY, "p_a: probability that a nest is kept, eq. 7 as printed"] = 0.25
-    variant: Variants = "literal"
-    fitness: Fitnesses = "gaussian"
-    move: Moves = "all"
-
-    def faults(self, parts: Problem) -> Iterator[Fault]:
-        """A process noise without a density, under a Metropolis test."""
-        return _faults(self.variant, parts)
-
-    @property
-    def evaluations(self) -> int:
-        """Likelihoods a particle and step."""
-        return 1 + 2 * self.generations
-
-    @property
-    def reading_cycles(self) -> float:
-        """Operations a particle and reading: to weigh, at every evaluation."""
-        return WEIGH_CYCLES * self.evaluations
-
-    @property
-    def move_cycles(self) -> float:
-        """Operations a particle: a flight and a replacement a generation, each under a Metropolis test if it is."""
-        return _move_cycles(self.generations, self.variant)
 
     def weighed(self, prediction: Prediction, seen: Evidence, scene: Scene) -> CloudBelief:
         """The search, and the moments of what it found."""
@@ -93,7 +93,7 @@ class CuckooPf(HeadCloud):
 
 
 @part
-class ImprovedCuckooPf(HeadCloud):
+class ImprovedCuckooPf(Nests, HeadCloud):
     """ICS-PF: as CS-PF, but flights shorten, fewer nests are kept in the later generations, and Δk scales each flight.
 
     Δk is taken from the previous generation, since the printed one needs the fitness that the flight is still to find.
@@ -108,35 +108,10 @@ class ImprovedCuckooPf(HeadCloud):
         "handover particles|gaussian"
     )
 
-    particles: Particles = 100
-    generations: Generations = 5
-    exponent: Exponent = 1.5
     p_max: Annotated[float, PROBABILITY, "P_max: by how much the probability of keeping falls, eq. 8"] = 0.3
     p_min: Annotated[float, PROBABILITY, "P_min: probability of keeping in the last generation, eq. 8"] = 0.01
     f_max: Annotated[float, LENGTH, "length of a flight in the first generation, eq. 9"] = 0.5
     f_min: Annotated[float, LENGTH, "length of a flight in the last generation, eq. 9"] = 0.01
-    variant: Variants = "literal"
-    fitness: Fitnesses = "gaussian"
-    move: Moves = "all"
-
-    def faults(self, parts: Problem) -> Iterator[Fault]:
-        """A process noise without a density, under a Metropolis test."""
-        return _faults(self.variant, parts)
-
-    @property
-    def evaluations(self) -> int:
-        """Likelihoods a particle and step."""
-        return 1 + 2 * self.generations
-
-    @property
-    def reading_cycles(self) -> float:
-        """Operations a particle and reading: to weigh, at every evaluation."""
-        return WEIGH_CYCLES * self.evaluations
-
-    @property
-    def move_cycles(self) -> float:
-        """Operations a particle: a flight and a replacement a generation, each under a Metropolis test if it is."""
-        return _move_cycles(self.generations, self.variant)
 
     @property
     def schedule(self) -> tuple[Generation, ...]:
@@ -158,8 +133,3 @@ class ImprovedCuckooPf(HeadCloud):
         """The search, and the moments of what it found."""
         search = Search(self.schedule, self.exponent, False, True, self.variant, self.fitness, self.move)
         return searched(search, prediction, seen, scene)
-
-
-def _move_cycles(generations: int, variant: Variant) -> float:
-    """50 a move, as in the other trackers; and a transition density, to predict and to compare, a Metropolis test."""
-    return 2.0 * generations * (MOVE_CYCLES + (PREDICT_CYCLES if variant == "metropolis" else 0.0))

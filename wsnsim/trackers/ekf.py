@@ -17,7 +17,7 @@ from wsnsim.base.asks import Compute, Flow, Gather, Member, Parcel, Scatter
 from wsnsim.base.part import part
 from wsnsim.base.ports import Scene
 from wsnsim.kernels.relay import kalman
-from wsnsim.trackers.shared.heads import GaussianBelief, HeadGaussian
+from wsnsim.trackers.shared.heads import GaussianBelief, HeadFilter
 from wsnsim.trackers.shared.moments import predicted
 from wsnsim.trackers.shared.parcels import parcel
 from wsnsim.trackers.shared.readings import Evidence, gather_readings, reading_parcel
@@ -28,7 +28,7 @@ LINEARISE_CYCLES = 20.0
 
 
 @part
-class ExtendedKalman(HeadGaussian):
+class ExtendedKalman(HeadFilter):
     """Extended Kalman filter on all readings that reach the head, or on that of the nearest sensor alone.
 
     `nearest` asks only the member that is nearest to the predicted position: a packet down that polls it, and its

@@ -31,7 +31,7 @@ from wsnsim.trackers.shared.heads import (
     WEIGH_CYCLES,
     CloudBelief,
     GaussianBelief,
-    HeadGaussian,
+    HeadFilter,
     keys_of,
     only_predicted,
     score_of,
@@ -47,7 +47,7 @@ Move = Literal["position", "all"]
 
 
 @part
-class HeadSampling(HeadGaussian):
+class HeadSampling(HeadFilter):
     """What the three have in common. A tracker gives `moved(cloud, score, scene)`, `evaluations` and `move_cycles`."""
 
     particles: Annotated[int, Quantity("", ge=1, le=10**6), "N: particles drawn at each step"] = 100

@@ -20,7 +20,7 @@ from wsnsim.base.errors import Fault
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Problem, Scene
 from wsnsim.trackers.shared.dealing import PREDICT_CYCLES
-from wsnsim.trackers.shared.heads import GaussianBelief, HeadGaussian, only_predicted
+from wsnsim.trackers.shared.heads import GaussianBelief, HeadFilter, only_predicted
 from wsnsim.trackers.shared.readings import Evidence, gather_readings
 
 PAIR_CYCLES = 40.0
@@ -51,7 +51,7 @@ class Circles(NamedTuple):
 
 
 @part
-class Trilateration(HeadGaussian):
+class Trilateration(HeadFilter):
     """The weighted centroid of the points where circles about the nodes cross, each pair of circles giving one point.
 
     Two crossings: the one that fits the other circles better, by the sum of its distances from all circles; if both fit

@@ -2,8 +2,8 @@
 
     Gather: readings  Compute                       what every step asks
 
-`HeadCloud` is a particle filter in the head: a tracker of this kind says how its prediction is weighed.
-`HeadGaussian` is one whose belief between steps is a Gaussian.
+`HeadFilter` is what all have in common, and enough for one whose belief between steps is a Gaussian. `HeadCloud` is a
+particle filter in the head: a tracker of this kind says how its prediction is weighed.
 """
 
 from __future__ import annotations
@@ -69,12 +69,25 @@ class Prediction(NamedTuple):
 
 
 class HeadFilter:
-    """What all of them have in common: members only send readings; the estimate is the belief's own moments."""
+    """What all of them have in common: members only send readings, and a Gaussian says what is believed.
+
+    Unless a tracker says otherwise, that Gaussian is also all that there is between steps, and all that is handed over.
+    """
 
     @property
     def member_cycles(self) -> float:
         """None: members only send their readings, the head does the rest."""
         return 0.0
+
+    def start(self, prior: Estimate, scene: Scene) -> Flow[Any]:
+        """The prior itself."""
+        return GaussianBelief(prior.mean, prior.cov, scene.head)
+        yield  # a flow that asks for nothing
+
+    def hand_over(self, belief: Any, scene: Scene, successor: int) -> Flow[Any]:
+        """The packets of a mean and a covariance: 4 for a state of four."""
+        arrival = yield from send_moments(belief.mean, belief.cov, successor)
+        return None if arrival is None else GaussianBelief(arrival.mean, arrival.cov, successor)
 
     def estimate(self, belief: Any) -> Estimate:
         """The belief's mean and covariance, with the effective number of its particles if it has any."""
@@ -147,21 +160,6 @@ class HeadCloud(HeadFilter):
         key = derive(scene.key, RESTORE) if belief.pool.log_weights.size else scene.key
         cloud = yield from restored(belief.pool, belief.mean, belief.cov, self.particles, key)
         return replace(belief, pool=Pool(cloud, np.zeros(self.particles)))
-
-
-@part
-class HeadGaussian(HeadFilter):
-    """A filter whose belief between steps is one Gaussian; a handover carries its mean and covariance."""
-
-    def start(self, prior: Estimate, scene: Scene) -> Flow[GaussianBelief]:
-        """The prior itself."""
-        return GaussianBelief(prior.mean, prior.cov, scene.head)
-        yield  # a flow that asks for nothing
-
-    def hand_over(self, belief: GaussianBelief, scene: Scene, successor: int) -> Flow[GaussianBelief | None]:
-        """The packets of a mean and a covariance: 4 for a state of four."""
-        arrival = yield from send_moments(belief.mean, belief.cov, successor)
-        return None if arrival is None else GaussianBelief(arrival.mean, arrival.cov, successor)
 
 
 def only_predicted(belief: GaussianBelief, scene: Scene) -> GaussianBelief:
