@@ -23,15 +23,18 @@ from wsnsim.base import metrics
 from wsnsim.base.arrays import Floats
 from wsnsim.base.bench import Bench
 from wsnsim.base.errors import RunError, UsageError
-from wsnsim.base.ports import Estimate, Parts, Problem, Recorder
+from wsnsim.base.ports import Estimate, Recorder
+from wsnsim.base.problem import Beacons, Common, Parts, Problem
 from wsnsim.base.rng import Streams
 from wsnsim.base.rows import Issued, deviation_rmse, estimate_rows, late_steps, truth_rows
 from wsnsim.base.tables import CAUSES, Memory
 from wsnsim.models.deploy import coverage
+from wsnsim.network.beacons import BeaconWorld
 from wsnsim.network.fleet import Fleet
-from wsnsim.network.rows import run_row, woken_rows, write_rows
+from wsnsim.network.rows import run_row, woken_rows, write_network, write_rows
 from wsnsim.network.world import World
 
+NAN = float("nan")
 Source = Any
 """What `scenario.load` takes, or the Scenario that it gives."""
 Tell = Callable[[float], None] | None
@@ -93,15 +96,15 @@ def simulate(
 
 
 def replicate_of(
-    problem: Problem, replicate: int, recorder: Recorder, progress: Callable[[float], None] | None = None
+    problem: Common, replicate: int, recorder: Recorder, progress: Callable[[float], None] | None = None
 ) -> Summary:
     """Run one replicate of a scenario that is built."""
     started = time.process_time()
+    if isinstance(problem, Beacons):
+        return _beaconing(problem, replicate, recorder, progress, started)
+    assert isinstance(problem, Problem)
     streams = Streams(problem.seed, replicate)
-    try:
-        positions = problem.deploy.draw(problem.sensor.reach, streams("deploy"))
-    except RunError as reason:
-        raise RunError(f"{reason} (seed {problem.seed}, replicate {replicate})") from reason
+    positions = _deployed(problem, problem.sensor.reach, streams, replicate)
     traits = problem.sensor.draw_traits(len(positions), streams("gains"))
     truth_stream, prior_stream = streams("truth"), streams("prior")
     truths = [motion.truth(problem.steps, problem.dt, truth_stream) for motion in problem.motions]
@@ -118,6 +121,37 @@ def replicate_of(
     if recorder.wants("runs"):
         recorder.write("runs", summary.run)
     return summary
+
+
+def _deployed(problem: Common, reach: float, streams: Streams, replicate: int) -> Floats:
+    """Where the nodes stand, (N, 2)."""
+    try:
+        return problem.deploy.draw(reach, streams("deploy"))
+    except RunError as reason:
+        raise RunError(f"{reason} (seed {problem.seed}, replicate {replicate})") from reason
+
+
+def _beaconing(problem: Beacons, replicate: int, recorder: Recorder, progress: Tell, started: float) -> Summary:
+    """One replicate of a network without a target: no tracks, and no errors."""
+    streams = Streams(problem.seed, replicate)
+    positions = _deployed(problem, problem.link.reach, streams, replicate)
+    outcome = BeaconWorld(problem, replicate, positions, streams, recorder).run(progress)
+    write_network(outcome.fleet, replicate, (), recorder)
+    run = {
+        "replicate": replicate,
+        "status": 0,
+        "steps": problem.steps,
+        "rmse": NAN,
+        "median_error": NAN,
+        "lost": 0,
+        **run_row(outcome, ()),
+        "coverage": NAN,
+        "cpu_seconds": time.process_time() - started,
+    }
+    if recorder.wants("runs"):
+        recorder.write("runs", run)
+    joules = {cause: total for cause, total in zip(CAUSES, outcome.fleet.totals, strict=True) if total}
+    return Summary(run, (), np.empty((0, problem.steps)), np.empty((0, 0)), joules, 0)
 
 
 class _Setting(NamedTuple):
@@ -155,7 +189,7 @@ def _in_network(parts: Parts, replicate: int, setting: _Setting, progress: Tell)
     write_rows(outcome, replicate, parts, setting.recorder)
     tracks = [_Track(t.estimates, t.heads, woken_rows(outcome, t), t.reacquired) for t in outcome.tracks]
     joules = {cause: total for cause, total in zip(CAUSES, outcome.fleet.totals, strict=True) if total}
-    row = {**run_row(outcome, parts), "coverage": _coverage_left(outcome.fleet, parts)}
+    row = {**run_row(outcome, outcome.tracks), "coverage": _coverage_left(outcome.fleet, parts)}
     return _Played(outcome.steps, tracks, row, joules, sum(len(track.clusters) for track in outcome.tracks))
 
 
@@ -181,7 +215,8 @@ def _summarise(
             recorder.write("estimates", {**key, **columns, **track.columns})
         errors[target] = columns["error"]
         deviations.append(deviation_rmse(columns, motion, truth))
-        rows.append({**key, **_track_row(track, errors[target], problem, steps)})
+        times = columns["time"], columns["issued"], {**columns, **track.columns}["received"]
+        rows.append({**key, **_track_row(track, errors[target], problem, steps), **_delays(*times)})
     run = {
         "replicate": replicate,
         "status": 0,
@@ -208,6 +243,15 @@ def _track_row(track: _Track, errors: Floats, problem: Problem, steps: int) -> d
     }
 
 
+def _delays(steps: Floats, issued: Floats, received: Floats) -> dict[str, Any]:
+    """How long estimates took to be made, and to reach the sink: times in s, NaN for what never happened."""
+    return {
+        "delay": metrics.median_error(issued - steps),
+        "received": int(np.isfinite(received).sum()),
+        "report_delay": metrics.median_error(received - steps),
+    }
+
+
 def _coverage_left(fleet: Fleet, parts: Parts) -> float:
     """The fraction of the field that living nodes cover; a covered field of which nobody died need not be looked at."""
     if not fleet.died_at and getattr(parts.deploy, "cover", False):
@@ -231,10 +275,11 @@ def run(
     count = loaded.replicates if replicates is None else replicates
     if count < 1:
         raise UsageError(f"replicates: must be at least 1, is {count}")
-    motion = parts.motions[0]
-    states = tuple(zip(motion.columns, motion.units, strict=True))
+    motions = parts.motions if isinstance(parts, Problem) else ()
+    states = tuple(zip(motions[0].columns, motions[0].units, strict=True)) if motions else ()
+    position = motions[0].position if motions else ()
     summaries = []
-    with recording.ResultFile(Path(out), states, parts.record, position=motion.position) as file:
+    with recording.ResultFile(Path(out), states, parts.record, position=position or None) as file:
         file.set_text("scenario/source_yaml", loaded.source_yaml)
         file.set_text("scenario/resolved_json", json.dumps({**scenarios.resolved(loaded), "replicates": count}))
         made_by = recording.provenance(command_line, parts.seed, scenarios.plugins(loaded))
@@ -243,7 +288,7 @@ def run(
             tell = _teller(progress, replicate, count, parts.steps * parts.dt, began)
             summaries.append(replicate_of(parts, replicate, file, tell))
     wall = time.monotonic() - began
-    return Report(loaded, tuple(summaries), Path(out), wall, states, motion.position)
+    return Report(loaded, tuple(summaries), Path(out), wall, states, position)
 
 
 def _teller(

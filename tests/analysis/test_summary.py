@@ -31,6 +31,10 @@ def run_row(errors, network=True, **said):
         "frames_sent": 30,
         "frames_lost": 2 if network else 0,
         "packets_sent": 50,
+        "in_range": 30,
+        "collided": 0,
+        "access_failures": 0,
+        "retries": 0,
         "cycles": 2_000.0,
         "alive": 9,
         "first_death": NAN,
@@ -41,13 +45,21 @@ def run_row(errors, network=True, **said):
     } | said
 
 
+def track_row(errors, **said):
+    """A row of the table `tracks` for errors (steps,)."""
+    reports = int(np.isfinite(errors).sum())
+    return {
+        "lost": 0, "lost_at": NAN, "reacquired": 0, "late": len(errors) - reports, "reports": reports, "delay": 0.0,
+        "received": 0, "report_delay": NAN,
+    } | said  # fmt: skip
+
+
 def report_of(errors, column_rmse, states=PLANE, position=(0, 2), name="pso_mhpf", **said):
     """A report of replicates with errors (replicates, targets, steps) and column RMSE (replicates, targets, D)."""
     loaded = scenario.load(name)
     network = loaded.network is None
-    track = {"lost": 0, "lost_at": NAN, "reacquired": 0, "late": 0}
     summaries = tuple(
-        Summary(run_row(e, network, **said), (track,) * len(e), e, c, {"rx": 1.5} if network else {}, 3 * network)
+        Summary(run_row(e, network, **said), tuple(map(track_row, e)), e, c, {"rx": 1.5} if network else {}, 3 * network)
         for e, c in zip(np.asarray(errors, dtype=float), np.asarray(column_rmse, dtype=float), strict=True)
     )
     return Report(loaded, summaries, Path("x.h5"), 1.0, states, position)
@@ -206,3 +218,27 @@ def test_info_gives_errors_without_a_unit_where_the_position_has_none(tmp_path, 
         file.write("runs", rows_of("runs", 1) | {"rmse": 3.25, "energy": NAN})
     assert frames.info(tmp_path / "x.h5")["position_unit"] == ""
     assert f"{'RMSE of a run':<25}3.250" in frames.info_text(tmp_path / "x.h5").splitlines()
+
+
+def test_late_estimates_reports_to_the_sink_and_what_the_air_lost_have_their_rows():
+    report = report_of(ERRORS, COLUMNS, collided=12, retries=3, access_failures=1)
+    late = track_row(np.ones(2), late=1, delay=0.0625, received=2, report_delay=1.5)
+    report = Report(
+        report.scenario,
+        tuple(Summary(s.run, (late, late), s.errors, s.column_rmse, s.joules, 3) for s in report.summaries),
+        Path("x.h5"),
+        1.0,
+        PLANE,
+        (0, 2),
+    )
+    said = rows(report)
+    assert said["estimates that missed their step"] == "2, median delay 62.5 ms"
+    assert said["estimates that reached the sink"] == "4, median delay 1.5 s"
+    assert "steps without an estimate" not in said
+    assert said["receptions lost to collisions"] == "12" and said["frames sent again"] == "3"
+    assert said["frames that never got the channel"] == "1"
+
+
+def test_an_undisturbed_air_has_no_rows_of_what_it_lost():
+    said = rows(report_of(ERRORS, COLUMNS))
+    assert not {"receptions lost to collisions", "frames sent again", "frames that never got the channel"} & set(said)

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
-from wsnsim.base.ports import Field, Parts, Problem
+from wsnsim.base.ports import Field
+from wsnsim.base.problem import Parts, Problem
 from wsnsim.models.clusters import StrongestSignal
 from wsnsim.models.deploy import Anchors
 from wsnsim.models.ranging import Range

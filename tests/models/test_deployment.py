@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from wsnsim.base.errors import RunError
-from wsnsim.base.ports import Field, Parts, Problem
+from wsnsim.base.ports import Field
+from wsnsim.base.problem import Parts, Problem
 from wsnsim.models.clusters import StrongestSignal
 from wsnsim.models.coverage import covers
 from wsnsim.models.deploy import FromFile, Grid, JitteredGrid, Uniform, cells

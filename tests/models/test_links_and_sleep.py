@@ -1,41 +1,177 @@
-"""Links, channel access, routing, sleep and waking."""
+"""Links, routing, sleep and waking."""
+
+import dataclasses
 
 import numpy as np
 import pytest
 
-from wsnsim.models.links import Disk, IdealMac, MinimumEnergy, MinimumHop
+from wsnsim.base.problem import Beacons
+from wsnsim.base.rng import derive_all
+from wsnsim.models.links import Disk, GreedyGeographic, LogNormal, MinimumEnergy, MinimumHop
+from wsnsim.models.modulation import bit_error, snr_at_sensitivity, snr_for, success
 from wsnsim.models.sleep import EventWake
 from wsnsim.models.wakeup import NoWakeUp
+
+
+def keys(number, seed=1):
+    return derive_all(seed, np.arange(number))
+
+
+def powers(link, distance, number=200_000):
+    return link.powers(np.full(number, distance), keys(number, 1), keys(number, 2))
 
 
 def test_a_disk_ends_at_its_reach():
     disk = Disk()
     assert disk.perfect
-    assert np.array_equal(disk.arrivals(75.0, 3, key=1), [True, True, True])
-    assert np.array_equal(disk.arrivals(75.001, 3, key=1), [False, False, False])
-    assert not Disk(loss=0.1).arrivals(80.0, 200, key=1).any()
+    assert disk.audible == disk.reach
+    heard = disk.powers(np.array([0.0, 75.0, 75.001]), keys(3), keys(3))
+    assert np.array_equal(heard, [0.0, 0.0, -np.inf])
+    assert np.array_equal(disk.senses(heard), [True, True, False])
+    assert np.array_equal(disk.reception(heard, 232, 0.0), [1.0, 1.0, 0.0])
 
 
-def test_packets_are_lost_as_often_as_stated_and_each_for_itself():
+def test_a_disk_loses_as_often_as_stated_and_everything_that_is_disturbed():
     disk = Disk(loss=0.3)
     assert not disk.perfect
-    masks = np.array([disk.arrivals(10.0, 50, key=key) for key in range(2000)])
-    assert masks.mean() == pytest.approx(0.7, abs=0.005)  # 100,000 draws: three standard errors
-    assert np.all(np.abs(masks.mean(axis=0) - 0.7) < 0.05)
-    assert np.mean(masks[:, 0] & masks[:, 1]) == pytest.approx(0.49, abs=0.04)
+    assert not disk.captures
+    heard = np.array([0.0, 0.0, -np.inf])
+    assert disk.reception(heard, 88, 0.0) == pytest.approx([0.7, 0.7, 0.0])
+    assert disk.reception(heard, 1000, np.array([0.0, 1e-12, 0.0])) == pytest.approx([0.7, 0.0, 0.0])
 
 
-def test_a_frames_losses_depend_on_its_key_alone():
-    disk = Disk(loss=0.5)
-    assert np.array_equal(disk.arrivals(10.0, 64, key=5), disk.arrivals(70.0, 64, key=5))
-    assert not np.array_equal(disk.arrivals(10.0, 64, key=5), disk.arrivals(10.0, 64, key=6))
-    assert np.array_equal(disk.arrivals(10.0, 64, key=5)[:10], disk.arrivals(10.0, 10, key=5))
+@pytest.mark.parametrize(("modulation", "symbols", "gain"), [("oqpsk", 16, 20.0), ("ncfsk", 2, 1.0)])
+@pytest.mark.parametrize("energy", [2.0, 6.0, 9.0])
+def test_bits_are_wrong_as_often_as_a_noncoherent_receiver_decides_wrongly(modulation, symbols, gain, energy):
+    """The receiver takes the largest of M envelopes: |√E + n|² against M - 1 of noise alone; M/2 / (M - 1) bits err.
+
+    500,000 symbols: four standard errors of the share of wrong symbols.
+    """
+    draw, number = np.random.default_rng(5), 500_000
+    real, imaginary = draw.normal(scale=np.sqrt(0.5), size=(2, number))
+    right = (np.sqrt(energy) + real) ** 2 + imaginary**2
+    largest = -np.log1p(-(draw.random(number) ** (1.0 / (symbols - 1))))  # of M - 1 exponentials, by inversion
+    share = symbols / 2 / (symbols - 1)
+    wrong = np.mean(largest > right)
+    tolerance = 4.0 * share * np.sqrt(wrong * (1 - wrong) / number)
+    assert float(bit_error(np.array(energy / gain), modulation)) == pytest.approx(share * wrong, abs=tolerance)
+
+
+@pytest.mark.parametrize("modulation", ["oqpsk", "ncfsk"])
+def test_half_the_bits_are_wrong_without_a_signal_and_none_with_a_strong_one(modulation):
+    errors = bit_error(np.array([0.0, 1e-6, 0.1, 1.0, 10.0, 1e3, 1e30]), modulation)
+    assert errors[0] == pytest.approx(0.5, abs=1e-12)
+    assert np.all(np.diff(errors) <= 0)
+    assert 0.0 <= errors[-1] < 1e-200
+
+
+@pytest.mark.parametrize("modulation", ["oqpsk", "ncfsk"])
+def test_at_the_sensitivity_one_psdu_of_twenty_bytes_in_a_hundred_is_lost(modulation):
+    link = LogNormal(modulation=modulation, sensitivity=-90.0)
+    assert link.reception(np.array([-90.0]), 160, 0.0) == pytest.approx([0.99], abs=1e-12)
+    ratio = np.array(snr_at_sensitivity(modulation))
+    assert float(1 - (1 - bit_error(ratio, modulation)) ** 160) == pytest.approx(0.01, abs=1e-12)
+    assert link.noise == pytest.approx(1e-9 / ratio)
+
+
+def test_the_ratio_for_a_probability_is_the_inverse_of_the_probability_at_a_ratio():
+    for probability in (1e-3, 0.5, 0.99):
+        ratio = np.array(snr_for(probability, 232, "oqpsk"))
+        assert float(success(bit_error(ratio, "oqpsk"), 232)) == pytest.approx(probability, rel=1e-9)
+
+
+def test_the_mean_link_meets_the_sensitivity_at_46_metres():
+    """0 dBm - 55 dB - 24 dB log10(d) = -95 dBm at 10^(40/24) m."""
+    link = LogNormal()
+    assert link.reach == pytest.approx(46.4, abs=0.05)
+    assert LogNormal(shadowing=0.0, asymmetry=0.0).powers(np.array([link.reach]), keys(1), keys(1)) == pytest.approx(
+        [-95.0]
+    )
+
+
+def test_distances_below_a_metre_count_as_a_metre():
+    quiet = LogNormal(shadowing=0.0, asymmetry=0.0)
+    assert quiet.powers(np.array([0.0, 0.5, 1.0, 10.0]), keys(4), keys(4)) == pytest.approx([-55, -55, -55, -79])
+
+
+def test_links_scatter_as_stated_and_end_at_three_deviations():
+    """A normal within three deviations has 0.9733 of the variance: 1 - 2·3 φ(3) / (2Φ(3) - 1)."""
+    only_shadowed = LogNormal(asymmetry=0.0)
+    scatter = powers(only_shadowed, 10.0) + 79.0
+    assert np.abs(scatter).max() <= 12.0
+    assert scatter.mean() == pytest.approx(0.0, abs=4 * 4 / np.sqrt(scatter.size))
+    assert scatter.var() == pytest.approx(16 * 0.97334, rel=4 * np.sqrt(2 / scatter.size))
+    both = powers(LogNormal(), 10.0) + 79.0
+    assert both.var() == pytest.approx(17 * 0.97334, rel=4 * np.sqrt(2 / both.size))
+
+
+def test_the_two_directions_of_a_link_share_its_shadowing():
+    distances, pairs = np.full(1000, 10.0), keys(1000, 1)
+    there, back = (LogNormal().powers(distances, pairs, keys(1000, seed)) for seed in (2, 3))
+    assert np.std(there - back) == pytest.approx(np.sqrt(2 * 0.97334), rel=0.1)
+    assert np.array_equal(there, LogNormal().powers(distances, pairs, keys(1000, 2)))
+    even = LogNormal(asymmetry=0.0)
+    assert np.array_equal(even.powers(distances, pairs, keys(1000, 2)), even.powers(distances, pairs, keys(1000, 3)))
+
+
+@pytest.mark.parametrize("interference", ["overlap", "sinr"])
+def test_nothing_is_heard_beyond_the_audible_distance_and_something_within(interference):
+    link = LogNormal(interference=interference)
+    assert np.all(powers(link, link.audible * 1.000001) == -np.inf)
+    spread = np.linspace(link.reach, link.audible, 200_000)
+    heard = link.powers(spread, keys(spread.size, 1), keys(spread.size, 2))
+    assert spread[np.isfinite(heard)].max() > 0.6 * link.audible
+    assert heard[np.isfinite(heard)].min() >= link.floor
+
+
+def test_what_is_below_the_floor_would_neither_arrive_nor_be_sensed_nor_disturb():
+    link, capturing = LogNormal(), LogNormal(interference="sinr")
+    below = np.array([link.floor - 1e-6])
+    assert link.reception(below, 88, 0.0)[0] < 1e-3 <= link.reception(below + 2e-6, 88, 0.0)[0]
+    assert not link.senses(below)[0]
+    assert 10 ** (capturing.floor / 10) == pytest.approx(0.1 * capturing.noise)
+    assert LogNormal(carrier_sense=-110.0).floor == -110.0
+    assert not link.senses(np.array([-np.inf]))[0]
+    assert link.senses(np.array([-95.0]))[0]
+
+
+def test_weaker_and_longer_frames_arrive_less_often():
+    link = LogNormal()
+    arriving = link.reception(np.array([-90.0, -95.0, -96.0, -97.0, -98.0, -99.0, -np.inf]), 232, 0.0)
+    assert np.all(np.diff(arriving) < 0)
+    assert arriving[0] == pytest.approx(1.0)
+    assert arriving[-1] == 0.0
+    short, long = (link.reception(np.array([-97.0]), bits, 0.0)[0] for bits in (116, 232))
+    assert long == pytest.approx(short**2)
+
+
+def test_an_interferer_as_loud_as_the_noise_costs_three_decibels():
+    link = LogNormal(interference="sinr")
+    assert link.captures
+    clean = link.reception(np.array([-96.0]), 232, 0.0)
+    disturbed = link.reception(np.array([-96.0 + 10 * np.log10(2)]), 232, np.array([link.noise]))
+    assert disturbed == pytest.approx(clean, rel=1e-9)
+
+
+def test_the_stronger_of_two_frames_survives_where_frames_capture_and_neither_where_they_do_not():
+    strong, weak = -70.0, -75.0
+    milliwatts = 10 ** (np.array([weak, strong]) / 10)
+    survives = LogNormal(interference="sinr").reception(np.array([strong, weak]), 232, milliwatts)
+    assert survives[0] > 0.999
+    assert survives[1] < 1e-6
+    assert np.array_equal(LogNormal().reception(np.array([strong, weak]), 232, milliwatts), [0.0, 0.0])
+    assert not LogNormal().captures
+
+
+def test_a_radio_that_is_dead_at_a_metre_is_a_fault():
+    parts = Beacons(**dict.fromkeys(field.name for field in dataclasses.fields(Beacons)))
+    assert list(LogNormal().faults(parts)) == []
+    (fault,) = LogNormal(power=-50.0).faults(parts)
+    assert fault.path == ("link", "power")
+    assert "-105 dBm at 1 m" in fault.message
 
 
 def test_parts_that_the_network_performs_name_their_mechanism():
-    assert IdealMac().mechanism == "ideal"
-    assert IdealMac().rate is None
-    assert IdealMac(rate=250e3).rate == 250e3
-    assert (MinimumEnergy().weight, MinimumHop().weight) == ("energy", "hop")
+    assert (MinimumEnergy().weight, MinimumHop().weight, GreedyGeographic().weight) == ("energy", "hop", "greedy")
     assert NoWakeUp().mechanism == "none"
     assert EventWake().always_listening

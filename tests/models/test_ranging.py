@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from wsnsim.base.ports import Detects, Parts, Problem
+from wsnsim.base.ports import Detects
+from wsnsim.base.problem import Parts, Problem
 from wsnsim.models.ranging import Range, RangeFromOrigin, Rssi
 
 SENSORS = {

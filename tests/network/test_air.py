@@ -1,4 +1,5 @@
 import itertools
+from types import SimpleNamespace
 
 import networkx as nx
 import numpy as np
@@ -6,15 +7,19 @@ import pytest
 import simpy
 
 from wsnsim.base.asks import PACKET_BITS, Parcel
+from wsnsim.base.rng import Streams
 from wsnsim.base.tables import CAUSE, KIND, Memory
+from wsnsim.models.access import IdealMac
 from wsnsim.models.energy import FirstOrder
-from wsnsim.models.links import Disk, IdealMac
+from wsnsim.models.hardware import NoPacking, PerfectClock
+from wsnsim.models.links import Disk, MinimumEnergy
 from wsnsim.network.air import Air, letter
+from wsnsim.network.clocks import Clocks
 from wsnsim.network.fleet import SPENT, Fleet
 from wsnsim.network.journal import Journal
 from wsnsim.network.mac import make_mac
-from wsnsim.network.medium import Medium
 from wsnsim.network.routing import Router
+from wsnsim.network.wiring import Wiring
 
 
 class Place:
@@ -26,13 +31,16 @@ class Place:
         self.journal = Journal(self.memory, 0)
         self.energy, self.link = FirstOrder(battery=battery), link or Disk(reach=75.0)
         self.fleet = Fleet(np.array(positions, dtype=float), np.ones((len(positions), 1)), battery, self.link.reach)
-        self.medium = Medium(self.env, self.fleet, self.journal, self.energy, self.link, 11)
-        self.router = Router(self.fleet, self.energy, weight)
-        self.fleet.on_death = self.router.bury
-        part = mac or IdealMac()
-        self.air = Air(
-            self.env, self.fleet, make_mac(self.env, self.medium, part), self.medium, self.router, self.journal
+        wiring = Wiring(self.fleet, self.link, 11, PACKET_BITS)
+        clocks = Clocks(PerfectClock(), 0, self.fleet.size)
+        parts = SimpleNamespace(
+            mac=mac or IdealMac(), energy=self.energy, link=self.link, packing=NoPacking(), routing=MinimumEnergy()
         )
+        self.mac = make_mac(self.env, self.fleet, self.journal, wiring, parts, Streams(11, 0), clocks)
+        self.counts = self.mac.counts
+        self.router = Router(self.fleet, wiring, self.energy, weight, self.link.audible)
+        self.fleet.on_death = self.router.bury
+        self.air = Air(self.env, self.fleet, wiring, self.mac, self.router, self.journal)
 
     def carry(self, *letters):
         self.env.run(until=self.air.carry(list(letters), 0))

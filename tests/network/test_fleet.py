@@ -4,7 +4,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from wsnsim.base.tables import CAUSES
+from wsnsim.models.links import Disk
 from wsnsim.network.fleet import SPENT, Fleet
+from wsnsim.network.wiring import Wiring
 
 
 def fleet(battery: float = 1.0, count: int = 5) -> Fleet:
@@ -50,6 +52,6 @@ def test_reading_energy_changes_nothing_and_opens_no_book():
 
 
 def test_neighbours_are_those_within_reach_without_oneself():
-    nodes = fleet()
-    assert nodes.neighbours(0) == [1]
-    assert nodes.neighbours(2) == [1, 3]
+    wiring = Wiring(fleet(), Disk(reach=15.0), 1, 96)
+    assert wiring.neighbours(0) == [1]
+    assert wiring.neighbours(2) == [1, 3]

@@ -8,9 +8,10 @@ import pytest
 from tests.network.toys import Centroid, Run, parts, passing, standing
 from wsnsim.base.errors import RunError
 from wsnsim.base.tables import CAUSE, CAUSES
+from wsnsim.models.access import IdealMac
 from wsnsim.models.clusters import Central, StrongestSignal
 from wsnsim.models.energy import FirstOrder
-from wsnsim.models.links import Disk, IdealMac, MinimumHop
+from wsnsim.models.links import Disk, MinimumHop
 from wsnsim.models.sleep import EventWake
 from wsnsim.models.wakeup import NoWakeUp
 from wsnsim.network.fleet import SPENT
@@ -162,7 +163,7 @@ def test_frames_that_are_lost_are_missing_from_the_answers_and_the_loss_does_not
     first = [set(answer) for answer in lossy[0].parts.tracker.answers]
     assert first == [set(answer) for answer in lossy[1].parts.tracker.answers]
     assert len({len(answer) for answer in first}) > 1
-    assert lossy[0].outcome.frames_lost > 0
+    assert lossy[0].outcome.counts.frames_lost > 0
     assert len(lossy[0].events("drop")) > 0
 
 
@@ -326,7 +327,7 @@ def test_on_a_lossy_air_a_track_survives_its_handovers_or_starts_anew_and_the_bo
     run = Run(parts(steps=400, link=Disk(reach=75.0, loss=0.4)), truths=[gone_at((-100.0, -60.0), 400)])
     assert len(run.outcome.tracks[0].clusters) > 2
     drops = {int(row["frame"]) for row in run.events("drop")} - {0}
-    assert run.outcome.frames_lost >= len(drops) > 0
+    assert run.outcome.counts.frames_lost >= len(drops) > 0
     air_energy_is_in_the_events(run)
     nobody_waits_for_the_dead(run)
 

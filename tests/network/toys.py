@@ -8,15 +8,18 @@ from typing import Any
 import numpy as np
 
 from wsnsim.base.asks import PACKET_BITS, Compute, Gather, Member, Parcel, Send
-from wsnsim.base.ports import Estimate, Parts
+from wsnsim.base.ports import Estimate
+from wsnsim.base.problem import Parts
 from wsnsim.base.rng import Streams
 from wsnsim.base.rows import estimate_rows, truth_rows
 from wsnsim.base.tables import Memory
+from wsnsim.models.access import IdealMac
 from wsnsim.models.acquire import AroundTruth, FromReadings
 from wsnsim.models.clusters import StrongestSignal
 from wsnsim.models.deploy import Uniform
 from wsnsim.models.energy import FirstOrder
-from wsnsim.models.links import Disk, IdealMac, MinimumEnergy
+from wsnsim.models.hardware import NoPacking, NoSink, PerfectClock, PerfectDetection, Processor
+from wsnsim.models.links import Disk, MinimumEnergy
 from wsnsim.models.motion import BoundedVelocity
 from wsnsim.models.sensing import AcousticEnergy
 from wsnsim.models.sleep import EventWake
@@ -94,6 +97,11 @@ def parts(**changes: Any) -> Parts:
         "clusters": StrongestSignal(),
         "acquire": FromReadings(),
         "routing": MinimumEnergy(),
+        "packing": NoPacking(),
+        "cpu": Processor(),
+        "clock": PerfectClock(),
+        "detection": PerfectDetection(),
+        "sink": NoSink(),
         "tracker": Centroid(),
     }
     values.update(changes)

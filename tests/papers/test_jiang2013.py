@@ -1,7 +1,7 @@
 import pytest
 
 from wsnsim import scenario
-from wsnsim.papers.jiang2013 import published
+from wsnsim.papers.jiang2013 import TABLE_2, published
 
 
 def figures(name: str, *overrides: str) -> dict[str, float]:
@@ -38,7 +38,6 @@ def test_either_reading_of_the_papers_process_noise_is_the_papers(noise):
         "clusters.handover_fraction=0.5",
         "clusters.minimum_active=4",
         "energy.battery=0.1 J",
-        "energy.cycles_per_operation=10",
         "energy.voltage=3 V",
     ],
 )
@@ -48,3 +47,26 @@ def test_they_do_not_stand_beside_anything_else(change):
 
 def test_a_tracker_that_the_paper_does_not_have_has_no_figures():
     assert figures("central_pf") == {}
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        {"cpu": {"kind": "processor", "rate": None, "cycles_per_flop": 10.0}},
+        {"cpu": {"kind": "processor", "rate": 8e6, "cycles_per_flop": 1.0}},
+        {"energy": {**TABLE_2["energy"], "idle": 0.01}},
+        {"clock": {"kind": "drift", "sd": 30e-6}},
+        {"detection": {"kind": "imperfect", "missed": 0.1}},
+        {"sink": {"kind": "node", "x": 0.0, "y": 0.0}},
+        {"faults": [{"kind": "crash", "at": 1.0, "head": 0}]},
+    ],
+)
+def test_nor_beside_a_world_in_which_more_happens_than_in_the_papers(more):
+    old = {**TABLE_2, "tracker": {"kind": "ipf", "particles": 400}, "step": 0.04, "duration": 28.0}
+    nothing = {
+        "cpu": {"kind": "processor", "rate": None, "cycles_per_flop": 1.0},
+        "sink": {"kind": "none"},
+        "faults": [],
+    }
+    assert published(old) == published({**old, **nothing}) == {"rmse": 3.371, "energy": 2.33}
+    assert published({**old, **more}) == {}

@@ -24,6 +24,16 @@ def test_columns_come_in_the_order_asked_for(result, rows_of):
     assert read["py"].tolist() == rows_of("truth", 40)["py"].tolist()
 
 
+def test_a_range_of_rows_is_that_part_of_the_table(result, rows_of):
+    whole = rows_of("truth", 40)
+    part = read_table(result, "truth", rows=slice(7, 12))
+    assert {name: values.tolist() for name, values in part.items()} == {
+        name: values[7:12].tolist() for name, values in whole.items()
+    }
+    assert read_table(result, "truth", ["time"], slice(38, 99))["time"].tolist() == whole["time"][38:].tolist()
+    assert read_table(result, "truth", ["time"], slice(40, 50))["time"].size == 0
+
+
 def test_tables_say_how_much_they_hold(result):
     sizes = tables(result)
     assert {name: size.rows for name, size in sizes.items()} == {"truth": 40, "estimates": 0, "energy": 7}

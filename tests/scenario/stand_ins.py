@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Iterator
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from wsnsim import scenario
 from wsnsim.base.errors import Fault, ScenarioError
@@ -31,9 +31,8 @@ class _Port:
         raise AssertionError("the scenario room should not call this")
 
     draw = truth = propagate = advance = matrices = log_transition = _nothing
-    draw_traits = measure = log_likelihood = linearise = transmit = receive = compute = sense = arrivals = perfect = (
-        _nothing
-    )
+    draw_traits = measure = log_likelihood = linearise = transmit = receive = compute = sense = _nothing
+    powers = reception = senses = packets = seconds = rates = distort = _nothing
     estimate = elect = must_hand_over = successor = start = step = hand_over = forecast = _nothing
 
 
@@ -74,6 +73,15 @@ class Motion(_Port):
 
 
 @part
+class ShyMotion(Motion):
+    """A motion that finds fault with other targets."""
+
+    def faults(self, parts: Any) -> Iterator[Fault]:
+        if len(parts.motions) > 1:
+            yield Fault(("motion", "start"), "does not like company")
+
+
+@part
 class FlatMotion(_Port):
     """A motion with other state columns."""
 
@@ -98,6 +106,63 @@ class Energy(_Port):
     electronics: Annotated[float, Quantity("J/bit", ge=0), "per bit"] = 50e-9
     amplifier: Annotated[float, Quantity("J/bit/m2", ge=0), "per bit and m2"] = 100e-12
     battery: Annotated[float, Quantity("J", gt=0), "charge"] = 2.0
+
+
+@part
+class Sheet:
+    """A data sheet with lists of one length, that refuses others, and a value that may be left out."""
+
+    name: Annotated[str, "of the radio"]
+    rate: Annotated[float, Quantity("bit/s", gt=0), "of the air"]
+    sleep: Annotated[float, Quantity("W", ge=0), "while it is off"]
+    levels: Annotated[tuple[float, ...], Quantity("dBm"), "output powers"] = (0.0,)
+    transmit: Annotated[tuple[float, ...], Quantity("W", ge=0), "at each of them"] = (0.05,)
+    extra: Annotated[float | None, Quantity("J", ge=0), "of something"] = None
+
+    def __post_init__(self) -> None:
+        if len(self.levels) != len(self.transmit):
+            raise ValueError("one power a level")
+
+
+@part
+class Sheets(_Port):
+    """An energy model that rests on one data sheet, on another if it is given, and on a third by default."""
+
+    radio: Annotated[Sheet, "of the radio"]
+    spare: Annotated[Sheet | None, "of another"] = None
+    beacon: Sheet = Sheet(name="B", rate=1.0, sleep=0.5)
+
+    def faults(self, parts: Any) -> Iterator[Fault]:
+        if self.radio.sleep > 1:
+            yield Fault(("energy", "radio", "sleep"), "sleeps badly")
+
+
+@part
+class Beaconing:
+    """A workload without a target."""
+
+    mechanism: ClassVar[str] = "beacons"
+
+
+@part
+class Trouble:
+    """A fault that is never right after 3 s, nor with a file that is called bad."""
+
+    at: Annotated[float, Quantity("s", ge=0), "when it happens"]
+    nodes: tuple[int, ...] | None = None
+    path: str = ""
+
+    def __post_init__(self) -> None:
+        if self.at == 13:
+            raise ValueError("13 s brings bad luck")
+
+    def faults(self, parts: Any) -> Iterator[Fault]:
+        if self.at > 3:
+            yield Fault(("faults", "at"), f"{self.at:g} s is too late for {type(parts).__name__}")
+        if self.nodes == ():
+            yield Fault(("faults",), "is aimed at nothing")
+        if self.nodes == (7,):
+            yield Fault(("deploy", "nodes"), "there is no node 7")
 
 
 @part
@@ -164,6 +229,12 @@ _BASE = {
     "energy": {"kind": kind("Energy")},
     "link": {"kind": kind("Link"), "reach": 75.0},
     "mac": {"kind": kind("Plain")},
+    "packing": {"kind": kind("Plain")},
+    "cpu": {"kind": kind("Plain")},
+    "clock": {"kind": kind("Plain")},
+    "detection": {"kind": kind("Plain")},
+    "sink": {"kind": kind("Plain")},
+    "workload": {"kind": kind("Plain")},
     "routing": {"kind": kind("Plain")},
     "sleep": {"kind": kind("Plain")},
     "wakeup": {"kind": kind("Plain")},
@@ -177,6 +248,13 @@ def base_scenario(**changes: Any) -> dict[str, Any]:
     """A scenario of stand-ins, with top-level keys changed (None removes one)."""
     scenario = copy.deepcopy(_BASE) | changes
     return {key: value for key, value in scenario.items() if value is not None}
+
+
+def beacon_scenario(**changes: Any) -> dict[str, Any]:
+    """A scenario of stand-ins without a target, with top-level keys changed (None removes one)."""
+    roles = ("prior", "motion", "sensor", "wakeup", "clusters", "acquire", "detection", "sink", "tracker")
+    gone: dict[str, Any] = dict.fromkeys(roles)
+    return base_scenario(**gone | {"workload": {"kind": kind("Beaconing")}} | changes)
 
 
 def faults_of(source: Any, *overrides: str) -> list[str]:

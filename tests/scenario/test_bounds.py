@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from wsnsim.scenario.catalog import ROLES, load_class
-from wsnsim.scenario.fields import fields_of
+from wsnsim.scenario.fields import fields_of, nested_of
 
 from .stand_ins import base_scenario, faults_of
 
@@ -49,21 +50,36 @@ def test_the_smallest_reach_in_the_largest_field_is_a_short_fault() -> None:
     assert "at least 3.849e+19 are needed" in fault
 
 
-NUMBERS = [
-    (role, row.kind, name)
-    for role in ROLES
-    if role != "tracker"
-    for row in ROLES[role].rows
-    for name in fields_of(load_class(row))
-    if name not in ("kind", "path")
-]
+CHOSEN = {"states": ("energy.radio=cc2420", "energy.processor=msp430f1611")}
 
 
-@pytest.mark.parametrize(("role", "kind", "name"), NUMBERS)
-@given(st.sampled_from([1e300, 1e200, 1e100, 1e30, 5e-324, 1e-300, 1e-100, -1e-300, -1e300, math.inf, -math.inf]))
+def _numbers() -> Iterator[tuple[str, str, str]]:
+    """(role, kind, field) of everything that a scenario can set, those of data sheets included."""
+    for role in ROLES.values():
+        for row in role.rows if role.name != "tracker" else ():
+            part = load_class(row)
+            nested = nested_of(part)
+            for name in fields_of(part):
+                inner = [f"{name}.{field}" for field in fields_of(nested[name])] if name in nested else [name]
+                yield from ((role.name, row.kind, path) for path in inner if path != "path")
+
+
+def _written(value: float) -> str:
+    return ".inf" if value == math.inf else "-.inf" if value == -math.inf else repr(value)
+
+
+EXTREMES = [1e300, 1e200, 1e100, 1e30, 5e-324, 1e-300, 1e-100, -1e-300, -1e300, math.inf, -math.inf]
+
+
+@pytest.mark.parametrize(("role", "kind", "name"), list(_numbers()))
+@given(st.sampled_from(EXTREMES))
 def test_no_number_of_a_model_ends_as_an_internal_error(role: str, kind: str, name: str, value: float) -> None:
     """With any one number of any kind at an extreme, a scenario is refused in words or is built."""
-    given_kind = [f"{role}.kind={kind}"] if kind != "file" else []
-    written = ".inf" if value == math.inf else "-.inf" if value == -math.inf else repr(value)
-    for fault in faults_of("central_pf", *given_kind, f"{role}.{name}={written}"):
+    if role == "fault":
+        overrides = [f"faults=[{{kind: {kind}, at: 1, {name}: {_written(value)}}}]"]
+        overrides = [override.replace("at: 1, at:", "at:") for override in overrides]
+    else:
+        given_kind = [f"{role}.kind={kind}"] if kind != "file" else []
+        overrides = [*given_kind, *CHOSEN.get(kind, ()), f"{role}.{name}={_written(value)}"]
+    for fault in faults_of("central_pf", *overrides):
         assert len(fault) < 400

@@ -97,4 +97,4 @@ def test_a_resolved_scenario_is_json_and_loads_as_an_equal_one(changes: dict) ->
 def test_kinds_from_outside_are_named_for_provenance() -> None:
     named = scenario.plugins(scenario.load(base_scenario()))
     assert f"tracker {kind('Tracker')}" in named
-    assert len(named) == 13
+    assert len(named) == 19

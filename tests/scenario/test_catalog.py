@@ -40,7 +40,10 @@ def test_the_rows_of_trackers_say_what_their_classes_say(row: Row) -> None:
 @pytest.mark.parametrize("role", ROLES)
 def test_a_role_with_a_default_kind_may_be_left_out(role: str) -> None:
     default = ROLES[role].default
-    if default is None:
+    if ROLES[role].optional:
+        key = ROLES[role].listed
+        assert getattr(scenario.load(base_scenario(**{key: None})), key) == ()
+    elif default is None:
         assert any(f.startswith(f"{role}: error: is missing") for f in faults_of(base_scenario(**{role: None})))
     else:
         assert getattr(scenario.load(base_scenario(**{role: None})), role).kind == default
@@ -167,8 +170,10 @@ def test_the_schema_knows_every_kind_with_its_fields_and_units() -> None:
     assert disk["properties"]["reach"]["description"].endswith("[m]")
     number, text = disk["properties"]["reach"]["anyOf"]
     assert (number["type"], number["minimum"], text["type"]) == ("number", 1e-3, "string")
-    for role in ROLES:
-        place = schema["properties"][role]
+    places = [(role.name, key, key == role.listed) for role in ROLES.values() for key in role.keys]
+    assert ("motion", "targets", True) in places and ("fault", "faults", True) in places
+    for role, key, several in places:
+        place = schema["properties"][key]["items"] if several else schema["properties"][key]
         names = [choice["$ref"].rpartition("/")[2] for choice in place.get("anyOf", [place])]
         assert {schema["$defs"][name]["properties"]["kind"]["const"] for name in names} == set(kinds(role))
 
@@ -178,13 +183,45 @@ def test_the_schema_demands_keys_only_of_files_that_extend_nothing() -> None:
     assert "required" not in schema
     assert schema["if"] == {"required": ["extends"]}
     demanded = schema["else"]
-    assert {"name", "duration", "sensor", "tracker"} == set(demanded["required"])
-    assert demanded["if"]["properties"]["network"] == {"const": "none"}
-    assert {"deploy", "energy", "link"} == set(demanded["else"]["required"])
+    assert {"name", "duration"} == set(demanded["required"])
+    network, targets = demanded["allOf"]
+    assert network["if"]["properties"]["network"] == {"const": "none"}
+    assert {"deploy", "energy", "link"} == set(network["else"]["required"])
+    assert targets["if"]["properties"]["workload"]["properties"]["kind"] == {"const": "beacons"}
+    assert {"sensor", "tracker"} == set(targets["else"]["required"])
+    assert targets["else"]["oneOf"] == [{"required": ["motion"]}, {"required": ["targets"]}]
     kinds_of_deploy = {
         one["properties"]["kind"]["const"]: one["required"] for one in demanded["properties"]["deploy"]["anyOf"]
     }
     assert kinds_of_deploy["file"] == ["kind", "path"]
+
+
+def test_the_schema_takes_a_data_sheet_by_its_name_or_by_its_fields() -> None:
+    schema = json_schema()
+    fields, name = schema["$defs"]["States"]["properties"]["radio"]["anyOf"]
+    assert name["type"] == "string"
+    sheet = schema["$defs"][fields["$ref"].rpartition("/")[2]]
+    assert sheet["additionalProperties"] is False
+    assert sheet["properties"]["sleep"]["description"].endswith("[W]")
+
+
+@pytest.mark.parametrize(
+    "lines",
+    [
+        "mac: {kind: csma}",
+        "link: {kind: log_normal}",
+        "energy: {kind: states, radio: cc2420, processor: msp430f1611}",
+        "faults: [{kind: crash, at: 9 s, fraction: 0.1}]",
+    ],
+)
+def test_what_a_new_scenario_mentions_is_good_too(tmp_path: Path, lines: str) -> None:
+    key, _, value = lines.partition(": ")
+    text = template("fresh")
+    mentioned = value if key in ("energy", "faults") else value.removeprefix("{kind: ").removesuffix("}")
+    assert mentioned in text
+    path = tmp_path / "fresh.yaml"
+    path.write_text(text)
+    assert faults_of(path, f"{key}={value}") == []
 
 
 @pytest.mark.parametrize("bench", [False, True])

@@ -27,7 +27,7 @@ BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, VERMILLION, PURPLE = (
 )  # fmt: skip
 GREY, PALE = "#8C8C8C", "#D0D0D0"
 CAUSE_COLOURS: Final = dict(
-    zip(CAUSES, (ORANGE, VERMILLION, SKY, BLUE, GREEN, YELLOW, GREY, PALE, PURPLE), strict=True)
+    zip(CAUSES, (ORANGE, VERMILLION, SKY, BLUE, GREEN, YELLOW, GREY, PALE, PURPLE, BLACK), strict=True)
 )
 LOG_FROM: Final = 100.0
 """How many times the least error the largest must be for a logarithmic axis (our choice)."""

@@ -71,6 +71,13 @@ def as_json(report: Report, published: Mapping[str, float]) -> dict[str, Any]:
         "coverage": _mean(runs, "coverage"),
         "reacquired": float(np.mean([sum(t["reacquired"] for t in s.tracks) for s in report.summaries])),
         "late": float(np.mean([sum(t["late"] for t in s.tracks) for s in report.summaries])),
+        "without_estimate": float(
+            np.mean([sum(s.run["steps"] - t["reports"] for t in s.tracks) for s in report.summaries])
+        ),
+        "delay": metrics.median_error(np.array([t["delay"] for s in report.summaries for t in s.tracks])),
+        "received": float(np.mean([sum(t["received"] for t in s.tracks) for s in report.summaries])),
+        "report_delay": metrics.median_error(np.array([t["report_delay"] for s in report.summaries for t in s.tracks])),
+        **{name: _mean(runs, name) for name in ("in_range", "collided", "access_failures", "retries")},
         "cpu_seconds": float(sum(run["cpu_seconds"] for run in runs)),
         "wall_seconds": report.wall,
         "fingerprints": [int(run["fingerprint"]) for run in runs],
@@ -114,9 +121,15 @@ def _accuracy_rows(figures: Mapping[str, Any], published: Mapping[str, float], r
         rows.insert(1, ("  of tracks kept", f"{figures['rmse_of_kept']:.4f}{unit}", ""))
     lost = round(figures["lost_fraction"] * figures["replicates"])
     rows.append(("runs with a track lost", f"{lost} of {figures['replicates']}", ""))
-    for key, name in (("reacquired", "re-acquisitions"), ("late", "steps late or without estimate")):
+    for key, name in (("reacquired", "re-acquisitions"), ("without_estimate", "steps without an estimate")):
         if figures[key]:
             rows.append((name, f"{figures[key]:.4g}", ""))
+    if figures["late"] > figures["without_estimate"]:
+        late = figures["late"] - figures["without_estimate"]
+        rows.append(("estimates that missed their step", f"{late:.4g}, median delay {_seconds(figures['delay'])}", ""))
+    if figures["received"]:
+        told = f"{figures['received']:.4g}, median delay {_seconds(figures['report_delay'])}"
+        rows.append(("estimates that reached the sink", told, ""))
     return rows
 
 
@@ -142,6 +155,7 @@ def _network_rows(figures: Mapping[str, Any], published: Mapping[str, float]) ->
         ("clusters", f"{figures['clusters']:.4g}", _published(published, "clusters", "{:.0f}")),
         ("frames sent / lost", f"{figures['frames_sent']:,.0f} / {figures['frames_lost']:,.0f}", ""),
         ("packets sent", f"{figures['packets_sent']:,.0f}", ""),
+        *_radio_rows(figures),
         ("operations computed", f"{figures['cycles']:,.0f}", ""),
     ]
     if figures["runs_with_deaths"]:
@@ -154,6 +168,13 @@ def _network_rows(figures: Mapping[str, Any], published: Mapping[str, float]) ->
             ("coverage left", f"{100 * figures['coverage']:.1f} %", ""),
         ]
     return rows
+
+
+def _radio_rows(figures: Mapping[str, Any]) -> list[Row]:
+    """What went wrong on the air, where something did."""
+    named = (("collided", "receptions lost to collisions"), ("retries", "frames sent again"),
+             ("access_failures", "frames that never got the channel"))  # fmt: skip
+    return [(words, f"{figures[name]:,.0f}", "") for name, words in named if figures[name]]
 
 
 def _load_rows(report: Report) -> list[Row]:
@@ -225,6 +246,11 @@ def _median(times: list[float]) -> float:
     values = np.array(times)
     middle = float(np.median(np.where(np.isfinite(values), values, np.inf)))
     return middle if math.isfinite(middle) else NAN
+
+
+def _seconds(time: float) -> str:
+    """A delay as one reads it."""
+    return f"{1000 * time:.3g} ms" if time < 1.0 else f"{time:.3g} s"
 
 
 def _when(time: float) -> str:

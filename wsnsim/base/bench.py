@@ -20,7 +20,8 @@ from wsnsim.base.arrays import Bools, Floats, planar
 from wsnsim.base.asks import Ask, Broadcast, Compute, Gather, Local, Member, Parcel, all_arrived
 from wsnsim.base.errors import RunError, failed_run
 from wsnsim.base.loopback import perform
-from wsnsim.base.ports import Detects, Estimate, Problem, Recorder, Scene, SensorModel
+from wsnsim.base.ports import Detects, Estimate, Recorder, Scene, SensorModel
+from wsnsim.base.problem import Problem
 from wsnsim.base.rng import HEAD_KEY, Streams, derive, derive_all, derive_each, reading_noise
 from wsnsim.base.rows import NAN, Issued, write_particles
 
@@ -109,6 +110,10 @@ class Bench:
             "frames_sent": self.bill.frames,
             "frames_lost": 0,
             "packets_sent": self.bill.packets,
+            "in_range": self.bill.frames,
+            "collided": 0,
+            "access_failures": 0,
+            "retries": 0,
             "cycles": self.bill.cycles,
             "alive": len(self._positions),
             "first_death": NAN,

@@ -15,10 +15,10 @@ import numpy as np
 
 KINDS: Final = (
     "wake", "sleep", "sense", "elect", "join", "announce", "allocate", "send", "receive", "drop", "collide", "compute",
-    "estimate", "handover", "relay", "lost", "reacquire", "crash", "restart", "death",
+    "estimate", "handover", "relay", "lost", "reacquire", "crash", "restart", "death", "overhear", "fault", "report",
 )  # fmt: skip
-CAUSES: Final = ("tx_electronics", "tx_amplifier", "rx", "overhear", "cpu", "sense", "idle", "sleep", "switch")
-EVENT_CAUSES: Final = ("none", "tx", "rx", "overhear", "cpu", "sense", "idle", "sleep", "switch")
+CAUSES: Final = ("tx_electronics", "tx_amplifier", "rx", "overhear", "cpu", "sense", "idle", "sleep", "switch", "leak")
+EVENT_CAUSES: Final = ("none", "tx", "rx", "overhear", "cpu", "sense", "idle", "sleep", "switch", "leak")
 STATUSES: Final = ("complete", "partial", "failed")
 KIND: Final = {name: code for code, name in enumerate(KINDS)}
 CAUSE: Final = {name: code for code, name in enumerate(CAUSES)}
@@ -75,6 +75,10 @@ TABLES: Final[dict[str, tuple[Column, ...]]] = {
             "bursts of which a packet did not arrive; of a broadcast, at a living node within reach",
         ),
         _c("packets_sent", "u8", "1", "packets put on the air, each hop counted"),
+        _c("in_range", "u8", "1", "receptions that frames could have had: one a frame and node it was meant for"),
+        _c("collided", "u8", "1", "of these, lost because another frame, or the node's own, was on the air"),
+        _c("access_failures", "u8", "1", "frames given up because the channel was never free"),
+        _c("retries", "u8", "1", "frames sent again because no acknowledgement came"),
         _c("cycles", "f8", "1", "operations that the tracker stated, on all nodes"),
         _c("alive", "u4", "1", "nodes alive at the end"),
         _c("first_death", "f8", "s", "when the first node died; NaN if none did"),
@@ -103,6 +107,9 @@ TABLES: Final[dict[str, tuple[Column, ...]]] = {
         _c("reacquired", "u4", "1", "how often the track was started anew from readings"),
         _c("late", "u4", "1", "estimates that missed their step, skipped steps included"),
         _c("reports", "u4", "1", "estimates issued"),
+        _c("delay", "f8", "s", "median time from a step to its estimate; NaN without one"),
+        _c("received", "u4", "1", "estimates that reached the sink"),
+        _c("report_delay", "f8", "s", "median time from a step until the sink had its estimate; NaN if it had none"),
     ),
     "nodes": (
         _REPLICATE,
@@ -180,11 +187,20 @@ TABLES: Final[dict[str, tuple[Column, ...]]] = {
         _c("hops", "u2", "1", "hops that the handover took; 0 if none"),
         _c("handover_bits", "u8", "1", "bits put on the air to hand over to it, each hop counted"),
     ),
+    "links": (
+        _REPLICATE,
+        _c("source", "i4", "", "node that sends"),
+        _NODE,
+        _c("distance", "f8", "m", "between the two"),
+        _c("power", "f8", "dBm", "received power; 0 where the link model knows none"),
+        _c("sent", "u4", "1", "beacons of the source"),
+        _c("received", "u4", "1", "of these, received by the node"),
+    ),
     "particles": (_REPLICATE, _TARGET, _STEP, _NODE, _c("weight", "f8", "1", "normalised over the whole set")),
 }
 STATE_AFTER: Final = {"truth": "time", "estimates": "issued", "particles": "node"}
 """Tables that carry the motion model's state columns, and after which column."""
-RECORDED_BY_DEFAULT: Final = {name: name != "particles" for name in TABLES}
+RECORDED_BY_DEFAULT: Final = {name: name not in ("links", "particles") for name in TABLES}
 
 
 def columns_of(

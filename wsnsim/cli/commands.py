@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 import click
 
 from wsnsim import __version__
-from wsnsim.base.errors import ScenarioError, UsageError, did_you_mean
+from wsnsim.base.errors import ResultError, ScenarioError, UsageError, did_you_mean
 from wsnsim.cli.progress import MODES, shown
 
 if TYPE_CHECKING:
@@ -128,16 +128,14 @@ def check(sources: tuple[str, ...], overrides: tuple[str, ...]) -> int:
 @click.argument("role", required=False)
 @_json
 def list_(role: str | None, as_json: bool) -> None:
-    """Show the kinds of every role, or of one: trackers, motions, sensors ...; or the shipped scenarios."""
+    """Show the kinds of every role, or of one: trackers, motions, faults ...; or the shipped scenarios, or parts."""
     from wsnsim.cli import listing
-    from wsnsim.scenario.catalog import ROLES, role_named
 
-    of_scenarios = role in ("scenario", "scenarios")
-    roles = [] if of_scenarios else [role_named(role)] if role else list(ROLES.values())
-    if as_json:
-        _echo_json(listing.scenarios_json() if of_scenarios else listing.roles_json(roles))
+    answer = listing.listed(role, as_json)
+    if isinstance(answer, dict):
+        _echo_json(answer)
     else:
-        click.echo(listing.scenarios_text() if of_scenarios else listing.roles_text(roles))
+        click.echo(answer)
 
 
 @group.command()
@@ -171,16 +169,23 @@ def new(name: str, bench: bool) -> None:
 
 
 @group.command()
-@_result
+@click.argument("source", metavar="FILE|NAME")
 @_json
-def info(result: Path, as_json: bool) -> None:
-    """Say what a result holds."""
-    from wsnsim.analysis import frames
+def info(source: str, as_json: bool) -> None:
+    """Say what a result holds, a data sheet (`wsnsim list parts`), or a scenario's energy model, MAC and link."""
+    if _is_result(source):
+        from wsnsim.analysis import frames
 
-    if as_json:
-        _echo_json(frames.info(result))
+        told: Any = frames.info(Path(source)) if as_json else frames.info_text(Path(source))
     else:
-        click.echo(frames.info_text(result))
+        from wsnsim.cli import profiles
+
+        profile = profiles.profile(source)
+        told = profile.as_json() if as_json else profile.text()
+    if as_json:
+        _echo_json(told)
+    else:
+        click.echo(told)
 
 
 @group.command()
@@ -235,6 +240,52 @@ def verify(result: Path, as_json: bool) -> int:
     else:
         click.echo(answer.text)
     return 0 if answer.ok else 1
+
+
+@group.command()
+@_result
+@click.option("--step", type=click.IntRange(min=0), required=True, metavar="K", help="Step to tell.")
+@click.option(
+    "--replicate", type=click.IntRange(min=0), default=0, show_default=True, metavar="R", help="Of which run."
+)
+@click.option("--target", type=click.IntRange(min=0), metavar="T", help="Of which target; default all.")
+@click.option(
+    "--limit",
+    type=click.IntRange(min=0),
+    default=4,
+    show_default=True,
+    metavar="N",
+    help="Similar messages told one by one; more are summed.",
+)
+@_json
+def trace(result: Path, step: int, replicate: int, target: int | None, limit: int, as_json: bool) -> None:
+    """Tell one step of a run: who sensed, who sent what to whom, what was lost, and what it cost."""
+    from wsnsim.analysis import trace as tracing
+
+    picked = tracing.trace(result, step, replicate, target, limit)
+    if as_json:
+        _echo_json(tracing.as_json(picked))
+    else:
+        click.echo(tracing.text(picked))
+
+
+@group.command()
+@click.argument("a", metavar="A", type=click.Path(path_type=Path))
+@click.argument("b", metavar="B", type=click.Path(path_type=Path))
+@_json
+def diff(a: Path, b: Path, as_json: bool) -> int:
+    """Say where two results part; exit code 1 if they do, 2 if one cannot be read."""
+    from wsnsim.analysis import difference, difference_text
+
+    try:
+        found = difference.differ(a, b)
+    except ResultError as error:
+        raise UsageError(str(error)) from error
+    if as_json:
+        _echo_json(difference.as_json(found))
+    else:
+        click.echo(difference_text.text(found))
+    return 0 if found.same else 1
 
 
 @group.command()

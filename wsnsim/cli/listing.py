@@ -1,6 +1,6 @@
-"""What `wsnsim list` shows: the kinds of a role, and the shipped scenarios, importing none of them.
+"""What `wsnsim list` shows: the kinds of a role, the shipped scenarios and data sheets, importing none of them.
 
-roles_text(roles), roles_json(roles), scenarios_text(), scenarios_json()
+listed(word, as_json) -> text or dict
 """
 
 from __future__ import annotations
@@ -13,10 +13,22 @@ from collections.abc import Sequence
 from typing import Any, Final
 
 from wsnsim.scenario import shipped
-from wsnsim.scenario.catalog import Role, Row, kinds
+from wsnsim.scenario.catalog import ROLES, Role, Row, kinds, role_named
+from wsnsim.scenario.load import shipped_parts
+from wsnsim.scenario.sheets import sheet_of
 
 COLUMNS: Final = ("kind", "idea", "paper")
 TRACKER_COLUMNS: Final = ("kind", "paper", "idea", "state", "messages", "variants")
+
+
+def listed(word: str | None, as_json: bool) -> str | dict[str, Any]:
+    """What a word asks for: the kinds of a role, 'scenarios', 'parts', or with no word every role."""
+    if word in ("scenario", "scenarios"):
+        return scenarios_json() if as_json else scenarios_text()
+    if word in ("part", "parts"):
+        return parts_json() if as_json else parts_text()
+    roles = [role_named(word)] if word else list(ROLES.values())
+    return roles_json(roles) if as_json else roles_text(roles)
 
 
 def roles_text(roles: Sequence[Role]) -> str:
@@ -31,7 +43,7 @@ def roles_json(roles: Sequence[Role]) -> dict[str, Any]:
 
 def scenarios_text() -> str:
     """A table of the shipped scenarios."""
-    return _table(["scenario", "what it is"], [[name, words] for name, words in scenarios_json()["scenarios"].items()])
+    return table(["scenario", "what it is"], [[name, words] for name, words in scenarios_json()["scenarios"].items()])
 
 
 def scenarios_json() -> dict[str, Any]:
@@ -39,6 +51,23 @@ def scenarios_json() -> dict[str, Any]:
     texts = {name: path.read_text(encoding="utf-8") for name, path in shipped().items()}
     named = {name: text for name, text in texts.items() if re.search(r"^name:", text, re.MULTILINE)}
     return {"scenarios": {name: _first_sentence(text) for name, text in named.items()}}
+
+
+def parts_text() -> str:
+    """A table of the shipped data sheets."""
+    rows = [[name, row["sheet"], row["what"]] for name, row in parts_json()["parts"].items()]
+    return table(["part", "data sheet of a", "what it is"], rows)
+
+
+def parts_json() -> dict[str, Any]:
+    """The same as plain values."""
+    found = shipped_parts().items()
+    return {
+        "parts": {
+            name: {"sheet": sheet_of(path), "what": _first_sentence(path.read_text(encoding="utf-8"))}
+            for name, path in found
+        }
+    }
 
 
 def _role_json(role: Role) -> dict[str, Any]:
@@ -50,7 +79,7 @@ def _role_text(role: Role) -> str:
     columns = TRACKER_COLUMNS if role.name == "tracker" else COLUMNS
     heads = [{"messages": "messages per step"}.get(name, name) for name in columns]
     cells = [[_cell(row, name, role) for name in columns] for row in kinds(role.name).values()]
-    return f"{role.plural}: {role.purpose}\n{_table(heads, cells)}"
+    return f"{role.plural}: {role.purpose}\n{table(heads, cells)}"
 
 
 def _cell(row: Row, name: str, role: Role) -> str:
@@ -67,7 +96,7 @@ def _first_sentence(text: str) -> str:
     return spoken.partition(". ")[0]
 
 
-def _table(heads: list[str], rows: list[list[str]]) -> str:
+def table(heads: list[str], rows: list[list[str]]) -> str:
     """Aligned columns; on a terminal that is too narrow for them, a block of lines a row."""
     widths = [max(map(len, column)) for column in zip(heads, *rows, strict=True)]
     room = shutil.get_terminal_size().columns

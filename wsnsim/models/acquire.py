@@ -14,7 +14,8 @@ import numpy as np
 from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import Fault
 from wsnsim.base.part import Quantity, part
-from wsnsim.base.ports import Estimate, MotionModel, Problem, SensorModel
+from wsnsim.base.ports import Estimate, MotionModel, SensorModel
+from wsnsim.base.problem import Problem
 from wsnsim.models.bounds import DEVIATION, STATE
 
 DEVIATIONS = (5.0, 3.0, 5.0, 3.0)

@@ -18,7 +18,7 @@ from wsnsim.base.arrays import Bools, Floats
 from wsnsim.base.asks import PACKET_BITS
 from wsnsim.base.errors import Fault
 from wsnsim.base.part import Quantity, part
-from wsnsim.base.ports import Parts
+from wsnsim.base.problem import Parts
 from wsnsim.models.bounds import MOST_NODES, PLACE
 
 

@@ -18,7 +18,8 @@ import numpy as np
 from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import Fault, RunError
 from wsnsim.base.part import Quantity, part
-from wsnsim.base.ports import Field, Parts, Problem
+from wsnsim.base.ports import Field
+from wsnsim.base.problem import Parts, Problem
 from wsnsim.models.bounds import LENGTH, MOST_NODES, PLACE
 from wsnsim.models.coverage import TOLERANCE, coverage, covers, nodes_needed
 

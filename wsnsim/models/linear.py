@@ -17,7 +17,7 @@ import numpy as np
 from wsnsim.base.arrays import Bools, Floats, Keys, stateful
 from wsnsim.base.errors import Fault, RunError
 from wsnsim.base.part import Quantity, part
-from wsnsim.base.ports import Problem
+from wsnsim.base.problem import Problem
 from wsnsim.kernels import linear as kernels
 from wsnsim.models.bounds import PLACE, STATE
 from wsnsim.models.motion import FARTHEST

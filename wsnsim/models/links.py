@@ -1,59 +1,174 @@
-"""Who hears whom, when a frame gets the channel, and which path a relayed message takes.
+"""Who hears whom and how well, and which path a relayed message takes.
 
-    arrivals(distance, packets, key) -> (packets,) bool
+    powers(distances, pairs, directions) -> dBm (n,)    reception(powers, bits, interference) -> probability (n,)
+    senses(powers) -> bool (n,)                         reach, audible: m
 
-Channel access and routing are performed by the network room; their parts carry the name of the mechanism and its
-parameters.
+Routing is performed by the network room; its parts carry the name of what a path minimises.
 """
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar
+import math
+from collections.abc import Iterator
+from functools import cached_property
+from typing import Annotated, ClassVar, Final, Literal
 
 import numpy as np
 
-from wsnsim.base.arrays import Bools
-from wsnsim.base.asks import all_arrived
+from wsnsim.base.arrays import Bools, Floats, Keys
+from wsnsim.base.errors import Fault
 from wsnsim.base.part import Quantity, part
-from wsnsim.base.rng import derive_all, uniforms
+from wsnsim.base.problem import Common
 from wsnsim.models.bounds import LENGTH
+from wsnsim.models.draws import MOST_DEVIATIONS, truncated_normals
+from wsnsim.models.modulation import Modulation, bit_error, snr_at_sensitivity, snr_for, success
+
+SHORTEST_BITS: Final = 88
+"""On the air, of the shortest frame that there is: an acknowledgement."""
+LEAST_SUCCESS: Final = 1e-3
+"""A power at which the shortest frame arrives less often is not heard at all (our choice)."""
+LEAST_DISTURBANCE: Final = 0.1
+"""An interferer that raises the noise by a smaller share does not count (our choice)."""
+PER_DECIBEL: Final = math.log(10.0) / 10.0
+LEVEL: Final = Quantity("dBm", ge=-200.0, le=60.0)
+SPREAD: Final = Quantity("dB", ge=0.0, le=30.0)
 
 
 @part
 class Disk:
-    """Two nodes hear each other within a fixed reach, and not beyond.
+    """Two nodes hear each other within a fixed reach, and not beyond; two frames heard at once destroy each other.
 
-    Source: Jiang, Song, Lin (2013), table 2 (R_c). `loss` is our addition: each packet of a burst is lost
-    independently.
+    Source: Jiang, Song, Lin (2013), table 2 (R_c). `loss` is our addition: each frame is lost independently, at each
+    receiver.
     """
+
+    captures: ClassVar[bool] = False
 
     reach: Annotated[float, LENGTH, "R_c: nominal range of a link"] = 75.0
     loss: Annotated[float, Quantity("", ge=0, lt=1), "probability that a packet within reach does not arrive"] = 0.0
 
-    def arrivals(self, distance: float, packets: int, key: int) -> Bools:
-        """(packets,) which packets of a burst arrive over `distance` m; `key` seeds the frame's own draws."""
-        if distance > self.reach:
-            return np.zeros(packets, dtype=np.bool_)
-        if self.perfect:
-            return all_arrived(packets)
-        return uniforms(derive_all(key, np.arange(packets)), 0) >= self.loss
+    @property
+    def audible(self) -> float:
+        """The distance in m beyond which nobody hears anything: the reach."""
+        return self.reach
 
     @property
     def perfect(self) -> bool:
         """Whether every packet within reach arrives."""
         return self.loss == 0.0
 
+    def powers(self, distances: Floats, pairs: Keys, directions: Keys) -> Floats:
+        """(n,) 0 within reach, where no power is known, and -inf beyond."""
+        return np.where(distances <= self.reach, 0.0, -np.inf)
+
+    def reception(self, powers: Floats, bits: float, interference: Floats | float) -> Floats:
+        """(n,) 1 - loss, whatever the frame's length, where it is heard and nothing disturbs it; else 0."""
+        return np.where(np.isfinite(powers) & (np.asarray(interference) <= 0.0), 1.0 - self.loss, 0.0)
+
+    def senses(self, powers: Floats) -> Bools:
+        """(n,) whether a node takes the channel for busy: wherever it hears something."""
+        return np.isfinite(powers)
+
 
 @part
-class IdealMac:
-    """No contention and no collisions: a frame is delivered within the instant, or after its airtime if `rate` is set.
+class LogNormal:
+    """Power falls with the logarithm of the distance and differs from link to link; weak frames arrive seldom.
 
-    The world of Jiang, Song, Lin (2013), where only the payload's bits cost energy.
+    P = power - loss_at_1m - 10 exponent log10(d / 1 m) + N(0, shadowing²) per link + N(0, asymmetry²) per direction;
+    distances below 1 m count as 1 m, both normals end at three standard deviations (our choices). The draws last: a
+    link is what it is for the whole run.
+
+    A frame arrives with the probability that no bit of it is wrong, by the modulation's bit error rate at its ratio of
+    signal to noise and interference. The noise is such that the receiver has its `sensitivity` by the standard's
+    definition: 1 % of frames with a PSDU of 20 bytes are lost.
+
+    `interference: overlap`: two frames that overlap are both lost where both are heard. `sinr`: what overlaps adds to
+    the noise, and the stronger frame may survive (capture).
+
+    A power is heard (else -inf) from where the shortest frame arrives once in a thousand times, or the channel is
+    sensed busy; with `sinr` also from where it raises the noise by a tenth (our choices).
+
+    Source: Zuniga, Krishnamachari (2004), "Analyzing the transitional region in low power wireless links", for path
+    loss and reception; IEEE 802.15.4-2006, 6.1.7 (sensitivity), annex E.4.1.8 (bit error rate). Defaults of the path:
+    Castalia 3's (55 dB at 1 m, 2.4, 4 dB, 1 dB).
     """
 
-    mechanism: ClassVar[str] = "ideal"
+    power: Annotated[float, LEVEL, "transmit power"] = 0.0
+    loss_at_1m: Annotated[float, Quantity("dB", ge=0.0, le=200.0), "path loss at 1 m"] = 55.0
+    exponent: Annotated[float, Quantity("", ge=1.0, le=10.0), "of the path loss: 2 in free space"] = 2.4
+    shadowing: Annotated[float, SPREAD, "standard deviation of a link's path loss"] = 4.0
+    asymmetry: Annotated[float, SPREAD, "standard deviation between its two directions"] = 1.0
+    sensitivity: Annotated[float, LEVEL, "power at which 1 % of frames of 20 bytes are lost"] = -95.0
+    carrier_sense: Annotated[float, LEVEL, "power from which the channel is taken for busy"] = -95.0
+    interference: Annotated[Literal["overlap", "sinr"], "what frames do to each other that overlap"] = "overlap"
+    modulation: Annotated[Modulation, "oqpsk: IEEE 802.15.4 at 2.4 GHz; ncfsk: non-coherent FSK"] = "oqpsk"
 
-    rate: Annotated[float | None, Quantity("bit/s", ge=1e-3), "of the air; left out: no time passes"] = None
+    perfect: ClassVar[bool] = False
+
+    @property
+    def captures(self) -> bool:
+        """Whether a frame may survive another that overlaps it."""
+        return self.interference == "sinr"
+
+    @property
+    def reach(self) -> float:
+        """The distance in m at which the mean power meets the sensitivity."""
+        return self._distance(self.sensitivity)
+
+    @property
+    def audible(self) -> float:
+        """The distance in m beyond which nobody hears anything, not over the luckiest link."""
+        return self._distance(self.floor - MOST_DEVIATIONS * (self.shadowing + self.asymmetry))
+
+    @cached_property
+    def noise(self) -> float:
+        """The receiver's noise in mW, which follows from its sensitivity."""
+        return _milliwatts(self.sensitivity) / snr_at_sensitivity(self.modulation)
+
+    @cached_property
+    def floor(self) -> float:
+        """The power in dBm below which a frame is neither received nor felt."""
+        least = self.noise * snr_for(LEAST_SUCCESS, SHORTEST_BITS, self.modulation)
+        if self.captures:
+            least = min(least, self.noise * LEAST_DISTURBANCE)
+        return min(10.0 * float(np.log10(least)), self.carrier_sense)
+
+    def powers(self, distances: Floats, pairs: Keys, directions: Keys) -> Floats:
+        """(n,) received power in dBm over links of these lengths; -inf where it is below the floor."""
+        powers = self._mean(np.maximum(distances, 1.0))
+        if self.shadowing:
+            powers += self.shadowing * truncated_normals(pairs)
+        if self.asymmetry:
+            powers += self.asymmetry * truncated_normals(directions)
+        return np.where(powers >= self.floor, powers, -np.inf)
+
+    def reception(self, powers: Floats, bits: float, interference: Floats | float) -> Floats:
+        """(n,) probability that a frame of so many bits on the air arrives; `interference` in mW."""
+        disturbed = np.asarray(interference)
+        ratio = np.exp(np.asarray(powers) * PER_DECIBEL) / (self.noise + disturbed)
+        arrives = success(bit_error(ratio, self.modulation), bits)
+        heard = ratio > 0.0 if self.captures else (ratio > 0.0) & (disturbed <= 0.0)
+        return np.where(heard, arrives, 0.0)
+
+    def senses(self, powers: Floats) -> Bools:
+        """(n,) whether a node takes the channel for busy when it hears so much."""
+        return np.asarray(powers) >= self.carrier_sense
+
+    def faults(self, parts: Common) -> Iterator[Fault]:
+        """A radio so weak that the mean link is dead at 1 m already."""
+        if self.reach < 1.0:
+            yield Fault(
+                ("link", "power"),
+                f"{self.power:g} dBm arrives with {float(self._mean(np.ones(1))[0]):g} dBm at 1 m, which is below "
+                f"link.sensitivity = {self.sensitivity:g} dBm: nobody hears anybody",
+            )
+
+    def _mean(self, distances: Floats) -> Floats:
+        return self.power - self.loss_at_1m - 10.0 * self.exponent * np.log10(distances)
+
+    def _distance(self, level: float) -> float:
+        """Where the mean power is `level` dBm, in m."""
+        return float(10.0 ** ((self.power - self.loss_at_1m - level) / (10.0 * self.exponent)))
 
 
 @part
@@ -68,3 +183,18 @@ class MinimumHop:
     """Relay along the path with the fewest hops."""
 
     weight: ClassVar[str] = "hop"
+
+
+@part
+class GreedyGeographic:
+    """Relay to the neighbour nearest to the goal; where none is nearer than the node itself, the message is lost.
+
+    Needs no map of the network. Source: Karp, Kung (2000), "GPSR: greedy perimeter stateless routing for wireless
+    networks", its greedy mode; the walk around a void, its perimeter mode, is left out.
+    """
+
+    weight: ClassVar[str] = "greedy"
+
+
+def _milliwatts(level: float) -> float:
+    return float(10.0 ** (level / 10.0))

@@ -17,7 +17,7 @@ import numpy as np
 from wsnsim.base.arrays import Bools, Floats, Ints, planar
 from wsnsim.base.errors import Fault
 from wsnsim.base.part import Quantity, part
-from wsnsim.base.ports import Parts, Problem
+from wsnsim.base.problem import Parts, Problem
 from wsnsim.kernels import ranging as kernels
 from wsnsim.models.bounds import LENGTH
 from wsnsim.models.sensing import coordinates, fisher

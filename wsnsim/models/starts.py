@@ -12,7 +12,7 @@ import numpy as np
 
 from wsnsim.base.arrays import planar
 from wsnsim.base.errors import Fault
-from wsnsim.base.ports import Parts, Problem
+from wsnsim.base.problem import Parts, Problem
 
 
 def start_faults(motion: Any, parts: Problem) -> Iterator[Fault]:

@@ -15,7 +15,7 @@ import numpy as np
 from wsnsim.base.arrays import Floats, Ints, Keys, stateful
 from wsnsim.base.errors import Fault, RunError
 from wsnsim.base.part import Quantity, part
-from wsnsim.base.ports import Problem
+from wsnsim.base.problem import Problem
 from wsnsim.kernels import ungm as kernels
 from wsnsim.models.bounds import STATE
 

@@ -19,9 +19,10 @@ from wsnsim.base.asks import Parcel, all_arrived
 from wsnsim.base.tables import EVENT_CAUSE, KIND
 from wsnsim.network.fleet import Fleet
 from wsnsim.network.journal import Journal
-from wsnsim.network.mac import IdealMac
-from wsnsim.network.medium import EVERYONE, Frame, Medium, burst
+from wsnsim.network.mac import Access
+from wsnsim.network.medium import EVERYONE, Frame, burst
 from wsnsim.network.routing import Router
+from wsnsim.network.wiring import Wiring
 
 
 @dataclass(slots=True)
@@ -46,28 +47,31 @@ class Air:
     """What nodes use to send."""
 
     def __init__(
-        self, env: simpy.Environment, fleet: Fleet, mac: IdealMac, medium: Medium, router: Router, journal: Journal
+        self, env: simpy.Environment, fleet: Fleet, wiring: Wiring, mac: Access, router: Router, journal: Journal
     ) -> None:
         self._env = env
         self._fleet = fleet
         self._mac = mac
-        self._medium = medium
+        self._wiring = wiring
         self._router = router
         self._journal = journal
 
-    def carry(self, letters: Sequence[Letter], target: int) -> simpy.Event:
-        """Put letters on the air; the event fires when the last has arrived or is lost."""
+    def carry(self, letters: Sequence[Letter], target: int, hub: int | None = None) -> simpy.Event:
+        """Put letters on the air; the event fires when the last has arrived or is lost.
+
+        `hub`: the head, if the letters go between it and its cluster, which a MAC may arrange in slots.
+        """
         direct, far = [], []
         for item in letters:
             if item.source == item.to:
                 item.arrived = True
-            elif self._fleet.distance(item.source, item.to) <= self._fleet.reach:
+            elif self._wiring.connected(item.source, item.to):
                 direct.append(item)
             else:
                 far.append(item)
         events: list[simpy.Event] = [self._env.process(self._relay(item, target)) for item in far]
         if direct or not far:
-            events.append(self._one_hop(direct, target))
+            events.append(self._one_hop(direct, target, hub))
         return events[0] if len(events) == 1 else self._env.all_of(events)
 
     def broadcast(
@@ -77,9 +81,9 @@ class Air:
         frames = [burst(source, EVERYONE, parcel, target) for source, parcel in zip(sources, parcels, strict=True)]
         return self._mac.send(frames), frames
 
-    def _one_hop(self, letters: list[Letter], target: int) -> simpy.Event:
+    def _one_hop(self, letters: list[Letter], target: int, hub: int | None) -> simpy.Event:
         frames = [burst(item.source, item.to, item.parcel, target) for item in letters]
-        event = self._mac.send(frames)
+        event = self._mac.send(frames, hub)
         assert event.callbacks is not None
         event.callbacks.append(lambda _: self._settle(letters, frames))
         return event
@@ -108,6 +112,6 @@ class Air:
     def _no_path(self, item: Letter, target: int) -> None:
         item.mask = np.zeros(item.parcel.packets, dtype=np.bool_)
         self._journal.add(
-            (self._env.now, self._medium.step, target, item.source, KIND["drop"], self._journal.code("no_path"), 0, 0,
+            (self._env.now, self._journal.step, target, item.source, KIND["drop"], self._journal.code("no_path"), 0, 0,
              item.to, item.parcel.packets, 0, 0.0, EVENT_CAUSE["none"])
         )  # fmt: skip

@@ -20,6 +20,7 @@ class Cluster:
         self._stage = stage
         self._target = target
         self._open = is_open
+        self._forgotten = 0
         self._track_key = derive(stage.tracker_key, target)
         self._keys: list[list[int]] = []
         self._keyed: tuple[tuple[int, ...], int] = ((), 0)
@@ -41,6 +42,21 @@ class Cluster:
         if self._open:
             return tuple([node for node in self.members if alive[node] and (node in sensing or node == self.head)])
         return tuple([node for node in self.members if alive[node]])
+
+    @property
+    def size(self) -> int:
+        """N_cluster: how many belong, those included that are no longer up."""
+        return len(self.members) + self._forgotten
+
+    def forget(self, node: int) -> None:
+        """A member has crashed. What it remembered is gone: should it come back, it belongs only if it joins anew."""
+        if self.members.pop(node, None) is None:
+            return
+        self._forgotten += not self._open
+        if node in self._ids:
+            kept = [i for i, member in enumerate(self._ids) if member != node]
+            self._ids = tuple([self._ids[i] for i in kept])
+            self._positions, self._traits = self._positions[kept], self._traits[kept]
 
     def active(self) -> int:
         """N_act: how many living members sense now."""

@@ -54,10 +54,13 @@ class Driver:
                 except StopIteration as end:
                     return end.value
                 if type(ask) is Local:
-                    answer = self._local(ask)
+                    answer, seconds = self._local(ask)
+                    if seconds:
+                        yield self._stage.env.timeout(seconds)
                 elif type(ask) is Compute:
-                    self._pay(self._head, ask.cycles)
-                    answer = None
+                    seconds, answer = self._pay(self._head, ask.cycles), None
+                    if seconds:
+                        yield self._stage.env.timeout(seconds)
                 elif type(ask) is Gather:
                     answer = yield from self._gather(ask)
                 elif type(ask) is Scatter:
@@ -81,7 +84,8 @@ class Driver:
             return [member for member in members.values() if member.reading is not None and alive[member.id]]
         return [members[node] for node in who if node in members and alive[node]]
 
-    def _local(self, ask: Local) -> tuple[int, ...]:
+    def _local(self, ask: Local) -> tuple[tuple[int, ...], float]:
+        """Who computed, and how long the slowest of them took."""
         addressed = self._addressed(ask.who)
         if ask.work_all is not None and addressed:
             ask.work_all(addressed)
@@ -90,19 +94,22 @@ class Driver:
                 ask.work(member)
         self.readings = len([member for member in addressed if member.reading is not None])
         cycles = ask.cycles
-        for member in addressed:
-            self._pay(member.id, cycles(member) if callable(cycles) else cycles)
+        seconds = [self._pay(member.id, cycles(member) if callable(cycles) else cycles) for member in addressed]
         alive = self._stage.fleet.alive
-        return tuple(member.id for member in addressed if alive[member.id])
+        return tuple([member.id for member in addressed if alive[member.id]]), max(seconds, default=0.0)
 
-    def _pay(self, node: int, cycles: float) -> None:
-        """Book a computation. Nothing is logged of what costs nothing."""
-        stage = self._stage
-        stage.cycles += cycles
-        joules = stage.parts.energy.compute(cycles)
+    def _pay(self, node: int, operations: float) -> float:
+        """Book a computation; the simulated seconds that it takes. Nothing is logged of what costs nothing."""
+        stage, parts = self._stage, self._stage.parts
+        stage.cycles += operations
+        cycles = operations * parts.cpu.cycles_per_flop
+        joules = parts.energy.compute(cycles)
+        if stage.fleet.drain is not None:
+            stage.fleet.drain.compute(node, cycles)
         if joules > 0:
             spent = stage.fleet.spend(node, CPU_LEDGER, joules)
             stage.journal.add((stage.env.now, stage.step, self._target, node, COMPUTE, 0, 0, 0, -1, 0, 0, spent, CPU))
+        return parts.cpu.seconds(cycles)
 
     def _gather(self, ask: Gather) -> Generator[simpy.Event, Any, dict[int, tuple[Any, Bools]]]:
         letters = []
@@ -113,7 +120,7 @@ class Driver:
                 letters.append(letter(member.id, self._head, parcel))
                 if parcel.payload is member.reading:
                     readings.add(member.id)
-        yield from self._carry(letters)
+        yield from self._carry(letters, self._head)
         answer = {item.source: (item.parcel.payload, item.mask) for item in letters if item.arrived}
         if readings:
             self.readings = len(readings.intersection(answer))
@@ -124,8 +131,9 @@ class Driver:
         packets = sum(item.parcel.packets for item in letters if item.to != self._head)
         what = letters[0].parcel.what if letters else ""
         self._stage.log("allocate", self._target, self._head, what, packets=packets)
-        yield from self._carry(letters)
-        return {item.to: self._deliver(item.to, item.parcel, item.mask) for item in letters if item.arrived}
+        yield from self._carry(letters, self._head)
+        arrived = [item for item in letters if item.arrived and item.to in self._members]
+        return {item.to: self._deliver(item.to, item.parcel, item.mask) for item in arrived}
 
     def _broadcast(self, ask: Broadcast) -> Generator[simpy.Event, Any, dict[int, Bools]]:
         event, (frame,) = self._stage.air.broadcast([self._head], [ask.parcel], self._target)
@@ -140,9 +148,9 @@ class Driver:
         self.hops = item.hops
         return item.mask
 
-    def _carry(self, letters: list[Letter]) -> Generator[simpy.Event, Any, None]:
+    def _carry(self, letters: list[Letter], hub: int | None = None) -> Generator[simpy.Event, Any, None]:
         if any(item.source != item.to for item in letters):
-            yield self._stage.air.carry(letters, self._target)
+            yield self._stage.air.carry(letters, self._target, hub)
             self.bits += sum(item.bits for item in letters)
         else:
             for item in letters:

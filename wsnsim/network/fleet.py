@@ -1,8 +1,8 @@
-"""All nodes as arrays: where they stand, who lives, and the ledger of every joule by node and cause.
+"""All nodes as arrays: where they stand, who lives and listens, and the ledger of every joule by node and cause.
 
 What was *spent* is stored, what is left is derived, so the ledger closes: for each node the sum over causes is what
-it spent. Books are opened at a node's first joule; a node that never does anything costs nothing. Reading energy
-changes nothing.
+it spent. Arrays of zeros cost no memory before they are written to: a node that never does anything costs nothing.
+Reading energy changes nothing. What time costs (idle listening, sleep) is settled when a node next spends: see `drain`.
 """
 
 from __future__ import annotations
@@ -11,43 +11,52 @@ from collections.abc import Callable
 from typing import Final
 
 import numpy as np
+import simpy
 from scipy.spatial import KDTree
 
-from wsnsim.base.arrays import Bools, Floats
+from wsnsim.base.arrays import Bools, Floats, Ints, scalars
+from wsnsim.base.ports import Draws, Mode
+from wsnsim.base.problem import Radio
 from wsnsim.base.tables import CAUSE, CAUSES
+from wsnsim.network.drain import Drain
 
 ELECTRONICS, AMPLIFIER = CAUSE["tx_electronics"], CAUSE["tx_amplifier"]
-RECEIVE, IDLE = CAUSE["rx"], CAUSE["idle"]
+RECEIVE, IDLE, SWITCH = CAUSE["rx"], CAUSE["idle"], CAUSE["switch"]
 SPENT: Final = len(CAUSES)
+FEW: Final = 28
+"""Nodes below which a plain loop is faster than an array."""
 
 
 class Fleet:
-    """The nodes. `on_death(node)` is called at the instant a charge reaches zero."""
+    """The nodes. `on_death(node)` is called at the instant a charge reaches zero.
+
+    `living` (N,): neither dead nor down; `alive[i]` is the same, one at a time. `listening` (N,): alive, and the radio
+    is on. `jammed` (N,): the radio neither hears nor is heard. `loss` (N,): a fault's share of packets lost at a node.
+    """
 
     def __init__(self, positions: Floats, traits: Floats, battery: float, reach: float) -> None:
         self.positions = positions
         self.traits = traits
-        self.size = len(positions)
-        self.x: list[float] = positions[:, 0].tolist()
-        self.y: list[float] = positions[:, 1].tolist()
+        self.size = size = len(positions)
+        self.x, self.y = (scalars(np.ascontiguousarray(positions[:, i], dtype=np.float64)) for i in range(2))
         self.battery = battery
-        self.alive: list[bool] = [True] * self.size
-        self.died_at: dict[int, float] = {}
-        self.books: dict[int, list[float]] = {}
-        self.totals: list[float] = [0.0] * len(CAUSES)
-        self.tree = KDTree(positions)
         self.reach = reach
+        self.tree = KDTree(positions)
+        self.living = np.ones(size, dtype=np.bool_)
+        self.listening = np.ones(size, dtype=np.bool_)
+        self.jammed = np.zeros(size, dtype=np.bool_)
+        self.loss = np.zeros(size)
+        self.alive = scalars(self.living)
+        self.died_at: dict[int, float] = {}
+        self.ledger = np.zeros((len(CAUSES), size))
+        self.spent = np.zeros(size)
+        self.totals: list[float] = [0.0] * len(CAUSES)
+        self.drain: Drain | None = None
+        self.disturbed = False
+        self.all_listen = True
         self.on_death: Callable[[int], None] = lambda node: None
-        self._neighbours: dict[int, list[int]] = {}
-
-    def neighbours(self, node: int) -> list[int]:
-        """Ids within the link's reach of a node, ascending, itself left out, the dead included."""
-        found = self._neighbours.get(node)
-        if found is None:
-            found = sorted(self.tree.query_ball_point(self.positions[node], self.reach))
-            found.remove(node)
-            self._neighbours[node] = found
-        return found
+        self._ledger = [scalars(row) for row in self.ledger]
+        self._spent = scalars(self.spent)
 
     def distance(self, a: int, b: int) -> float:
         """Metres between two nodes."""
@@ -56,78 +65,197 @@ class Fleet:
 
     def spend(self, node: int, cause: int, joules: float) -> float:
         """Book joules on a living node; give what was spent: less if the charge did not suffice, and it died."""
-        book = self.books.get(node)
-        if book is None:
-            book = self.books[node] = [0.0] * (SPENT + 1)
-        left = self.battery - book[SPENT]
+        if self.drain is not None:
+            self.drain.settle(node)
+            if not self.alive[node]:
+                return 0.0
+        spent = self._spent[node]
+        left = self.battery - spent
         if joules >= left:
-            self._exhaust(node, book, ((cause, left),))
+            self._exhaust(node, ((cause, left),))
             return left
-        book[cause] += joules
-        book[SPENT] += joules
+        self._ledger[cause][node] += joules
+        self._spent[node] = spent + joules
         self.totals[cause] += joules
+        if self.drain is not None:
+            self.drain.watch(node)
         return joules
 
-    def spend_transmit(self, node: int, electronics: float, amplifier: float, bits: int) -> int:
-        """Book a transmission on its two causes; give the whole bits that were paid: fewer if the node died of it."""
-        book = self.books.get(node)
-        if book is None:
-            book = self.books[node] = [0.0] * (SPENT + 1)
+    def spend_transmit(self, node: int, electronics: float, amplifier: float, bits: int, seconds: float = 0.0) -> int:
+        """Book a transmission on its two causes; give the whole bits that were paid: fewer if the node died of it.
+
+        `seconds`: for how long the radio sent, and so did not idle.
+        """
+        if self.drain is not None:
+            self.drain.occupy(node, seconds)
+            if not self.alive[node]:
+                return 0
+        spent = self._spent[node]
         joules = electronics + amplifier
-        left = self.battery - book[SPENT]
+        left = self.battery - spent
         if joules >= left:
             paid = int(bits * left / joules)
             share = paid / bits
-            self._exhaust(node, book, ((ELECTRONICS, electronics * share), (AMPLIFIER, amplifier * share)))
+            self._exhaust(node, ((ELECTRONICS, electronics * share), (AMPLIFIER, amplifier * share)))
             return paid
-        book[ELECTRONICS] += electronics
-        book[AMPLIFIER] += amplifier
-        book[SPENT] += joules
+        ledger = self._ledger
+        ledger[ELECTRONICS][node] += electronics
+        ledger[AMPLIFIER][node] += amplifier
+        self._spent[node] = spent + joules
         self.totals[ELECTRONICS] += electronics
         self.totals[AMPLIFIER] += amplifier
+        if self.drain is not None:
+            self.drain.watch(node)
         return bits
 
-    def spend_receive(self, node: int, joules: float, bits: int) -> int:
+    def spend_receive(self, node: int, joules: float, bits: int, cause: int = RECEIVE, seconds: float = 0.0) -> int:
         """Book a reception; give the whole bits that were paid: fewer if the node died of it."""
-        book = self.books.get(node)
-        if book is None:
-            book = self.books[node] = [0.0] * (SPENT + 1)
-        left = self.battery - book[SPENT]
+        if self.drain is not None:
+            self.drain.occupy(node, seconds)
+            if not self.alive[node]:
+                return 0
+        spent = self._spent[node]
+        left = self.battery - spent
         if joules >= left:
             paid = int(bits * left / joules)
-            self._exhaust(node, book, ((RECEIVE, joules * paid / bits),))
+            self._exhaust(node, ((cause, joules * paid / bits),))
             return paid
-        book[RECEIVE] += joules
-        book[SPENT] += joules
-        self.totals[RECEIVE] += joules
+        self._ledger[cause][node] += joules
+        self._spent[node] = spent + joules
+        self.totals[cause] += joules
+        if self.drain is not None:
+            self.drain.watch(node)
         return bits
 
-    def _exhaust(self, node: int, book: list[float], charges: tuple[tuple[int, float], ...]) -> None:
+    def can_all_receive(self, nodes: Ints, listed: list[int], joules: float) -> bool:
+        """Whether none of the nodes could die of a reception that costs so much: `receive_all` may book it."""
+        most = self.battery - joules - (self.drain.most if self.drain is not None else 0.0)
+        if len(listed) < FEW:
+            spent = self._spent
+            return not [node for node in listed if spent[node] >= most]
+        return bool((self.spent[nodes] < most).all())
+
+    def receive_all(self, nodes: Ints, listed: list[int], joules: float, cause: int, seconds: float) -> None:
+        """Book the same reception on different nodes (given twice: as array and list) that it cannot kill."""
+        if len(listed) < FEW:
+            spent, book = self._spent, self._ledger[cause]
+            for node in listed:
+                spent[node] += joules
+                book[node] += joules
+        else:
+            self.spent[nodes] += joules
+            self.ledger[cause][nodes] += joules
+        self.totals[cause] += joules * len(listed)
+        if self.drain is not None:
+            self.drain.occupy_all(nodes, seconds)
+
+    def doze(self, nodes: Ints, seconds: float) -> None:
+        """Nodes turn the radio off for so long, and sleep instead of listening."""
+        if self.drain is not None:
+            self.drain.doze(nodes[self.living[nodes]], seconds)
+
+    def book_drawn(self, node: int, charges: tuple[tuple[int, float], ...]) -> None:
+        """Book what time has cost a node since it was last settled, the drain's work alone."""
+        joules = sum(amount for _, amount in charges)
+        left = self.battery - self._spent[node]
+        if joules >= left:
+            share = left / joules if joules else 0.0
+            self._exhaust(node, tuple((cause, amount * share) for cause, amount in charges))
+            return
+        for cause, amount in charges:
+            self._ledger[cause][node] += amount
+            self.totals[cause] += amount
+        self._spent[node] += joules
+
+    def exhaust(self, node: int) -> None:
+        """A node's charge is gone: what rounding left of it is lost."""
+        self._exhaust(node, ())
+
+    def _exhaust(self, node: int, charges: tuple[tuple[int, float], ...]) -> None:
         """A node's last charges. What remains, less than a bit's worth, is lost: booked as idle."""
-        rest = self.battery - book[SPENT] - sum(joules for _, joules in charges)
+        rest = self.battery - self._spent[node] - sum(joules for _, joules in charges)
         for cause, joules in (*charges, (IDLE, max(rest, 0.0))):
-            book[cause] += joules
+            self._ledger[cause][node] += joules
             self.totals[cause] += joules
-        book[SPENT] = self.battery
-        self.alive[node] = False
+        self._spent[node] = self.battery
+        if self.drain is not None:
+            self.drain.lose(max(rest, 0.0))
+        self._fall_silent(node)
         self.on_death(node)
 
+    def _fall_silent(self, node: int) -> None:
+        self.living[node] = self.listening[node] = False
+        self.all_listen = False
+        if self.drain is not None:
+            self.drain.change(node, Mode.DOWN)
+
+    def set_mode(self, node: int, mode: Mode) -> None:
+        """A node wakes, or goes to sleep; it pays for the change and may die of it."""
+        if self.drain is None or not self.alive[node]:
+            return
+        joules = self.drain.switching(node, mode)
+        self.drain.settle(node)
+        if not self.alive[node]:
+            return
+        self.drain.change(node, mode)
+        if joules:
+            self.spend(node, SWITCH, joules)
+        else:
+            self.drain.watch(node)
+
+    def crash(self, node: int) -> None:
+        """A living node goes down, its charge kept."""
+        if self.drain is not None:
+            self.drain.settle(node)
+        if self.alive[node]:
+            self._fall_silent(node)
+
+    def restart(self, node: int) -> None:
+        """A node that is down, and not dead, comes back dormant."""
+        if node in self.died_at or self.alive[node]:
+            return
+        self.living[node] = self.listening[node] = True
+        if self.drain is not None:
+            self.drain.settle(node)
+            self.drain.change(node, Mode.DORMANT)
+            self.drain.watch(node)
+
     def left(self, node: int) -> float:
-        """Joules left in a node."""
-        book = self.books.get(node)
-        return self.battery - book[SPENT] if book else self.battery
+        """Joules left in a node now."""
+        pending = self.drain.pending(node) if self.drain is not None else 0.0
+        return max(self.battery - self._spent[node] - pending, 0.0)
 
     def able(self, threshold: float) -> Bools:
         """(N,) which nodes live and hold more than `threshold` joules."""
-        result = np.full(self.size, self.battery > threshold)
-        for node, book in self.books.items():
-            if self.battery - book[SPENT] <= threshold:
-                result[node] = False
-        return result
+        return self.living & (self.all_left() > threshold)
 
     def all_left(self) -> Floats:
-        """(N,) joules left."""
-        result = np.full(self.size, self.battery)
-        for node, book in self.books.items():
-            result[node] = self.battery - book[SPENT]
-        return result
+        """(N,) joules left now."""
+        if self.drain is None:
+            return self.battery - self.spent
+        return np.maximum(self.battery - self.spent - self.drain.all_pending(), 0.0)
+
+    def totals_now(self) -> list[float]:
+        """What the network has spent on each cause until now, what is not yet settled included."""
+        return self.totals if self.drain is None else self.drain.totals(self.totals)
+
+    def close(self) -> None:
+        """Settle every node: the end of a run."""
+        if self.drain is not None:
+            self.drain.settle_all()
+
+    @property
+    def books(self) -> dict[int, list[float]]:
+        """{node: joules by cause, then what it spent} of every node that spent something."""
+        touched = np.flatnonzero(self.spent)
+        columns = np.concatenate([self.ledger[:, touched], self.spent[None, touched]]).T
+        return dict(zip(touched.tolist(), columns.tolist(), strict=True))
+
+
+def make_fleet(env: simpy.Environment, parts: Radio, positions: Floats, traits: Floats) -> Fleet:
+    """The nodes of a scenario, and what time costs them, if it costs anything."""
+    energy = parts.energy
+    fleet = Fleet(positions, traits, energy.battery, parts.link.reach)
+    if isinstance(energy, Draws) and any(energy.draw(mode)[0] or energy.draw(mode)[2] for mode in Mode):
+        fleet.drain = Drain(env, fleet, energy, parts.steps * parts.dt)
+    return fleet

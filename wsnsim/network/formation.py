@@ -34,7 +34,7 @@ def recruit(stage: Stage, track: Track, head: int) -> Generator[simpy.Event, Any
         yield stage.air.carry(letters, target)
     if not stage.fleet.alive[head]:
         raise HeadDied
-    joined = [item.source for item in letters if item.arrived]
+    joined = [item.source for item in letters if item.arrived and stage.fleet.alive[item.source]]
     for node in joined:
         stage.log("join", target, node, peer=head)
     return joined

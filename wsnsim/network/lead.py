@@ -72,7 +72,7 @@ def _lead(stage: Stage, crew: Crew, track: Track, head: int, mission: Mission) -
             _snapshot(stage, track, cluster, belief, last)
         if waits_for is not None and waits_for != set(stage.sensing[track.target]):
             waits_for = None
-        if waits_for is None and stage.parts.clusters.must_hand_over(cluster.active(), len(cluster.members)):
+        if waits_for is None and stage.parts.clusters.must_hand_over(cluster.active(), cluster.size):
             yield from _hand_over(stage, crew, track, cluster, belief, scene)
             return
         yield track.tick
@@ -94,7 +94,9 @@ def _form(
         if winner is not None and winner != head:
             yield from _pass_on(stage, crew, track, cluster, winner, mission)
             return None
-    record = ClusterRecord(len(track.clusters), head, mission.previous_head, stage.env.now, len(cluster.members))
+    for node in [node for node in cluster.members if not stage.fleet.alive[node]]:
+        cluster.forget(node)
+    record = ClusterRecord(len(track.clusters), head, mission.previous_head, stage.env.now, cluster.size)
     record.hops, record.handover_bits = mission.hops, mission.bits
     track.clusters.append(record)
     track.cluster = cluster
@@ -207,6 +209,7 @@ def _issue(stage: Stage, track: Track, step: int, scene: Scene, driver: Driver, 
     track.estimates[step] = Issued(
         step, stage.env.now, estimate, scene.head, scene.active, len(scene.roster), driver.readings
     )
+    stage.reports.send(scene.head, step, track.target)
 
 
 def _snapshot(stage: Stage, track: Track, cluster: Cluster, belief: Any, step: int) -> None:

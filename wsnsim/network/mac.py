@@ -1,18 +1,52 @@
-"""When a frame gets the channel. A MAC is given frames and gives an event that fires when the last of them has ended.
+"""When a frame gets the channel. A MAC is given bursts and gives an event that fires when the last of them has ended.
 
-make_mac(env, medium, part).send(frames) -> simpy.Event
+make_mac(...).send(frames) -> simpy.Event           bursts between nodes
+.offer(node, payload_bits, done)                    one broadcast, without an event of its own
+.silence(node)                                      the node is dead or down
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import Any, Protocol
 
+import numpy as np
 import simpy
 
+from wsnsim.base.asks import Parcel
 from wsnsim.base.errors import RunError
-from wsnsim.base.ports import Mac
-from wsnsim.network.medium import Frame, Medium
+from wsnsim.base.problem import Radio
+from wsnsim.base.rng import Streams
+from wsnsim.network.channel import Channel, Heard
+from wsnsim.network.clocks import Clocks
+from wsnsim.network.counts import Counts
+from wsnsim.network.csma import Csma, nothing_arrives
+from wsnsim.network.fleet import Fleet
+from wsnsim.network.framing import Bursts
+from wsnsim.network.journal import Journal
+from wsnsim.network.medium import EVERYONE, Frame, Medium, burst
+from wsnsim.network.tdma import Tdma
+from wsnsim.network.wiring import Wiring
+
+
+class Access(Protocol):
+    """What the network needs of a MAC."""
+
+    counts: Counts
+
+    def send(self, frames: Sequence[Frame], hub: int | None = None) -> simpy.Event:
+        """Bursts under way; the event fires when the last has ended. `hub`: the head in whose cluster they are."""
+        ...
+
+    def offer(self, node: int, payload_bits: int, done: Callable[[Heard | None], None], code: int = 0) -> None:
+        """Broadcast one payload; `done` is told who heard it, or None if it never got the channel."""
+        ...
+
+    def silence(self, node: int) -> None: ...
+
+    def count_links(self) -> None: ...
+
+    def link_rows(self) -> dict[str, Any]: ...
 
 
 class IdealMac:
@@ -25,8 +59,10 @@ class IdealMac:
         self._env = env
         self._medium = medium
         self._rate = rate
+        self._silenced: dict[int, int] = {}
+        self.counts = medium.counts
 
-    def send(self, frames: Sequence[Frame]) -> simpy.Event:
+    def send(self, frames: Sequence[Frame], hub: int | None = None) -> simpy.Event:
         """One event for the whole batch, or one a frame where airtime counts."""
         if self._rate is not None:
             return self._env.process(self._one_by_one(frames, self._rate))
@@ -35,18 +71,53 @@ class IdealMac:
         event.callbacks.append(lambda _: self._at_once(frames))
         return event.succeed()
 
+    def offer(self, node: int, payload_bits: int, done: Callable[[Heard | None], None], code: int = 0) -> None:
+        """Broadcast one payload, now or after its airtime."""
+        frame = burst(node, EVERYONE, Parcel(None, 1, payload_bits, "beacon"), -1)
+        event = self.send([frame])
+        assert event.callbacks is not None
+        event.callbacks.append(lambda _: done(np.array(sorted(frame.heard), dtype=np.int64)))
+
+    def silence(self, node: int) -> None:
+        """What a node was sending breaks off, and what it was given to send is not carried."""
+        self._silenced[node] = self._silenced.get(node, 0) + 1
+
+    def count_links(self) -> None:
+        """Nothing to count where nothing is lost by chance."""
+
+    def link_rows(self) -> dict[str, Any]:
+        """No rows."""
+        return {}
+
     def _at_once(self, frames: Sequence[Frame]) -> None:
         for frame in frames:
             self._medium.carry(frame)
 
     def _one_by_one(self, frames: Sequence[Frame], rate: float) -> Any:
-        for frame in frames:
+        before = [self._silenced.get(frame.source) for frame in frames]
+        for frame, silenced in zip(frames, before, strict=True):
             yield self._env.timeout(frame.bits / rate)
-            self._medium.carry(frame)
+            if self._silenced.get(frame.source) == silenced:
+                self._medium.carry(frame)
+            else:
+                nothing_arrives(frame)
 
 
-def make_mac(env: simpy.Environment, medium: Medium, part: Mac) -> IdealMac:
+def make_mac(
+    env: simpy.Environment, fleet: Fleet, journal: Journal, wiring: Wiring, parts: Radio, streams: Streams,
+    clocks: Clocks,
+) -> Access:  # fmt: skip
     """The mechanism behind a scenario's `mac`."""
-    if part.mechanism != "ideal":
-        raise RunError(f"mac: no mechanism '{part.mechanism}' in this network; known: ideal")
-    return IdealMac(env, medium, getattr(part, "rate", None))
+    part: Any = parts.mac
+    counts, key = Counts(), streams.key("link")
+    if part.mechanism == "ideal":
+        rate = getattr(part, "rate", None)
+        return IdealMac(env, Medium(env, fleet, journal, parts.energy, wiring, counts, key, rate), rate)
+    if part.mechanism not in ("csma", "tdma"):
+        raise RunError(f"mac: no mechanism '{part.mechanism}' in this network; known: ideal, csma, tdma")
+    channel = Channel(env, fleet, journal, parts.energy, parts.link, wiring, part, counts, key, part.cca)
+    bursts = Bursts(part, parts.packing, journal)
+    contending = Csma(env, fleet, channel, bursts, journal, part, streams.key("mac"), clocks)
+    if part.mechanism == "csma":
+        return contending
+    return Tdma(env, fleet, channel, contending, bursts, journal, part, clocks)

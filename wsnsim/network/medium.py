@@ -12,11 +12,13 @@ import simpy
 
 from wsnsim.base.arrays import Bools
 from wsnsim.base.asks import Parcel, all_arrived
-from wsnsim.base.ports import EnergyModel, LinkModel
-from wsnsim.base.rng import derive
+from wsnsim.base.ports import EnergyModel
+from wsnsim.base.rng import derive, derive_all, uniforms
 from wsnsim.base.tables import EVENT_CAUSE, KIND
+from wsnsim.network.counts import Counts
 from wsnsim.network.fleet import Fleet
 from wsnsim.network.journal import Journal
+from wsnsim.network.wiring import Wiring
 
 SEND, RELAY, RECEIVE, DROP = KIND["send"], KIND["relay"], KIND["receive"], KIND["drop"]
 NONE, TX, RX = EVENT_CAUSE["none"], EVENT_CAUSE["tx"], EVENT_CAUSE["rx"]
@@ -54,32 +56,39 @@ def burst(source: int, to: int, parcel: Parcel, target: int) -> Frame:
 
 
 class Medium:
-    """The air between the nodes."""
+    """The air of the papers' world, in which nothing disturbs anything else. With a `rate`, airtime is paid as such."""
 
     def __init__(
-        self, env: simpy.Environment, fleet: Fleet, journal: Journal, energy: EnergyModel, link: LinkModel, key: int
+        self,
+        env: simpy.Environment,
+        fleet: Fleet,
+        journal: Journal,
+        energy: EnergyModel,
+        wiring: Wiring,
+        counts: Counts,
+        key: int,
+        rate: float | None = None,
     ) -> None:
         self._env = env
         self._fleet = fleet
         self._journal = journal
         self._energy = energy
-        self._link = link
+        self._wiring = wiring
         self._key = key
-        self._counts: dict[tuple[int, int], int] = {}
-        self.step = 0
-        self.frames_sent = 0
-        self.frames_lost = 0
-        self.packets_sent = 0
+        self._second = 0.0 if rate is None else 1.0 / rate
+        self._draws: dict[tuple[int, int], tuple[int, int]] = {}
+        self.counts = counts
 
     def carry(self, frame: Frame) -> None:
         """Perform a burst: charge, log, and leave in the frame what arrived. The dead send nothing."""
         if not self._fleet.alive[frame.source]:
             frame.mask, frame.packets = np.zeros(frame.mask.size, dtype=np.bool_), 0
             return
-        self.frames_sent += 1
-        frame.sequence = frame.sequence or self.frames_sent
-        number, packets = self.frames_sent, frame.packets
-        self.packets_sent += packets
+        counts = self.counts
+        counts.frames_sent += 1
+        frame.sequence = frame.sequence or counts.frames_sent
+        number, packets = counts.frames_sent, frame.packets
+        counts.packets_sent += packets
         code = self._journal.code(frame.parcel.what)
         if frame.to == EVERYONE:
             self._broadcast(frame, number, packets, code)
@@ -95,24 +104,30 @@ class Medium:
             mask, got = frame.mask, 0
             self._drop(frame, number, packets, code, to)
         else:
-            mask, got = self._receive(frame, number, packets, code, to, distance)
+            mask, got = self._receive(frame, number, packets, code, to)
+        self.counts.in_range += 1
+        self.counts.delivered += got == packets
         frame.mask, frame.packets = mask if got else np.zeros(mask.size, dtype=np.bool_), got
-        self.frames_lost += got < packets
+        self.counts.frames_lost += got < packets
 
     def _broadcast(self, frame: Frame, number: int, packets: int, code: int) -> None:
         fleet = self._fleet
-        if not self._transmit(frame, number, packets, code, self._link.reach):
-            self.frames_lost += 1
+        if not self._transmit(frame, number, packets, code, self._fleet.reach):
+            self.counts.frames_lost += 1
             return
-        least = packets
-        for node in fleet.neighbours(frame.source):
-            if fleet.alive[node]:
-                distance = fleet.distance(frame.source, node)
-                mask, got = self._receive(frame, number, packets, code, node, distance)
+        least, counts = packets, self.counts
+        for node in self._wiring.neighbours(frame.source):
+            if not fleet.alive[node]:
+                continue
+            expected = self._wiring.expects(frame.source, node)
+            mask, got = self._receive(frame, number, packets, code, node, expected)
+            if got:
+                frame.heard[node] = mask
+            if expected:
                 least = min(least, got)
-                if got:
-                    frame.heard[node] = mask
-        self.frames_lost += least < packets
+                counts.in_range += 1
+                counts.delivered += got == packets
+        self.counts.frames_lost += least < packets
 
     def _transmit(self, frame: Frame, number: int, packets: int, code: int, distance: float) -> bool:
         """Charge and log the sending; whether the burst left whole."""
@@ -120,7 +135,7 @@ class Medium:
         bits = packets * frame.parcel.packet_bits
         electronics, amplifier = self._energy.transmit(bits, distance)
         joules = electronics + amplifier
-        frame.sent = fleet.spend_transmit(source, electronics, amplifier, bits)
+        frame.sent = fleet.spend_transmit(source, electronics, amplifier, bits, bits * self._second)
         if frame.sent < bits:
             joules *= frame.sent / bits
         kind = RELAY if frame.relayed else SEND
@@ -128,30 +143,45 @@ class Medium:
         return fleet.alive[source]
 
     def _receive(
-        self, frame: Frame, number: int, packets: int, code: int, node: int, distance: float
+        self, frame: Frame, number: int, packets: int, code: int, node: int, expected: bool = True
     ) -> tuple[Bools, int]:
         """Charge and log one listener: the mask of what it got, and how much. It pays for what reaches it."""
-        mask, got = self._arrivals(frame, node, distance)
+        mask, got = self._arrivals(frame, node)
         if got == 0:
-            self._drop(frame, number, packets, code, node)
+            if expected:
+                self._drop(frame, number, packets, code, node)
             return mask, 0
         fleet, bits = self._fleet, got * frame.parcel.packet_bits
         joules = self._energy.receive(bits)
-        paid = fleet.spend_receive(node, joules, bits)
+        paid = fleet.spend_receive(node, joules, bits, seconds=bits * self._second)
         if fleet.alive[node]:
             self._log(frame, node, RECEIVE, code, number, frame.source, got, bits, joules, RX)
             return mask, got
         self._log(frame, node, DROP, code, number, frame.source, packets, paid, joules * paid / bits, RX)
         return mask, 0
 
-    def _arrivals(self, frame: Frame, node: int, distance: float) -> tuple[Bools, int]:
-        if self._link.perfect:
+    def _arrivals(self, frame: Frame, node: int) -> tuple[Bools, int]:
+        fleet = self._fleet
+        if self._wiring.sharp and not fleet.disturbed:
             return frame.mask, frame.packets
-        link = (frame.source, node)
-        count = self._counts[link] = self._counts.get(link, 0) + 1
-        key = derive(self._key, frame.source, node, self.step, count)
-        mask = np.logical_and(frame.mask, self._link.arrivals(distance, frame.mask.size, key))
+        chance = self._wiring.success(frame.source, node)
+        if fleet.disturbed:
+            if fleet.jammed[frame.source] or fleet.jammed[node]:
+                return np.zeros(frame.mask.size, dtype=np.bool_), 0
+            chance *= (1.0 - fleet.loss[frame.source]) * (1.0 - fleet.loss[node])
+        if chance >= 1.0:
+            return frame.mask, frame.packets
+        drawn = uniforms(derive_all(self._link_key(frame.source, node), np.arange(frame.mask.size)), 0)
+        mask = np.logical_and(frame.mask, drawn >= 1.0 - chance)
         return mask, int(mask.sum())
+
+    def _link_key(self, source: int, node: int) -> int:
+        """A link's draws of a frame: they depend on the link, the step, and how often it was used in it."""
+        link, step = (source, node), self._journal.step
+        known, count = self._draws.get(link, (-1, 0))
+        count = count + 1 if known == step else 1
+        self._draws[link] = step, count
+        return derive(self._key, source, node, step, count)
 
     def _drop(self, frame: Frame, number: int, packets: int, code: int, node: int) -> None:
         self._log(frame, node, DROP, code, number, frame.source, packets, 0, 0.0, NONE)
@@ -163,7 +193,7 @@ class Medium:
         self._journal.add(
             (
                 self._env.now,
-                self.step,
+                self._journal.step,
                 frame.target,
                 node,
                 kind,
@@ -177,8 +207,3 @@ class Medium:
                 cause,
             )
         )
-
-    def begin_step(self, step: int) -> None:
-        """Number the step for the log, and count each link's draws anew: they depend on link and step alone."""
-        self.step = step
-        self._counts.clear()

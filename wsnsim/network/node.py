@@ -13,6 +13,7 @@ from typing import Any
 import simpy
 
 from wsnsim.base.asks import PACKET_BITS, Parcel
+from wsnsim.base.ports import Mode
 from wsnsim.network.lead import lead
 from wsnsim.network.mission import Crew, Mission
 from wsnsim.network.stage import Stage
@@ -63,12 +64,14 @@ class Node:
         self._begin(self._stand(track, election))
 
     def die(self) -> None:
-        """The charge is gone: every process of the node ends; the one that runs now sees it for itself."""
+        """The node is dead or down: every process of it ends; the one that runs now sees it for itself."""
         for process in (self._process, *self._duties):
             if process.is_alive and process is not self._stage.env.active_process:
                 process.interrupt("death")
 
     def _tell(self, target: int, by_frame: bool, order: Order) -> None:
+        if not self._stage.fleet.alive[self.index]:
+            return
         self._orders.append((target, by_frame, order))
         if not self._call.triggered:
             self._call.succeed()
@@ -86,6 +89,8 @@ class Node:
                 for _, _, order in orders:
                     order()
                 self._wake_or_sleep(*orders[0][:2])
+                if not self._stage.fleet.alive[self.index]:
+                    return
         except simpy.Interrupt:
             self._awake = False
 
@@ -96,6 +101,7 @@ class Node:
             self._stage.log("wake" if busy else "sleep", target, self.index, "frame" if by_frame else "target")
             if busy:
                 self._crew.woke(self.index, target, by_frame)
+            self._stage.fleet.set_mode(self.index, Mode.AWAKE if busy else Mode.DORMANT)
 
     def _stand(self, track: Track, election: Election) -> Life:
         """Broadcast the strength of the own reading; the winner of an election that fills a vacancy takes the lead."""

@@ -7,12 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import fields
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
-from wsnsim.base.ports import Parts, Recorder
-from wsnsim.base.tables import CAUSES
+from wsnsim.base.ports import Recorder
+from wsnsim.base.problem import Parts
+from wsnsim.network.counts import Counts
 from wsnsim.network.fleet import Fleet
 from wsnsim.network.track import ClusterRecord, Track
 from wsnsim.network.world import Outcome
@@ -20,37 +21,66 @@ from wsnsim.network.world import Outcome
 NAN = float("nan")
 
 
+class Left(Protocol):
+    """What every run leaves behind, with targets or without."""
+
+    @property
+    def fleet(self) -> Fleet: ...
+
+    @property
+    def counts(self) -> Counts: ...
+
+    @property
+    def cycles(self) -> float: ...
+
+    @property
+    def fingerprint(self) -> int: ...
+
+
+
 def write_rows(outcome: Outcome, replicate: int, parts: Parts, recorder: Recorder) -> None:
     """Write the tables of nodes, energy and clusters of a run that ended."""
-    _write(recorder, "nodes", replicate, _nodes(outcome.fleet, parts.sensor.trait_names))
-    _write(recorder, "energy", replicate, _energy(outcome.fleet))
+    write_network(outcome.fleet, replicate, parts.sensor.trait_names, recorder)
     for track in outcome.tracks:
         _write(recorder, "clusters", replicate, {"target": track.target, **_clusters(track.clusters)})
+
+
+def write_network(fleet: Fleet, replicate: int, trait_names: tuple[str, ...], recorder: Recorder) -> None:
+    """Write the tables of nodes and energy."""
+    _write(recorder, "nodes", replicate, _nodes(fleet, trait_names))
+    _write(recorder, "energy", replicate, _energy(fleet))
 
 
 def woken_rows(outcome: Outcome, track: Track) -> dict[str, Any]:
     """The columns of the table `estimates` that only a network has."""
     woken = outcome.woken[track.target, 1 : outcome.steps + 1]
-    return {"woken": woken[:, 0], "ineffective": woken[:, 1]}
+    received = [outcome.received.get((track.target, step), NAN) for step in range(1, outcome.steps + 1)]
+    return {"woken": woken[:, 0], "ineffective": woken[:, 1], "received": np.array(received)}
 
 
-def run_row(outcome: Outcome, parts: Parts) -> dict[str, Any]:
+def run_row(outcome: Left, tracks: Sequence[Track]) -> dict[str, Any]:
     """What the table `runs` says of the network."""
     fleet = outcome.fleet
     deaths = sorted(fleet.died_at.values())
     half = (fleet.size + 1) // 2
     return {
         "energy": float(sum(fleet.totals)),
-        "handovers": sum(track.handovers for track in outcome.tracks),
-        "frames_sent": outcome.frames_sent,
-        "frames_lost": outcome.frames_lost,
-        "packets_sent": outcome.packets_sent,
+        "handovers": sum(track.handovers for track in tracks),
+        **count_columns(outcome.counts),
         "cycles": outcome.cycles,
         "alive": sum(fleet.alive),
         "first_death": deaths[0] if deaths else NAN,
         "half_dead": deaths[half - 1] if len(deaths) >= half else NAN,
         "fingerprint": outcome.fingerprint,
     }
+
+
+def count_columns(counts: Counts) -> dict[str, int]:
+    """What the table `runs` says of the air."""
+    names = (
+        "frames_sent", "frames_lost", "packets_sent", "in_range", "collided", "access_failures", "retries",
+    )  # fmt: skip
+    return {name: getattr(counts, name) for name in names}
 
 
 def _write(recorder: Recorder, table: str, replicate: int, columns: dict[str, Any]) -> None:
@@ -75,14 +105,10 @@ def _nodes(fleet: Fleet, trait_names: tuple[str, ...]) -> dict[str, Any]:
 
 
 def _energy(fleet: Fleet) -> dict[str, Any]:
-    rows = [
-        (node, cause, book[cause])
-        for node, book in sorted(fleet.books.items())
-        for cause in range(len(CAUSES))
-        if book[cause] != 0.0
-    ]
-    table = np.array(rows, dtype=np.float64).reshape(-1, 3)
-    return {"node": table[:, 0].astype(np.int64), "cause": table[:, 1].astype(np.int64), "joules": table[:, 2]}
+    touched = np.flatnonzero(fleet.spent)
+    books = fleet.ledger[:, touched].T
+    row, cause = np.nonzero(books)
+    return {"node": touched[row], "cause": cause, "joules": books[row, cause]}
 
 
 def _clusters(clusters: Sequence[ClusterRecord]) -> dict[str, Any]:

@@ -7,12 +7,14 @@ from dataclasses import field as with_default
 
 import simpy
 
-from wsnsim.base.ports import Field, Parts, Recorder
+from wsnsim.base.ports import Field, Recorder
+from wsnsim.base.problem import Parts
 from wsnsim.base.tables import EVENT_CAUSE, KIND
 from wsnsim.network.air import Air
+from wsnsim.network.clocks import Clocks
 from wsnsim.network.fleet import Fleet
 from wsnsim.network.journal import Journal
-from wsnsim.network.medium import Medium
+from wsnsim.network.reports import Reports
 from wsnsim.network.sensed import Sensed
 
 
@@ -27,8 +29,9 @@ class Stage:
     parts: Parts
     fleet: Fleet
     journal: Journal
-    medium: Medium
     air: Air
+    clocks: Clocks
+    reports: Reports
     sensed: list[Sensed]
     field: Field
     threshold: float

@@ -8,7 +8,7 @@ every head is given its tick. The cost follows what is awake and what is sent.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -18,36 +18,44 @@ import simpy
 from wsnsim.base.arrays import Floats, Ints
 from wsnsim.base.asks import PACKET_BITS
 from wsnsim.base.errors import ResultError, RunError, failed_run
-from wsnsim.base.ports import Estimate, Parts, Recorder
+from wsnsim.base.ports import Estimate, Recorder
+from wsnsim.base.problem import Parts
 from wsnsim.base.rng import Streams
 from wsnsim.base.tables import CAUSE, CAUSES, EVENT_CAUSE, KIND
 from wsnsim.network.air import Air
+from wsnsim.network.clocks import Clocks
 from wsnsim.network.cluster import Cluster
-from wsnsim.network.fleet import Fleet
+from wsnsim.network.counts import Counts
+from wsnsim.network.faults import Faults, Site
+from wsnsim.network.fleet import Fleet, make_fleet
 from wsnsim.network.journal import Journal
 from wsnsim.network.mac import make_mac
-from wsnsim.network.medium import Medium
 from wsnsim.network.mission import Crew, Mission
 from wsnsim.network.node import Node
+from wsnsim.network.reports import Reports
 from wsnsim.network.routing import Router
-from wsnsim.network.sensed import Sensed
+from wsnsim.network.sensed import make_senses
 from wsnsim.network.stage import Stage
 from wsnsim.network.track import Election, Track, ballot_box
+from wsnsim.network.wiring import Wiring
 
 SENSE: Final = KIND["sense"]
 
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What a run leaves behind. `woken` (targets, steps + 1, 2): nodes that woke, and those of them in vain."""
+    """What a run leaves behind.
+
+    `woken` (targets, steps + 1, 2): nodes that woke, and those of them in vain; `received`: when the sink had the
+    estimate of (target, step).
+    """
 
     fleet: Fleet
     tracks: tuple[Track, ...]
     woken: Ints
+    received: Mapping[tuple[int, int], float]
     steps: int
-    frames_sent: int
-    frames_lost: int
-    packets_sent: int
+    counts: Counts
     cycles: float
     fingerprint: int
 
@@ -69,29 +77,22 @@ class World:
         _refuse_the_unknown(parts)
         self._env = env = simpy.Environment()
         journal = Journal(recorder, replicate)
-        fleet = Fleet(positions, traits, parts.energy.battery, parts.link.reach)
+        fleet = make_fleet(env, parts, positions, traits)
         fleet.on_death = self._bury
-        medium = Medium(env, fleet, journal, parts.energy, parts.link, streams.key("link"))
-        self._router = Router(fleet, parts.energy, parts.routing.weight)
-        sensed = [
-            Sensed(
-                target,
-                truth[:, list(motion.position)],
-                positions,
-                traits,
-                parts.sensor,
-                fleet.tree,
-                streams.key("sense"),
-            )
-            for target, (truth, motion) in enumerate(zip(truths, parts.motions, strict=True))
-        ]
+        wiring = Wiring(fleet, parts.link, streams.key("shadowing"), PACKET_BITS)
+        clocks = Clocks(parts.clock, streams.key("clock"), fleet.size)
+        self._mac = make_mac(env, fleet, journal, wiring, parts, streams, clocks)
+        self._router = Router(fleet, wiring, parts.energy, parts.routing.weight, parts.link.audible)
+        sensed, imperfections = make_senses(parts, truths, fleet, clocks, streams.key("sense"))
+        air = Air(env, fleet, wiring, self._mac, self._router, journal)
         self._stage = Stage(
             env=env,
             parts=parts,
             fleet=fleet,
             journal=journal,
-            medium=medium,
-            air=Air(env, fleet, make_mac(env, medium, parts.mac), medium, self._router, journal),
+            air=air,
+            reports=Reports(env, fleet, air, journal, parts.sink),
+            clocks=clocks,
             sensed=sensed,
             field=parts.deploy.field,
             threshold=energy_threshold(parts),
@@ -105,6 +106,8 @@ class World:
         self._crew = Crew(
             self._appoint, self._call_election, self._enlist, self._release, self._dismiss, self._woke, self._end_run
         )
+        site = Site(env, fleet, journal, clocks, self._crash, self._restart, self._head_of, imperfections.defects)
+        self._faults = Faults(parts.faults, site, streams.key("faults"), parts.dt)
         self._ended = env.event()
         self._woken = np.zeros((len(truths), parts.steps + 1, 2), dtype=np.int64)
         self._spent = [0.0] * len(CAUSES)
@@ -112,8 +115,9 @@ class World:
 
     def run(self, progress: Callable[[float], None] | None = None) -> Outcome:
         """Run to the end. A failure names seed, replicate and simulated time."""
-        clock = self._env.process(self._clock(progress))
         try:
+            self._faults.start()
+            clock = self._env.process(self._clock(progress))
             self._env.run(until=self._env.any_of([clock, self._ended]))
         except ResultError:
             raise
@@ -123,10 +127,11 @@ class World:
             raise failed_run(self._env.now, parts.seed, replicate, reason) from reason
         self._close_step()
         self._write_step_costs()
-        stage, medium = self._stage, self._stage.medium
+        stage = self._stage
+        stage.fleet.close()
         return Outcome(
-            stage.fleet, self._tracks, self._woken, stage.step, medium.frames_sent, medium.frames_lost,
-            medium.packets_sent, stage.cycles, stage.journal.fingerprint(),
+            stage.fleet, self._tracks, self._woken, stage.reports.received, stage.step, self._mac.counts, stage.cycles,
+            stage.journal.fingerprint(),
         )  # fmt: skip
 
     def _clock(self, progress: Callable[[float], None] | None) -> Generator[simpy.Event, Any, None]:
@@ -134,8 +139,7 @@ class World:
         for step in range(stage.parts.steps + 1):
             if step:
                 self._close_step()
-            stage.step = step
-            stage.medium.begin_step(step)
+            stage.step = stage.journal.step = step
             stage.journal.drain()
             for track in self._tracks:
                 self._sense(track.target, step)
@@ -157,15 +161,16 @@ class World:
         joules = stage.parts.energy.sense()
         cause = EVENT_CAUSE["sense" if joules else "none"]
         readings = sensed.readings(step)
+        if not stage.fleet.all_listen:
+            readings = {index: value for index, value in readings.items() if alive[index]}
+        paid = dict.fromkeys(readings, 0.0)
         if joules:
-            for index in readings:
-                if alive[index]:
-                    stage.fleet.spend(index, CAUSE["sense"], joules)
-        if stage.fleet.died_at:
+            paid = {index: stage.fleet.spend(index, CAUSE["sense"], joules) for index in readings}
+            paid = {index: spent for index, spent in paid.items() if spent}
             readings = {index: value for index, value in readings.items() if alive[index]}
         now = self._env.now
         stage.journal.extend(
-            [(now, step, target, index, SENSE, 0, 0, 0, -1, 0, 0, joules, cause) for index in readings]
+            [(now, step, target, index, SENSE, 0, 0, 0, -1, 0, 0, spent, cause) for index, spent in paid.items()]
         )
         stage.sensing[target] = readings
 
@@ -191,7 +196,7 @@ class World:
 
     def _close_step(self) -> None:
         """Note what the network has spent since the step began."""
-        totals, before = self._stage.fleet.totals, self._spent
+        totals, before = self._stage.fleet.totals_now(), self._spent
         self._spent = list(totals)
         step = self._stage.step
         self._step_costs += [
@@ -250,7 +255,37 @@ class World:
         stage = self._stage
         stage.fleet.died_at[index] = self._env.now
         stage.log("death", -1, index)
+        self._take_down(index)
+
+    def _crash(self, index: int) -> None:
+        """A node that has not run dry goes down: what it did ends, what it knew is forgotten."""
+        fleet = self._stage.fleet
+        fleet.crash(index)
+        if index in fleet.died_at:
+            return
+        self._take_down(index)
+        self._nodes.pop(index, None)
+        for track in self._tracks:
+            if track.cluster is not None:
+                track.cluster.forget(index)
+
+    def _restart(self, index: int) -> None:
+        """A node that was down comes back dormant, without a role; a target that is in range by now wakes it."""
+        stage = self._stage
+        stage.fleet.restart(index)
+        self._router.revive(index)
+        for target, sensed in enumerate(stage.sensed):
+            if index in sensed.readings(stage.step):
+                self._node(index).hear_target(target)
+
+    def _head_of(self, target: int) -> int | None:
+        return self._tracks[target].head if target < len(self._tracks) else None
+
+    def _take_down(self, index: int) -> None:
+        """Whoever is no longer up neither sends nor relays, senses nothing, stands for nothing, and leads nobody."""
+        stage = self._stage
         self._router.bury(index)
+        self._mac.silence(index)
         for track in self._tracks:
             stage.sensing[track.target].pop(index, None)
             if track.election is not None and index in track.election.strengths:
@@ -277,4 +312,4 @@ def energy_threshold(parts: Parts) -> float:
         return parts.clusters.threshold
     energy = parts.energy
     radio = sum(energy.transmit(PACKET_BITS, parts.link.reach)) + energy.receive(PACKET_BITS)
-    return radio + energy.compute(getattr(parts.tracker, "member_cycles", 0.0))
+    return radio + energy.compute(getattr(parts.tracker, "member_cycles", 0.0) * parts.cpu.cycles_per_flop)

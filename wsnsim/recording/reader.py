@@ -1,6 +1,6 @@
 """A result file as plain NumPy and text.
 
-    read_table(path, table, columns=None) -> {column: array};  tables(path);  meanings(path, table, column)
+    read_table(path, table, columns=None, rows=None) -> {column: array};  tables(path);  meanings(path, table, column)
     read_text(path, name);  attributes(path)
 
 Every function raises ResultError, with the file's name and the reason, for a file that is missing, is not one of ours,
@@ -31,11 +31,17 @@ class TableSize(NamedTuple):
     stored_bytes: int
 
 
-def read_table(path: str | Path, table: str, columns: Sequence[str] | None = None) -> dict[str, np.ndarray]:
-    """The table's columns, or those asked for, in that order. Categories are their codes, booleans 0 and 1."""
+def read_table(
+    path: str | Path, table: str, columns: Sequence[str] | None = None, rows: slice | None = None
+) -> dict[str, np.ndarray]:
+    """The table's columns, or those asked for, in that order. Categories are their codes, booleans 0 and 1.
+
+    `rows`: only these, of which only the chunks that hold them are read.
+    """
     with opened(path) as file:
         group = _group(file, path, table)
-        return {name: _column(group, path, name)[...] for name in (column_names(group) if columns is None else columns)}
+        names = column_names(group) if columns is None else columns
+        return {name: _column(group, path, name)[... if rows is None else rows] for name in names}
 
 
 def tables(path: str | Path) -> dict[str, TableSize]:

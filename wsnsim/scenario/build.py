@@ -1,26 +1,29 @@
 """A scenario becomes parts: one frozen object a role, asked whether they can live together.
 
-    build(scenario) -> Parts;  resolved(scenario) -> dict;  plugins(scenario) -> (str, ...)
+    build(scenario) -> Parts, Beacons or Problem;  resolved(scenario) -> dict;  plugins(scenario) -> (str, ...)
 
 Nothing heavy is imported before it is used: `wsnsim list` passes through here.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from wsnsim.base.errors import Fault, ScenarioError
-from wsnsim.scenario.catalog import ROLES, find
+from wsnsim.scenario.catalog import ROLES, Role, find
 
 if TYPE_CHECKING:
-    from wsnsim.base.ports import Problem
+    from wsnsim.base.problem import Beacons, Problem
     from wsnsim.scenario.schema import Scenario
 
+Keys = tuple[str | int, ...]
 
-def build(scenario: Scenario) -> Problem:
-    """The scenario's parts: `Parts`, ready for the network, or the bare `Problem` of one without.
+
+def build(scenario: Scenario) -> Problem | Beacons:
+    """The scenario's parts: `Parts` for a network, `Beacons` for one without a target, a bare `Problem` for a bench.
 
     Raises:
         ScenarioError: with every fault that a part finds in itself or in the company of the others.
@@ -31,7 +34,7 @@ def build(scenario: Scenario) -> Problem:
     if faults:
         raise ScenarioError(in_order(faults))
     parts = _parts(scenario, made)
-    faults = [scenario.spot(fault.path).fault(fault.path, fault.message) for fault in _found(scenario, parts)]
+    faults = [scenario.spot(fault.path).fault(fault.path, fault.message) for fault in _found(scenario, parts, made)]
     if faults:
         raise ScenarioError(in_order(faults))
     return parts
@@ -43,13 +46,13 @@ def resolved(scenario: Scenario) -> dict[str, Any]:
     Loading it again gives an equal scenario.
     """
     plain: dict[str, Any] = plain_json(scenario.model_dump(mode="python"))
-    return {key: value for key, value in plain.items() if value is not None}
+    unsaid = () if scenario.scope.targets else ("lost",)
+    return {key: value for key, value in plain.items() if value is not None and key not in unsaid}
 
 
 def plugins(scenario: Scenario) -> tuple[str, ...]:
     """The kinds that did not come with wsnsim, for provenance: 'tracker mine (mylab 1.0)'."""
-    models = [*_models(scenario), *(("motion", model) for _, model in scenario.targets_given)]
-    chosen = {(role, model.kind) for role, model in models}
+    chosen = {(role.name, model.kind) for role, _, model in _models(scenario)}
     rows = [(role, find(role, kind)) for role, kind in sorted(chosen)]
     added = [(role, row) for role, row in rows if row not in ROLES[role].rows]
     return tuple(f"{role} {row.kind}" + (f" ({row.plugin})" if row.plugin else "") for role, row in added)
@@ -66,61 +69,103 @@ def plain_json(value: Any) -> Any:
     return value
 
 
-def _models(scenario: Scenario) -> list[tuple[str, Any]]:
-    """Each role but the motion, with its model, if the run uses it."""
-    used = [role for role in ROLES if role != "motion" and not (scenario.network and ROLES[role].of_network)]
-    return [(role, getattr(scenario, role)) for role in used]
+def _models(scenario: Scenario) -> list[tuple[Role, Keys, Any]]:
+    """Each role that the run uses, with the path and the model of what stands behind it."""
+    used = filter(scenario.scope.uses, ROLES.values())
+    return [(role, path, model) for role in used for path, model in scenario.written(role)]
 
 
-def _made(scenario: Scenario) -> tuple[dict[tuple[str | int, ...], Any], list[Fault]]:
+def _made(scenario: Scenario) -> tuple[dict[Keys, Any], list[Fault]]:
     """Every part by its path; and what the classes themselves refuse."""
-    from wsnsim.scenario.schema import built
+    from wsnsim.scenario.schema import Refused, built
 
-    models = [((role,), model) for role, model in _models(scenario)]
-    made: dict[tuple[str | int, ...], Any] = {}
+    made: dict[Keys, Any] = {}
     faults = []
-    for path, model in [*models, *scenario.targets_given]:
+    for _, path, model in _models(scenario):
         try:
-            made[path] = built(model)
-        except (ValueError, TypeError) as error:
-            faults.append(scenario.spot(path).fault(path, str(error) or type(error).__name__))
+            made[path] = built(model, path)
+        except Refused as refused:
+            faults.append(scenario.spot(refused.path).fault(refused.path, str(refused)))
     return made, faults
 
 
-def _parts(scenario: Scenario, made: dict[tuple[str | int, ...], Any]) -> Problem:
-    from wsnsim.base.ports import Parts, Problem
+def _parts(scenario: Scenario, made: dict[Keys, Any]) -> Problem | Beacons:
+    from wsnsim.base.problem import Beacons, Parts, Problem
 
-    roles = {str(path[0]): part for path, part in made.items() if path[0] not in ("motion", "targets")}
-    motions = tuple(made[path] for path, _ in scenario.targets_given)
-    assumes = scenario.tracker.assumes  # type: ignore[attr-defined]
-    problem = {
+    scope = scenario.scope
+    common = {
         "name": scenario.name,
         "seed": scenario.seed,
         "steps": scenario.steps,
         "dt": scenario.step,
-        "motions": motions,
-        "filter_motions": tuple(motion.assumed(assumes.noise_scale) for motion in motions),
-        "filter_sensor": roles["sensor"].assumed(assumes.gains, assumes.inflate),
         "record": scenario.model_dump()["record"],
-        "lost_window": scenario.lost.window,
-        "lost_limit": scenario.lost.limit,
-        **roles,
     }
-    if scenario.network:
+    if scope.network:
+        common["faults"] = tuple(made[path] for path, _ in scenario.written(ROLES["fault"]))
+    roles = {str(path[0]): part for path, part in made.items() if path[0] in ROLES and path[0] != "motion"}
+    if not scope.targets:
+        return Beacons(**common, **roles)
+    roles.pop("workload", None)
+    problem = {**common, **roles, **_of_targets(scenario, made)}
+    if not scope.network:
         return Problem(**problem)
     return Parts(**problem, until_clusters=scenario.until.clusters if scenario.until else None)
 
 
-def _found(scenario: Scenario, parts: Problem) -> Iterator[Fault]:
+def _of_targets(scenario: Scenario, made: dict[Keys, Any]) -> dict[str, Any]:
+    """What moves, what its filter believes of it, and when its track counts as lost."""
+    motions = tuple(made[path] for path, _ in scenario.written(ROLES["motion"]))
+    assumes = scenario.tracker.assumes  # type: ignore[attr-defined]
+    return {
+        "motions": motions,
+        "filter_motions": tuple(motion.assumed(assumes.noise_scale) for motion in motions),
+        "filter_sensor": made["sensor",].assumed(assumes.gains, assumes.inflate),
+        "lost_window": scenario.lost.window,
+        "lost_limit": scenario.lost.limit,
+    }
+
+
+def _found(scenario: Scenario, parts: Problem | Beacons, made: dict[Keys, Any]) -> Iterator[Fault]:
     """What the parts say of one another, each fault once."""
-    asked = [getattr(parts, role) for role, _ in _models(scenario)]
-    yield from _lacking(scenario, parts)
-    if scenario.network and scenario.until:
-        yield Fault(("until",), "without a network there are no clusters to end at")
-    said = {fault for part in [*asked, *parts.motions] if hasattr(part, "faults") for fault in part.faults(parts)}
+    from wsnsim.base.problem import Problem
+
+    yield from _out_of_scope(scenario)
+    said = {
+        dataclasses.replace(fault, path=_within(path, fault.path))
+        for path, part in made.items()
+        if hasattr(part, "faults")
+        for fault in part.faults(parts)
+    }
     yield from sorted(said, key=lambda fault: ([str(key) for key in fault.path], fault.message))
+    if isinstance(parts, Problem):
+        yield from _lacking(scenario, parts)
+        yield from _other_columns(scenario, parts)
+
+
+def _within(path: Keys, said: Keys) -> Keys:
+    """The path of a fault, where a part of a list names its list or its role: with its place in the list."""
+    from wsnsim.scenario.roles import AT_TOP
+
+    role = AT_TOP[str(path[0])]
+    of_itself = len(path) > 1 and bool(said) and said[0] in (role.name, role.listed)
+    return (*path, *said[1:]) if of_itself else said
+
+
+def _out_of_scope(scenario: Scenario) -> Iterator[Fault]:
+    """What is said of clusters and tracks where there are none."""
+    if not scenario.scope.network and scenario.until:
+        yield Fault(("until",), "without a network there are no clusters to end at")
+    if not scenario.scope.targets:
+        if scenario.until:
+            yield Fault(("until",), "without a target there are no clusters to end at")
+        if "lost" in scenario.model_fields_set:
+            yield Fault(("lost",), "without a target there is no track that could be lost")
+
+
+def _other_columns(scenario: Scenario, parts: Problem) -> Iterator[Fault]:
+    """Targets whose state is not that of the first."""
     first = parts.motions[0].columns
-    for (path, _), motion in zip(scenario.targets_given, parts.motions, strict=True):
+    for (path, _), motion in zip(scenario.written(ROLES["motion"]), parts.motions, strict=True):
         if motion.columns != first:
             names = " ".join(motion.columns), " ".join(first)
             yield Fault(path, f"its state is ({names[0]}), the first target's ({names[1]}): all must have the same")

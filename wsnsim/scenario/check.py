@@ -2,23 +2,28 @@
 
     validate(tree) -> (Scenario or None, faults)
 
-Which kinds a scenario chooses is settled first; the model for just these kinds then finds every other fault in one
-pass.
+Which kinds a scenario chooses is settled first, and data sheets are put in place of their names; the model for just
+these kinds then finds every other fault in one pass.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, Final
 
 from pydantic import ValidationError
 
 from wsnsim.base.errors import Fault
-from wsnsim.scenario.catalog import BENCH_ROLES, ROLES, kinds
-from wsnsim.scenario.fields import PartError, described, fields_of
+from wsnsim.scenario.catalog import kinds
+from wsnsim.scenario.fields import PartError, described, names_of
 from wsnsim.scenario.messages import faults_of
-from wsnsim.scenario.schema import Chosen, PartModel, Scenario, part_model, scenario_model
-from wsnsim.scenario.tree import BROKEN, Entry, Keys, Node, child, mapping, plain, spot_of
+from wsnsim.scenario.roles import AT_TOP, ROLES, Role, Scope
+from wsnsim.scenario.schema import Chosen, PartModel, Scenario, is_without_target, part_model, scenario_model
+from wsnsim.scenario.sheets import spelt_out
+from wsnsim.scenario.tree import BROKEN, Entry, Keys, Node, at, child, mapping, plain, sequence, spot_of
+
+BEACON_STEP: Final = 1.0
+"""s: between the rows of a network without a target, where the scenario says nothing else."""
 
 
 def validate(tree: Node) -> tuple[Scenario | None, list[Fault]]:
@@ -26,14 +31,16 @@ def validate(tree: Node) -> tuple[Scenario | None, list[Fault]]:
     if not isinstance(tree.value, dict):
         message = f"expected keys such as 'name', got {described(plain(tree))}"
         return None, [] if tree.value is BROKEN else [tree.spot.fault((), message)]
-    tree = _with_defaults(tree)
-    chosen, faults = _choose(tree)
-    settled = {role for role, _ in chosen}
+    scope, faults = _scope(tree)
+    tree = _with_defaults(tree, scope)
+    chosen, wrong = _choose(tree, scope)
+    tree, unknown = spelt_out(tree, chosen)
+    faults += wrong + unknown
     model = scenario_model(chosen)
     data = _located(tree, chosen)
-    for role in (*ROLES, "targets"):
-        if role not in settled:
-            data.pop(role, None)
+    for key in AT_TOP:
+        if key not in dict(chosen):
+            data.pop(key, None)
     try:
         scenario = model.model_validate(data)
     except ValidationError as error:
@@ -42,69 +49,90 @@ def validate(tree: Node) -> tuple[Scenario | None, list[Fault]]:
     return (None if faults else scenario), faults
 
 
-def _with_defaults(tree: Node) -> Node:
-    """The tree with an empty mapping for each role that is left out and has a default kind."""
-    if _on_bench(tree):
-        deploy = {"kind": Entry(tree.spot, Node(ROLES["deploy"].bench_default, tree.spot))}
-        missing = {name: Entry(tree.spot, Node({}, tree.spot)) for name in BENCH_ROLES if ROLES[name].default}
-        missing["deploy"] = Entry(tree.spot, Node(deploy, tree.spot))
-        given = child(tree, "deploy")
-        if given is not None and isinstance(given.value, dict) and "kind" not in given.value:
-            tree = mapping(
-                tree.value | {"deploy": Entry(given.spot, mapping(deploy | given.value, given.spot))}, tree.spot
-            )
-    else:
-        missing = {name: Entry(tree.spot, Node({}, tree.spot)) for name, role in ROLES.items() if role.default}
-    return mapping(missing | tree.value, tree.spot)
+def with_sheets(tree: Node) -> Node:
+    """The tree with the fields of data sheets in place of their names, as far as they are found."""
+    chosen, _ = _choose(tree, Scope())
+    spelt, faults = spelt_out(tree, chosen)
+    return tree if faults else spelt
 
 
-def _on_bench(tree: Node) -> bool:
-    """Whether the scenario says `network: none`."""
-    said = child(tree, "network")
-    return said is not None and said.value == "none"
+def _scope(tree: Node) -> tuple[Scope, list[Fault]]:
+    """Which roles the scenario uses."""
+    said, kind = at(tree, ("network",)), at(tree, ("workload", "kind"))
+    network, targets = said is None or said.value != "none", kind is None or not _is_without_target(kind.value)
+    if kind is None or network or targets:
+        return Scope(network, targets), []
+    message = "a network without a target needs a network: take 'network: none' out"
+    return Scope(network=True, targets=False), [kind.spot.fault(("workload", "kind"), message)]
 
 
-def _choose(tree: Node) -> tuple[Chosen, list[Fault]]:
-    """Each role's model, by its kind; a role whose kind is at fault is left out."""
+def _is_without_target(kind: Any) -> bool:
+    try:
+        return isinstance(kind, str) and is_without_target(part_model("workload", kind))
+    except (LookupError, ImportError, PartError):
+        return False
+
+
+def _with_defaults(tree: Node, scope: Scope) -> Node:
+    """The tree with an empty mapping for each role that is left out and has a default kind, or an empty list."""
+    spot = tree.spot
+    missing = {} if scope.targets else {"step": Entry(spot, Node(BEACON_STEP, spot))}
+    for role in filter(scope.uses, ROLES.values()):
+        if role.optional:
+            missing[role.listed] = Entry(spot, sequence([], spot))
+        elif default := scope.default(role):
+            kind = {"kind": Entry(spot, Node(default, spot))} if default != role.default else {}
+            missing[role.name] = Entry(spot, Node(kind, spot))
+            given = child(tree, role.name)
+            if kind and given is not None and isinstance(given.value, dict):
+                tree = mapping(
+                    tree.value | {role.name: Entry(given.spot, mapping(kind | given.value, given.spot))}, spot
+                )
+    return mapping(missing | tree.value, spot)
+
+
+def _choose(tree: Node, scope: Scope) -> tuple[Chosen, list[Fault]]:
+    """The models behind each key, by their kinds; a key of which no kind is known is left out."""
     chosen: dict[str, tuple[type[PartModel] | None, ...]] = {}
     faults: list[Fault] = []
-    for name, path_and_node in _role_nodes(tree, faults):
+    for key, path_and_node in _role_nodes(tree, scope, faults):
         found = tuple(_model_at(node, path, faults) for path, node in path_and_node)
-        if any(found):
-            chosen[name] = found
+        if any(found) or not found:
+            chosen[key] = found
     return tuple(chosen.items()), faults
 
 
-def _role_nodes(tree: Node, faults: list[Fault]) -> Iterator[tuple[str, list[tuple[Keys, Node]]]]:
-    """(role, its mappings with their paths); `targets` has several."""
-    targets = child(tree, "targets")
-    for role in ROLES:
-        node = child(tree, role)
-        if role == "motion" and targets is not None:
-            if node is not None:
-                spot = spot_of(tree, ("targets",), of_key=True)
-                faults.append(spot.fault(("targets",), "give either 'motion' or 'targets', not both"))
-            yield "targets", _target_nodes(targets, faults)
-        elif node is None and ROLES[role].of_network and _on_bench(tree):
-            continue
-        elif node is None:
-            also = " (or 'targets', a list of them)" if role == "motion" else ""
-            faults.append(tree.spot.fault((role,), f"is missing: {ROLES[role].purpose}{also}"))
-        else:
-            yield role, [((role,), node)]
+def _role_nodes(tree: Node, scope: Scope, faults: list[Fault]) -> Iterator[tuple[str, list[tuple[Keys, Node]]]]:
+    """(key, its mappings with their paths): one under a role's own name, several in a list."""
+    for role in ROLES.values():
+        alone = None if role.optional else child(tree, role.name)
+        several = child(tree, role.listed) if role.listed else None
+        if several is not None:
+            if alone is not None:
+                message = f"give either '{role.name}' or '{role.listed}', not both"
+                faults.append(spot_of(tree, (role.listed,), of_key=True).fault((role.listed,), message))
+            items = _items(several, role, faults)
+            if items is not None:
+                yield role.listed, items
+        elif alone is not None:
+            yield role.name, [((role.name,), alone)]
+        elif scope.uses(role):
+            also = f" (or '{role.listed}', a list of them)" if role.listed else ""
+            faults.append(tree.spot.fault((role.name,), f"is missing: {role.purpose}{also}"))
 
 
-def _target_nodes(targets: Node, faults: list[Fault]) -> list[tuple[Keys, Node]]:
-    if not isinstance(targets.value, list) or not targets.value:
-        if targets.value is not BROKEN:
-            message = f"expected a list of motions, got {described(plain(targets) or None)}"
-            faults.append(targets.spot.fault(("targets",), message))
-        return []
-    return [(("targets", i), node) for i, node in enumerate(targets.value)]
+def _items(several: Node, role: Role, faults: list[Fault]) -> list[tuple[Keys, Node]] | None:
+    """The mappings of a list with their paths; None if it is none, or an empty one where there must be some."""
+    if not isinstance(several.value, list) or not (several.value or role.optional):
+        if several.value is not BROKEN:
+            message = f"expected a list of {role.plural}, got {described(plain(several) or None)}"
+            faults.append(several.spot.fault((role.listed,), message))
+        return None
+    return [((role.listed, i), node) for i, node in enumerate(several.value)]
 
 
 def _model_at(node: Node, path: Keys, faults: list[Fault]) -> type[PartModel] | None:
-    role = ROLES["motion" if path[0] == "targets" else str(path[0])]
+    role = AT_TOP[str(path[0])]
     kind_path = (*path, "kind")
     written = child(node, "kind")
     if node.value is BROKEN or (written is not None and written.value is BROKEN):
@@ -129,11 +157,16 @@ def _model_at(node: Node, path: Keys, faults: list[Fault]) -> type[PartModel] | 
 def _located(tree: Node, chosen: Chosen) -> dict[str, Any]:
     """The plain values; file names (fields `path`, `..._path`) are taken from the folder of the text they stand in."""
     data: dict[str, Any] = plain(tree)
-    for role, (model, *_) in chosen:
-        if role == "targets" or model is None:
-            continue
-        for field in (name for name in fields_of(model.part) if name == "path" or name.endswith("_path")):
-            node = child(tree.value[role].node, field)
-            if node is not None and isinstance(node.value, str) and node.value:
-                data[role][field] = str((node.spot.text.folder / node.value).resolve())
+    for key, models in chosen:
+        for i, model in enumerate(models):
+            path: Keys = (key, i) if key == AT_TOP[key].listed else (key,)
+            for field in (name for name in names_of(model.part) if _is_path(name)) if model else ():
+                node = at(tree, (*path, field))
+                if node is not None and isinstance(node.value, str) and node.value:
+                    part = data[key][i] if len(path) > 1 else data[key]
+                    part[field] = str((node.spot.text.folder / node.value).resolve())
     return data
+
+
+def _is_path(field: str) -> bool:
+    return field == "path" or field.endswith("_path")

@@ -1,28 +1,49 @@
 """The fields of a part become pydantic fields: types, units and bounds from the part's own annotations.
 
-    fields_of(part_class) -> {name: (annotation, Field)}
+    fields_of(part_class) -> {name: (annotation, Field)}    nested_of(part_class) -> {name: the part that stands in it}
 
 A real number takes a quantity with unit ('60 m'), a whole number takes 400.0 but not 400.5, neither takes true or NaN;
-infinity only where nothing bounds it from above.
+infinity only where nothing bounds it from above. A field whose type is a part itself becomes a mapping of that part's
+fields.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 import types
+import warnings
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, ClassVar, Final, Literal, Union, get_args, get_origin, get_type_hints
 
-from pydantic import BeforeValidator, Field, GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    create_model,
+)
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from wsnsim.base.part import Quantity
 from wsnsim.scenario.units import UnitError, shown, si, wanted
 
+FROZEN: Final = ConfigDict(extra="forbid", frozen=True, validate_default=True, protected_namespaces=())
+
 
 class PartError(TypeError):
     """A class that cannot stand behind a role: no part, or with fields of types that no scenario can write."""
+
+
+class PartModel(BaseModel):
+    """The fields of one part; `part` is its class."""
+
+    model_config = FROZEN
+    part: ClassVar[type[Any]]
 
 
 def refusal(message: str) -> PydanticCustomError:
@@ -111,6 +132,14 @@ class Items:
         return value
 
 
+@dataclass(frozen=True)
+class Named:
+    """Says in the JSON Schema that the name of a data sheet may stand in place of its fields."""
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        return {"anyOf": [handler(schema), {"type": "string", "description": "name of a data sheet"}]}
+
+
 def described(value: Any) -> str:
     """A wrong value in a message."""
     if value is None:
@@ -139,9 +168,68 @@ def annotation_of(kind: Any, quantity: Quantity) -> Any:
         return Annotated[tuple[inner], BeforeValidator(items)]  # type: ignore[valid-type]
     if origin in (Union, types.UnionType):
         return Union[tuple(annotation_of(argument, quantity) for argument in arguments)]  # noqa: UP007
+    if _is_part(kind):
+        return Annotated[nested_model(kind), Named()]
     raise PartError(
-        f"has a field of type {kind}, which no scenario can write: use float, int, bool, str, Literal, tuple"
+        f"has a field of type {kind}, which no scenario can write: use float, int, bool, str, Literal, tuple, a part"
     )
+
+
+def _is_part(kind: Any) -> bool:
+    return isinstance(kind, type) and dataclasses.is_dataclass(kind)
+
+
+@functools.cache
+def nested_model(part: type[Any]) -> type[PartModel]:
+    """The model of a part that stands in a field of another. Raises PartError if it has a field named 'part'."""
+    return made_model(part, PartModel, fields_of(part))
+
+
+def made_model(part: type[Any], base: type[PartModel], fields: dict[str, Any]) -> type[PartModel]:
+    """A model of these fields, with the part's name."""
+    if "part" in fields:
+        raise PartError("has a field named 'part', which is taken")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # a part may call a field 'copy', which pydantic would rather not
+        model = create_model(part.__name__, __base__=base, __module__=part.__module__, **fields)
+    model.part = part
+    return model
+
+
+@dataclass(frozen=True)
+class About:
+    """What a part's annotation says of a field: in words, and its unit ('' for a pure number or a text)."""
+
+    words: str
+    unit: str
+
+
+def abouts_of(part: type[Any]) -> dict[str, About]:
+    """What the annotations say of a part's fields."""
+    hints = get_type_hints(part, include_extras=True)
+    return {name: _about(hints[name])[1] for name in names_of(part)}
+
+
+def _about(hint: Any) -> tuple[Quantity, About]:
+    notes = get_args(hint)[1:] if get_origin(hint) is Annotated else ()
+    quantity = next((note for note in notes if isinstance(note, Quantity)), Quantity())
+    return quantity, About(next((note for note in notes if isinstance(note, str)), ""), quantity.unit)
+
+
+def names_of(part: type[Any]) -> list[str]:
+    """The names of a part's fields."""
+    return [field.name for field in dataclasses.fields(part) if field.init]
+
+
+@functools.cache
+def nested_of(part: type[Any]) -> Mapping[str, type[Any]]:
+    """The fields of a part in which another part stands, or may stand."""
+    found = {}
+    for name, hint in get_type_hints(part).items():
+        inner = next((kind for kind in (hint, *get_args(hint)) if _is_part(kind)), None)
+        if inner is not None and name in names_of(part):
+            found[name] = inner
+    return types.MappingProxyType(found)
 
 
 def fields_of(part: type[Any]) -> dict[str, tuple[Any, Any]]:
@@ -156,14 +244,13 @@ def fields_of(part: type[Any]) -> dict[str, tuple[Any, Any]]:
 
 
 def _field(field: dataclasses.Field[Any], hint: Any) -> tuple[Any, Any]:
-    notes = get_args(hint)[1:] if get_origin(hint) is Annotated else ()
-    quantity = next((note for note in notes if isinstance(note, Quantity)), Quantity())
-    words = next((note for note in notes if isinstance(note, str)), "")
-    unit = f"[{quantity.unit}]" if quantity.unit else ""
+    quantity, about = _about(hint)
+    unit = f"[{about.unit}]" if about.unit else ""
     default: dict[str, Any] = {}
     if field.default is not dataclasses.MISSING:
-        default = {"default": field.default}
+        written = field.default
+        default = {"default": dataclasses.asdict(written) if _is_part(type(written)) else written}
     elif field.default_factory is not dataclasses.MISSING:
         default = {"default_factory": field.default_factory}
-    annotation = annotation_of(get_args(hint)[0] if notes else hint, quantity)
-    return annotation, Field(description=" ".join(piece for piece in (words, unit) if piece) or None, **default)
+    annotation = annotation_of(get_args(hint)[0] if get_origin(hint) is Annotated else hint, quantity)
+    return annotation, Field(description=" ".join(piece for piece in (about.words, unit) if piece) or None, **default)

@@ -12,9 +12,10 @@ from typing import Any
 from pydantic import BaseModel, Field, create_model
 
 from wsnsim.scenario.build import plain_json
-from wsnsim.scenario.catalog import ROLES, kinds
-from wsnsim.scenario.fields import PartError
-from wsnsim.scenario.schema import PartModel, Scenario, part_model
+from wsnsim.scenario.catalog import kinds
+from wsnsim.scenario.fields import PartError, PartModel
+from wsnsim.scenario.roles import AT_TOP, ROLES
+from wsnsim.scenario.schema import BEACONS, Scenario, part_model
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 REF = "#/$defs/"
@@ -22,12 +23,11 @@ REF = "#/$defs/"
 
 def json_schema() -> dict[str, Any]:
     """The schema, as plain JSON values. A plug-in that cannot be imported is left out."""
-    alternatives = {role: _alternatives(role) for role in ROLES}
-    fields: dict[str, Any] = {
-        role: (_either(models), Field(description=ROLES[role].purpose)) for role, models in alternatives.items()
-    }
-    target: Any = _either(alternatives["motion"])
-    fields["targets"] = (list[target], Field(description="how each target moves"))
+    fields: dict[str, Any] = {}
+    for role in ROLES.values():
+        one: Any = _either(_alternatives(role.name))
+        about = Field(description=role.purpose)
+        fields |= {key: (list[one] if key == role.listed else one, about) for key in role.keys}
     model: type[BaseModel] = create_model("Scenario", __base__=Scenario, **fields)
     schema = model.model_json_schema()
     strict = _demands(schema)
@@ -61,16 +61,21 @@ def _either(models: list[type[PartModel]]) -> Any:
 
 def _demands(schema: dict[str, Any]) -> dict[str, Any]:
     """What a file that extends nothing must say. Takes `required` from the top of the schema."""
-    given = [name for name in schema.pop("required") if name not in ("motion", "targets")]
-    top = [name for name in given if name not in ROLES or ROLES[name].default is None]
-    roles = {name: _fields_demanded(schema, name) for name in ROLES}
-    either = [{"required": ["motion"]}, {"required": ["targets"]}]
-    of_network = [name for name in top if name in ROLES and (ROLES[name].of_network or ROLES[name].bench_default)]
-    always = [name for name in top if name not in of_network]
+    demanded = [key for key in schema.pop("required") if key not in AT_TOP]
+    alone = [role for role in ROLES.values() if not role.listed]
+    missing = [role for role in alone if role.default is None]
+    of_targets = [role.name for role in missing if role.of_targets]
+    of_network = [role.name for role in missing if role.of_network or role.bench_default]
+    either = [{"required": [key]} for key in ROLES["motion"].keys]
     bench = {"required": ["network"], "properties": {"network": {"const": "none"}}}
-    demanded = {"if": bench, "then": {}, "else": {"required": of_network}}
-    kinds_of = {name: demand for name, demand in roles.items() if demand}
-    return {"required": always, **demanded, "oneOf": either, "properties": kinds_of}
+    beacons = {"properties": {"kind": {"const": BEACONS}}, "required": ["kind"]}
+    without_target = {"required": ["workload"], "properties": {"workload": beacons}}
+    kinds_of = {role.name: demand for role in alone if (demand := _fields_demanded(schema, role.name))}
+    cases = [
+        {"if": bench, "then": {}, "else": {"required": of_network}},
+        {"if": without_target, "then": {}, "else": {"required": of_targets, "oneOf": either}},
+    ]
+    return {"required": demanded, "allOf": cases, "properties": kinds_of}
 
 
 def _fields_demanded(schema: dict[str, Any], role: str) -> dict[str, Any]:

@@ -53,11 +53,12 @@ def load(source: str | Path | Mapping[str, Any] | Scenario, overrides: Iterable[
 
 def shipped() -> dict[str, Path]:
     """The scenarios that come with wsnsim, by name."""
-    package = Path(__file__).resolve().parent.parent
-    for folder in (package / "_scenarios", package.parent / "scenarios"):
-        if folder.is_dir():
-            return {path.stem: path for path in sorted(folder.glob("*.yaml"))}
-    return {}
+    return _shipped("*.yaml")
+
+
+def shipped_parts() -> dict[str, Path]:
+    """The data sheets that come with wsnsim, by name."""
+    return _shipped("parts/*.yaml")
 
 
 def find(source: str | Path, folder: Path | None = None) -> Path | None:
@@ -76,11 +77,19 @@ def _from_file(source: str | Path) -> tuple[Node | None, list[Fault], tuple[str,
     path = find_or_none(source)
     if path is None:
         return None, [_nowhere(source, Text(str(source), Path()))], ("", "")
-    content, faults = _content(path)
+    content, faults = content_of(path)
     if content is None:
         return None, faults, ("", "")
     tree, faults = _gathered(path, content, ())
     return tree, faults, (str(path), content)
+
+
+def _shipped(pattern: str) -> dict[str, Path]:
+    package = Path(__file__).resolve().parent.parent
+    for folder in (package / "_scenarios", package.parent / "scenarios"):
+        if folder.is_dir():
+            return {path.stem: path for path in sorted(folder.glob(pattern))}
+    return {}
 
 
 def find_or_none(source: str | Path, folder: Path | None = None) -> Path | None:
@@ -101,7 +110,7 @@ def _nearest(source: str | Path) -> str:
     return did_you_mean(Path(source).stem, shipped())
 
 
-def _content(path: Path) -> tuple[str | None, list[Fault]]:
+def content_of(path: Path) -> tuple[str | None, list[Fault]]:
     """The text of a file; None and a fault if it is no text."""
     try:
         with path.open("rb") as file:
@@ -148,7 +157,7 @@ def _extended(
         return own, [*faults, node.spot.fault(("extends",), f"{said} ({_nearest(str(node.value))})")]
     if path.resolve() in through:
         return own, [*faults, node.spot.fault(("extends",), f"{path} extends itself")]
-    content, wrong = _content(path)
+    content, wrong = content_of(path)
     base, found = (None, wrong) if content is None else _gathered(path, content, through)
     return (own if base is None else merged(base, own)), [*faults, *found]
 
@@ -170,6 +179,7 @@ def _from_dict(source: Mapping[str, Any]) -> tuple[Node | None, list[Fault], tup
 
 def _overridden(tree: Node, overrides: Iterable[str]) -> tuple[Node, list[Fault]]:
     """The tree with each 'a.b.c=value' laid on it; kinds first, since a new kind replaces its role."""
+    from wsnsim.scenario.check import with_sheets
     from wsnsim.scenario.tree import assigned
 
     faults: list[Fault] = []
@@ -178,6 +188,8 @@ def _overridden(tree: Node, overrides: Iterable[str]) -> tuple[Node, list[Fault]
         faults += wrong
         if node is None or not isinstance(tree.value, dict):
             continue
+        if len(keys) > 2:  # it may reach into a data sheet
+            tree = with_sheets(tree)
         try:
             tree = assigned(tree, keys, node)
         except LookupError as error:

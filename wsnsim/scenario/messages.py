@@ -11,7 +11,7 @@ from pydantic import BaseModel, ValidationError
 
 from wsnsim.base.errors import Fault, did_you_mean
 from wsnsim.scenario.fields import described
-from wsnsim.scenario.tree import BROKEN, Key, Keys, Node, child, spot_of
+from wsnsim.scenario.tree import BROKEN, Key, Keys, Node, at, child, spot_of
 from wsnsim.scenario.units import shown
 
 BOUNDS: Final = {
@@ -56,9 +56,7 @@ def _written(location: tuple[Key, ...], tree: Node) -> Keys:
 
 
 def _is_broken(tree: Node, path: Keys) -> bool:
-    node: Node | None = tree
-    for key in path:
-        node = child(node, key) if node is not None else None
+    node = at(tree, path)
     return node is not None and node.value is BROKEN
 
 

@@ -1,19 +1,18 @@
 """What a scenario may say: pydantic models made from the parts' own fields.
 
 part_model(role, kind) -> the model of one kind;  scenario_model(chosen) -> the model of scenarios with these kinds
+built(model) -> the part itself
 """
 
 from __future__ import annotations
 
 import functools
 import re
-import warnings
-from typing import Annotated, Any, ClassVar, Final, Literal
+from typing import Annotated, Any, Final, Literal
 
 from pydantic import (
     AfterValidator,
     BaseModel,
-    ConfigDict,
     Field,
     PrivateAttr,
     ValidationInfo,
@@ -26,14 +25,26 @@ from wsnsim.base import metrics, ports
 from wsnsim.base.part import Quantity
 from wsnsim.base.tables import RECORDED_BY_DEFAULT
 from wsnsim.scenario.catalog import ROLES, find, load_class
-from wsnsim.scenario.fields import Number, PartError, Strict, fields_of, refusal
+from wsnsim.scenario.fields import (
+    FROZEN,
+    Number,
+    PartError,
+    PartModel,
+    Strict,
+    fields_of,
+    made_model,
+    names_of,
+    refusal,
+)
+from wsnsim.scenario.roles import AT_TOP, Role, Scope
 from wsnsim.scenario.tree import Keys, Node, Spot, spot_of
 from wsnsim.scenario.units import shown
 
 MOST_STEPS: Final = 10_000_000
 SHORT_FORMS: Final = {"gains": "gains", "inflate": "inflate", "filter_noise_scale": "noise_scale"}
 SAFE_NAME: Final = re.compile(r"\w[\w.\-]{0,99}")
-_FROZEN: Final = ConfigDict(extra="forbid", frozen=True, validate_default=True, protected_namespaces=())
+BEACONS: Final = "beacons"
+"""The mechanism, and the kind, of the workload without a target."""
 
 _Flag = Annotated[bool, Strict("bool")]
 _Scale = Annotated[float, Number(Quantity("", ge=1e-9, le=1e9))]
@@ -50,22 +61,33 @@ def _safe_name(name: str) -> str:
     return name
 
 
-class PartModel(BaseModel):
-    """The fields of one kind; `part` is its class."""
+class Refused(Exception):
+    """What a class says of the values that it will not take, and the path of the part within the scenario."""
 
-    model_config = _FROZEN
-    part: ClassVar[type[Any]]
+    def __init__(self, path: Keys, reason: Exception) -> None:
+        super().__init__(str(reason) or type(reason).__name__)
+        self.path = path
 
 
-def built(model: PartModel) -> Any:
-    """The part itself. Raises what its class raises."""
-    return model.part(**{name: getattr(model, name) for name in fields_of(model.part)})
+def built(model: PartModel, path: Keys = ()) -> Any:
+    """The part itself, and the parts within it. Raises Refused with what a class says of its values."""
+    values = {name: _built_within(getattr(model, name), (*path, name)) for name in names_of(model.part)}
+    try:
+        return model.part(**values)
+    except (ValueError, TypeError) as reason:
+        raise Refused(path, reason) from reason
+
+
+def _built_within(value: Any, path: Keys) -> Any:
+    if isinstance(value, tuple):
+        return tuple(_built_within(item, (*path, i)) for i, item in enumerate(value))
+    return built(value, path) if isinstance(value, PartModel) else value
 
 
 class Assumes(BaseModel):
     """What the filter believes of the truth's models."""
 
-    model_config = _FROZEN
+    model_config = FROZEN
     gains: Literal["known", "unknown"] = Field("known", description="whether the filter knows each sensor's gain")
     inflate: _Flag = Field(False, description="widen the reading's variance for unknown gains")
     noise_scale: _Scale = Field(1.0, description="factor on the filter's process covariance")
@@ -81,7 +103,7 @@ class TrackerModel(PartModel):
 
     @model_validator(mode="after")
     def _fold(self) -> TrackerModel:
-        own = fields_of(self.part)
+        own = names_of(self.part)
         short = {name: value for name in SHORT_FORMS if name not in own and (value := getattr(self, name)) is not None}
         if not short:
             return self
@@ -95,7 +117,7 @@ class TrackerModel(PartModel):
 class Until(BaseModel):
     """What ends a run before its duration does."""
 
-    model_config = _FROZEN
+    model_config = FROZEN
     clusters: Annotated[int, Number(Quantity("", ge=1), whole=True)] = Field(
         description="end when the cluster of this number would hand over"
     )
@@ -104,7 +126,7 @@ class Until(BaseModel):
 class Lost(BaseModel):
     """When a track counts as lost: the mean error of its last steps exceeds a limit."""
 
-    model_config = _FROZEN
+    model_config = FROZEN
     window: Annotated[int, Number(Quantity("", ge=1, le=MOST_STEPS), whole=True)] = Field(
         metrics.LOST_WINDOW, description="steps over which the error is averaged"
     )
@@ -114,7 +136,7 @@ class Lost(BaseModel):
 
 
 Record: Final[type[BaseModel]] = create_model(
-    "Record", __config__=_FROZEN, **{name: (_Flag, default) for name, default in RECORDED_BY_DEFAULT.items()}
+    "Record", __config__=FROZEN, **{name: (_Flag, default) for name, default in RECORDED_BY_DEFAULT.items()}
 )  # type: ignore[call-overload]
 
 
@@ -125,7 +147,7 @@ class Scenario(BaseModel):
     wherever they were read.
     """
 
-    model_config = _FROZEN
+    model_config = FROZEN
     name: Annotated[str, Strict("str"), AfterValidator(_safe_name)] = Field(
         description="name, also of the result's file"
     )
@@ -171,12 +193,17 @@ class Scenario(BaseModel):
         return round(self.duration / self.step)
 
     @property
-    def targets_given(self) -> tuple[tuple[Keys, PartModel], ...]:
-        """Each target's motion, with the path under which it is written."""
-        motion = getattr(self, "motion", None)
-        if motion is not None:
-            return ((("motion",), motion),)
-        return tuple((("targets", i), model) for i, model in enumerate(getattr(self, "targets", ())))
+    def scope(self) -> Scope:
+        """Which roles a run uses."""
+        workload = getattr(self, "workload", None)
+        return Scope(self.network is None, workload is None or not is_without_target(workload))
+
+    def written(self, role: Role) -> tuple[tuple[Keys, PartModel], ...]:
+        """What stands behind a role, one or several, each with the path under which it is written."""
+        alone = getattr(self, role.name, None)
+        if alone is not None:
+            return (((role.name,), alone),)
+        return tuple(((role.listed, i), model) for i, model in enumerate(getattr(self, role.listed, ())))
 
     @property
     def source_yaml(self) -> str:
@@ -193,8 +220,13 @@ class Scenario(BaseModel):
         return spot_of(self._tree, path)
 
 
+def is_without_target(workload: PartModel | type[PartModel]) -> bool:
+    """Whether a workload is that of a network without a target."""
+    return getattr(workload.part, "mechanism", "") == BEACONS
+
+
 Chosen = tuple[tuple[str, tuple[type[PartModel] | None, ...]], ...]
-"""(role, its models); a target whose kind is at fault has None."""
+"""(key at the top, its models); an item of a list whose kind is at fault has None."""
 
 
 @functools.cache
@@ -209,21 +241,13 @@ def part_model(role: str, kind: str) -> type[PartModel]:
     try:
         fields = fields_of(part)
         _demand_port(part, role)
-        if "kind" in fields or {"assumes", "part"} & set(fields):
+        if {"kind", "assumes", "part"} & set(fields):
             raise PartError("has a field named 'kind', 'assumes' or 'part', which are taken")
         choice: Any = (Literal[kind], kind) if kind == ROLES[role].default else (Literal[kind], ...)
         base = TrackerModel if role == "tracker" else PartModel
-        model = _made(part, base, {"kind": choice, **fields})
+        return made_model(part, base, {"kind": choice, **fields})
     except PartError as error:
         raise PartError(f"{row.path} {error}") from None
-    model.part = part
-    return model
-
-
-def _made(part: type[Any], base: type[PartModel], fields: dict[str, Any]) -> type[PartModel]:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # a part may call a field 'copy', which pydantic would rather not
-        return create_model(part.__name__, __base__=base, __module__=part.__module__, **fields)
 
 
 def _demand_port(part: type[Any], role: str) -> None:
@@ -238,10 +262,11 @@ def _demand_port(part: type[Any], role: str) -> None:
 def scenario_model(chosen: Chosen) -> type[Scenario]:
     """The model of scenarios with exactly these kinds."""
     fields: dict[str, Any] = {}
-    for role, models in chosen:
-        if role == "targets":
+    for key, models in chosen:
+        about = Field(description=AT_TOP[key].purpose)
+        if key == AT_TOP[key].listed:
             each = tuple(model or Any for model in models)
-            fields[role] = (tuple[each], Field(description="how each target moves"))  # type: ignore[valid-type]
+            fields[key] = (tuple[each], about)  # type: ignore[valid-type]
         else:
-            fields[role] = (models[0], Field(description=ROLES[role].purpose))
+            fields[key] = (models[0], about)
     return create_model("Scenario", __base__=Scenario, **fields)

@@ -28,14 +28,16 @@ sensor:                          # what a node measures
   kind: acoustic_energy
   reach: 60 m
   decay: 2.2
-energy:                          # what each act costs
-  kind: first_order
+energy:                          # what each act costs: `wsnsim info {name}.yaml`
+  kind: first_order              # also: {{kind: states, radio: cc2420, processor: msp430f1611}}, where listening costs
   electronics: 50 nJ/bit
   amplifier: 100 pJ/bit/m2
   battery: 2 J
 link:                            # who hears whom
-  kind: disk
+  kind: disk                     # also: log_normal, where links differ and weak frames are lost
   reach: 75 m
+mac:                             # when a frame gets the channel
+  kind: ideal                    # also: csma (IEEE 802.15.4, unslotted), tdma (slots inside a cluster)
 clusters:                        # who leads, and until when
   kind: strongest_signal
   handover_fraction: 0.25
@@ -46,6 +48,7 @@ tracker:                         # the strategy: `wsnsim list trackers`, or your
   assumes:                       # what the filter believes
     gains: known
     noise_scale: 1
+faults: []                       # what goes wrong: `wsnsim list faults`; [{{kind: crash, at: 9 s, fraction: 0.1}}]
 record:                          # which tables the result holds
   events: true
 """

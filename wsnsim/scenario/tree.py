@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, Final, TypeAlias
 
 from wsnsim.base.errors import Fault
-from wsnsim.scenario.catalog import ROLES
+from wsnsim.scenario.roles import AT_TOP
 
 Key: TypeAlias = str | int
 Keys: TypeAlias = tuple[Key, ...]
@@ -107,6 +107,14 @@ def child(node: Node, key: Key) -> Node | None:
     return node.value[key] if isinstance(node.value, list) and isinstance(key, int) and key < len(node.value) else None
 
 
+def at(root: Node, path: Keys) -> Node | None:
+    """What stands at a path; None if nothing does."""
+    node: Node | None = root
+    for key in path:
+        node = child(node, key) if node is not None else None
+    return node
+
+
 def spot_of(root: Node, path: Keys, of_key: bool = False) -> Spot:
     """Where the value at a path stands (or its key), or else the nearest thing around it that is written."""
     node = root
@@ -138,13 +146,13 @@ def merged(base: Node, over: Node, path: Keys = ()) -> Node:
 def _kind(node: Node, path: Keys) -> Any:
     """The kind that a role's mapping has, written or by default."""
     written = child(node, "kind")
-    role = ROLES.get(str(path[0]))
+    role = AT_TOP.get(str(path[0]))
     return plain(written) if written else role.default if role else None
 
 
 def _is_replaced(key: str, over: Node) -> bool:
     """`motion` and `targets` are two ways to say one thing."""
-    return {"motion": "targets", "targets": "motion"}.get(key) in over.value
+    return key in AT_TOP and any(other in over.value for other in AT_TOP[key].keys if other != key)
 
 
 def assigned(node: Node, path: Keys, new: Node, depth: int = 0) -> Node:

@@ -15,7 +15,8 @@ from typing import Annotated, ClassVar, Literal
 
 from wsnsim.base.errors import Fault
 from wsnsim.base.part import Quantity, part
-from wsnsim.base.ports import Problem, Scene
+from wsnsim.base.ports import Scene
+from wsnsim.base.problem import Problem
 from wsnsim.trackers.shared.dealing import PREDICT_CYCLES
 from wsnsim.trackers.shared.heads import MOVE_CYCLES, WEIGH_CYCLES, CloudBelief, HeadCloud, Prediction
 from wsnsim.trackers.shared.moments import noise_faults

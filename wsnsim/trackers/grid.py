@@ -17,7 +17,8 @@ from wsnsim.base.arrays import Bools, Floats
 from wsnsim.base.asks import Compute, Flow, Member, Send
 from wsnsim.base.errors import Fault, RunError
 from wsnsim.base.part import Quantity, part
-from wsnsim.base.ports import Estimate, MotionModel, Problem, Scene
+from wsnsim.base.ports import Estimate, MotionModel, Scene
+from wsnsim.base.problem import Problem
 from wsnsim.kernels.grid import WINDOW, spread, weigh
 from wsnsim.trackers.shared.heads import WEIGH_CYCLES, GaussianBelief, HeadFilter
 from wsnsim.trackers.shared.parcels import moment_packets, parcel, weight_packets

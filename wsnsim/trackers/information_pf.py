@@ -17,7 +17,8 @@ from wsnsim.base.arrays import Bools, Floats
 from wsnsim.base.asks import Compute, Flow, Member, Send
 from wsnsim.base.errors import Fault
 from wsnsim.base.part import Quantity, part
-from wsnsim.base.ports import Estimate, Parts, Scene
+from wsnsim.base.ports import Estimate, Scene
+from wsnsim.base.problem import Parts
 from wsnsim.kernels import gaussian
 from wsnsim.kernels.noise import particle_keys
 from wsnsim.kernels.particles import moments, weigh

@@ -17,7 +17,8 @@ from wsnsim.base.arrays import Bools, Floats
 from wsnsim.base.asks import PACKET_BITS, Broadcast, Flow, Gather, Local, Member, Parcel
 from wsnsim.base.errors import Fault
 from wsnsim.base.part import Quantity, part
-from wsnsim.base.ports import Estimate, Parts, Scene
+from wsnsim.base.ports import Estimate, Scene
+from wsnsim.base.problem import Parts
 from wsnsim.kernels.gaussian import fit, fuse, log_density
 from wsnsim.kernels.particles import moments, weigh
 from wsnsim.trackers.shared.dealing import (

@@ -18,7 +18,8 @@ from wsnsim.base.arrays import Floats
 from wsnsim.base.asks import Compute, Flow
 from wsnsim.base.errors import Fault
 from wsnsim.base.part import Quantity, part
-from wsnsim.base.ports import Problem, Scene
+from wsnsim.base.ports import Scene
+from wsnsim.base.problem import Problem
 from wsnsim.trackers.shared.dealing import PREDICT_CYCLES
 from wsnsim.trackers.shared.heads import GaussianBelief, HeadFilter, only_predicted
 from wsnsim.trackers.shared.readings import Evidence, gather_readings

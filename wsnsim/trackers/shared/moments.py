@@ -8,7 +8,8 @@ import numpy as np
 
 from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import Fault
-from wsnsim.base.ports import Estimate, MotionModel, Problem, Scene
+from wsnsim.base.ports import Estimate, MotionModel, Scene
+from wsnsim.base.problem import Problem
 
 LEAST_VARIANCE = 1e-9
 LEAST_EIGENVALUE = 1e-9

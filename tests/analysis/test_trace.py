@@ -1,0 +1,299 @@
+"""A step is told as the rows say it: every sentence is compared with rows that a hand has written."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from wsnsim.analysis import acts
+from wsnsim.analysis.trace import as_json, text, trace
+from wsnsim.analysis.wording import energy_in_words, named
+from wsnsim.base.errors import ResultError, UsageError
+from wsnsim.base.tables import CAUSE, EVENT_CAUSE, KIND
+from wsnsim.recording import ResultFile
+
+NAN = float("nan")
+HEAD, START, DT = 7, 1.0, 0.5
+SCENARIO = {"name": "toy", "seed": 5, "step": DT}
+RUN = {
+    "replicate": 0, "status": 0, "steps": 4, "rmse": 1.0, "median_error": 1.0, "lost": 0, "energy": 1.0,
+    "handovers": 0, "frames_sent": 0, "frames_lost": 0, "packets_sent": 0, "in_range": 0, "collided": 0,
+    "access_failures": 0, "retries": 0, "cycles": 0.0, "alive": 9, "first_death": NAN, "half_dead": NAN,
+    "coverage": 1.0, "cpu_seconds": 0.1, "fingerprint": 3,
+}  # fmt: skip
+ESTIMATE = {
+    "replicate": 0, "target": 0, "step": 2, "time": START, "issued": 1.02, "px": 3.0, "vx": 0.0, "py": 4.0, "vy": 0.0,
+    "sd_x": 1.0, "sd_y": 1.0, "error": 5.0, "head": HEAD, "active": 3, "members": 4, "readings": 2, "received": NAN,
+    "late": 0, "woken": 0, "ineffective": 0, "effective_particles": NAN,
+}  # fmt: skip
+TRUTH = {"replicate": 0, "target": 0, "step": 2, "time": START, "px": 0.0, "vx": 0.0, "py": 0.0, "vy": 0.0}
+
+
+def event(kind, node, ms=0.0, what="", frame=0, peer=-1, joules=0.0, cause="none", **said):
+    """One event of step 2 of replicate 0; a frame's message has the frame's number unless it is said."""
+    return {
+        "replicate": 0, "time": START + ms / 1e3, "step": 2, "target": 0, "node": node, "kind": KIND[kind],
+        "what": what, "frame": frame, "sequence": frame, "peer": peer, "packets": int(frame > 0),
+        "bits": 96 * (frame > 0), "joules": joules, "cause": EVENT_CAUSE[cause],
+    } | said  # fmt: skip
+
+
+def hop(frame, source, to, ms, fate="receive", packets=1, got=None, kind="send", what="reading", sequence=None):
+    """The two rows of a frame over one hop: sent for 40 uJ, received (if so) for 2 uJ."""
+    said = {"sequence": sequence or frame}
+    heard = {"joules": 2e-6, "cause": "rx"} if fate == "receive" else {}
+    sent = event(kind, source, ms, what, frame, to, 4e-5, "tx", packets=packets, **said)
+    return [sent, event(fate, to, ms, what, frame, source, packets=packets if got is None else got, **said, **heard)]
+
+
+@pytest.fixture
+def made(tmp_path, states):
+    """made(happened, estimates=..., scenario=..., wanted=...) -> the path of a result that holds them."""
+
+    def make(happened, estimates=(ESTIMATE,), scenario=SCENARIO, truth=(TRUTH,), energy=(), name="toy.h5", **wanted):
+        tables = dict.fromkeys(("runs", "truth", "estimates", "events", "energy_steps"), True) | wanted
+        with ResultFile(tmp_path / name, states, tables, position=(0, 2)) as file:
+            file.set_text("scenario/resolved_json", json.dumps(scenario))
+            file.write("runs", RUN)
+            rows = {"truth": truth, "estimates": estimates, "energy_steps": energy}
+            rows["events"] = [row | {"what": file.words.code(row["what"])} for row in happened]
+            for table, said in rows.items():
+                for row in said:
+                    file.write(table, row)
+        return tmp_path / name
+
+    return make
+
+
+def sentences(path, **options):
+    """What is told of step 2, without the times."""
+    return [line.text for line in trace(path, 2, **options).lines]
+
+
+def test_a_message_says_from_whom_to_whom_how_much_for_how_many_joules_and_how_it_ended(made):
+    rows = [*hop(1, 12, HEAD, 1.0), *hop(2, 13, HEAD, 2.0, "collide"), *hop(3, 14, HEAD, 3.0, "drop")]
+    assert sentences(made(rows)) == [
+        "node 12 sent its reading to head 7 (1 packet, 96 bits, 42 uJ); arrived",
+        "node 13 sent its reading to head 7 (1 packet, 96 bits, 40 uJ); collided at 7",
+        "node 14 sent its reading to head 7 (1 packet, 96 bits, 40 uJ); lost on the way",
+    ]
+
+
+def test_many_similar_messages_are_summed_with_how_many_fared_how_and_who_fared_badly(made):
+    rows = [row for i in range(31) for row in hop(i + 1, 20 + i, HEAD, i, "collide" if i == 4 else "receive")]
+    (said,) = sentences(made(rows))
+    joules = 31 * 40 + 30 * 2
+    assert said == f"31 members sent their reading to head 7 (31 packets, 2,976 bits, {joules / 1e3:.3g} mJ): " + (
+        "30 arrived, 1 collided (24)"
+    )
+    assert len(sentences(made(rows, name="all.h5"), limit=31)) == 31
+
+
+def test_a_node_that_sends_again_begins_another_round(made):
+    rounds = [row for i in range(12) for row in hop(i + 1, 20 + i % 6, HEAD, i)]
+    said = sentences(made(rounds))
+    assert [one.partition(" sent")[0] for one in said] == ["6 members", "6 members"]
+
+
+def test_a_relayed_message_lists_its_hops_and_where_it_was_lost(made):
+    first = hop(1, HEAD, 42, 1.0, what="handover")
+    arrived = hop(2, 42, 90, 2.0, kind="relay", what="handover", sequence=1)
+    lost = hop(2, 42, 90, 2.0, "collide", kind="relay", what="handover", sequence=1)
+    sent = "head 7 sent its handover to node 90 over 42 (1 packet, 2 hops, 192 bits, "
+    assert sentences(made([*first, *arrived])) == [sent + "84 uJ); arrived"]
+    assert sentences(made([*first, *lost], name="lost.h5")) == [sent + "82 uJ); collided at 90"]
+
+
+def test_a_message_begun_in_an_earlier_step_says_so(made):
+    (said,) = sentences(made(hop(9, 42, 90, 2.0, kind="relay", what="handover", sequence=1)))
+    assert said.startswith("node 42 passed on its handover to node 90, begun before this step, (1 packet")
+
+
+@pytest.mark.parametrize(
+    ("what", "reason"), [("no_path", "there is no path"), ("no_channel", "the channel was never free"), ("fog", "fog")]
+)
+def test_what_was_never_on_the_air_says_why(made, what, reason):
+    (said,) = sentences(made([event("drop", 12, what=what, peer=90, packets=3)]))
+    assert said.endswith(f"to node 90 (3 packets, 0 bits, 0 J); not sent: {reason}")
+
+
+def test_a_broadcast_says_how_many_heard_it_and_who_did_not(made):
+    sent = event("send", HEAD, 1.0, "announce", 1, joules=1e-4, cause="tx")
+    heard = [event("receive", node, 1.0, "announce", 1, HEAD) for node in range(20, 34)]
+    missed = [event("collide", 34, 1.0, "announce", 1, HEAD), event("drop", 35, 1.0, "announce", 1, HEAD)]
+    (said,) = sentences(made([sent, *heard, *missed]))
+    assert said == (
+        "head 7 broadcast its announcement (1 packet, 96 bits, 100 uJ); heard by 14 of 16; collided at 34; "
+        "lost on the way to 35"
+    )
+
+
+def test_frames_sent_again_are_one_message_and_acknowledgements_none(made):
+    again = [*hop(1, 12, HEAD, 1.0, "collide", sequence=5), *hop(2, 12, HEAD, 4.0, sequence=5)]
+    ack = hop(3, HEAD, 12, 4.4, what="ack", sequence=5)
+    (said,) = sentences(made([*again, *ack]))
+    assert said == (
+        "node 12 sent its reading to head 7 (1 packet, 2 frames, 192 bits, 124 uJ); "
+        "arrived after lost frames (1 of 2 frames)"
+    )
+
+
+def test_packets_that_were_lost_are_counted(made):
+    (said,) = sentences(made(hop(1, 12, HEAD, 1.0, packets=47, got=37)))
+    assert said.endswith("arrived in part (37 of 47 packets)")
+
+
+def test_overhearing_is_summed_over_the_step(made):
+    rows = [event("overhear", 30 + i % 3, i, "reading", i + 1, 12, 1e-6, "overhear") for i in range(5)]
+    assert sentences(made(rows)) == ["3 nodes overheard what was not for them (5 frames at a node each) (5 uJ)"]
+
+
+@pytest.mark.parametrize(
+    ("row", "said"),
+    [
+        (event("elect", 3), "node 3 was elected head"),
+        (event("announce", 3), "head 3 announced its cluster"),
+        (event("join", 3, peer=HEAD), "node 3 joined head 7"),
+        (event("handover", HEAD, peer=3), "head 7 began to hand over to node 3"),
+        (event("lost", HEAD, what="head_died"), "the track was lost: head died (head 7)"),
+        (event("reacquire", 3), "node 3 began the track anew, from readings"),
+        (event("wake", 3, what="target"), "node 3 woke, as the target came into range"),
+        (event("death", 3, target=-1), "node 3 died: the charge is gone"),
+        (event("crash", 3, target=-1), "node 3 crashed"),
+        (event("restart", 3, target=-1), "node 3 restarted"),
+        (event("fault", -1, what="blackout"), "fault 'blackout' hit nobody"),
+        (event("fault", 3, what="link_loss_over"), "fault 'link loss' ended at node 3"),
+        (event("fault", 3, what="drain", joules=2.5, cause="leak"), "fault 'drain' hit node 3 (2.5 J)"),
+        (event("report", 3, peer=HEAD), "the sink, node 3, had the report of head 7"),
+        (event("report", HEAD, peer=3), "head 7 reported to the sink, node 3"),
+        (event("allocate", 3, what="particles", packets=9), "head 3 dealt out particles: 9 packets for others"),
+        (event("compute", 3, joules=2e-6, cause="cpu"), "node 3 computed (2 uJ)"),
+        (event("estimate", HEAD, 20), "head 7 issued the estimate of step 2, 5 m off"),
+    ],
+)  # fmt: skip
+def test_every_kind_of_event_has_its_sentence(made, row, said):
+    assert sentences(made([row])) == [said]
+
+
+def test_no_kind_of_event_is_passed_over(made):
+    for number, kind in enumerate(KIND):
+        said = sentences(made([event(kind, 3, frame=1, peer=4, what="reading")], name=f"{number}.h5"))
+        assert len(said) == 1 and " 3" in said[0] + " 3" * (kind == "overhear"), kind
+
+
+def test_sentences_stand_in_the_order_of_time_in_ms_after_the_start(made):
+    rows = [*hop(1, 12, HEAD, 3.0), *hop(2, 13, HEAD, 5.5), event("sense", 12, 0.0), event("estimate", HEAD, 20.0)]
+    lines = text(trace(made(rows), 2)).splitlines()
+    told = lines[lines.index("    ms") + 1 : lines.index("", 5)]
+    assert [line.split()[0] for line in told] == ["0.000", "3.000", "5.500", "20.000"]
+
+
+def test_the_estimate_says_where_how_far_off_when_and_from_what(made):
+    assert (
+        "  estimate px 3 m, py 4 m: 5 m off, issued by head 7 20.000 ms after the start; 3 of 4 members sensed, "
+        "2 readings entered"
+    ) in text(trace(made([]), 2)).splitlines()
+    late = ESTIMATE | {"issued": 1.6, "late": 1, "received": 1.7}
+    said = text(trace(made([], [late], name="late.h5"), 2))
+    assert "600.000 ms after the start, late by 100 ms;" in said and "at the sink 700.000 ms after the start" in said
+    none = ESTIMATE | {"issued": NAN, "error": NAN}
+    assert "  no estimate of this step; node 7 led" in text(trace(made([], [none], name="none.h5"), 2))
+    nobody = none | {"head": -1}
+    assert "  no estimate of this step; nobody led" in text(trace(made([], [nobody], name="nobody.h5"), 2))
+
+
+def test_the_cost_is_that_of_the_step_alone_by_cause(made):
+    energy = [
+        {"replicate": 0, "step": step, "time": step * DT, "cause": CAUSE[cause], "joules": joules}
+        for step, cause, joules in ((1, "rx", 9.0), (2, "rx", 2e-6), (2, "idle", 1e-3), (3, "rx", 9.0))
+    ]
+    picked = trace(made(hop(1, 12, HEAD, 1.0), energy=energy), 2)
+    assert picked.energy == {"rx": 2e-6, "idle": 1e-3}
+    assert picked.booked == {"tx": 4e-5, "rx": 2e-6}
+    assert text(picked).splitlines()[-2:] == [
+        "the network spent 1 mJ: rx 2 uJ, idle 1 mJ",
+        "the events above book 42 uJ: tx 40 uJ, rx 2 uJ",
+    ]
+
+
+def test_one_target_of_several_is_told_with_what_concerns_none(made):
+    other = event("elect", 4, target=1)
+    rows = [event("elect", 3), other, event("crash", 5, target=-1)]
+    both = made(rows, [ESTIMATE, ESTIMATE | {"target": 1}])
+    assert sentences(both) == [
+        "node 3 was elected head (target 0)",
+        "node 4 was elected head (target 1)",
+        "node 5 crashed",
+    ]
+    assert sentences(both, target=1) == ["node 4 was elected head (target 1)", "node 5 crashed"]
+
+
+def test_only_the_rows_of_the_step_and_replicate_are_told_however_they_are_read(made, monkeypatch):
+    strange = [event("elect", 1, step=1), event("elect", 2), event("elect", 3, step=3), event("elect", 4, replicate=1)]
+    path = made([*strange, event("elect", 5)])
+    for block in (1, 2, 3, 100):
+        monkeypatch.setattr(acts, "BLOCK", block)
+        assert [row.node for row in acts.rows_at(path, 0, 2)] == [2, 5]
+
+
+def test_the_json_holds_the_messages_frame_by_frame(made):
+    answer = as_json(trace(made([*hop(1, 12, HEAD, 1.0), event("sense", 12)]), 2))
+    (message,) = answer["messages"]
+    assert message["path"] == (12, HEAD) and message["frames"][0]["received"] == {HEAD: 1}
+    assert [act["nodes"] for act in answer["acts"]] == [[12]]
+    assert answer["targets"][0]["estimate"]["error"] == 5.0
+    json.dumps(answer)
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"step": 5}, "replicate 0 has steps 0 to 4, no step 5"),
+        ({"step": 2, "replicate": 3}, "there is no replicate 3; it has 0"),
+        ({"step": 2, "target": 9}, "there is no target 9; it has 0"),
+    ],
+)
+def test_what_is_not_there_is_named(made, options, said):
+    path = made([])
+    with pytest.raises(UsageError, match=said):
+        trace(path, **options)
+
+
+def test_a_result_without_events_says_how_to_record_them(made):
+    with pytest.raises(ResultError, match=r"record\.events=true"):
+        trace(made([], events=False), 2)
+
+
+def test_without_a_network_there_are_the_truth_the_estimate_and_the_readings(made):
+    bench = made([], scenario=SCENARIO | {"network": "none"}, events=False)
+    assert text(trace(bench, 2)).splitlines()[2:] == [
+        "target 0 is at px 0 m, py 0 m",
+        "  estimate px 3 m, py 4 m: 5 m off, from 2 readings",
+        "no network: nothing was sent, and no energy spent",
+    ]
+
+
+def test_a_network_without_a_target_is_told_too(tmp_path):
+    with ResultFile(tmp_path / "b.h5", (), {"runs": True, "events": True}) as file:
+        file.set_text("scenario/resolved_json", json.dumps(SCENARIO))
+        file.write("runs", RUN)
+        code = file.words.code("beacon")
+        for row in (event("send", 3, what=code, frame=1), event("receive", 4, what=code, frame=1, peer=3)):
+            file.write("events", row | {"sequence": 0, "target": -1})
+    assert sentences(tmp_path / "b.h5") == ["node 3 broadcast its beacon (1 packet, 96 bits, 0 J); heard by 1 of 1"]
+
+
+def test_numbers_are_said_with_three_digits_and_a_fitting_prefix():
+    values = (0.0, 6.24e-5, 9.9996e-4, 1.0, 2500.0, 3e-9, 2.5e-3)
+    assert [energy_in_words(value) for value in values] == [
+        "0 J",
+        "62.4 uJ",
+        "1 mJ",
+        "1 J",
+        "2,500 J",
+        "3 nJ",
+        "2.5 mJ",
+    ]
+    assert named(np.arange(30).tolist()).endswith("22, 23 and 6 more")

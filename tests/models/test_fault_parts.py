@@ -1,0 +1,99 @@
+"""What a scenario may say of what goes wrong, and what it may not."""
+
+import dataclasses
+
+import pytest
+
+from wsnsim.base.problem import Beacons, Parts
+from wsnsim.models.deploy import Anchors, FromFile, Uniform
+from wsnsim.models.energy import FirstOrder
+from wsnsim.models.faults import Bias, Blackout, ClockStep, Crash, Drain, LinkLoss, Restart, Stuck
+
+EACH = {
+    "crash": Crash(at=1.0, head=0),
+    "restart": Restart(at=1.0, nodes=(3,)),
+    "drain": Drain(at=1.0, fraction=0.5, share=0.5),
+    "blackout": Blackout(at=1.0, region=(0.0, 0.0, 50.0)),
+    "link_loss": LinkLoss(at=1.0, fraction=1.0, loss=0.5),
+    "clock_step": ClockStep(at=1.0, nodes=(0, 255), offset=-0.1),
+    "stuck": Stuck(at=1.0, nodes=(1,)),
+    "bias": Bias(at=1.0, head=1, offset=2.0),
+}
+
+
+def company(kind=Parts, **given):
+    """Ten seconds of 256 nodes on 400 m x 400 m and two targets; of the rest nothing matters."""
+    roles = {"steps": 100, "dt": 0.1, "deploy": Uniform(), "energy": FirstOrder(), "motions": (None, None)}
+    names = [field.name for field in dataclasses.fields(kind)]
+    return kind(**dict.fromkeys(names) | {name: value for name, value in roles.items() if name in names} | given)
+
+
+def faults(part, parts=None):
+    found = part.faults(parts or company())
+    return [(".".join(map(str, fault.path)), fault.message) for fault in found]
+
+
+@pytest.mark.parametrize("mechanism", EACH)
+def test_each_of_them_names_its_mechanism_and_can_be(mechanism):
+    part = EACH[mechanism]
+    assert part.mechanism == mechanism
+    assert faults(part) == []
+
+
+def test_they_last_for_good_unless_they_say_how_long_and_a_restart_no_time():
+    assert Crash(at=1.0, head=0).duration is None
+    assert Restart(at=1.0, head=0).duration == 0.0
+
+
+@pytest.mark.parametrize(
+    ("part", "path", "words"),
+    [
+        (Crash(at=1.0), "faults", "aimed at nothing: give exactly one of nodes, fraction, region, head"),
+        (Crash(at=1.0, head=0, nodes=(1,)), "faults", "aimed by nodes and head at once"),
+        (Crash(at=10.1, head=0), "faults.at", "after the end of the run at 10 s"),
+        (Crash(at=1.0, nodes=()), "faults.nodes", "names no node"),
+        (Crash(at=1.0, nodes=(0, 256)), "faults.nodes", "no node 256: the 256 nodes are numbered from 0"),
+        (Blackout(at=1.0, region=(0.0, 0.0, 0.0)), "faults.region", "greater than 0"),
+        (Blackout(at=1.0, region=(300.0, 0.0, 99.0)), "faults.region", "does not touch the field"),
+        (Crash(at=1.0, head=2), "faults.head", "no target 2: the targets are numbered from 0 to 1"),
+        (Restart(at=1.0, head=0, duration=None), "faults.duration", "a restart ends"),
+        (Drain(at=1.0, head=0), "faults", "either joules or a share"),
+        (Drain(at=1.0, head=0, joules=1.0, share=0.5), "faults", "either joules or a share"),
+        (Drain(at=1.0, head=0, joules=1.0, duration=1.0), "faults.duration", "at once"),
+    ],
+)
+def test_what_cannot_be_is_a_fault(part, path, words):
+    ((found, message),) = faults(part)
+    assert found == path
+    assert words in message
+
+
+def test_the_last_instant_and_the_fields_edge_and_corner_belong_to_the_run():
+    assert faults(Crash(at=10.0, head=0)) == []
+    assert faults(Blackout(at=1.0, region=(300.0, 0.0, 100.0))) == []
+    assert faults(Blackout(at=1.0, region=(203.0, 204.0, 5.0))) == []  # 5 m from the corner
+    assert len(faults(Blackout(at=1.0, region=(203.0, 204.0, 4.99)))) == 1
+
+
+def test_nodes_are_counted_where_the_deployment_can_tell():
+    two = company(deploy=Anchors(places=((0.0, 0.0), (5.0, 5.0))))
+    assert faults(Crash(at=1.0, nodes=(1,)), two) == []
+    assert "the 2 nodes" in faults(Crash(at=1.0, nodes=(2,)), two)[0][1]
+    assert faults(Crash(at=1.0, nodes=(99,)), company(deploy=FromFile(path="nodes.csv"))) == []
+
+
+def test_without_a_target_nobody_leads_and_nothing_is_read():
+    beacons = company(Beacons)
+    assert faults(Crash(at=1.0, nodes=(1,)), beacons) == []
+    ((path, message),) = faults(Crash(at=1.0, head=0), beacons)
+    assert (path, "without a target" in message) == ("faults.head", True)
+    for part in (Stuck(at=1.0, nodes=(1,)), Bias(at=1.0, nodes=(1,), offset=1.0)):
+        ((path, _),) = faults(part, beacons)
+        assert path == "faults.kind"
+
+
+def test_a_battery_without_limit_has_no_share():
+    endless = company(energy=FirstOrder(battery=float("inf")))
+    assert faults(Drain(at=1.0, head=0, joules=1.0), endless) == []
+    ((path, message),) = faults(Drain(at=1.0, head=0, share=0.5), endless)
+    assert (path, "give joules" in message) == ("faults.share", True)

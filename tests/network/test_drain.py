@@ -1,0 +1,103 @@
+"""What time costs, against hand counts; death by idling at its instant; reading changes nothing."""
+
+import numpy as np
+import pytest
+
+from tests.network.places import Place
+from wsnsim.base.ports import Mode
+from wsnsim.base.tables import CAUSE
+from wsnsim.models.energy import FirstOrder
+
+IDLE, SLEEP, CPU, SWITCH = (CAUSE[name] for name in ("idle", "sleep", "cpu", "switch"))
+PAIR = [(0, 0), (50, 0)]
+
+
+def place(battery=100.0, horizon=10.0, **changes):
+    return Place(PAIR, energy=FirstOrder(battery=battery, idle=0.06, sleep=0.002, **changes), horizon=horizon)
+
+
+def test_a_node_that_does_nothing_pays_for_listening_when_somebody_looks():
+    here = place()
+    here.env.run(until=4.0)
+    assert here.fleet.spent.tolist() == [0.0, 0.0], "nothing is booked before it must be"
+    assert here.fleet.left(0) == pytest.approx(100.0 - 4 * 0.06)
+    assert here.fleet.totals_now()[IDLE] == pytest.approx(2 * 4 * 0.06)
+    here.fleet.close()
+    assert here.fleet.ledger[IDLE].tolist() == pytest.approx([0.24, 0.24]) and here.closes()
+
+
+def test_reading_energy_at_any_time_changes_nothing_to_the_last_bit():
+    books = []
+    for looks in (False, True):
+        here = place()
+        for time in np.linspace(0.1, 5, 40) if looks else ():
+            here.at(float(time), lambda here=here: (here.fleet.left(0), here.fleet.all_left(), here.fleet.totals_now()))
+        here.at(2.0, lambda here=here: here.fleet.spend(0, CPU, 1e-3))
+        here.unicast(0, 1)
+        here.env.run(until=6.0)
+        here.fleet.close()
+        books.append(here.fleet.ledger.copy())
+    assert np.array_equal(*books)
+
+
+def test_a_radio_does_not_idle_while_it_sends_or_receives():
+    here = place()
+    here.unicast(0, 1)
+    here.env.run(until=1.0)
+    here.fleet.close()
+    on_air = (29 + 11) * 8 / 250e3
+    assert here.fleet.ledger[IDLE].tolist() == pytest.approx([0.06 * (1.0 - on_air)] * 2, rel=1e-12)
+    assert here.fleet.totals_now()[IDLE] == pytest.approx(here.fleet.totals[IDLE], rel=1e-12)
+
+
+def test_modes_are_paid_for_as_long_as_they_last_and_changes_cost_their_switch():
+    here = place(switch=0.01)
+    here.at(1.0, lambda: here.fleet.set_mode(0, Mode.ASLEEP))
+    here.at(4.0, lambda: here.fleet.set_mode(0, Mode.AWAKE))
+    here.env.run(until=5.0)
+    here.fleet.close()
+    assert here.fleet.ledger[IDLE, 0] == pytest.approx(0.06 * 2.0)
+    assert here.fleet.ledger[SLEEP, 0] == pytest.approx(0.002 * 3.0)
+    assert here.fleet.ledger[SWITCH, 0] == pytest.approx(0.02)
+    assert here.fleet.totals_now() == pytest.approx(here.fleet.totals, rel=1e-12)
+
+
+def test_a_node_dies_of_idling_at_the_instant_its_charge_is_gone():
+    here = place(battery=0.3)
+    here.at(2.0, lambda: here.fleet.spend(1, CPU, 0.06))
+    here.env.run(until=10.0)
+    assert here.died == [(pytest.approx(4.0), 1), (pytest.approx(5.0), 0)]
+    assert here.fleet.spent.tolist() == [0.3, 0.3] and here.closes()
+    assert here.fleet.totals_now() == pytest.approx(here.fleet.totals, rel=1e-9)
+
+
+def test_what_the_radio_pays_elsewhere_delays_a_death_by_idling():
+    idle, busy = place(battery=0.3), place(battery=0.3)
+    for i in range(200):
+        busy.at(0.01 * i + 1e-6, lambda: busy.mac.offer(1, 800, lambda heard: None))
+    idle.env.run(until=10.0)
+    busy.env.run(until=10.0)
+    heard = 200 * 117 * 8 / 250e3
+    assert dict((node, time) for time, node in idle.died)[0] == pytest.approx(5.0)
+    received = 200 * 117 * 8 * 50e-9
+    expected = (0.3 - received) / 0.06 + heard
+    assert dict((node, time) for time, node in busy.died)[0] == pytest.approx(expected, rel=1e-6)
+
+
+def test_a_node_that_is_down_draws_nothing_and_goes_on_from_the_charge_it_had():
+    here = place(battery=0.3)
+    here.at(1.0, lambda: here.fleet.crash(0))
+    here.at(7.0, lambda: here.fleet.restart(0))
+    here.env.run(until=9.0)
+    assert here.fleet.left(0) == pytest.approx(0.3 - 3 * 0.06)
+    here.fleet.close()
+    assert here.closes()
+
+
+def test_a_battery_that_outlasts_the_run_needs_no_alarm():
+    here = place(battery=100.0)
+    assert here.env.peek() == float("inf"), "no event waits in the queue"
+
+
+def test_a_model_without_a_draw_has_no_drain():
+    assert Place(PAIR, energy=FirstOrder()).fleet.drain is None

@@ -1,0 +1,272 @@
+"""The events of a result, row by row, and what they add up to: acts of nodes, and messages with their hops and frames.
+
+rows_at(path, replicate, step) -> [Row];   ranges(path, table) -> {replicate: slice};   rows_in(path, slice) -> [Row]
+gathered(rows) -> [Act | Message]          in the order in which they began
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from wsnsim import recording
+from wsnsim.analysis.sources import Layout, layout
+
+BLOCK: Final = 1 << 22
+"""Rows of two columns that are in memory at once while a step is looked for."""
+ON_THE_AIR: Final = ("send", "relay")
+OUTCOMES: Final = ("receive", "drop", "collide")
+ACK: Final = "ack"
+EVERYONE: Final = -1
+
+
+class Row(NamedTuple):
+    """One event; the fields are the columns of `events`, categories as words ('' where there is none)."""
+
+    time: float
+    step: int
+    target: int
+    node: int
+    kind: str
+    what: str
+    frame: int
+    sequence: int
+    peer: int
+    packets: int
+    bits: int
+    joules: float
+    cause: str
+
+
+@dataclass(slots=True)
+class Act:
+    """The same thing, done by each of several nodes once: from `time` to `until`, for `joules` in all.
+
+    `peer`: the other node, -1 for none. `count`: rows; `packets` and `bits` are sums over them.
+    """
+
+    time: float
+    until: float
+    kind: str
+    what: str
+    target: int
+    peer: int
+    nodes: list[int] = field(default_factory=list)
+    count: int = 0
+    packets: int = 0
+    bits: int = 0
+    joules: float = 0.0
+
+    def add(self, row: Row) -> None:
+        """One more row of it."""
+        self.until = row.time
+        self.nodes.append(row.node)
+        self.count += 1
+        self.packets += row.packets
+        self.bits += row.bits
+        self.joules += row.joules
+
+
+@dataclass(slots=True)
+class Frame:
+    """One burst on the air: who got how many packets of it, at whom it collided, and where it was lost otherwise."""
+
+    number: int
+    source: int
+    to: int
+    packets: int
+    bits: int
+    received: dict[int, int] = field(default_factory=dict)
+    collided: list[int] = field(default_factory=list)
+    dropped: list[int] = field(default_factory=list)
+
+    @property
+    def arrived(self) -> bool:
+        """Whether the node it was for got it, or all of it where it was for everyone."""
+        return self.to in self.received if self.to != EVERYONE else not (self.collided or self.dropped)
+
+
+@dataclass(slots=True)
+class Message:
+    """A parcel under way: its frames hop by hop, acknowledgements left out, and `joules` of all who sent or listened.
+
+    `ended`: why a frame of it never got on the air ('no_path', 'no_channel', ...); '' if none. `begun`: whether its
+    first frame is in the rows. Overhearing is not in `joules`.
+    """
+
+    time: float
+    until: float
+    what: str
+    target: int
+    source: int
+    to: int
+    begun: bool = True
+    ended: str = ""
+    packets: int = 0
+    joules: float = 0.0
+    frames: list[Frame] = field(default_factory=list)
+    acknowledgements: int = 0
+
+    @property
+    def path(self) -> tuple[int, ...]:
+        """The nodes that it passed, from the first sender to the last addressee."""
+        nodes = [self.source]
+        for frame in self.frames:
+            if frame.source == nodes[-1] and frame.to != EVERYONE:
+                nodes.append(frame.to)
+        return tuple(nodes)
+
+    @property
+    def hop(self) -> list[Frame]:
+        """The frames of its last hop."""
+        last = self.frames[-1]
+        return [frame for frame in self.frames if (frame.source, frame.to) == (last.source, last.to)]
+
+    @property
+    def bits(self) -> int:
+        """Bits put on the air, each frame and hop counted."""
+        return sum(frame.bits for frame in self.frames)
+
+    @property
+    def is_broadcast(self) -> bool:
+        """Whether it was for everyone within reach."""
+        return self.to == EVERYONE
+
+
+def plan_of(path: str | Path) -> Layout:
+    """How the states are laid out; empty where there is no target."""
+    return layout(path) if recording.attributes(path)["states"] else Layout({}, ())
+
+
+def ranges(path: str | Path, table: str = "events") -> dict[int, slice]:
+    """Which rows of a table each replicate has: from its first to its last."""
+    found: dict[int, slice] = {}
+    for start, columns in _blocks(path, ["replicate"], table):
+        numbers = columns["replicate"]
+        for number in np.unique(numbers).tolist():
+            at = np.flatnonzero(numbers == number)
+            first = found[number].start if number in found else start + int(at[0])
+            found[number] = slice(first, start + int(at[-1]) + 1)
+    return found
+
+
+def rows_at(path: str | Path, replicate: int, step: int) -> list[Row]:
+    """The events of one step. Two columns are looked through, a block at a time; then only the step's rows are read."""
+    first, last = None, 0
+    for start, columns in _blocks(path, ["replicate", "step"]):
+        at = np.flatnonzero((columns["replicate"] == replicate) & (columns["step"] == step))
+        if at.size:
+            first, last = (start + int(at[0]) if first is None else first), start + int(at[-1]) + 1
+    if first is None:
+        return []
+    return [row for number, row in _read(path, slice(first, last)) if number == replicate and row.step == step]
+
+
+def rows_in(path: str | Path, rows: slice) -> list[Row]:
+    """The events in a range of rows."""
+    return [row for _, row in _read(path, rows)]
+
+
+def gathered(rows: Iterable[Row]) -> list[Act | Message]:
+    """What the rows add up to: a message a sequence number, and what nodes did besides, alike things together.
+
+    A node that does the same again begins a new act, so that rounds stay apart.
+    """
+    found: list[Act | Message] = []
+    messages: dict[tuple[bool, int], Message] = {}
+    acts: dict[tuple[object, ...], tuple[Act, set[int]]] = {}
+    rows = list(rows)
+    leads = {row.node for row in rows if row.kind in ("estimate", "announce", "allocate", "handover")}
+    for row in rows:
+        if row.kind in ON_THE_AIR or row.kind in OUTCOMES:
+            _take(row, messages, found.append)
+        else:
+            _join(row, row.kind == "compute" and row.node in leads, acts, found.append)
+    return found
+
+
+def _join(
+    row: Row, leads: bool, acts: dict[tuple[object, ...], tuple[Act, set[int]]], note: Callable[[Act], None]
+) -> None:
+    """Put a row of no frame, or one that was overheard, with those like it."""
+    overheard = row.kind == "overhear"
+    key = (row.kind,) if overheard else (row.kind, row.what, row.target, row.peer, leads)
+    act, nodes = acts.get(key, (None, set()))
+    if act is None or (row.node in nodes and not overheard):
+        act, nodes = Act(row.time, row.time, row.kind, row.what, row.target, -1 if overheard else row.peer), set()
+        acts[key] = act, nodes
+        note(act)
+    nodes.add(row.node)
+    act.add(row)
+
+
+def _take(row: Row, messages: dict[tuple[bool, int], Message], note: Callable[[Message], None]) -> None:
+    """Put a row of a frame where it belongs."""
+    key = (row.sequence > 0, row.sequence or row.frame)
+    message = messages.get(key) if key[1] else None
+    if message is None:
+        message = _opened(row)
+        note(message)
+        if key[1]:
+            messages[key] = message
+    message.until = row.time
+    message.joules += row.joules
+    if row.what == ACK:
+        message.acknowledgements += row.kind == "receive"
+    elif row.kind in ON_THE_AIR:
+        message.frames.append(Frame(row.frame, row.node, row.peer, row.packets, row.bits))
+        message.packets = max(message.packets, row.packets)
+    elif row.frame == 0:
+        message.ended = row.what or "no_reason"
+        message.packets = max(message.packets, row.packets)
+    else:
+        _settle(message, row)
+
+
+def _opened(row: Row) -> Message:
+    """A message, from the first row of it that there is: it was begun earlier where that is no sending."""
+    if row.kind in ON_THE_AIR or row.frame == 0:
+        begun = row.kind != "relay" and row.what != ACK
+        return Message(row.time, row.time, row.what, row.target, row.node, row.peer, begun)
+    return Message(row.time, row.time, row.what, row.target, row.peer, row.node, begun=False)
+
+
+def _settle(message: Message, row: Row) -> None:
+    """What became of a frame at one node."""
+    frame = next((one for one in reversed(message.frames) if one.number == row.frame), None)
+    if frame is None:
+        frame = Frame(row.frame, row.peer, row.node, row.packets, row.bits)
+        message.frames.append(frame)
+    if row.kind == "receive":
+        frame.received[row.node] = row.packets
+    else:
+        (frame.collided if row.kind == "collide" else frame.dropped).append(row.node)
+
+
+def _blocks(
+    path: str | Path, columns: Sequence[str], table: str = "events"
+) -> Iterator[tuple[int, dict[str, np.ndarray]]]:
+    """(first row, columns) of one block after the other."""
+    count = recording.tables(path)[table].rows
+    for start in range(0, count, BLOCK):
+        yield start, recording.read_table(path, table, columns, slice(start, start + BLOCK))
+
+
+def _read(path: str | Path, rows: slice) -> Iterator[tuple[int, Row]]:
+    """(replicate, event) of each row in a range."""
+    columns = recording.read_table(path, "events", ["replicate", *Row._fields], rows)
+    lists = [columns["replicate"].tolist()]
+    for name in Row._fields:
+        words = recording.meanings(path, "events", name)
+        values = columns[name].tolist()
+        lists.append([_word(words, code) for code in values] if words else values)
+    return ((replicate, Row(*values)) for replicate, *values in zip(*lists, strict=True))
+
+
+def _word(words: Sequence[str], code: int) -> str:
+    word = words[code] if code < len(words) else f"unknown_{code}"
+    return "" if word == "none" else word

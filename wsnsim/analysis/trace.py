@@ -1,0 +1,252 @@
+"""One step of a run, told: who sensed, who sent what to whom, what was lost and why, what it gave and what it cost.
+
+trace(path, step, replicate=0, target=None, limit=4) -> Trace;   text(trace);   as_json(trace)
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from wsnsim import recording
+from wsnsim.analysis.acts import Act, Message, Row, gathered, plan_of, rows_at
+from wsnsim.analysis.narration import told
+from wsnsim.analysis.wording import Line, Speaker, counted, energy_in_words
+from wsnsim.base.errors import ResultError, UsageError
+
+Record = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Trace:
+    """A step, picked and put in order. `start` and `dt` in s; `energy` and `booked` in J by cause.
+
+    `targets`: {target: (truth, estimate)}, each the row of its table as a mapping, or None. `energy` is what the whole
+    network spent in the step, `booked` what the step's events (of the targets asked for) say. `units` of the states.
+    """
+
+    path: str
+    name: str
+    replicate: int
+    step: int
+    start: float
+    dt: float
+    network: bool
+    units: Mapping[str, str]
+    position: tuple[str, ...]
+    targets: Mapping[int, tuple[Record | None, Record | None]]
+    acts: Sequence[Act | Message]
+    lines: Sequence[Line]
+    energy: Mapping[str, float] | None
+    booked: Mapping[str, float]
+
+
+def trace(path: str | Path, step: int, replicate: int = 0, target: int | None = None, limit: int = 4) -> Trace:
+    """Pick one step of a result and put it into words. More than `limit` similar messages are told in one sentence.
+
+    Raises:
+        UsageError: there is no such replicate, step or target.
+        ResultError: the file cannot be read, or does not hold what it takes.
+    """
+    scenario = json.loads(recording.read_text(path, "scenario/resolved_json"))
+    dt, network = float(scenario["step"]), scenario.get("network") != "none"
+    _check(path, replicate, step)
+    truths, estimates = (_of_run(path, table, replicate) for table in ("truth", "estimates"))
+    known = sorted({row["target"] for row in (*truths, *estimates)})
+    if target is not None and target not in known:
+        raise UsageError(f"{path}: there is no target {target}; it has {', '.join(map(str, known)) or 'none'}")
+    if network:
+        _demand_events(path)
+    rows = [
+        row
+        for row in (rows_at(path, replicate, step) if network else [])
+        if target in (None, row.target) or row.target < 0
+    ]
+    chosen = known if target is None else [target]
+    speaker = Speaker(_heads(rows, estimates, step), limit, _issued(estimates, dt, path), len(known) > 1)
+    acts = gathered(rows)
+    plan = plan_of(path)
+    return Trace(
+        str(path), f"{scenario['name']}, seed {scenario['seed']}", replicate, step, step * dt, dt, network, plan.units,
+        plan.position, {one: (_row(truths, one, step), _row(estimates, one, step)) for one in chosen}, acts,
+        told(acts, speaker), _spent(path, replicate, step) if network else None, _booked(rows),
+    )  # fmt: skip
+
+
+def text(picked: Trace) -> str:
+    """The step for a terminal: where the targets are, then what happened, in ms after its start, then the cost."""
+    run = f"replicate {picked.replicate}, step {picked.step}"
+    lines = [f"{picked.path}: {picked.name}", f"{run}: from {picked.start:g} s to {picked.start + picked.dt:g} s"]
+    for target, (truth, estimate) in picked.targets.items():
+        lines.append(f"target {target}" + (f" is at {_place(picked, truth)}" if truth else ""))
+        lines.append(f"  {_of_estimate(picked, estimate)}")
+    if not picked.network:
+        return "\n".join([*lines, "no network: nothing was sent, and no energy spent"])
+    return "\n".join([*lines, "", *_happened(picked), "", *_cost(picked)])
+
+
+def as_json(picked: Trace) -> dict[str, Any]:
+    """The same as plain values; times in s."""
+    return {
+        "file": picked.path,
+        "replicate": picked.replicate,
+        "step": picked.step,
+        "start": picked.start,
+        "seconds": picked.dt,
+        "network": picked.network,
+        "targets": {
+            target: {"truth": truth, "estimate": estimate} for target, (truth, estimate) in picked.targets.items()
+        },
+        "told": [line._asdict() for line in picked.lines],
+        "acts": [asdict(act) for act in picked.acts if isinstance(act, Act)],
+        "messages": [asdict(act) | {"path": act.path} for act in picked.acts if isinstance(act, Message)],
+        "energy": picked.energy,
+        "energy_of_events": dict(picked.booked),
+    }
+
+
+def _check(path: str | Path, replicate: int, step: int) -> None:
+    """Raise UsageError unless the file has the run, and the run the step. What a killed run left cannot be asked."""
+    if recording.attributes(path)["status"] != "complete":
+        return
+    runs = recording.read_table(path, "runs", ["replicate", "steps"])
+    found = dict(zip(runs["replicate"].tolist(), runs["steps"].tolist(), strict=True))
+    if replicate not in found:
+        raise UsageError(f"{path}: there is no replicate {replicate}; it has {_span(sorted(found))}")
+    if step > found[replicate]:
+        raise UsageError(f"{path}: replicate {replicate} has steps 0 to {found[replicate]}, no step {step}")
+
+
+def _demand_events(path: str | Path) -> None:
+    """Raise ResultError unless events were recorded."""
+    if "events" not in recording.tables(path):
+        raise ResultError(
+            f"{path}: its events were not recorded, so no step can be told; run it again with them: "
+            f"wsnsim run {path} --set record.events=true --out FILE.h5"
+        )
+
+
+def _span(numbers: Sequence[int]) -> str:
+    if len(numbers) <= 6:
+        return ", ".join(map(str, numbers)) or "none"
+    return f"{numbers[0]} … {numbers[-1]}"
+
+
+def _of_run(path: str | Path, table: str, replicate: int) -> list[dict[str, Any]]:
+    """The rows of one replicate as mappings; none where the table was not recorded."""
+    if table not in recording.tables(path):
+        return []
+    columns = recording.read_table(path, table)
+    rows = columns["replicate"] == replicate
+    lists = {name: values[rows].tolist() for name, values in columns.items()}
+    return [dict(zip(lists, values, strict=True)) for values in zip(*lists.values(), strict=True)]
+
+
+def _row(rows: Sequence[dict[str, Any]], target: int, step: int) -> Record | None:
+    return next((row for row in rows if row["target"] == target and row["step"] == step), None)
+
+
+def _heads(rows: Sequence[Row], estimates: Sequence[Record], step: int) -> frozenset[int]:
+    """Who leads in the step: as the estimates say, and as whoever acts as a head does."""
+    leads = {row["head"] for row in estimates if row["step"] == step}
+    leads |= {row.node for row in rows if row.kind in ("announce", "allocate", "estimate", "handover")}
+    return frozenset(leads - {-1})
+
+
+def _issued(estimates: Sequence[Record], dt: float, path: str | Path) -> dict[tuple[int, float], str]:
+    """What each estimate is called at the time when it was issued."""
+    unit = _unit(path)
+    return {
+        (row["target"], row["issued"]): f"the estimate of step {row['step']}, {row['error']:.3g}{unit} off"
+        + _late(row, dt)
+        for row in estimates
+        if row["issued"] == row["issued"]
+    }
+
+
+def _late(row: Record, dt: float) -> str:
+    late = row["issued"] - (row["step"] + 1) * dt
+    return f", late by {1e3 * late:.3g} ms" if row["late"] and late > 0 else ""
+
+
+def _unit(path: str | Path) -> str:
+    plan = plan_of(path)
+    unit = plan.units[plan.position[0]] if plan.position else ""
+    return f" {unit}" if unit else ""
+
+
+def _spent(path: str | Path, replicate: int, step: int) -> dict[str, float] | None:
+    """What the network spent in the step, by cause; None where that was not recorded."""
+    if "energy_steps" not in recording.tables(path):
+        return None
+    table = recording.read_table(path, "energy_steps", ["replicate", "step", "cause", "joules"])
+    words = recording.meanings(path, "energy_steps", "cause")
+    at = (table["replicate"] == replicate) & (table["step"] == step)
+    return {words[code]: joules for code, joules in zip(table["cause"][at], table["joules"][at].tolist(), strict=True)}
+
+
+def _booked(rows: Sequence[Row]) -> dict[str, float]:
+    booked: dict[str, float] = {}
+    for row in rows:
+        if row.joules:
+            booked[row.cause] = booked.get(row.cause, 0.0) + row.joules
+    return booked
+
+
+def _place(picked: Trace, row: Record) -> str:
+    return ", ".join(f"{name} {row[name]:.4g} {picked.units[name]}".rstrip() for name in picked.position)
+
+
+def _of_estimate(picked: Trace, row: Record | None) -> str:
+    """The step's estimate: where, how far off, when issued and by whom, from what; or who led without one."""
+    if row is None:
+        return "no estimate: step 0 has the prior" if picked.step == 0 else "its estimates were not recorded"
+    if np.isnan(row["issued"]):
+        led = f"node {row['head']} led" if row["head"] >= 0 else "nobody led"
+        return f"no estimate of this step; {led}"
+    unit = picked.units[picked.position[0]]
+    after = row["issued"] - picked.start
+    said = f"estimate {_place(picked, row)}: {row['error']:.3g} {unit}".rstrip() + " off"
+    if not picked.network:
+        return f"{said}, from {counted(row['readings'], 'reading')}"
+    said += f", issued by head {row['head']} {_ms(after)} ms after the start{_late(row, picked.dt)}"
+    sensed = f"{row['active']} of {counted(row['members'], 'member')} sensed"
+    said += f"; {sensed}, {counted(row['readings'], 'reading')} entered"
+    received = row["received"]
+    return said + (f"; at the sink {_ms(received - picked.start)} ms after the start" if received == received else "")
+
+
+def _happened(picked: Trace) -> list[str]:
+    if not picked.lines:
+        return ["nothing happened in this step"]
+    spans = [_ms(line.time - picked.start) for line in picked.lines]
+    ends = [_ms(line.until - picked.start) for line in picked.lines]
+    left = [start if start == end else f"{start} … {end}" for start, end in zip(spans, ends, strict=True)]
+    width = max(len(span) for span in [*left, "ms"])
+    return [
+        "ms".rjust(width),
+        *(f"{span:>{width}}  {line.text}" for span, line in zip(left, picked.lines, strict=True)),
+    ]
+
+
+def _ms(seconds: float) -> str:
+    return f"{round(1e3 * seconds, 3) + 0.0:.3f}"
+
+
+def _cost(picked: Trace) -> list[str]:
+    """What the step cost the network, and how much of it the events above account for."""
+    booked = sum(picked.booked.values())
+    events = f"the events above book {energy_in_words(booked)}{_by_cause(picked.booked)}"
+    if picked.energy is None:
+        return [events]
+    return [f"the network spent {energy_in_words(sum(picked.energy.values()))}{_by_cause(picked.energy)}", events]
+
+
+def _by_cause(joules: Mapping[str, float]) -> str:
+    parts = ", ".join(f"{cause.replace('_', ' ')} {energy_in_words(value)}" for cause, value in joules.items())
+    return f": {parts}" if parts else ""

@@ -1,0 +1,98 @@
+"""A scenario, built: one part a role. What a bench needs, what a radio needs, and both together for a network.
+
+Common ── Problem (what is estimated, from what, by whom)   ─┐
+       └─ Radio (how nodes talk, what it costs, what fails) ─┴─ Parts;  Beacons: a radio without a target
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from wsnsim.base.metrics import LOST_ERROR, LOST_WINDOW
+from wsnsim.base.ports import (
+    Acquire,
+    Clock,
+    ClusterPolicy,
+    Cpu,
+    Deployment,
+    Detection,
+    EnergyModel,
+    FaultEvent,
+    LinkModel,
+    Mac,
+    MotionModel,
+    Packing,
+    PriorModel,
+    Routing,
+    SensorModel,
+    Sink,
+    SleepSchedule,
+    Tracker,
+    WakeUp,
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Common:
+    """What every scenario says. Times in s. `record` maps table names to whether they are wanted."""
+
+    name: str
+    seed: int
+    steps: int
+    dt: float
+    deploy: Deployment
+    record: Mapping[str, bool] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Problem(Common):
+    """A scenario without its network: what is estimated, from what, and by whom.
+
+    `motions` holds one model a target. `filter_motions` and `filter_sensor` are what trackers are told
+    (`tracker.assumes`). A track is lost if the mean error of its last `lost_window` steps exceeds `lost_limit`.
+    """
+
+    prior: PriorModel
+    motions: tuple[MotionModel, ...]
+    sensor: SensorModel
+    filter_motions: tuple[MotionModel, ...]
+    filter_sensor: SensorModel
+    tracker: Tracker[Any]
+    lost_window: int = LOST_WINDOW
+    lost_limit: float = LOST_ERROR
+
+
+@dataclass(frozen=True, kw_only=True)
+class Radio(Common):
+    """How nodes talk, what it costs them, and what fails."""
+
+    energy: EnergyModel
+    link: LinkModel
+    mac: Mac
+    packing: Packing
+    routing: Routing
+    sleep: SleepSchedule
+    cpu: Cpu
+    clock: Clock
+    faults: tuple[FaultEvent, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Parts(Problem, Radio):
+    """A network that tracks targets."""
+
+    wakeup: WakeUp
+    clusters: ClusterPolicy
+    acquire: Acquire
+    detection: Detection
+    sink: Sink
+    until_clusters: int | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Beacons(Radio):
+    """A network without a target: every node broadcasts a beacon of `workload.bits` every `workload.period` s."""
+
+    workload: Any

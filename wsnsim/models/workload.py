@@ -1,0 +1,45 @@
+"""What the network does: it tracks, or its nodes send beacons."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, ClassVar
+
+from wsnsim.base.asks import PACKET_BITS
+from wsnsim.base.errors import Fault
+from wsnsim.base.part import Quantity, part
+from wsnsim.base.problem import Common, Radio
+from wsnsim.models.access import Framed, IdealMac
+
+
+@part
+class Tracking:
+    """The network follows its targets."""
+
+    mechanism: ClassVar[str] = "tracking"
+
+
+@part
+class Periodic:
+    """A network without a target: every node broadcasts a beacon once a period, from a random phase on.
+
+    The workload on which radios and simulators are compared: nothing but the air decides what arrives.
+    """
+
+    mechanism: ClassVar[str] = "beacons"
+
+    period: Annotated[float, Quantity("s", ge=1e-3, le=1e6), "between a node's beacons, on its own clock"] = 1.0
+    bits: Annotated[int, Quantity("", ge=1, le=1_000_000), "payload of a beacon"] = PACKET_BITS
+
+    def faults(self, parts: Common) -> Iterator[Fault]:
+        """Beacons that are due faster than one node alone can send them."""
+        mac = parts.mac if isinstance(parts, Radio) else None
+        airtime = 0.0
+        if isinstance(mac, Framed):
+            airtime = mac.airtime(mac.bits(self.bits))
+        elif isinstance(mac, IdealMac) and mac.rate is not None:
+            airtime = self.bits / mac.rate
+        if airtime > self.period:
+            yield Fault(
+                ("workload", "period"), f"a beacon of {self.bits} bits takes {airtime:g} s, more than its period"
+            )

@@ -1,0 +1,134 @@
+"""A network without a target: every node broadcasts a beacon now and then, to be found and to measure the radio.
+
+BeaconWorld(problem, replicate, positions, streams, recorder).run() -> BeaconOutcome
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import simpy
+
+from wsnsim.base.arrays import Floats
+from wsnsim.base.asks import PACKET_BITS
+from wsnsim.base.errors import ResultError, failed_run
+from wsnsim.base.ports import Recorder
+from wsnsim.base.problem import Beacons
+from wsnsim.base.rng import Streams, derive_all, uniforms
+from wsnsim.base.tables import EVENT_CAUSE, KIND
+from wsnsim.network.clocks import Clocks
+from wsnsim.network.counts import Counts
+from wsnsim.network.faults import Faults, Site
+from wsnsim.network.fleet import Fleet, make_fleet
+from wsnsim.network.journal import Journal
+from wsnsim.network.mac import make_mac
+from wsnsim.network.wiring import Wiring
+
+NONE = EVENT_CAUSE["none"]
+Beaconing = Generator[simpy.Event, Any, None]
+
+
+@dataclass(frozen=True, slots=True)
+class BeaconOutcome:
+    """What a run leaves behind. `beacons`: how many nodes wanted to send; `cycles`: nothing is computed."""
+
+    fleet: Fleet
+    counts: Counts
+    beacons: int
+    fingerprint: int
+    cycles: float = 0.0
+
+
+class BeaconWorld:
+    """One network whose nodes broadcast."""
+
+    def __init__(
+        self, problem: Beacons, replicate: int, positions: Floats, streams: Streams, recorder: Recorder
+    ) -> None:
+        self._env = env = simpy.Environment()
+        self._problem = problem
+        self._replicate = replicate
+        self._recorder = recorder
+        self._journal = Journal(recorder, replicate)
+        self._fleet = fleet = make_fleet(env, problem, positions, np.ones((len(positions), 0)))
+        wiring = Wiring(fleet, problem.link, streams.key("shadowing"), PACKET_BITS)
+        wiring.survey()
+        self._clocks = Clocks(problem.clock, streams.key("clock"), fleet.size)
+        self._mac = make_mac(env, fleet, self._journal, wiring, problem, streams, self._clocks)
+        if recorder.wants("links"):
+            self._mac.count_links()
+        fleet.on_death = self._bury
+        self._beacons = 0
+        self._code = self._journal.code("beacon")
+        phases = uniforms(derive_all(streams.key("beacons"), np.arange(fleet.size)), 0)
+        for node, phase in enumerate((phases * problem.workload.period).tolist()):
+            env.process(self._beacon(node, phase))
+        Faults(problem.faults, self._site(), streams.key("faults"), problem.dt).start()
+
+    def run(self, progress: Callable[[float], None] | None = None) -> BeaconOutcome:
+        """Run to the end. A failure names seed, replicate and simulated time."""
+        problem = self._problem
+        clock = self._env.process(self._clock(progress))
+        try:
+            self._env.run(until=clock)
+        except ResultError:
+            raise
+        except Exception as raised:
+            reason = raised.__cause__ or raised
+            raise failed_run(self._env.now, problem.seed, self._replicate, reason) from reason
+        self._fleet.close()
+        self._write_links()
+        return BeaconOutcome(self._fleet, self._mac.counts, self._beacons, self._journal.fingerprint())
+
+    def _clock(self, progress: Callable[[float], None] | None) -> Beaconing:
+        dt = self._problem.dt
+        for step in range(self._problem.steps):
+            self._journal.step = step
+            self._journal.drain()
+            if progress:
+                progress(self._env.now)
+            yield self._env.timeout((step + 1) * dt - self._env.now)
+
+    def _beacon(self, node: int, phase: float) -> Beaconing:
+        """A node's life: it broadcasts once a period of its own clock, as long as it is up."""
+        workload, alive = self._problem.workload, self._fleet.alive
+        period, bits = self._clocks.lasts(node, workload.period), workload.bits
+        yield self._env.timeout(phase)
+        while node not in self._fleet.died_at:
+            if alive[node]:
+                self._beacons += 1
+                self._mac.offer(node, bits, _told, self._code)
+            yield self._env.timeout(period)
+
+    def _site(self) -> Site:
+        return Site(self._env, self._fleet, self._journal, self._clocks, self._crash, self._restart)
+
+    def _crash(self, node: int) -> None:
+        self._fleet.crash(node)
+        self._mac.silence(node)
+        self._log("crash", node)
+
+    def _restart(self, node: int) -> None:
+        self._fleet.restart(node)
+        self._log("restart", node)
+
+    def _bury(self, node: int) -> None:
+        self._fleet.died_at[node] = self._env.now
+        self._log("death", node)
+        self._mac.silence(node)
+
+    def _log(self, kind: str, node: int) -> None:
+        self._journal.add((self._env.now, self._journal.step, -1, node, KIND[kind], 0, 0, 0, -1, 0, 0, 0.0, NONE))
+
+    def _write_links(self) -> None:
+        if self._recorder.wants("links"):
+            rows = self._mac.link_rows()
+            if rows:
+                self._recorder.write("links", {"replicate": self._replicate, **rows})
+
+
+def _told(heard: Any) -> None:
+    """Nobody waits for a beacon."""

@@ -1,0 +1,48 @@
+"""Estimates on their way to the sink: one letter each, relayed like any other, while the head goes on.
+
+    Reports(stage's air ..., sink).send(head, step, target)      reports.received[target, step] -> s
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import simpy
+
+from wsnsim.base.asks import Parcel
+from wsnsim.base.ports import Sink
+from wsnsim.base.tables import EVENT_CAUSE, KIND
+from wsnsim.network.air import Air, Letter, letter
+from wsnsim.network.fleet import Fleet
+from wsnsim.network.journal import Journal
+
+REPORT, NONE = KIND["report"], EVENT_CAUSE["none"]
+
+
+class Reports:
+    """What the sink has been told. `node` is the sink; None where a scenario has none."""
+
+    def __init__(self, env: simpy.Environment, fleet: Fleet, air: Air, journal: Journal, sink: Sink) -> None:
+        self._env = env
+        self._air = air
+        self._journal = journal
+        self._bits = sink.bits
+        self.node = None if sink.point is None else int(fleet.tree.query(np.array(sink.point))[1])
+        self.received: dict[tuple[int, int], float] = {}
+
+    def send(self, head: int, step: int, target: int) -> None:
+        """Send the estimate of a step to the sink; nobody waits for it."""
+        if self.node is None:
+            return
+        report = letter(head, self.node, Parcel(None, 1, self._bits, "report"))
+        event = self._air.carry([report], target)
+        assert event.callbacks is not None
+        event.callbacks.append(lambda _: self._arrive(report, step, target))
+
+    def _arrive(self, report: Letter, step: int, target: int) -> None:
+        if not report.arrived:
+            return
+        self.received[target, step] = self._env.now
+        self._journal.add(
+            (self._env.now, self._journal.step, target, report.to, REPORT, self._journal.code("report"), 0, 0,
+             report.source, 1, 0, 0.0, NONE)
+        )  # fmt: skip
