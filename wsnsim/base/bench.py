@@ -111,6 +111,7 @@ class Bench:
             "frames_lost": 0,
             "packets_sent": self.bill.packets,
             "in_range": self.bill.frames,
+            "delivered": self.bill.frames,
             "collided": 0,
             "access_failures": 0,
             "retries": 0,

@@ -82,7 +82,7 @@ def run(
     scenario = _loaded(source, seeded)
     place = _writable(out, Path("results") / f"{scenario.name}.h5")
     from wsnsim import experiment
-    from wsnsim.analysis import summary
+    from wsnsim.analysis import beaconing, summary
     from wsnsim.papers.published import published
     from wsnsim.scenario import resolved
 
@@ -99,7 +99,12 @@ def run(
         if show:
             show.close()
     printed, paper = published(resolved(scenario))
-    if as_json:
+    if not report.states:
+        if as_json:
+            _echo_json(beaconing.as_json(report))
+        else:
+            click.echo(beaconing.text(report))
+    elif as_json:
         _echo_json(summary.as_json(report, printed))
     else:
         click.echo(summary.text(report, printed, paper))

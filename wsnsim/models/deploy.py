@@ -19,7 +19,7 @@ from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import Fault, RunError
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Field
-from wsnsim.base.problem import Parts, Problem
+from wsnsim.base.problem import Common, Parts, Problem, Radio
 from wsnsim.models.bounds import LENGTH, MOST_NODES, PLACE
 from wsnsim.models.coverage import TOLERANCE, coverage, covers, nodes_needed
 
@@ -50,7 +50,7 @@ class Uniform:
         size = np.array([self.width, self.height])
         return _until_covered(self, lambda: (rng.random((self.nodes, 2)) - 0.5) * size, reach)
 
-    def faults(self, parts: Problem) -> Iterator[Fault]:
+    def faults(self, parts: Common) -> Iterator[Fault]:
         """Too few nodes to cover the field, or to make a cluster."""
         yield from _too_few(self, parts)
 
@@ -73,7 +73,7 @@ class Grid:
         """(N, 2) positions, row by row from the lower left; nothing is drawn."""
         return cells(self.nodes, self.width, self.height)[0]
 
-    def faults(self, parts: Problem) -> Iterator[Fault]:
+    def faults(self, parts: Common) -> Iterator[Fault]:
         """Too few nodes to make a cluster, or a grid that does not cover the field."""
         yield from _too_few(self, parts)
         yield from _uncovered(self, cells(self.nodes, self.width, self.height)[0], parts)
@@ -100,7 +100,7 @@ class JitteredGrid:
         centres, sizes = cells(self.nodes, self.width, self.height)
         return _until_covered(self, lambda: centres + self.jitter * sizes * (rng.random((self.nodes, 2)) - 0.5), reach)
 
-    def faults(self, parts: Problem) -> Iterator[Fault]:
+    def faults(self, parts: Common) -> Iterator[Fault]:
         """Too few nodes to cover the field, or to make a cluster."""
         yield from _too_few(self, parts)
 
@@ -123,7 +123,7 @@ class FromFile:
         """(N, 2) positions in the file's order. Raises RunError naming file and line if it cannot be read."""
         return read_positions(self.path, self.field)
 
-    def faults(self, parts: Problem) -> Iterator[Fault]:
+    def faults(self, parts: Common) -> Iterator[Fault]:
         """A file that cannot be read, too few nodes in it, or nodes that do not cover the field."""
         try:
             positions = read_positions(self.path, self.field)
@@ -171,7 +171,7 @@ class Anchors:
         """(N, 2) positions in the order of the places; nothing is drawn."""
         return np.array(self.places, dtype=np.float64)
 
-    def faults(self, parts: Problem) -> Iterator[Fault]:
+    def faults(self, parts: Common) -> Iterator[Fault]:
         """Nodes outside the field, too few to make a cluster, or nodes that do not cover the field."""
         positions = np.array(self.places, dtype=np.float64)
         inside = self.field.contains(positions)
@@ -248,18 +248,27 @@ def _until_covered(part: Uniform | JitteredGrid, draw: Callable[[], Floats], rea
     )
 
 
-def _too_few(part: Uniform | Grid | JitteredGrid, parts: Problem) -> Iterator[Fault]:
-    needed = nodes_needed(parts.sensor.reach, part.width, part.height)
+def _covering(parts: Common) -> tuple[str, float]:
+    """What covers the field: the sensors; without any, the links."""
+    if isinstance(parts, Problem):
+        return "a sensing reach", parts.sensor.reach
+    assert isinstance(parts, Radio)
+    return "a link's reach", parts.link.reach
+
+
+def _too_few(part: Uniform | Grid | JitteredGrid, parts: Common) -> Iterator[Fault]:
+    what, reach = _covering(parts)
+    needed = nodes_needed(reach, part.width, part.height)
     if part.cover and part.nodes < needed:
         yield Fault(
             ("deploy", "cover"),
-            f"{part.nodes:g} nodes with a sensing reach of {parts.sensor.reach:g} m cannot cover {part.width:g} m by "
+            f"{part.nodes:g} nodes with {what} of {reach:g} m cannot cover {part.width:g} m by "
             f"{part.height:g} m: at least {needed:g} are needed, or cover: false",
         )
     yield from _too_few_for_a_cluster(part.nodes, "nodes", parts)
 
 
-def _too_few_for_a_cluster(nodes: int, key: str, parts: Problem) -> Iterator[Fault]:
+def _too_few_for_a_cluster(nodes: int, key: str, parts: Common) -> Iterator[Fault]:
     """Fewer nodes than a cluster needs, where there is a network and so are clusters."""
     minimum = parts.clusters.minimum_active if isinstance(parts, Parts) else 0
     if nodes < minimum:
@@ -268,14 +277,14 @@ def _too_few_for_a_cluster(nodes: int, key: str, parts: Problem) -> Iterator[Fau
         )
 
 
-def _uncovered(part: Grid | FromFile | Anchors, positions: Floats, parts: Problem) -> Iterator[Fault]:
+def _uncovered(part: Grid | FromFile | Anchors, positions: Floats, parts: Common) -> Iterator[Fault]:
     """Fixed positions that leave a part of the field out of reach, unless their number alone is too small."""
-    reach, width, height = parts.sensor.reach, part.field.width, part.field.height
+    (what, reach), width, height = _covering(parts), part.field.width, part.field.height
     about = positions - np.array(part.field.centre)
     if part.cover and len(about) >= nodes_needed(reach, width, height) and not covers(about, reach, width, height):
         share = coverage(about, reach, width, height)
         yield Fault(
             ("deploy", "cover"),
-            f"these {len(about)} nodes with a sensing reach of {reach:g} m leave about "
+            f"these {len(about)} nodes with {what} of {reach:g} m leave about "
             f"{100 * (1 - share):.2g} % of the field uncovered; use more nodes, a longer reach, or cover: false",
         )

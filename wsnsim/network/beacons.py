@@ -20,6 +20,7 @@ from wsnsim.base.problem import Beacons
 from wsnsim.base.rng import Streams, derive_all, uniforms
 from wsnsim.base.tables import EVENT_CAUSE, KIND
 from wsnsim.network.clocks import Clocks
+from wsnsim.network.costs import StepCosts
 from wsnsim.network.counts import Counts
 from wsnsim.network.faults import Faults, Site
 from wsnsim.network.fleet import Fleet, make_fleet
@@ -61,6 +62,7 @@ class BeaconWorld:
         if recorder.wants("links"):
             self._mac.count_links()
         fleet.on_death = self._bury
+        self._costs = StepCosts(fleet)
         self._beacons = 0
         self._code = self._journal.code("beacon")
         phases = uniforms(derive_all(streams.key("beacons"), np.arange(fleet.size)), 0)
@@ -79,6 +81,7 @@ class BeaconWorld:
         except Exception as raised:
             reason = raised.__cause__ or raised
             raise failed_run(self._env.now, problem.seed, self._replicate, reason) from reason
+        self._costs.write(self._replicate, problem.dt, self._recorder)
         self._fleet.close()
         self._write_links()
         return BeaconOutcome(self._fleet, self._mac.counts, self._beacons, self._journal.fingerprint())
@@ -91,6 +94,7 @@ class BeaconWorld:
             if progress:
                 progress(self._env.now)
             yield self._env.timeout((step + 1) * dt - self._env.now)
+            self._costs.close(step)
 
     def _beacon(self, node: int, phase: float) -> Beaconing:
         """A node's life: it broadcasts once a period of its own clock, as long as it is up."""

@@ -37,7 +37,6 @@ class Left(Protocol):
     def fingerprint(self) -> int: ...
 
 
-
 def write_rows(outcome: Outcome, replicate: int, parts: Parts, recorder: Recorder) -> None:
     """Write the tables of nodes, energy and clusters of a run that ended."""
     write_network(outcome.fleet, replicate, parts.sensor.trait_names, recorder)
@@ -78,7 +77,7 @@ def run_row(outcome: Left, tracks: Sequence[Track]) -> dict[str, Any]:
 def count_columns(counts: Counts) -> dict[str, int]:
     """What the table `runs` says of the air."""
     names = (
-        "frames_sent", "frames_lost", "packets_sent", "in_range", "collided", "access_failures", "retries",
+        "frames_sent", "frames_lost", "packets_sent", "in_range", "delivered", "collided", "access_failures", "retries",
     )  # fmt: skip
     return {name: getattr(counts, name) for name in names}
 

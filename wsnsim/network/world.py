@@ -21,10 +21,11 @@ from wsnsim.base.errors import ResultError, RunError, failed_run
 from wsnsim.base.ports import Estimate, Recorder
 from wsnsim.base.problem import Parts
 from wsnsim.base.rng import Streams
-from wsnsim.base.tables import CAUSE, CAUSES, EVENT_CAUSE, KIND
+from wsnsim.base.tables import CAUSE, EVENT_CAUSE, KIND
 from wsnsim.network.air import Air
 from wsnsim.network.clocks import Clocks
 from wsnsim.network.cluster import Cluster
+from wsnsim.network.costs import StepCosts
 from wsnsim.network.counts import Counts
 from wsnsim.network.faults import Faults, Site
 from wsnsim.network.fleet import Fleet, make_fleet
@@ -110,8 +111,7 @@ class World:
         self._faults = Faults(parts.faults, site, streams.key("faults"), parts.dt)
         self._ended = env.event()
         self._woken = np.zeros((len(truths), parts.steps + 1, 2), dtype=np.int64)
-        self._spent = [0.0] * len(CAUSES)
-        self._step_costs: list[tuple[int, int, float]] = []
+        self._costs = StepCosts(fleet)
 
     def run(self, progress: Callable[[float], None] | None = None) -> Outcome:
         """Run to the end. A failure names seed, replicate and simulated time."""
@@ -125,9 +125,9 @@ class World:
             reason = raised.__cause__ or raised
             parts, replicate = self._stage.parts, self._stage.replicate
             raise failed_run(self._env.now, parts.seed, replicate, reason) from reason
-        self._close_step()
-        self._write_step_costs()
         stage = self._stage
+        self._costs.close(stage.step)
+        self._costs.write(stage.replicate, stage.parts.dt, stage.recorder)
         stage.fleet.close()
         return Outcome(
             stage.fleet, self._tracks, self._woken, stage.reports.received, stage.step, self._mac.counts, stage.cycles,
@@ -138,7 +138,7 @@ class World:
         stage, dt = self._stage, self._stage.parts.dt
         for step in range(stage.parts.steps + 1):
             if step:
-                self._close_step()
+                self._costs.close(step - 1)
             stage.step = stage.journal.step = step
             stage.journal.drain()
             for track in self._tracks:
@@ -193,22 +193,6 @@ class World:
         election = ballot_box(stage, track, fills_vacancy=True)
         if election.strengths:
             self._call_election(track, election)
-
-    def _close_step(self) -> None:
-        """Note what the network has spent since the step began."""
-        totals, before = self._stage.fleet.totals_now(), self._spent
-        self._spent = list(totals)
-        step = self._stage.step
-        self._step_costs += [
-            (step, cause, total - before[cause]) for cause, total in enumerate(totals) if total != before[cause]
-        ]
-
-    def _write_step_costs(self) -> None:
-        stage = self._stage
-        if stage.recorder.wants("energy_steps") and self._step_costs:
-            steps, causes, joules = (np.array(column) for column in zip(*self._step_costs, strict=True))
-            columns = {"step": steps, "time": steps * stage.parts.dt, "cause": causes, "joules": joules}
-            stage.recorder.write("energy_steps", {"replicate": stage.replicate, **columns})
 
     def _node(self, index: int) -> Node:
         """The node's process, born when first needed."""
