@@ -32,6 +32,7 @@ COLLIDE, OVERHEAR = KIND["collide"], KIND["overhear"]
 NONE, TX, RX, OVERHEARD = (EVENT_CAUSE[name] for name in ("none", "tx", "rx", "overhear"))
 RX_LEDGER, OVERHEARD_LEDGER, SWITCH = CAUSE["rx"], CAUSE["overhear"], CAUSE["switch"]
 WHOLE: Final = 1.0
+NOWHERE: Final = np.False_
 FREE: Final = (0.0, 0.0, 0.0, 0.0)
 
 
@@ -335,27 +336,34 @@ class Channel:
         hears = fleet.listening[ids]
         if one.asleep is not None:
             hears &= ~np.isin(ids, one.asleep)
-        hit, interference, share = self._disturbances(one)
-        arrived = hears & ~hit
+        quiet = one.others is None and not fleet.disturbed
+        hit, interference, share = (None, None, None) if quiet else self._disturbances(one)
+        arrived = hears if hit is None else hears & ~hit
         expected = self._wiring.reliable(audience, message.bits)
         if not self._wiring.sharp or fleet.disturbed:
-            arrived &= self._survives(one, interference)
-        collided = hears & ~arrived & (hit | (interference > 0)) & expected
+            arrived = arrived & self._survives(one, interference)
+        collided: Any = NOWHERE
+        if hit is not None and interference is not None:
+            collided = hears & ~arrived & (hit | (interference > 0)) & expected
         meant = expected if everyone else ids == message.to
         got = arrived if everyone else arrived & meant
         self._charge(one, got, share, RECEIVE, RX)
-        self._charge(one, collided & meant, share, COLLIDE, RX)
+        if collided is not NOWHERE:
+            self._charge(one, collided & meant, share, COLLIDE, RX)
         if not everyone:
             self._charge(one, (arrived | collided) & ~meant, share, OVERHEAR, OVERHEARD)
         living = fleet.living[ids]
-        lost = meant & ~arrived & ~collided & (living if everyone else True)
+        lost = meant & ~(arrived | collided)
+        if everyone:
+            lost &= living
         if lost.any():
             self._log_each(one, DROP, ids[lost], 0, 0.0, NONE)
         got &= living
         counts = self.counts
         counts.in_range += int((meant & living).sum())
         counts.delivered += int((got & meant).sum())
-        counts.collided += int((collided & meant).sum())
+        if collided is not NOWHERE:
+            counts.collided += int((collided & meant).sum())
         return ids[got] if everyone else bool(got.any())
 
     def _disturbances(self, one: Transmission) -> tuple[Bools, Floats, Floats]:
@@ -383,10 +391,10 @@ class Channel:
             hit |= fleet.jammed[ids] | fleet.jammed[one.source]
         return hit, interference, (one.end - paid_until) / (one.end - one.start)
 
-    def _survives(self, one: Transmission, interference: Floats) -> Bools:
+    def _survives(self, one: Transmission, interference: Floats | None) -> Bools:
         """Draw for each of the audience whether the frame arrives in spite of noise and interference."""
         fleet, audience, bits = self._fleet, one.audience, one.message.bits
-        if interference.any():
+        if interference is not None and interference.any():
             chances = self._link.reception(audience.powers, bits, interference)
         else:
             chances = self._wiring.chances(audience, bits)
@@ -396,11 +404,15 @@ class Channel:
         drawn = uniforms(derive_all(derive(self._key, one.source, count), audience.ids), 0)
         return np.asarray(drawn >= 1.0 - chances)
 
-    def _charge(self, one: Transmission, chosen: Bools, shares: Floats, kind: int, cause: int) -> None:
-        """Charge and log the chosen of the audience for the share of the frame that they listened to."""
-        if not chosen.any():
+    def _charge(self, one: Transmission, chosen: Bools, shares: Floats | None, kind: int, cause: int) -> None:
+        """Charge and log the chosen of the audience for the share of the frame that they listened to; None: for all."""
+        nodes = one.audience.ids[chosen]
+        if not nodes.size:
             return
-        nodes, parts = one.audience.ids[chosen], shares[chosen]
+        if shares is None:
+            self._charge_group(one, nodes, nodes.tolist(), WHOLE, kind, cause)
+            return
+        parts = shares[chosen]
         for share in np.unique(parts).tolist():
             group = nodes[parts == share]
             self._charge_group(one, group, group.tolist(), share, kind, cause)
