@@ -59,7 +59,9 @@ def report_of(errors, column_rmse, states=PLANE, position=(0, 2), name="pso_mhpf
     loaded = scenario.load(name)
     network = loaded.network is None
     summaries = tuple(
-        Summary(run_row(e, network, **said), tuple(map(track_row, e)), e, c, {"rx": 1.5} if network else {}, 3 * network)
+        Summary(
+            run_row(e, network, **said), tuple(map(track_row, e)), e, c, {"rx": 1.5} if network else {}, 3 * network
+        )
         for e, c in zip(np.asarray(errors, dtype=float), np.asarray(column_rmse, dtype=float), strict=True)
     )
     return Report(loaded, summaries, Path("x.h5"), 1.0, states, position)

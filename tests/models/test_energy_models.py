@@ -5,8 +5,8 @@ import math
 
 import pytest
 
-from wsnsim.base.ports import Draws, Mode
 from wsnsim.base.problem import Beacons, Problem
+from wsnsim.base.radio import Draws, Mode
 from wsnsim.models.energy import FirstOrder, FirstOrder2002, States
 from wsnsim.models.links import Disk, LogNormal
 from wsnsim.models.sheets import ProcessorSheet, RadioSheet

@@ -47,9 +47,7 @@ class Place:
         self.streams = Streams(seed, 0)
         self.wiring = Wiring(self.fleet, self.parts.link, self.streams.key("shadowing"), PACKET_BITS)
         self.clocks = Clocks(clock or PerfectClock(), self.streams.key("clock"), self.fleet.size)
-        self.mac = make_mac(
-            self.env, self.fleet, self.journal, self.wiring, self.parts, self.streams, self.clocks
-        )
+        self.mac = make_mac(self.env, self.fleet, self.journal, self.wiring, self.parts, self.streams, self.clocks)
         self.died: list[tuple[float, int]] = []
         self.fleet.on_death = self._bury
 

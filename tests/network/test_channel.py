@@ -7,8 +7,8 @@ from tests.network.places import Place
 from wsnsim.base.tables import CAUSE
 from wsnsim.models.energy import FirstOrder
 from wsnsim.models.links import Disk, LogNormal
-from wsnsim.network.channel import Message
 from wsnsim.network.medium import EVERYONE
+from wsnsim.network.transmission import Message
 
 AIRTIME = 29 * 8 / 250e3
 TURNAROUND = 192e-6

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tests.network.places import Place
-from wsnsim.base.ports import Mode
+from wsnsim.base.radio import Mode
 from wsnsim.base.tables import CAUSE
 from wsnsim.models.energy import FirstOrder
 
@@ -78,10 +78,10 @@ def test_what_the_radio_pays_elsewhere_delays_a_death_by_idling():
     idle.env.run(until=10.0)
     busy.env.run(until=10.0)
     heard = 200 * 117 * 8 / 250e3
-    assert dict((node, time) for time, node in idle.died)[0] == pytest.approx(5.0)
+    assert {node: time for time, node in idle.died}[0] == pytest.approx(5.0)
     received = 200 * 117 * 8 * 50e-9
     expected = (0.3 - received) / 0.06 + heard
-    assert dict((node, time) for time, node in busy.died)[0] == pytest.approx(expected, rel=1e-6)
+    assert {node: time for time, node in busy.died}[0] == pytest.approx(expected, rel=1e-6)
 
 
 def test_a_node_that_is_down_draws_nothing_and_goes_on_from_the_charge_it_had():

@@ -15,7 +15,8 @@ SHORT = ["duration=2 s"]
 FAULTY = [
     *SHORT,
     "sink.kind=node",
-    "faults=[{kind: crash, at: 0.5 s, head: 0, duration: 0.4 s}, {kind: blackout, at: 1 s, region: [0, 0, 80], duration: 0.2 s},"
+    "faults=[{kind: crash, at: 0.5 s, head: 0, duration: 0.4 s},"
+    " {kind: blackout, at: 1 s, region: [0, 0, 80], duration: 0.2 s},"
     " {kind: link_loss, at: 0.2 s, fraction: 0.3, loss: 0.5}, {kind: drain, at: 1.2 s, fraction: 0.1, share: 1.0}]",
 ]
 

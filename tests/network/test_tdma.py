@@ -5,7 +5,7 @@ import pytest
 
 from tests.network.places import Place
 from wsnsim.base.asks import PACKET_BITS, Parcel
-from wsnsim.base.ports import Mode
+from wsnsim.base.radio import Mode
 from wsnsim.base.tables import CAUSE
 from wsnsim.models.access import Csma, Tdma
 from wsnsim.models.energy import FirstOrder

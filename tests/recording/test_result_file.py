@@ -221,8 +221,8 @@ def test_small_files_stay_small(tmp_path, states, rows_of):
     with ResultFile(tmp_path / "summary.h5", states, {"runs": True, "tracks": True}) as file:
         for table in ("runs", "tracks"):
             file.write(table, rows_of(table, 30))
-    for name, tables in (("all.h5", TABLES), ("summary.h5", ("runs", "tracks"))):
-        columns = sum(len(columns_of(table, states)) for table in tables)
+    for name, chosen in (("all.h5", TABLES), ("summary.h5", ("runs", "tracks"))):
+        columns = sum(len(columns_of(table, states)) for table in chosen)
         assert (tmp_path / name).stat().st_size < 3_300 * columns, "HDF5's chunk index takes 2 kB of that a column"
 
 

@@ -20,8 +20,8 @@ NAN = float("nan")
 def as_json(report: Report) -> dict[str, Any]:
     """The summary as one object: SI units, means over the replicates, NaN where a figure does not exist.
 
-    `delivered_share` is of the receptions in range; `links` are ordered pairs of nodes in range of which the first sent,
-    `found_share` of them those over which at least one beacon arrived: NaN if the table `links` was not recorded.
+    `delivered_share` is of the receptions in range. `links` are ordered pairs of nodes in range of which the first
+    sent, `found_share` those over which a beacon arrived: NaN if the table `links` was not recorded.
     """
     runs = [summary.run for summary in report.summaries]
     causes = sorted({cause for summary in report.summaries for cause in summary.joules})

@@ -9,8 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from enum import IntEnum
-from typing import Any, NamedTuple, Protocol, TypeVar, runtime_checkable
+from typing import Any, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 
@@ -201,195 +200,6 @@ class Deployment(Protocol):
         ...
 
 
-class Mode(IntEnum):
-    """What a node does when it neither sends, receives nor computes."""
-
-    DORMANT = 0
-    """Processor asleep; sensor and receiver on, so that the target's sound or a frame wakes it."""
-    AWAKE = 1
-    """Processor and receiver on."""
-    ASLEEP = 2
-    """Processor and radio off."""
-    DOWN = 3
-    """Crashed or dead: draws nothing."""
-
-
-class Draw(NamedTuple):
-    """What a node draws all the time in a mode, in W, and whether each part of it is booked as sleep (else as idle)."""
-
-    radio: float
-    radio_sleeps: bool
-    processor: float
-    processor_sleeps: bool
-
-
-class EnergyModel(Protocol):
-    """What each act costs, in joules. `battery` is a node's charge."""
-
-    @property
-    def battery(self) -> float: ...
-
-    def transmit(self, bits: float, distance: float) -> tuple[float, float]:
-        """(electronics, amplifier) joules."""
-        ...
-
-    def receive(self, bits: float) -> float: ...
-
-    def compute(self, cycles: float) -> float: ...
-
-    def sense(self) -> float: ...
-
-
-@runtime_checkable
-class Draws(Protocol):
-    """What an energy model may offer besides: what time costs, and what switching does. Without it, nothing.
-
-    While a node sends or receives, its radio's draw is not charged besides; while it computes, its processor's is not.
-    """
-
-    def draw(self, mode: Mode) -> Draw:
-        """The draw in a mode; all zero where the model knows no such cost."""
-        ...
-
-    def switching(self, before: Mode, after: Mode) -> float:
-        """Joules of a node's change of mode."""
-        ...
-
-    def turnaround(self) -> float:
-        """Joules of one change of the radio between receiving and sending."""
-        ...
-
-    def seconds(self, cycles: float) -> float:
-        """How long the processor is busy with so many cycles; 0 where that is not known."""
-        ...
-
-
-class LinkModel(Protocol):
-    """Who hears whom, and how well. `reach` is the nominal range in m, `audible` the distance beyond which nobody
-    hears anything. `perfect`: every frame that nothing disturbs arrives. `captures`: a frame may survive another that
-    overlaps it; otherwise neither arrives where both are heard.
-    """
-
-    @property
-    def reach(self) -> float: ...
-
-    @property
-    def audible(self) -> float: ...
-
-    @property
-    def perfect(self) -> bool: ...
-
-    @property
-    def captures(self) -> bool: ...
-
-    def powers(self, distances: Floats, pairs: Keys, directions: Keys) -> Floats:
-        """(n,) received power in dBm over links of these lengths; -inf where nothing is heard.
-
-        `pairs` are counter keys equal for both directions of a link, `directions` differ.
-        """
-        ...
-
-    def reception(self, powers: Floats, bits: float, interference: Floats | float) -> Floats:
-        """(n,) probability that a frame of so many bits on the air arrives, given what disturbs it (mW, 0: nothing)."""
-        ...
-
-    def senses(self, powers: Floats) -> Bools:
-        """(n,) whether a node takes the channel for busy when it hears so much (clear channel assessment)."""
-        ...
-
-
-class Mac(Protocol):
-    """When a frame gets the channel. `mechanism` names what the network room performs; fields are its parameters."""
-
-    @property
-    def mechanism(self) -> str: ...
-
-
-class FramedMac(Mac, Protocol):
-    """A MAC whose frames take time: `rate` bit/s, `turnaround` s between receiving and sending, whether unicasts are
-    acknowledged (`acks`, by `ack_bits` on the air, awaited for `ack_wait` s, repeated `max_retries` times).
-
-    `payload_bits`: what a frame can carry.
-    """
-
-    rate: float
-    turnaround: float
-    acks: bool
-    ack_wait: float
-    max_retries: int
-
-    @property
-    def ack_bits(self) -> int: ...
-
-    @property
-    def payload_bits(self) -> int: ...
-
-    def bits(self, payload_bits: int) -> int:
-        """Bits on the air of a frame with such a payload, preamble and headers included."""
-        ...
-
-    def airtime(self, bits: float) -> float:
-        """Seconds that so many bits on the air take."""
-        ...
-
-    def spacing(self, bits: int) -> float:
-        """Seconds that a sender leaves after a frame of so many bits on the air."""
-        ...
-
-
-class ContendingMac(FramedMac, Protocol):
-    """Carrier sense with collision avoidance: slots of `backoff` s, 2^BE of them, BE from `min_be` to `max_be`; given
-    up after `max_backoffs` further attempts; a channel is assessed for `cca` s.
-    """
-
-    backoff: float
-    min_be: int
-    max_be: int
-    max_backoffs: int
-    cca: float
-
-
-class SlottedMac(ContendingMac, Protocol):
-    """Slots inside a cluster, contention outside. `guard` s at either end of a slot; `slot` s, None: as long as needed;
-    `schedule_bits` an entry of the schedule that the head broadcasts.
-    """
-
-    guard: float
-    slot: float | None
-    schedule_bits: int
-
-    def slot_needed(self, bits: int) -> float:
-        """Seconds that a frame of so many bits on the air needs: turnaround, acknowledgement and guards included."""
-        ...
-
-
-class Packing(Protocol):
-    """How many packets of a burst travel in one frame."""
-
-    def packets(self, packet_bits: int, most_bits: int) -> int:
-        """Of this size, in a frame whose payload holds so many bits; at least 1."""
-        ...
-
-
-class Cpu(Protocol):
-    """How long computing takes. `cycles_per_flop`: processor cycles of one operation that a tracker states."""
-
-    @property
-    def cycles_per_flop(self) -> float: ...
-
-    def seconds(self, cycles: float) -> float:
-        """Simulated seconds that so many cycles take; 0: no time passes."""
-        ...
-
-
-class Clock(Protocol):
-    """How true the nodes' clocks are."""
-
-    def rates(self, keys: Keys) -> Floats:
-        """(n,) seconds that pass on each node's clock in one true second, given a counter key a node."""
-        ...
-
-
 class Detection(Protocol):
     """How faithfully nodes report what their sensors measure.
 
@@ -406,55 +216,6 @@ class Detection(Protocol):
     def distort(self, readings: Floats, keys: Keys) -> Floats:
         """(n,) the readings as reported, given a counter key a node (equal at every step)."""
         ...
-
-
-class Sink(Protocol):
-    """Who is told of every estimate. `point` (2,): the node nearest to it; None: nobody. `bits` of a report."""
-
-    @property
-    def point(self) -> tuple[float, float] | None: ...
-
-    @property
-    def bits(self) -> int: ...
-
-
-class Workload(Protocol):
-    """What the network does. `mechanism`: 'tracking', or 'beacons', a network without a target.
-
-    Beacons have besides a `period` (s) and a payload of `bits`.
-    """
-
-    @property
-    def mechanism(self) -> str: ...
-
-
-class FaultEvent(Protocol):
-    """Something that goes wrong: what (`mechanism`), when (`at`, s), for how long (`duration`, None: for good).
-
-    Whom it hits is said by one of `nodes` (ids), `fraction` (of all, drawn), `region` (x, y, radius in m) and `head`
-    (the head of that target's track at that instant).
-    """
-
-    @property
-    def mechanism(self) -> str: ...
-
-    @property
-    def at(self) -> float: ...
-
-    @property
-    def duration(self) -> float | None: ...
-
-    @property
-    def nodes(self) -> tuple[int, ...] | None: ...
-
-    @property
-    def fraction(self) -> float | None: ...
-
-    @property
-    def region(self) -> tuple[float, float, float] | None: ...
-
-    @property
-    def head(self) -> int | None: ...
 
 
 class SleepSchedule(Protocol):
@@ -522,13 +283,6 @@ class ClusterPolicy(Protocol):
     def successor(self, forecast: Floats, positions: Floats, able: Bools) -> int | None:
         """The next head, given the predicted position (2,), all nodes' positions (N, 2) and who is able (N,)."""
         ...
-
-
-class Routing(Protocol):
-    """What a relayed message minimises: `weight` is 'energy' or 'hop'; 'greedy': each hop goes nearest to the goal."""
-
-    @property
-    def weight(self) -> str: ...
 
 
 class Recorder(Protocol):

@@ -13,25 +13,17 @@ from typing import Any
 from wsnsim.base.metrics import LOST_ERROR, LOST_WINDOW
 from wsnsim.base.ports import (
     Acquire,
-    Clock,
     ClusterPolicy,
-    Cpu,
     Deployment,
     Detection,
-    EnergyModel,
-    FaultEvent,
-    LinkModel,
-    Mac,
     MotionModel,
-    Packing,
     PriorModel,
-    Routing,
     SensorModel,
-    Sink,
     SleepSchedule,
     Tracker,
     WakeUp,
 )
+from wsnsim.base.radio import Clock, Cpu, EnergyModel, FaultEvent, LinkModel, Mac, Packing, Routing, Sink
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -15,7 +15,7 @@ from typing import Any, Final, NamedTuple
 
 from wsnsim.base.asks import PACKET_BITS
 from wsnsim.base.errors import UsageError, did_you_mean
-from wsnsim.base.ports import Draws, Mode
+from wsnsim.base.radio import Draws, Mode
 from wsnsim.cli.listing import table
 from wsnsim.scenario import sheets
 from wsnsim.scenario.load import find_or_none, shipped, shipped_parts

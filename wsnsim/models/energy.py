@@ -17,8 +17,8 @@ from typing import Annotated, Final
 
 from wsnsim.base.errors import Fault
 from wsnsim.base.part import Quantity, part
-from wsnsim.base.ports import Draw, Mode
 from wsnsim.base.problem import Common, Radio
+from wsnsim.base.radio import Draw, Mode
 from wsnsim.models.links import LogNormal
 from wsnsim.models.sheets import ProcessorSheet, RadioSheet
 

@@ -5,98 +5,29 @@
 
 A frame costs one event, its end, however many hear it. Nothing is done for a pair of frames that do not overlap in
 time within twice the range, which is nearly every pair. Every frame begins one turnaround after it was decided on, so
-frames are met in the order in which they begin. A radio that is locked on a frame pays for it, whether it can use it
-or not; one that hears two at once pays for the time, not twice.
+frames are met in the order in which they begin. What becomes of them at their listeners: see `reception`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, Final
 
-import numpy as np
 import simpy
 
-from wsnsim.base.arrays import Bools, Floats, Ints
-from wsnsim.base.ports import Draws, EnergyModel, FramedMac, LinkModel
-from wsnsim.base.rng import derive, derive_all, uniforms
-from wsnsim.base.tables import CAUSE, EVENT_CAUSE, KIND
+from wsnsim.base.arrays import Ints
+from wsnsim.base.radio import Draws, EnergyModel, FramedMac, LinkModel
+from wsnsim.base.tables import CAUSE, EVENT_CAUSE
 from wsnsim.network.counts import Counts
 from wsnsim.network.fleet import Fleet
-from wsnsim.network.journal import EACH, Journal
+from wsnsim.network.journal import Journal
+from wsnsim.network.linkcounts import LinkCounts
 from wsnsim.network.medium import EVERYONE
-from wsnsim.network.wiring import Audience, Wiring
+from wsnsim.network.reception import Reception
+from wsnsim.network.transmission import Landed, Message, Transmission, meet, nobody
+from wsnsim.network.wiring import Wiring
 
-SEND, RECEIVE, DROP = KIND["send"], KIND["receive"], KIND["drop"]
-COLLIDE, OVERHEAR = KIND["collide"], KIND["overhear"]
-NONE, TX, RX, OVERHEARD = (EVENT_CAUSE[name] for name in ("none", "tx", "rx", "overhear"))
-RX_LEDGER, OVERHEARD_LEDGER, SWITCH = CAUSE["rx"], CAUSE["overhear"], CAUSE["switch"]
+TX, SWITCH = EVENT_CAUSE["tx"], CAUSE["switch"]
 WHOLE: Final = 1.0
-NOWHERE: Final = np.False_
-FREE: Final = (0.0, 0.0, 0.0, 0.0)
-
-
-class Message:
-    """One frame that a MAC wants on the air: `bits` there, `packets` inside, what the log calls it.
-
-    `sends`: how often it was on the air; `retries`: of these, after the first.
-    """
-
-    __slots__ = ("bits", "code", "kind", "packets", "retries", "sends", "sequence", "target", "to")
-
-    def __init__(
-        self, to: int, bits: int, packets: int = 1, target: int = -1, code: int = 0, kind: int = SEND, sequence: int = 0
-    ) -> None:
-        self.to = to
-        self.bits = bits
-        self.packets = packets
-        self.target = target
-        self.code = code
-        self.kind = kind
-        self.sequence = sequence
-        self.sends = 0
-        self.retries = 0
-
-
-class Transmission:
-    """A frame on the air from `start` to `end`. `others`: those that overlap it. `cut`: its sender fell silent."""
-
-    __slots__ = (
-        "asleep",
-        "audience",
-        "costs",
-        "cut",
-        "end",
-        "landed",
-        "message",
-        "number",
-        "others",
-        "owner",
-        "source",
-        "start",
-    )
-
-    def __init__(
-        self, source: int, message: Message, audience: Audience, number: int, start: float, end: float,
-        owner: Any, landed: Landed,
-    ) -> None:  # fmt: skip
-        self.source = source
-        self.message = message
-        self.audience = audience
-        self.number = number
-        self.start = start
-        self.end = end
-        self.owner = owner
-        self.landed = landed
-        self.others: list[Transmission] | None = None
-        self.cut = False
-        self.asleep: Ints | None = None
-        self.costs = FREE
-
-
-Heard = Any
-"""Of a broadcast, the ids (n,) that received it; of a unicast, whether its destination did."""
-Landed = Callable[[Transmission, Heard], None]
 
 
 class Channel:
@@ -119,22 +50,19 @@ class Channel:
         self._fleet = fleet
         self._journal = journal
         self._energy = energy
-        self._link = link
         self._wiring = wiring
         self._mac = mac
-        self._key = key
+        self._reception = Reception(env, fleet, journal, link, wiring, counts, key)
         self._window = window
         self._turnaround = mac.turnaround
         self._turning = 2.0 * energy.turnaround() if isinstance(energy, Draws) else 0.0
-        self._draws: dict[int, int] = {}
         self._cells: dict[tuple[int, int], list[Transmission]] = {}
         self._around: dict[int, tuple[list[Transmission], ...]] = {}
         self._sending: dict[int, Transmission] = {}
         self._side = 2.0 * max(link.audible, 1e-9)
         self._costs: dict[int, tuple[float, float, float, float]] = {}
-        self._links: dict[int, Ints] | None = None
-        self._sent: dict[int, int] = {}
         self.counts = counts
+        self.links: LinkCounts | None = None
 
     def is_busy(self, node: int) -> bool:
         """Whether a node hears anything in the window that ends now, or sends itself."""
@@ -171,7 +99,7 @@ class Channel:
         for cell in near:
             for other in cell:
                 if other.end > start and self._fleet.distance(source, other.source) <= self._side:
-                    _meet(one, other)
+                    meet(one, other)
         own = near[0]
         if own and own[0].end <= now - self._window:
             own[:] = [other for other in own if other.end > now - self._window]
@@ -191,27 +119,8 @@ class Channel:
         self._pay(one, share)
 
     def count_links(self) -> None:
-        """Keep count of every link's frames from now on."""
-        self._links = {}
-
-    def link_rows(self) -> dict[str, Any]:
-        """The columns of the table `links`: every link of a node that sent."""
-        links = self._links or {}
-        sources = sorted(links)
-        audiences = [self._wiring.audience(source) for source in sources]
-        repeats = [len(audience.listed) for audience in audiences]
-        nothing = np.zeros(0)
-        ids = np.concatenate([nothing.astype(np.int64), *(audience.ids for audience in audiences)])
-        source = np.repeat(np.array(sources, dtype=np.int64), repeats)
-        apart = self._fleet.positions[source] - self._fleet.positions[ids]
-        return {
-            "source": source,
-            "node": ids,
-            "distance": np.sqrt((apart**2).sum(axis=1)),
-            "power": np.concatenate([nothing, *(audience.powers for audience in audiences)]),
-            "sent": np.repeat(np.array([self._sent[one] for one in sources], dtype=np.int64), repeats),
-            "received": np.concatenate([nothing.astype(np.int64), *(links[one] for one in sources)]),
-        }
+        """Keep count of every link's broadcasts from now on, in `links`."""
+        self.links = LinkCounts(self._fleet.positions, self._wiring)
 
     def _near(self, node: int) -> tuple[list[Transmission], ...]:
         """What is on the air in the cell of a node, first, and in the eight about it."""
@@ -249,16 +158,11 @@ class Channel:
             del self._sending[source]
         if one.cut or not self._pay(one, WHOLE):
             one.cut = True
-            one.landed(one, _nobody(message))
+            one.landed(one, nobody(message))
             return
-        fleet = self._fleet
-        heard: Heard | None = None
-        if message.to == EVERYONE and self._wiring.sharp and fleet.all_listen and not fleet.disturbed:
-            heard = self._receive_all(one) if one.others is None else self._part(one)
-        if heard is None:
-            heard = self._sort_out(one)
-        if self._links is not None and message.to == EVERYONE:
-            self._count(one, heard)
+        heard = self._reception.resolve(one)
+        if self.links is not None and message.to == EVERYONE:
+            self.links.note(one, heard)
         one.landed(one, heard)
 
     def _pay(self, one: Transmission, share: float) -> bool:
@@ -279,193 +183,3 @@ class Channel:
         if self._turning and fleet.alive[source]:
             fleet.spend(source, SWITCH, self._turning)
         return sent == message.bits and bool(fleet.alive[source])
-
-    def _receive_all(self, one: Transmission) -> Heard | None:
-        """The common case: nothing disturbs a broadcast, and everybody lives. None if somebody may die of it."""
-        message, audience = one.message, one.audience
-        _, _, joules, airtime = one.costs
-        count = len(audience.listed)
-        if not self._fleet.can_all_receive(audience.ids, audience.listed, joules):
-            return None
-        if count:
-            self._fleet.receive_all(audience.ids, audience.listed, joules, RX_LEDGER, airtime)
-            self._log_each(one, RECEIVE, audience.ids, message.bits, joules, RX)
-        self.counts.in_range += count
-        self.counts.delivered += count
-        return audience.ids
-
-    def _part(self, one: Transmission) -> Heard | None:
-        """A broadcast that overlaps others, where distance alone decides: whom they spoil it for, and who has it.
-
-        What `_sort_out` would find, in a tenth of its time. None if somebody may die of it.
-        """
-        audience = one.audience
-        spoilt: dict[int, float] = {}
-        for other in one.others or ():
-            members, sender = other.audience.members, other.source
-            until = other.end if other.end <= one.end and not other.cut else one.start
-            for node in audience.listed:
-                if node in members:
-                    spoilt[node] = max(spoilt.get(node, one.start), until)
-                elif node == sender:
-                    spoilt[node] = one.end
-        if not self._fleet.can_all_receive(audience.ids, audience.listed, one.costs[2]):
-            return None
-        counts, lasts = self.counts, one.end - one.start
-        counts.in_range += len(audience.listed)
-        counts.collided += len(spoilt)
-        counts.delivered += len(audience.listed) - len(spoilt)
-        groups: dict[float, list[int]] = {}
-        for node, until in spoilt.items():
-            groups.setdefault((one.end - until) / lasts, []).append(node)
-        for share, nodes in groups.items():
-            self._charge_group(one, np.array(nodes), nodes, share, COLLIDE, RX)
-        if not spoilt:
-            heard, listed = audience.ids, audience.listed
-        else:
-            listed = [node for node in audience.listed if node not in spoilt]
-            heard = np.array(listed, dtype=np.int64)
-        if listed:
-            self._charge_group(one, heard, listed, WHOLE, RECEIVE, RX)
-        return heard
-
-    def _sort_out(self, one: Transmission) -> Heard:
-        """Who got the frame, who lost it and to what, who overheard it; each pays and is logged."""
-        fleet, audience, message = self._fleet, one.audience, one.message
-        ids, everyone = audience.ids, message.to == EVERYONE
-        hears = fleet.listening[ids]
-        if one.asleep is not None:
-            hears &= ~np.isin(ids, one.asleep)
-        quiet = one.others is None and not fleet.disturbed
-        hit, interference, share = (None, None, None) if quiet else self._disturbances(one)
-        arrived = hears if hit is None else hears & ~hit
-        expected = self._wiring.reliable(audience, message.bits)
-        if not self._wiring.sharp or fleet.disturbed:
-            arrived = arrived & self._survives(one, interference)
-        collided: Any = NOWHERE
-        if hit is not None and interference is not None:
-            collided = hears & ~arrived & (hit | (interference > 0)) & expected
-        meant = expected if everyone else ids == message.to
-        got = arrived if everyone else arrived & meant
-        self._charge(one, got, share, RECEIVE, RX)
-        if collided is not NOWHERE:
-            self._charge(one, collided & meant, share, COLLIDE, RX)
-        if not everyone:
-            self._charge(one, (arrived | collided) & ~meant, share, OVERHEAR, OVERHEARD)
-        living = fleet.living[ids]
-        lost = meant & ~(arrived | collided)
-        if everyone:
-            lost &= living
-        if lost.any():
-            self._log_each(one, DROP, ids[lost], 0, 0.0, NONE)
-        got &= living
-        counts = self.counts
-        counts.in_range += int((meant & living).sum())
-        counts.delivered += int((got & meant).sum())
-        if collided is not NOWHERE:
-            counts.collided += int((collided & meant).sum())
-        return ids[got] if everyone else bool(got.any())
-
-    def _disturbances(self, one: Transmission) -> tuple[Bools, Floats, Floats]:
-        """What the others do at each of the audience.
-
-        hit: the frame is lost there; interference, in mW, where a frame may survive it; share: of the airtime, what
-        the radio has not paid for already: nothing where it was sending itself.
-        """
-        fleet, audience, captures = self._fleet, one.audience, self._link.captures
-        ids = audience.ids
-        hit, interference = np.zeros(ids.size, dtype=np.bool_), np.zeros(ids.size)
-        paid_until = np.full(ids.size, one.start)
-        for other in one.others or ():
-            here, there = audience.common(other.audience)
-            if captures:
-                interference[here] += 10.0 ** (other.audience.powers[there] / 10.0)
-            else:
-                hit[here] = True
-            if other.end <= one.end and not other.cut:
-                paid_until[here] = np.maximum(paid_until[here], other.end)
-            at = audience.index(other.source)
-            if at >= 0:
-                hit[at], paid_until[at] = True, one.end
-        if fleet.disturbed:
-            hit |= fleet.jammed[ids] | fleet.jammed[one.source]
-        return hit, interference, (one.end - paid_until) / (one.end - one.start)
-
-    def _survives(self, one: Transmission, interference: Floats | None) -> Bools:
-        """Draw for each of the audience whether the frame arrives in spite of noise and interference."""
-        fleet, audience, bits = self._fleet, one.audience, one.message.bits
-        if interference is not None and interference.any():
-            chances = self._link.reception(audience.powers, bits, interference)
-        else:
-            chances = self._wiring.chances(audience, bits)
-        if fleet.disturbed:
-            chances = chances * (1.0 - fleet.loss[one.source]) * (1.0 - fleet.loss[audience.ids])
-        count = self._draws[one.source] = self._draws.get(one.source, 0) + 1
-        drawn = uniforms(derive_all(derive(self._key, one.source, count), audience.ids), 0)
-        return np.asarray(drawn >= 1.0 - chances)
-
-    def _charge(self, one: Transmission, chosen: Bools, shares: Floats | None, kind: int, cause: int) -> None:
-        """Charge and log the chosen of the audience for the share of the frame that they listened to; None: for all."""
-        nodes = one.audience.ids[chosen]
-        if not nodes.size:
-            return
-        if shares is None:
-            self._charge_group(one, nodes, nodes.tolist(), WHOLE, kind, cause)
-            return
-        parts = shares[chosen]
-        for share in np.unique(parts).tolist():
-            group = nodes[parts == share]
-            self._charge_group(one, group, group.tolist(), share, kind, cause)
-
-    def _charge_group(
-        self, one: Transmission, nodes: Ints, listed: list[int], share: float, kind: int, cause: int
-    ) -> None:
-        """Charge and log nodes (given twice: as array and list) for the same share of a frame."""
-        fleet, ledger = self._fleet, RX_LEDGER if cause == RX else OVERHEARD_LEDGER
-        heard, joules, airtime = int(one.message.bits * share), one.costs[2] * share, one.costs[3] * share
-        if heard == 0:
-            self._log_each(one, kind, nodes, 0, 0.0, NONE)
-        elif fleet.can_all_receive(nodes, listed, joules):
-            fleet.receive_all(nodes, listed, joules, ledger, airtime)
-            self._log_each(one, kind, nodes, heard, joules, cause)
-        else:
-            for node in listed:
-                paid = fleet.spend_receive(node, joules, heard, ledger, airtime)
-                spent = joules * paid / heard
-                whole = fleet.alive[node]
-                self._log_each(one, kind if whole else DROP, np.array([node]), paid, spent, cause if paid else NONE)
-
-    def _log_each(self, one: Transmission, kind: int, nodes: Ints, bits: int, joules: float, cause: int) -> None:
-        message = one.message
-        self._journal.add_all(
-            (self._env.now, self._journal.step, message.target, EACH, kind, message.code, one.number,
-             message.sequence, one.source, message.packets, bits, joules, cause),
-            nodes,
-        )  # fmt: skip
-
-    def _count(self, one: Transmission, heard: Ints) -> None:
-        """Count a broadcast on each of its links."""
-        assert self._links is not None
-        source, audience = one.source, one.audience
-        row = self._links.get(source)
-        if row is None:
-            row = self._links[source] = np.zeros(audience.ids.size, dtype=np.int64)
-        self._sent[source] = self._sent.get(source, 0) + 1
-        if heard is audience.ids:
-            row += 1
-        else:
-            row[np.searchsorted(audience.ids, heard)] += 1
-
-
-def _meet(one: Transmission, other: Transmission) -> None:
-    """Two frames overlap in time."""
-    if one.others is None:
-        one.others = []
-    if other.others is None:
-        other.others = []
-    one.others.append(other)
-    other.others.append(one)
-
-
-def _nobody(message: Message) -> Heard:
-    return np.zeros(0, dtype=np.int64) if message.to == EVERYONE else False

@@ -13,7 +13,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from wsnsim.base.arrays import Floats, Ints
-from wsnsim.base.ports import Clock
+from wsnsim.base.radio import Clock
 from wsnsim.base.rng import derive_all
 
 

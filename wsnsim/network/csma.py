@@ -17,16 +17,17 @@ from typing import Any
 import numpy as np
 import simpy
 
-from wsnsim.base.ports import ContendingMac
+from wsnsim.base.radio import ContendingMac
 from wsnsim.base.rng import GOLDEN, MASK, derive, mix
 from wsnsim.base.tables import EVENT_CAUSE, KIND
-from wsnsim.network.channel import Channel, Heard, Message, Transmission
+from wsnsim.network.channel import Channel
 from wsnsim.network.clocks import Clocks
 from wsnsim.network.counts import Counts
 from wsnsim.network.fleet import Fleet
 from wsnsim.network.framing import Bursts
 from wsnsim.network.journal import Journal
 from wsnsim.network.medium import EVERYONE, SEND, Frame
+from wsnsim.network.transmission import Heard, Message, Transmission
 
 DROP, NONE = KIND["drop"], EVENT_CAUSE["none"]
 
@@ -122,7 +123,7 @@ class Csma:
 
     def link_rows(self) -> dict[str, Any]:
         """The columns of the table `links`."""
-        return self._channel.link_rows()
+        return self._channel.links.rows() if self._channel.links is not None else {}
 
     def silence(self, node: int) -> None:
         """A node is dead or down: what it had to send is lost, and what it was sending cut short."""

@@ -15,7 +15,7 @@ import numpy as np
 import simpy
 
 from wsnsim.base.arrays import Floats, Ints, scalars
-from wsnsim.base.ports import Draws, Mode
+from wsnsim.base.radio import Draws, Mode
 from wsnsim.base.tables import CAUSE
 
 if TYPE_CHECKING:

@@ -19,7 +19,7 @@ import simpy
 
 from wsnsim.base.arrays import Ints
 from wsnsim.base.errors import RunError
-from wsnsim.base.ports import FaultEvent
+from wsnsim.base.radio import FaultEvent
 from wsnsim.base.rng import derive, derive_all, uniforms
 from wsnsim.base.tables import CAUSE, EVENT_CAUSE, KIND
 from wsnsim.network.clocks import Clocks

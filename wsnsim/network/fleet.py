@@ -15,8 +15,8 @@ import simpy
 from scipy.spatial import KDTree
 
 from wsnsim.base.arrays import Bools, Floats, Ints, scalars
-from wsnsim.base.ports import Draws, Mode
 from wsnsim.base.problem import Radio
+from wsnsim.base.radio import Draws, Mode
 from wsnsim.base.tables import CAUSE, CAUSES
 from wsnsim.network.drain import Drain
 

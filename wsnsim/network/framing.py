@@ -10,10 +10,10 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from wsnsim.base.arrays import Bools
-from wsnsim.base.ports import FramedMac, Packing
-from wsnsim.network.channel import Heard, Message
+from wsnsim.base.radio import FramedMac, Packing
 from wsnsim.network.journal import Journal
 from wsnsim.network.medium import EVERYONE, RELAY, SEND, Frame
+from wsnsim.network.transmission import Heard, Message
 
 
 class Piece(Message):

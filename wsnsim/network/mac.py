@@ -17,7 +17,7 @@ from wsnsim.base.asks import Parcel
 from wsnsim.base.errors import RunError
 from wsnsim.base.problem import Radio
 from wsnsim.base.rng import Streams
-from wsnsim.network.channel import Channel, Heard
+from wsnsim.network.channel import Channel
 from wsnsim.network.clocks import Clocks
 from wsnsim.network.counts import Counts
 from wsnsim.network.csma import Csma, nothing_arrives
@@ -26,6 +26,7 @@ from wsnsim.network.framing import Bursts
 from wsnsim.network.journal import Journal
 from wsnsim.network.medium import EVERYONE, Frame, Medium, burst
 from wsnsim.network.tdma import Tdma
+from wsnsim.network.transmission import Heard
 from wsnsim.network.wiring import Wiring
 
 

@@ -12,7 +12,7 @@ import simpy
 
 from wsnsim.base.arrays import Bools
 from wsnsim.base.asks import Parcel, all_arrived
-from wsnsim.base.ports import EnergyModel
+from wsnsim.base.radio import EnergyModel
 from wsnsim.base.rng import derive, derive_all, uniforms
 from wsnsim.base.tables import EVENT_CAUSE, KIND
 from wsnsim.network.counts import Counts

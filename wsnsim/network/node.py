@@ -13,7 +13,7 @@ from typing import Any
 import simpy
 
 from wsnsim.base.asks import PACKET_BITS, Parcel
-from wsnsim.base.ports import Mode
+from wsnsim.base.radio import Mode
 from wsnsim.network.lead import lead
 from wsnsim.network.mission import Crew, Mission
 from wsnsim.network.stage import Stage

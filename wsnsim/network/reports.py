@@ -1,6 +1,6 @@
 """Estimates on their way to the sink: one letter each, relayed like any other, while the head goes on.
 
-    Reports(stage's air ..., sink).send(head, step, target)      reports.received[target, step] -> s
+Reports(stage's air ..., sink).send(head, step, target)      reports.received[target, step] -> s
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ import numpy as np
 import simpy
 
 from wsnsim.base.asks import Parcel
-from wsnsim.base.ports import Sink
+from wsnsim.base.radio import Sink
 from wsnsim.base.tables import EVENT_CAUSE, KIND
 from wsnsim.network.air import Air, Letter, letter
 from wsnsim.network.fleet import Fleet

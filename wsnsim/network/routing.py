@@ -23,7 +23,7 @@ from scipy.spatial import KDTree
 
 from wsnsim.base.arrays import Floats, Ints, scalars
 from wsnsim.base.asks import PACKET_BITS
-from wsnsim.base.ports import EnergyModel
+from wsnsim.base.radio import EnergyModel
 from wsnsim.network.fleet import Fleet
 from wsnsim.network.wiring import Wiring
 

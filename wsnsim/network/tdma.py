@@ -20,9 +20,9 @@ import simpy
 
 from wsnsim.base.arrays import Ints
 from wsnsim.base.asks import Parcel
-from wsnsim.base.ports import SlottedMac
+from wsnsim.base.radio import SlottedMac
 from wsnsim.base.tables import EVENT_CAUSE, KIND
-from wsnsim.network.channel import Channel, Heard, Message, Transmission
+from wsnsim.network.channel import Channel
 from wsnsim.network.clocks import Clocks
 from wsnsim.network.counts import Counts
 from wsnsim.network.csma import Csma, nothing_arrives
@@ -30,6 +30,7 @@ from wsnsim.network.fleet import Fleet
 from wsnsim.network.framing import Bursts, Piece
 from wsnsim.network.journal import Journal
 from wsnsim.network.medium import EVERYONE, Frame, burst
+from wsnsim.network.transmission import Heard, Message, Transmission
 
 DROP, SEND, NONE = KIND["drop"], KIND["send"], EVENT_CAUSE["none"]
 Round = Generator[simpy.Event, Any, None]

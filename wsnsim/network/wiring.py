@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats, Ints
-from wsnsim.base.ports import LinkModel
+from wsnsim.base.radio import LinkModel
 from wsnsim.base.rng import derive, derive_all, derive_each
 from wsnsim.network.fleet import Fleet
 
