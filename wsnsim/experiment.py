@@ -253,11 +253,15 @@ def _delays(steps: Floats, issued: Floats, received: Floats) -> dict[str, Any]:
 
 
 def _coverage_left(fleet: Fleet, parts: Parts) -> float:
-    """The fraction of the field that living nodes cover; a covered field of which nobody died need not be looked at."""
-    if not fleet.died_at and getattr(parts.deploy, "cover", False):
+    """The fraction of the field that living nodes cover; a covered field of which all live need not be looked at."""
+    all_live = bool(fleet.living.all())
+    if all_live and getattr(parts.deploy, "cover", False):
         return 1.0
-    field, living = parts.deploy.field, fleet.positions[np.array(fleet.alive)]
-    return coverage(living - np.array(field.centre), parts.sensor.reach, field.width, field.height)
+    field, reach = parts.deploy.field, parts.sensor.reach
+    if all_live and field.centre == (0.0, 0.0):
+        return coverage(fleet.positions, reach, field.width, field.height, tree=fleet.tree)
+    living = fleet.positions[fleet.living]
+    return coverage(living - np.array(field.centre), reach, field.width, field.height)
 
 
 def run(

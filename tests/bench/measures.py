@@ -17,6 +17,7 @@ import simpy
 
 from tests.bench.kernels import Tape
 from tests.bench.ratios import compile_rows, filter_rows, kernel_rows
+from tests.bench.scale import scale_rows
 from tests.bench.script import Recorded, Replayed, Script
 from tests.bench.timing import median_cpu, paired_medians, row
 from wsnsim import experiment, scenario
@@ -121,4 +122,5 @@ GROUPS: dict[str, Callable[[int], Iterator[dict[str, Any]]]] = {
     "kernels": kernel_rows,
     "trackers": tracker_rows,
     "seam": seam_rows,
+    "scale": scale_rows,
 }

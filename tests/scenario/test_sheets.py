@@ -88,14 +88,16 @@ def test_set_names_a_sheet_and_reaches_into_one() -> None:
 @pytest.mark.parametrize(
     ("text", "fault"),
     [
-        (TINY.replace("sleep: 2 uW\n", ""), "tiny.yaml:1:1: error: energy.radio.sleep: is missing: while it is off [W]"),
-        (TINY.replace("sleep: 2", "slep: 2"), "tiny.yaml:4:1: error: energy.radio.slep: unknown key, did you mean 'sleep'?"),
+        (TINY.replace("sleep: 2 uW\n", ""),
+         "tiny.yaml:1:1: error: energy.radio.sleep: is missing: while it is off [W]"),
+        (TINY.replace("sleep: 2", "slep: 2"),
+         "tiny.yaml:4:1: error: energy.radio.slep: unknown key, did you mean 'sleep'?"),
         (TINY.replace("2 uW", "2 uJ"),
          "tiny.yaml:4:8: error: energy.radio.sleep: 'uJ' is a unit of energy, expected power (for example '1 W')"),
         (TINY.replace("2 uW", "-2 uW"), "tiny.yaml:4:8: error: energy.radio.sleep: must be at least 0, is -2e-06"),
         (TINY + "sleep: 3 uW\n", "tiny.yaml:7:1: error: energy.radio: duplicate key 'sleep' (first at line 4)"),
         (TINY + "levels: [0, 1]\n", "tiny.yaml:1:1: error: energy.radio: one power a level"),
-        (TINY + "extends: x\n", "tiny.yaml:7:1: error: energy.radio.extends: unknown key, did you mean 'extra'?"),
+        (TINY + "extends: x\n", "tiny.yaml:7:1: error: energy.radio.extends: unknown key, known: extra, levels, "),
         (TINY.replace("  sleep", "  slep"),
          "tiny.yaml:6:3: error: energy.radio.sources.slep: there is no such field, did you mean 'sleep'?"),
         (TINY.replace("data sheet, p. 3", "3"),
@@ -105,7 +107,7 @@ def test_set_names_a_sheet_and_reaches_into_one() -> None:
         (TINY.replace("sheet: radio\n", ""),
          "tiny.yaml:1:1: error: energy.radio.sheet: is no data sheet: expected a key 'sheet' that says what of, "
          "such as 'sheet: radio'"),
-        ("sheet: [", "tiny.yaml:1:9: error: energy.radio: not valid YAML: "),
+        ("sheet: [", "tiny.yaml:2:1: error: energy.radio: not valid YAML: "),
         ("", "tiny.yaml:1:1: error: is empty"),
         ("\0", "tiny.yaml: error: is a binary file (or not UTF-8), expected YAML text"),
         (TINY.replace("2 uW", "2 W"), "tiny.yaml:4:8: error: energy.radio.sleep: sleeps badly"),
@@ -134,7 +136,8 @@ def test_the_line_of_a_sheet_is_shown_with_a_caret() -> None:
         ("sa1100", "'sa1100' is a data sheet of a processor, expected one of a radio "
                    "(known: cc1000, cc2420, nrf52840_radio)"),
         (3, "expected the name of a data sheet (known: cc1000, cc2420, nrf52840_radio) or a mapping, got the number 3"),
-        (["cc2420"], "expected the name of a data sheet (known: cc1000, cc2420, nrf52840_radio) or a mapping, got a list"),
+        (["cc2420"],
+         "expected the name of a data sheet (known: cc1000, cc2420, nrf52840_radio) or a mapping, got a list"),
         (None, "expected a mapping, got nothing"),
     ],
 )  # fmt: skip

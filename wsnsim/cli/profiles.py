@@ -115,7 +115,7 @@ def _written(written: Any, unit: str) -> tuple[str, str]:
     if isinstance(written, str):
         number, _, name = written.strip().partition(" ")
         return (number, name.strip()) if name else (number, unit)
-    return _number(written), unit
+    return (f"{written:.12g}" if isinstance(written, float) else _number(written)), unit
 
 
 def _number(value: Any) -> str:
@@ -164,8 +164,9 @@ def _fields(part: Any, prefix: str = "") -> Iterator[Row]:
     """A part's parameters, those of parts within it behind the field's name."""
     from wsnsim.scenario.fields import abouts_of, nested_of
 
-    nested = nested_of(type(part))
-    for name, about in abouts_of(type(part)).items():
+    kind: Any = type(part)
+    nested = nested_of(kind)
+    for name, about in abouts_of(kind).items():
         value = getattr(part, name)
         if name in nested and value is not None:
             yield from _fields(value, f"{prefix}{name}.")

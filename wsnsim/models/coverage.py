@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree, cKDTree
 
 from wsnsim.base.arrays import Bools, Floats, Ints
 
@@ -58,12 +58,17 @@ def covers(positions: Floats, reach: float, width: float, height: float) -> bool
     )
 
 
-def coverage(positions: Floats, reach: float, width: float, height: float, side: int = 200) -> float:
-    """The fraction of the field within reach of a node, on the centres of a fixed lattice of side² cells."""
+def coverage(
+    positions: Floats, reach: float, width: float, height: float, side: int = 200, tree: KDTree | None = None
+) -> float:
+    """The fraction of the field within reach of a node, on the centres of a fixed lattice of side² cells.
+
+    `tree`: of just these positions, if there is one.
+    """
     if not len(positions):
         return 0.0
     x, y = np.meshgrid(*(length * ((np.arange(side) + 0.5) / side - 0.5) for length in (width, height)))
-    distances, _ = cKDTree(positions).query(
+    distances, _ = (tree or cKDTree(positions)).query(
         np.stack([x.ravel(), y.ravel()], axis=1), distance_upper_bound=reach * (1 + TOLERANCE)
     )
     return float(np.isfinite(distances).mean())

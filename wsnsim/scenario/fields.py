@@ -180,7 +180,7 @@ def _is_part(kind: Any) -> bool:
 
 
 @functools.cache
-def nested_model(part: type[Any]) -> type[PartModel]:
+def nested_model(part: Any) -> type[PartModel]:
     """The model of a part that stands in a field of another. Raises PartError if it has a field named 'part'."""
     return made_model(part, PartModel, fields_of(part))
 
@@ -222,7 +222,7 @@ def names_of(part: type[Any]) -> list[str]:
 
 
 @functools.cache
-def nested_of(part: type[Any]) -> Mapping[str, type[Any]]:
+def nested_of(part: Any) -> Mapping[str, type[Any]]:
     """The fields of a part in which another part stands, or may stand."""
     found = {}
     for name, hint in get_type_hints(part).items():

@@ -98,7 +98,7 @@ def profile(path: Path) -> Profile:
     if part is None:
         known = did_you_mean(str(said.value), _parts_by_sheet())
         raise ScenarioError([said.spot.fault(("sheet",), f"nothing has a data sheet of this kind ({known})")])
-    model: Any = nested_model(part)  # type: ignore[arg-type]
+    model = nested_model(part)
     faults = _wrong_sources(sources, (), model.model_fields)
     try:
         values = model.model_validate(plain(fields))
@@ -206,16 +206,17 @@ def _short(name: str) -> str:
 
 
 @functools.cache
-def _parts_by_sheet() -> dict[str, type[Any]]:
+def _parts_by_sheet() -> dict[str, Any]:
     """The classes behind data sheets, by what their sheets are of: those within any kind of any role."""
     from wsnsim.scenario.catalog import ROLES, kinds, load_class
     from wsnsim.scenario.fields import PartError, nested_of
 
-    found: dict[str, type[Any]] = {}
+    found: dict[str, Any] = {}
     for role in ROLES:
         for row in kinds(role).values():
             try:
-                for field, part in nested_of(load_class(row)).items():
+                within: Any = load_class(row)
+                for field, part in nested_of(within).items():
                     found.setdefault(getattr(part, "sheet", field), part)
             except (ImportError, PartError):
                 continue
