@@ -7,7 +7,6 @@ of a replicate without a file, of a whole replicate with its file; and the peak 
 from __future__ import annotations
 
 import json
-import os
 import resource
 import subprocess
 import sys

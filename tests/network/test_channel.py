@@ -186,3 +186,15 @@ def test_a_lossy_disk_loses_its_share_of_frames():
     tape = play(place, *((0.01 * i, 0, EVERYONE) for i in range(1, 801)), until=10.0)
     assert np.mean([len(heard) for heard in tape.heard.values()]) == pytest.approx(0.75, abs=0.05)
     assert len(place.rows("drop")) == sum(not heard for heard in tape.heard.values())
+
+
+@pytest.mark.parametrize("link", [Disk(reach=75.0), LogNormal(shadowing=0.0, asymmetry=0.0, exponent=2.0)])
+def test_a_broadcast_counts_as_lost_only_where_a_living_node_in_range_did_not_get_it(link):
+    place = Place([(0, 0), (30, 0), (40, 0), (138, 0)], link=link)
+    place.fleet.crash(2)
+    assert sorted(place.broadcast(0).heard) == [1], "one is down, one nearly out of range"
+    assert (place.mac.counts.frames_lost, place.mac.counts.in_range, place.mac.counts.delivered) == (0, 1, 1)
+    place.fleet.restart(2)
+    place.fleet.jammed[2] = place.fleet.disturbed = True
+    place.broadcast(0)
+    assert place.mac.counts.frames_lost == 1

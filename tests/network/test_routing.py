@@ -84,7 +84,7 @@ ENERGIES = {"first": FirstOrder(), "2002": FirstOrder2002(), "cheap": FirstOrder
 @pytest.mark.parametrize("weight", ["energy", "hop"])
 @pytest.mark.parametrize("link", LINKS)
 def test_a_path_is_the_cheapest_of_all_in_a_corridor_as_in_the_whole(link, weight, corridor, monkeypatch):
-    """In fields so sparse that some nodes are cut off, where paths have to take long ways round; any proof is sought."""
+    """In fields so sparse that some nodes are cut off, and paths take long ways round; any proof is sought."""
     if corridor:
         monkeypatch.setattr(routing, "SMALL", 3)
         monkeypatch.setattr(routing, "WIDEST", 1e9)

@@ -5,6 +5,7 @@ text(report) -> str        as_json(report) -> dict
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -15,13 +16,16 @@ from wsnsim.experiment import Report
 
 SCHEMA_VERSION = 1
 NAN = float("nan")
+NEIGHBOUR = 0.5
+"""Chance of a beacon from which a link counts as in range."""
 
 
 def as_json(report: Report) -> dict[str, Any]:
     """The summary as one object: SI units, means over the replicates, NaN where a figure does not exist.
 
-    `delivered_share` is of the receptions in range. `links` are ordered pairs of nodes in range of which the first
-    sent, `found_share` those over which a beacon arrived: NaN if the table `links` was not recorded.
+    Receptions in range are those over links on which a beacon, undisturbed, more often arrives than not; what comes
+    over weaker ones is `over_weak_links`. `links` counts the former, `found_share` is of them those over which a beacon
+    arrived. These are NaN if the table `links` was not recorded.
     """
     runs = [summary.run for summary in report.summaries]
     causes = sorted({cause for summary in report.summaries for cause in summary.joules})
@@ -69,36 +73,43 @@ COUNTED = (
 
 
 def _links(report: Report) -> dict[str, float]:
-    """How many neighbours a sender has, and over how many of its links a beacon arrived."""
+    """How many neighbours a sender has, over how many of its links a beacon arrived, and what came over weaker ones."""
+    unknown = {"links": NAN, "neighbours": NAN, "found_share": NAN, "over_weak_links": NAN}
     if not dict(report.scenario.record).get("links"):
-        return {"links": NAN, "neighbours": NAN, "found_share": NAN}
-    table = recording.read_table(report.out, "links", ["replicate", "source", "received"])
+        return unknown
+    table = recording.read_table(report.out, "links", ["replicate", "source", "chance", "received"])
+    strong = table["chance"] >= NEIGHBOUR
+    if not strong.any():
+        return unknown
     senders = len(set(zip(table["replicate"].tolist(), table["source"].tolist(), strict=True)))
-    count = len(table["source"])
     return {
-        "links": count / len(report.summaries),
-        "neighbours": count / senders if senders else NAN,
-        "found_share": float(np.mean(table["received"] > 0)) if count else NAN,
+        "links": float(strong.sum()) / len(report.summaries),
+        "neighbours": float(strong.sum()) / senders,
+        "found_share": float(np.mean(table["received"][strong] > 0)),
+        "over_weak_links": float(table["received"][~strong].sum()) / len(report.summaries),
     }
 
 
 def _air_rows(figures: Mapping[str, Any]) -> list[tuple[str, str]]:
-    others = figures["in_range"] - figures["delivered"] - figures["collided"]
-    return [
+    others = round(figures["in_range"] - figures["delivered"] - figures["collided"])
+    delivered, collided = (
+        f"{figures[name]:,.0f} ({100 * figures[f'{name}_share']:.2f} %)" for name in ("delivered", "collided")
+    )
+    rows = [
         ("beacons sent", f"{figures['frames_sent']:,.0f}"),
         ("beacons that never got the channel", f"{figures['access_failures']:,.0f}"),
         ("receptions in range", f"{figures['in_range']:,.0f}"),
-        ("  delivered", f"{figures['delivered']:,.0f} ({100 * figures['delivered_share']:.2f} %)"),
-        (
-            "  lost to collisions, or to sending",
-            f"{figures['collided']:,.0f} ({100 * figures['collided_share']:.2f} %)",
-        ),
-        ("  lost to fading, jamming, or to death", f"{others:,.0f}"),
+        ("  delivered", delivered),
+        ("  lost to collisions, or to sending", collided),
+        ("  lost to fading, jamming, or to death", f"{others:,}"),
     ]
+    if figures["over_weak_links"] > 0:
+        rows.append(("received over weaker links besides", f"{figures['over_weak_links']:,.0f}"))
+    return rows
 
 
 def _link_rows(figures: Mapping[str, Any]) -> list[tuple[str, str]]:
-    if figures["links"] != figures["links"]:
+    if math.isnan(figures["links"]):
         return []
     return [
         ("neighbours of a node, mean", f"{figures['neighbours']:.2f}"),

@@ -194,6 +194,7 @@ TABLES: Final[dict[str, tuple[Column, ...]]] = {
         _NODE,
         _c("distance", "f8", "m", "between the two"),
         _c("power", "f8", "dBm", "received power; 0 where the link model knows none"),
+        _c("chance", "f8", "1", "probability that a beacon arrives where nothing disturbs it"),
         _c("sent", "u4", "1", "beacons of the source"),
         _c("received", "u4", "1", "of these, received by the node"),
     ),

@@ -178,7 +178,7 @@ def new(name: str, bench: bool) -> None:
 @_json
 def info(source: str, as_json: bool) -> None:
     """Say what a result holds, a data sheet (`wsnsim list parts`), or a scenario's energy model, MAC and link."""
-    if _is_result(source):
+    if source.endswith(".h5") or _is_result(source):
         from wsnsim.analysis import frames
 
         told: Any = frames.info(Path(source)) if as_json else frames.info_text(Path(source))

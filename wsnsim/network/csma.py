@@ -186,7 +186,7 @@ class Csma:
         counts.frames_sent += 1
         counts.packets_sent += one.message.packets
         broadcast = one.message.to == EVERYONE
-        counts.frames_lost += (len(heard) < len(one.audience.listed)) if broadcast else not heard
+        counts.frames_lost += (one.cut or one.missed) if broadcast else not heard
         if station.gone:
             return
         if broadcast or not self._part.acks:

@@ -17,12 +17,13 @@ class LinkCounts:
     def __init__(self, positions: Floats, wiring: Wiring) -> None:
         self._positions = positions
         self._wiring = wiring
+        self._bits = 0
         self._received: dict[int, Ints] = {}
         self._sent: dict[int, int] = {}
 
     def note(self, one: Transmission, heard: Ints) -> None:
         """Count a broadcast on each of its links."""
-        source, audience = one.source, one.audience
+        source, audience, self._bits = one.source, one.audience, one.message.bits
         row = self._received.get(source)
         if row is None:
             row = self._received[source] = np.zeros(audience.ids.size, dtype=np.int64)
@@ -46,6 +47,7 @@ class LinkCounts:
             "node": ids,
             "distance": np.sqrt((apart**2).sum(axis=1)),
             "power": np.concatenate([nothing, *(audience.powers for audience in audiences)]),
+            "chance": np.concatenate([nothing, *(self._wiring.chances(one, self._bits) for one in audiences)]),
             "sent": np.repeat(np.array([self._sent[one] for one in sources], dtype=np.int64), repeats),
             "received": np.concatenate([nobody, *(self._received[one] for one in sources)]),
         }

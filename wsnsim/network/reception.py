@@ -94,6 +94,7 @@ class Reception:
         counts, lasts = self.counts, one.end - one.start
         counts.in_range += len(audience.listed)
         counts.collided += len(spoilt)
+        one.missed = bool(spoilt)
         counts.delivered += len(audience.listed) - len(spoilt)
         groups: dict[float, list[int]] = {}
         for node, until in spoilt.items():
@@ -140,8 +141,10 @@ class Reception:
             self._log_each(one, DROP, ids[lost], 0, 0.0, NONE)
         got &= living
         counts = self.counts
-        counts.in_range += int((meant & living).sum())
-        counts.delivered += int((got & meant).sum())
+        in_range, delivered = int((meant & living).sum()), int((got & meant).sum())
+        counts.in_range += in_range
+        counts.delivered += delivered
+        one.missed = delivered < in_range
         if collided is not NOWHERE:
             counts.collided += int((collided & meant).sum())
         return ids[got] if everyone else bool(got.any())

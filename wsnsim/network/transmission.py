@@ -39,7 +39,9 @@ class Message:
 
 
 class Transmission:
-    """A frame on the air from `start` to `end`. `others`: those that overlap it. `cut`: its sender fell silent."""
+    """A frame on the air from `start` to `end`. `others`: those that overlap it. `cut`: its sender fell silent.
+
+    `missed`: somebody whom it should have reached did not get it."""
 
     __slots__ = (
         "asleep",
@@ -49,6 +51,7 @@ class Transmission:
         "end",
         "landed",
         "message",
+        "missed",
         "number",
         "others",
         "owner",
@@ -70,6 +73,7 @@ class Transmission:
         self.landed = landed
         self.others: list[Transmission] | None = None
         self.cut = False
+        self.missed = False
         self.asleep: Ints | None = None
         self.costs = FREE
 
