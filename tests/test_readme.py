@@ -16,7 +16,7 @@ from wsnsim.testing import check_tracker
 
 README = (Path(__file__).parents[1] / "README.md").read_text()
 PYTHON = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
-(SCENARIO,) = re.findall(r"```yaml\n(.*?)```", README, re.DOTALL)
+SCENARIO, RADIO = re.findall(r"```yaml\n(.*?)```", README, re.DOTALL)
 READS, PLAIN, TRACKER = PYTHON
 
 
@@ -33,6 +33,13 @@ def folder(tmp_path_factory):
 def test_the_scenario_is_the_shipped_one(tmp_path):
     (tmp_path / "pso_mhpf.yaml").write_text(SCENARIO)
     assert resolved(wsnsim.load(tmp_path / "pso_mhpf.yaml")) == resolved(wsnsim.load("pso_mhpf"))
+
+
+def test_the_lines_of_a_radio_that_can_fail_run_with_any_scenario(tmp_path):
+    path = tmp_path / "mine.yaml"
+    path.write_text(f"extends: pso_mhpf\nname: mine\n{RADIO}")
+    run = wsnsim.simulate(wsnsim.load(path, ["duration=14 s", "tracker.kind=ekf"]))
+    assert run.run["collided"] > 0 and run.joules["idle"] > 100
 
 
 def test_the_message_about_a_mistake_is_the_one_shown(tmp_path, monkeypatch):

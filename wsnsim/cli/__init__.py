@@ -1,6 +1,6 @@
 """The command line: what a user types becomes calls, and what went wrong becomes one message and an exit code.
 
-    wsnsim run | check | list | schema | new | info | plot | verify | recover
+    wsnsim run | check | list | schema | new | info | trace | diff | plot | verify | recover
 
 Only click is imported here; everything else when it is used, so that `wsnsim --help` and `wsnsim list` answer at once.
 stdout is the answer, stderr progress and log. Exit codes: 0 ok; 1 a run failed; 2 usage or scenario; 130 Ctrl-C; 141
