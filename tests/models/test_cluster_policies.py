@@ -63,6 +63,16 @@ def test_of_equally_near_nodes_the_lowest_id_succeeds():
     assert StrongestSignal().successor(np.zeros(2), POSITIONS, able) == 2
 
 
+@pytest.mark.parametrize("seed", range(30))
+def test_among_many_nodes_the_successor_is_the_one_that_a_look_at_each_finds(seed):
+    """Positions on a coarse lattice, so that many are equally near; in some draws hardly anybody is able."""
+    draw = np.random.default_rng(seed)
+    positions = draw.integers(-20, 20, (1000, 2)).astype(np.float64)
+    able, point = draw.random(1000) < draw.choice([0.9, 0.01, 0.002]), draw.uniform(-25.0, 25.0, 2).round()
+    apart = [(float(((positions[i] - point) ** 2).sum()), i) for i in np.flatnonzero(able).tolist()]
+    assert StrongestSignal().successor(point, positions, able) == (min(apart)[1] if apart else None)
+
+
 def test_a_successor_may_call_an_election():
     assert not StrongestSignal().calls_election
     assert StrongestSignal(successor_rule="elect").calls_election

@@ -57,7 +57,7 @@ def test_the_books_close_with_every_mac_and_energy_model_and_the_events_are_the_
 
 
 def test_the_fingerprint_depends_neither_on_the_log_nor_on_workers_nor_on_reading_energy(monkeypatch):
-    name, changes = "pso_mhpf_packed", FAULTY
+    name, changes = "pso_mhpf_packed", [*FAULTY, "duration=1.24 s"]
     plain = fingerprint(name, changes)
     assert int(played(name, *changes, wanted={})[0].run["fingerprint"]) == plain
     assert int(played(name, *changes, wanted={"events": True, "links": True})[0].run["fingerprint"]) == plain
@@ -79,7 +79,7 @@ def test_the_fingerprint_depends_neither_on_the_log_nor_on_workers_nor_on_readin
         return nodes
 
     monkeypatch.setattr("wsnsim.network.world.make_fleet", curious)
-    assert fingerprint(name, changes) == plain and len(looked) > 100
+    assert fingerprint(name, changes) == plain and len(looked) > 50
 
 
 @pytest.mark.parametrize("name", ["pso_mhpf_real", "ipf_real", "ppf_real", "central_pf_real", "pso_mhpf_packed"])
@@ -136,9 +136,9 @@ def test_two_targets_have_a_track_each_and_readings_of_their_own():
         mine = estimates["target"] == target
         assert np.nanmedian(estimates["error"][mine]) < 8.0, "the prior is 5 m off"
         other = truth["target"] == 1 - target
-        there = np.stack([truth[name][other][1:] for name in ("px", "py")], axis=1)
-        here = np.stack([estimates[name][mine] for name in ("px", "py")], axis=1)
-        assert np.nanmin(np.linalg.norm(here - there, axis=1)) > 15.0, "nobody follows the other's target"
+        there = np.array([truth[name][other][-1] for name in ("px", "py")])
+        here = np.array([estimates[name][mine][-1] for name in ("px", "py")])
+        assert np.linalg.norm(here - there) > 50.0, "nobody follows the other's target, though they have met"
 
 
 def test_one_node_may_lead_the_tracks_of_two_targets_that_meet():

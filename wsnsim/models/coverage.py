@@ -19,8 +19,8 @@ TOLERANCE = 1e-9
 """Arcs that meet within so many radians leave no gap: it is what rounding takes from circles that touch exactly."""
 NEAREST = 16
 """Neighbours tried first: they nearly always hide a circle, and a hidden circle stays hidden whoever else is there."""
-AT_ONCE = 100_000
-"""Circles looked at together: it bounds the memory, a few hundred MB."""
+AT_ONCE = 20_000
+"""Circles looked at together: what is sorted at once stays small, and so does the memory."""
 
 
 def nodes_needed(reach: float, width: float, height: float) -> int:

@@ -22,8 +22,6 @@ def start_faults(motion: Any, parts: Problem) -> Iterator[Fault]:
     field = parts.deploy.field
     point = planar(np.array([motion.start[column] for column in motion.position]))
     if not field.contains(point):
-        number = next(i for i, other in enumerate(parts.motions) if other is motion)
-        path = ("targets", number, "start") if len(parts.motions) > 1 else ("motion", "start")
         (x, y), (x0, y0) = point, field.centre
         size = f"{field.width:g} m by {field.height:g} m around ({x0:g}, {y0:g})"
-        yield Fault(path, f"({x:g}, {y:g}) m is outside the field of {size}")
+        yield Fault(("motion", "start"), f"({x:g}, {y:g}) m is outside the field of {size}")
