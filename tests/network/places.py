@@ -6,7 +6,6 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-import simpy
 
 from wsnsim.base.asks import PACKET_BITS, Parcel
 from wsnsim.base.rng import Streams
@@ -15,12 +14,9 @@ from wsnsim.models.access import Csma
 from wsnsim.models.energy import FirstOrder
 from wsnsim.models.hardware import NoPacking, PerfectClock
 from wsnsim.models.links import Disk, MinimumEnergy
-from wsnsim.network.clocks import Clocks
-from wsnsim.network.fleet import Fleet, make_fleet
+from wsnsim.network.ether import make_ether
 from wsnsim.network.journal import Journal
-from wsnsim.network.mac import make_mac
 from wsnsim.network.medium import EVERYONE, Frame, burst
-from wsnsim.network.wiring import Wiring
 
 
 class Place:
@@ -30,7 +26,6 @@ class Place:
         self, positions: Any, mac: Any = None, link: Any = None, energy: Any = None, packing: Any = None,
         clock: Any = None, horizon: float = 10.0, seed: int = 11,
     ) -> None:  # fmt: skip
-        self.env = simpy.Environment()
         self.memory = Memory()
         self.journal = Journal(self.memory, 0)
         self.parts = SimpleNamespace(
@@ -39,15 +34,15 @@ class Place:
             energy=energy or FirstOrder(),
             packing=packing or NoPacking(),
             routing=MinimumEnergy(),
+            clock=clock or PerfectClock(),
             steps=1,
             dt=horizon,
         )
         points = np.array(positions, dtype=np.float64)
-        self.fleet: Fleet = make_fleet(self.env, self.parts, points, np.ones((len(points), 1)))
         self.streams = Streams(seed, 0)
-        self.wiring = Wiring(self.fleet, self.parts.link, self.streams.key("shadowing"), PACKET_BITS)
-        self.clocks = Clocks(clock or PerfectClock(), self.streams.key("clock"), self.fleet.size)
-        self.mac = make_mac(self.env, self.fleet, self.journal, self.wiring, self.parts, self.streams, self.clocks)
+        ether = make_ether(self.parts, points, np.ones((len(points), 1)), self.streams, self.journal)
+        self.env, self.fleet, self.wiring = ether.env, ether.fleet, ether.wiring
+        self.clocks, self.mac = ether.clocks, ether.mac
         self.died: list[tuple[float, int]] = []
         self.fleet.on_death = self._bury
 

@@ -78,7 +78,7 @@ def test_the_fingerprint_depends_neither_on_the_log_nor_on_workers_nor_on_readin
         env.process(look())
         return nodes
 
-    monkeypatch.setattr("wsnsim.network.world.make_fleet", curious)
+    monkeypatch.setattr("wsnsim.network.ether.make_fleet", curious)
     assert fingerprint(name, changes) == plain and len(looked) > 50
 
 

@@ -13,20 +13,16 @@ import numpy as np
 import simpy
 
 from wsnsim.base.arrays import Floats
-from wsnsim.base.asks import PACKET_BITS
-from wsnsim.base.errors import ResultError, failed_run
 from wsnsim.base.ports import Recorder
 from wsnsim.base.problem import Beacons
 from wsnsim.base.rng import Streams, derive_all, uniforms
 from wsnsim.base.tables import EVENT_CAUSE, KIND
-from wsnsim.network.clocks import Clocks
 from wsnsim.network.costs import StepCosts
 from wsnsim.network.counts import Counts
+from wsnsim.network.ether import make_ether, run_until
 from wsnsim.network.faults import Faults, Site
-from wsnsim.network.fleet import Fleet, make_fleet
+from wsnsim.network.fleet import Fleet
 from wsnsim.network.journal import Journal
-from wsnsim.network.mac import make_mac
-from wsnsim.network.wiring import Wiring
 
 NONE = EVENT_CAUSE["none"]
 Beaconing = Generator[simpy.Event, Any, None]
@@ -49,16 +45,15 @@ class BeaconWorld:
     def __init__(
         self, problem: Beacons, replicate: int, positions: Floats, streams: Streams, recorder: Recorder
     ) -> None:
-        self._env = env = simpy.Environment()
         self._problem = problem
         self._replicate = replicate
         self._recorder = recorder
         self._journal = Journal(recorder, replicate)
-        self._fleet = fleet = make_fleet(env, problem, positions, np.ones((len(positions), 0)))
-        wiring = Wiring(fleet, problem.link, streams.key("shadowing"), PACKET_BITS)
-        wiring.survey()
-        self._clocks = Clocks(problem.clock, streams.key("clock"), fleet.size)
-        self._mac = make_mac(env, fleet, self._journal, wiring, problem, streams, self._clocks)
+        ether = make_ether(problem, positions, np.ones((len(positions), 0)), streams, self._journal)
+        ether.wiring.survey()
+        self._env = env = ether.env
+        self._fleet = fleet = ether.fleet
+        self._clocks, self._mac = ether.clocks, ether.mac
         if recorder.wants("links"):
             self._mac.count_links()
         fleet.on_death = self._bury
@@ -74,13 +69,7 @@ class BeaconWorld:
         """Run to the end. A failure names seed, replicate and simulated time."""
         problem = self._problem
         clock = self._env.process(self._clock(progress))
-        try:
-            self._env.run(until=clock)
-        except ResultError:
-            raise
-        except Exception as raised:
-            reason = raised.__cause__ or raised
-            raise failed_run(self._env.now, problem.seed, self._replicate, reason) from reason
+        run_until(self._env, clock, problem.seed, self._replicate)
         self._costs.write(self._replicate, problem.dt, self._recorder)
         self._fleet.close()
         self._write_links()

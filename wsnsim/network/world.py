@@ -17,20 +17,19 @@ import simpy
 
 from wsnsim.base.arrays import Floats, Ints
 from wsnsim.base.asks import PACKET_BITS
-from wsnsim.base.errors import ResultError, RunError, failed_run
+from wsnsim.base.errors import RunError
 from wsnsim.base.ports import Estimate, Recorder
 from wsnsim.base.problem import Parts
 from wsnsim.base.rng import Streams
 from wsnsim.base.tables import CAUSE, EVENT_CAUSE, KIND
 from wsnsim.network.air import Air
-from wsnsim.network.clocks import Clocks
 from wsnsim.network.cluster import Cluster
 from wsnsim.network.costs import StepCosts
 from wsnsim.network.counts import Counts
+from wsnsim.network.ether import make_ether, run_until
 from wsnsim.network.faults import Faults, Site
-from wsnsim.network.fleet import Fleet, make_fleet
+from wsnsim.network.fleet import Fleet
 from wsnsim.network.journal import Journal
-from wsnsim.network.mac import make_mac
 from wsnsim.network.mission import Crew, Mission
 from wsnsim.network.node import Node
 from wsnsim.network.reports import Reports
@@ -38,7 +37,6 @@ from wsnsim.network.routing import Router
 from wsnsim.network.sensed import make_senses
 from wsnsim.network.stage import Stage
 from wsnsim.network.track import Election, Track, ballot_box
-from wsnsim.network.wiring import Wiring
 
 SENSE: Final = KIND["sense"]
 
@@ -76,13 +74,12 @@ class World:
         recorder: Recorder,
     ) -> None:
         _refuse_the_unknown(parts)
-        self._env = env = simpy.Environment()
         journal = Journal(recorder, replicate)
-        fleet = make_fleet(env, parts, positions, traits)
+        ether = make_ether(parts, positions, traits, streams, journal)
+        env, self._mac = ether.env, ether.mac
+        self._env = env
+        fleet, wiring, clocks = ether.fleet, ether.wiring, ether.clocks
         fleet.on_death = self._bury
-        wiring = Wiring(fleet, parts.link, streams.key("shadowing"), PACKET_BITS)
-        clocks = Clocks(parts.clock, streams.key("clock"), fleet.size)
-        self._mac = make_mac(env, fleet, journal, wiring, parts, streams, clocks)
         self._router = Router(fleet, wiring, parts.energy, parts.routing.weight, parts.link.audible)
         sensed, imperfections = make_senses(parts, truths, fleet, clocks, streams.key("sense"))
         air = Air(env, fleet, wiring, self._mac, self._router, journal)
@@ -115,17 +112,10 @@ class World:
 
     def run(self, progress: Callable[[float], None] | None = None) -> Outcome:
         """Run to the end. A failure names seed, replicate and simulated time."""
-        try:
-            self._faults.start()
-            clock = self._env.process(self._clock(progress))
-            self._env.run(until=self._env.any_of([clock, self._ended]))
-        except ResultError:
-            raise
-        except Exception as raised:
-            reason = raised.__cause__ or raised
-            parts, replicate = self._stage.parts, self._stage.replicate
-            raise failed_run(self._env.now, parts.seed, replicate, reason) from reason
         stage = self._stage
+        self._faults.start()
+        clock = self._env.process(self._clock(progress))
+        run_until(self._env, self._env.any_of([clock, self._ended]), stage.parts.seed, stage.replicate)
         self._costs.close(stage.step)
         self._costs.write(stage.replicate, stage.parts.dt, stage.recorder)
         stage.fleet.close()
