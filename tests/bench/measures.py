@@ -15,6 +15,7 @@ from typing import Any
 
 import simpy
 
+from tests.bench.air import radio_rows
 from tests.bench.kernels import Tape
 from tests.bench.ratios import compile_rows, filter_rows, kernel_rows
 from tests.bench.scale import scale_rows
@@ -122,5 +123,6 @@ GROUPS: dict[str, Callable[[int], Iterator[dict[str, Any]]]] = {
     "kernels": kernel_rows,
     "trackers": tracker_rows,
     "seam": seam_rows,
+    "radio": radio_rows,
     "scale": scale_rows,
 }

@@ -1,13 +1,12 @@
 """What nodes cost that sleep: the same target over a field of 1,000 to 1,000,000 nodes, each run in its own process.
 
 `python -m tests.bench.scale NODES` prints one run as JSON: CPU seconds of drawing and building the fleet, of the rest
-of a replicate without a file, of a whole replicate with its file; and the peak memory above the imports', in bytes.
+of a replicate without a file, of a whole replicate with its file; and the peak memory above the imports', in MB.
 """
 
 from __future__ import annotations
 
 import json
-import resource
 import subprocess
 import sys
 import tempfile
@@ -16,7 +15,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from tests.bench.timing import row
+from tests.bench.timing import peak_megabytes, row
 
 SIZES = (1_000, 10_000, 100_000, 1_000_000)
 MOST_SECONDS, MOST_MEGABYTES = 15, 800
@@ -24,33 +23,34 @@ MOST_SECONDS, MOST_MEGABYTES = 15, 800
 
 def scale_rows(repeats: int) -> Iterator[dict[str, Any]]:
     """Growth from a thousand nodes to a million; the shipped scenario of a million as a user runs it."""
-    runs = {size: _measured(size) for size in SIZES}
+    runs = {size: _asked(str(size)) for size in SIZES}
     for size, run in runs.items():
         yield row(f"field of {size:,} nodes: drawing and building, CPU", run["construction"], "s")
         yield row(f"field of {size:,} nodes: whole replicate with its file, CPU", run["whole"], "s")
-        yield row(f"field of {size:,} nodes: memory above the imports", run["memory"] / 1e6, "MB")
+        yield row(f"field of {size:,} nodes: memory above the imports", run["memory"], "MB")
         yield row(f"field of {size:,} nodes: without drawing, building and file, CPU", run["awake"], "s")
     with tempfile.TemporaryDirectory() as folder:
-        command = [sys.executable, "-m", "wsnsim", "run", "field_1m", "-q", "--out", str(Path(folder) / "x.h5")]
         began = time.monotonic()
-        subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+        peak = _asked("run", "field_1m", "-q", "--out", str(Path(folder) / "x.h5"))["peak"]
         yield row("wsnsim run field_1m, wall, imports included", time.monotonic() - began, "s", MOST_SECONDS)
-        peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss * 1024
-        yield row(
-            "wsnsim run field_1m, memory in all", peak / 1e6, "MB", MOST_MEGABYTES, note="or a larger child before"
-        )
+        yield row("wsnsim run field_1m, memory in all", peak, "MB", MOST_MEGABYTES)
 
 
-def _measured(nodes: int) -> dict[str, float]:
-    answer = subprocess.run(
-        [sys.executable, "-m", "tests.bench.scale", str(nodes)], check=True, capture_output=True, text=True
-    )
-    figures: dict[str, float] = json.loads(answer.stdout)
+def _asked(*arguments: str) -> dict[str, float]:
+    command = [sys.executable, "-m", "tests.bench.scale", *arguments]
+    answer = subprocess.run(command, check=True, capture_output=True, text=True)
+    figures: dict[str, float] = json.loads(answer.stdout.splitlines()[-1])
     return figures
 
 
 def main() -> None:
-    """One run of the field, once small to warm up, once as large as is asked for."""
+    """One run of the field, once small to warm up, once as large as is asked for; or a command line of wsnsim."""
+    if not sys.argv[1].isdigit():
+        from wsnsim.cli import main as command_line
+
+        assert command_line(sys.argv[1:]) == 0
+        print(json.dumps({"peak": peak_megabytes()}))
+        return
     from wsnsim import experiment, scenario
     from wsnsim.base.rng import Streams
     from wsnsim.base.tables import Memory
@@ -72,11 +72,11 @@ def main() -> None:
     parts = built(nodes)
     with tempfile.TemporaryDirectory() as folder:
         recorded(built(300), folder)
-        before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        before = peak_megabytes()
         began = time.process_time()
         recorded(parts, folder)
         whole = time.process_time() - began
-    memory = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) * 1024
+    memory = peak_megabytes() - before
     began = time.process_time()
     positions = parts.deploy.draw(parts.sensor.reach, Streams(1, 0)("deploy"))
     Fleet(positions, parts.sensor.draw_traits(nodes, Streams(1, 0)("gains")), 2.0, 75.0)

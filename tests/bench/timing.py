@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+import re
 import statistics
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 
@@ -30,6 +32,13 @@ def row(
         "within": within,
         "note": note,
     }
+
+
+def peak_megabytes() -> float:
+    """The most memory this program has held; NaN if unknown. `ru_maxrss` would be its parent's, if that is more."""
+    status = Path("/proc/self/status")
+    found = re.search(r"VmHWM:\s+(\d+) kB", status.read_text()) if status.exists() else None
+    return int(found[1]) * 1024 / 1e6 if found else math.nan
 
 
 def paired_seconds(

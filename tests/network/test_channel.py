@@ -198,3 +198,54 @@ def test_a_broadcast_counts_as_lost_only_where_a_living_node_in_range_did_not_ge
     place.fleet.jammed[2] = place.fleet.disturbed = True
     place.broadcast(0)
     assert place.mac.counts.frames_lost == 1
+
+
+def test_a_crash_in_mid_frame_pays_for_what_was_sent_and_frees_the_air():
+    place = Place(LINE)
+    place.at(0.1 + TURNAROUND + AIRTIME / 2, lambda: (place.mac.silence(0), place.fleet.crash(0)))
+    tape = play(place, (0.1, 0, EVERYONE), (0.1 + AIRTIME * 0.6, 2, EVERYONE))
+    assert place.fleet.spent[0] == pytest.approx(BITS / 2 * (50e-9 + 100e-12 * 75**2), rel=1e-9)
+    assert tape.heard == {0: [], 1: [1, 3]}, "the broken frame is off the air when the other begins"
+
+
+def test_a_crash_during_the_turnaround_leaves_no_trace_on_the_air():
+    place = Place(LINE)
+    place.at(0.1 + TURNAROUND / 2, lambda: (place.mac.silence(0), place.fleet.crash(0)))
+    tape = play(place, (0.1, 0, EVERYONE), (0.1 + AIRTIME / 2, 2, EVERYONE))
+    assert tape.heard[1] == [1, 3] and place.fleet.spent[0] == 0.0 and not place.mac._channel.is_busy(1)
+
+
+def test_a_node_that_came_back_hears_again_at_full_speed():
+    place = Place(LINE)
+    place.fleet.crash(3)
+    assert not place.fleet.all_listen and play(place, (0.1, 2, EVERYONE)).heard == {0: [1]}
+    place.fleet.restart(3)
+    assert place.fleet.all_listen
+
+
+def test_whether_a_frame_arrives_does_not_depend_on_what_was_sent_in_other_steps():
+    outcomes = []
+    for early in (False, True):
+        place = Place([(0, 0), (50, 0)], link=Disk(reach=75.0, loss=0.5))
+        place.at(1.5, lambda place=place: setattr(place.journal, "step", 1))
+        frames = [(2.0 + 0.01 * i, 0, EVERYONE) for i in range(40)]
+        tape = play(place, *([(0.5, 0, EVERYONE)] if early else []), *frames, until=3.0)
+        outcomes.append([tape.heard[i + early] for i in range(40)])
+    assert outcomes[0] == outcomes[1] and len({len(heard) for heard in outcomes[0]}) == 2
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_quick_ways_and_the_general_way_find_the_same(seed):
+    points = np.random.default_rng(seed).uniform(0, 200, (25, 2))
+    ledgers = []
+    for quick in (True, False):
+        place = Place(points, seed=seed)
+        if not quick:
+            place.mac._channel._reception._receive_all = place.mac._channel._reception._part = lambda one: None
+        times = np.random.default_rng(seed + 9).uniform(0, 0.2, 120)
+        for i, time in enumerate(times):
+            place.at(float(time), lambda place=place, i=i: place.mac.offer(i % 25, 96, lambda heard: None))
+        place.env.run(until=1.0)
+        ledgers.append((place.fleet.ledger.copy(), place.mac.counts, place.journal.fingerprint()))
+    assert np.allclose(ledgers[0][0], ledgers[1][0], rtol=1e-12) and ledgers[0][1:] == ledgers[1][1:]
+    assert ledgers[0][1].collided > 20

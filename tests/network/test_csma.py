@@ -1,5 +1,7 @@
 """Access by contention: acknowledgements, repetitions, giving up, falling silent; bursts cut into frames."""
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -149,3 +151,29 @@ def test_an_offered_payload_is_told_who_heard_it_or_that_it_never_got_the_channe
     place.env.run(until=2.0)
     assert told == [[1, 2], None]
     assert place.rows("send")[0]["peer"] == EVERYONE
+
+
+def test_backoffs_are_of_the_node_and_the_step_and_not_of_what_it_sent_before():
+    ends = []
+    for early in (False, True):
+        place = Place(PAIR)
+        if early:
+            place.unicast(0, 1)
+        place.env.run(until=1.0)
+        place.journal.step = 7
+        place.unicast(0, 1)
+        ends.append(place.env.now)
+    assert ends[0] == pytest.approx(ends[1], abs=1e-12)
+
+
+def test_a_radio_that_is_sending_neither_acknowledges_nor_sends_another_frame():
+    place = Place([(0, 0), (50, 0), (100, 0)])
+    sending = place.mac._channel._sending
+    place.at(1e-3, lambda: place.mac.offer(1, 800, lambda heard: None))
+    place.unicast(0, 1, packets=5)
+    place.unicast(2, 1, packets=5)
+    rows = sorted((row["time"] - row["bits"] / 250e3, row["time"], row["node"]) for row in place.rows("send"))
+    for node in range(3):
+        mine = [(began, ended) for began, ended, who in rows if who == node]
+        assert all(later[0] >= before[1] - 1e-12 for before, later in itertools.pairwise(mine))
+    assert not sending

@@ -101,3 +101,31 @@ def test_a_battery_that_outlasts_the_run_needs_no_alarm():
 
 def test_a_model_without_a_draw_has_no_drain():
     assert Place(PAIR, energy=FirstOrder()).fleet.drain is None
+
+
+def test_changes_of_mode_cost_even_where_waiting_does_not():
+    here = Place(PAIR, energy=FirstOrder(switch=0.01))
+    here.fleet.set_mode(0, Mode.AWAKE)
+    here.fleet.set_mode(0, Mode.DORMANT)
+    assert here.fleet.ledger[SWITCH, 0] == pytest.approx(0.02)
+
+
+def test_what_is_paid_in_advance_stays_paid_when_the_mode_changes_in_mid_frame():
+    here = place()
+    here.mac.offer(0, 800, lambda heard: None)
+    here.at(3e-3, lambda: here.fleet.set_mode(0, Mode.ASLEEP))
+    here.at(3e-3, lambda: here.fleet.set_mode(1, Mode.ASLEEP))
+    here.env.run(until=1.0)
+    before = here.fleet.totals_now()
+    here.fleet.close()
+    assert before == pytest.approx(here.fleet.totals, rel=1e-6) and here.closes()
+
+
+def test_many_spends_of_a_node_that_runs_dry_set_few_alarms():
+    here = place(battery=0.3)
+    for i in range(2000):
+        here.at(0.001 * i + 1e-6, lambda: here.fleet.spend(0, CPU, 1e-6))
+    here.env.run(until=1.9999)
+    assert len(here.fleet.drain._alarms) < 60
+    here.env.run(until=10.0)
+    assert {node: time for time, node in here.died}[0] == pytest.approx((0.3 - 0.002) / 0.06, rel=1e-9)

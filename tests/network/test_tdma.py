@@ -126,3 +126,26 @@ def test_rounds_of_one_head_follow_each_other():
     events = [place.mac.send(some, 0) for some in frames]
     place.env.run(until=place.env.all_of(events))
     assert all(frame.packets == 1 for some in frames for frame in some) and place.mac.counts.collided == 0
+
+
+@pytest.mark.parametrize("guard", [0.0, 50e-6, 95e-6, 250e-6])
+def test_a_guard_of_any_length_lets_the_frames_arrive(guard):
+    place = Place(STAR, mac=Tdma(guard=guard))
+    assert all(frame.packets == 1 for frame in gather(place))
+
+
+def test_a_schedule_of_several_frames_is_known_only_when_all_were_heard():
+    place = Place(STAR, mac=Tdma(schedule_bits=1000), link=Disk(reach=75.0, loss=0.2), seed=2)
+    gather(place)
+    announced = [row for row in place.rows("receive") if row["peer"] == 0 and row["packets"] == 1]
+    pieces = {node: sum(row["node"] == node for row in announced) for node in range(1, 9)}
+    sent = sum(row["peer"] == -1 for row in place.rows("send"))
+    assert sent > 3 and set(place.mac._known[0]) == {node for node, count in pieces.items() if count == sent}
+
+
+def test_two_clusters_of_one_head_do_not_forget_each_others_schedule():
+    place = Place(STAR, mac=Tdma())
+    for _ in range(5):
+        gather(place, sources=range(1, 5))
+        gather(place, sources=range(5, 9))
+    assert sum(row["peer"] == -1 for row in place.rows("send")) == 2

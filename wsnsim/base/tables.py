@@ -77,7 +77,7 @@ TABLES: Final[dict[str, tuple[Column, ...]]] = {
         _c("packets_sent", "u8", "1", "packets put on the air, each hop counted"),
         _c("in_range", "u8", "1", "receptions that frames could have had: one a frame and node it was meant for"),
         _c("delivered", "u8", "1", "of these, had: whole bursts where a burst is not cut into frames"),
-        _c("collided", "u8", "1", "of these, lost because another frame, or the node's own, was on the air"),
+        _c("collided", "u8", "1", "of these, lost to another frame, to jamming, or to the node's own sending"),
         _c("access_failures", "u8", "1", "frames given up because the channel was never free"),
         _c("retries", "u8", "1", "frames sent again because no acknowledgement came"),
         _c("cycles", "f8", "1", "operations that the tracker stated, on all nodes"),

@@ -146,7 +146,7 @@ class Tdma(Csma):
     A slot begins and ends with a `guard` (our choice, 0.25 ms). Two clocks of ±90 ppm (three standard deviations of
     30 ppm) part by 0.18 ms in a second: the two guards between neighbouring frames hold them apart for 2.8 s after a
     schedule, 69 steps of Jiang's. A slot for a packet of 12 bytes takes 1.43 ms, so that such a step of 40 ms has room
-    for 28. Older schedules, worse clocks and clocks that jump make slots overlap, and frames collide then.
+    for 28. A member whose clock has run or jumped farther than a guard since it heard the schedule misses its slot.
 
     Source: LEACH, Heinzelman, Chandrakasan, Balakrishnan (2002), section III: set-up by CSMA, then TDMA in the cluster.
     """
@@ -165,7 +165,7 @@ class Tdma(Csma):
     def slot_needed(self, bits: float) -> float:
         """Seconds of a slot for a frame of so many bits on the air: guards, airtime, acknowledgement if any."""
         answer = self.turnaround + self.airtime(self.ack_bits) if self.acks else 0.0
-        return 2.0 * self.guard + self.airtime(bits) + answer
+        return max(self.guard, self.turnaround) + self.airtime(bits) + answer + self.guard
 
     def faults(self, parts: Common) -> Iterator[Fault]:
         """What `Csma` finds, and slots in which not even one packet of 12 bytes can be sent."""

@@ -152,6 +152,12 @@ class ClockStep(Aimed):
 
     offset: Annotated[float, Quantity("s", ge=-1e6, le=1e6), "how far it jumps; positive: the clock is ahead"]
 
+    def faults(self, parts: Common) -> Iterator[Fault]:
+        """What all of them share, and a network that asks no clock for the time."""
+        yield from Aimed.faults(self, parts)
+        if isinstance(parts, Beacons):
+            yield _fault("kind", "without a target nobody asks a clock for the time: a jump would change nothing")
+
 
 @part
 class OfReading(Aimed):

@@ -50,7 +50,8 @@ class BeaconWorld:
         self._recorder = recorder
         self._journal = Journal(recorder, replicate)
         ether = make_ether(problem, positions, np.ones((len(positions), 0)), streams, self._journal)
-        ether.wiring.survey()
+        if ether.wiring.sharp:
+            ether.wiring.survey()
         self._env = env = ether.env
         self._fleet = fleet = ether.fleet
         self._clocks, self._mac = ether.clocks, ether.mac
@@ -70,8 +71,9 @@ class BeaconWorld:
         problem = self._problem
         clock = self._env.process(self._clock(progress))
         run_until(self._env, clock, problem.seed, self._replicate)
-        self._costs.write(self._replicate, problem.dt, self._recorder)
         self._fleet.close()
+        self._costs.close(problem.steps - 1)
+        self._costs.write(self._replicate, problem.dt, self._recorder)
         self._write_links()
         return BeaconOutcome(self._fleet, self._mac.counts, self._beacons, self._journal.fingerprint())
 
@@ -83,7 +85,8 @@ class BeaconWorld:
             if progress:
                 progress(self._env.now)
             yield self._env.timeout((step + 1) * dt - self._env.now)
-            self._costs.close(step)
+            if step + 1 < self._problem.steps:
+                self._costs.close(step)
 
     def _beacon(self, node: int, phase: float) -> Beaconing:
         """A node's life: it broadcasts once a period of its own clock, as long as it is up."""
@@ -97,16 +100,11 @@ class BeaconWorld:
             yield self._env.timeout(period)
 
     def _site(self) -> Site:
-        return Site(self._env, self._fleet, self._journal, self._clocks, self._crash, self._restart)
+        return Site(self._env, self._fleet, self._journal, self._clocks, self._crash, self._fleet.restart)
 
     def _crash(self, node: int) -> None:
-        self._fleet.crash(node)
         self._mac.silence(node)
-        self._log("crash", node)
-
-    def _restart(self, node: int) -> None:
-        self._fleet.restart(node)
-        self._log("restart", node)
+        self._fleet.crash(node)
 
     def _bury(self, node: int) -> None:
         self._fleet.died_at[node] = self._env.now

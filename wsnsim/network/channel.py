@@ -109,6 +109,11 @@ class Channel:
         event.callbacks.append(self._land)
         return one
 
+    def is_sending(self, node: int) -> bool:
+        """Whether a node has a frame on the air, or is about to: its one radio cannot send another."""
+        one = self._sending.get(node)
+        return one is not None and one.end > self._env.now
+
     def silence(self, node: int) -> None:
         """A node falls silent, whatever it was sending: what is on the air so far is paid, and nobody can use it."""
         one = self._sending.pop(node, None)
@@ -116,6 +121,7 @@ class Channel:
             return
         one.cut = True
         share = min(max((self._env.now - one.start) / max(one.end - one.start, 1e-12), 0.0), 1.0)
+        one.end = min(one.end, self._env.now)
         self._pay(one, share)
 
     def count_links(self) -> None:
@@ -174,7 +180,8 @@ class Channel:
             electronics, amplifier, airtime = electronics * share, amplifier * share, airtime * share
         if bits == 0 or not fleet.alive[source]:
             return False
-        sent = fleet.spend_transmit(source, electronics, amplifier, bits, airtime)
+        turning = 2.0 * self._turnaround if self._turning else 0.0
+        sent = fleet.spend_transmit(source, electronics, amplifier, bits, airtime + turning)
         joules = (electronics + amplifier) * sent / bits
         self._journal.add(
             (self._env.now, self._journal.step, message.target, source, message.kind, message.code, one.number,

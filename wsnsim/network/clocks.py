@@ -32,7 +32,7 @@ class Clocks:
         return self._rates is not None
 
     def rate(self, node: int) -> float:
-        """Seconds that pass on a node's clock in one true second."""
+        """Seconds that pass on a node's clock in one true second: backoffs and periods of beacons are by it."""
         return 1.0 if self._rates is None else float(self._rates[node])
 
     def lasts(self, node: int, seconds: float) -> float:

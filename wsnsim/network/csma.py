@@ -43,13 +43,28 @@ class Offered(Message):
 
 
 class _Station:
-    """A node's access to the channel: what waits, and how far the first of it has come."""
+    """A node's access to the channel: what waits, and how far the first of it has come.
 
-    __slots__ = ("backoffs", "exponent", "free_at", "gone", "message", "node", "received", "scale", "state", "waiting")
+    `state` is of its random numbers, which begin anew at each step: they do not depend on what it sent before.
+    """
 
-    def __init__(self, node: int, state: int, scale: float) -> None:
+    __slots__ = (
+        "backoffs",
+        "exponent",
+        "free_at",
+        "gone",
+        "message",
+        "node",
+        "received",
+        "scale",
+        "state",
+        "step",
+        "waiting",
+    )
+
+    def __init__(self, node: int, scale: float) -> None:
         self.node = node
-        self.state = state
+        self.state = 0
         self.scale = scale
         self.waiting: deque[Any] = deque()
         self.message: Any = None
@@ -57,6 +72,7 @@ class _Station:
         self.exponent = 0
         self.received = False
         self.free_at = 0.0
+        self.step = -1
         self.gone = False
 
 
@@ -111,7 +127,7 @@ class Csma:
         station = self._stations.get(node)
         if station is None:
             scale = self._clocks.lasts(node, 1.0)
-            station = self._stations[node] = _Station(node, derive(self._key, node), scale)
+            station = self._stations[node] = _Station(node, scale)
         if station.message is None:
             self._begin(station, message)
         else:
@@ -150,6 +166,9 @@ class Csma:
     def _back_off(self, station: _Station, pause: float = 0.0) -> None:
         """Wait for a random number of slots, then assess the channel."""
         part = self._part
+        if station.step != self._journal.step:
+            station.step = self._journal.step
+            station.state = derive(self._key, station.node, station.step)
         station.state = (station.state + GOLDEN) & MASK
         slots = mix(station.state) >> (64 - station.exponent) if station.exponent else 0
         event = self._env.timeout(pause + slots * part.backoff * station.scale + part.cca, station)
@@ -191,10 +210,11 @@ class Csma:
             return
         if broadcast or not self._part.acks:
             self._finish(station, heard)
-        elif heard:
+        elif heard and not self._channel.is_sending(one.message.to):
             station.received = True
             self._acknowledge(one, station)
         else:
+            station.received = station.received or bool(heard)
             self._await(station, self._part.ack_wait)
 
     def _acknowledge(self, one: Transmission, station: _Station) -> None:

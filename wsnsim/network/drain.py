@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from wsnsim.network.fleet import Fleet
 
 IDLE, SLEEP = CAUSE["idle"], CAUSE["sleep"]
+NEAR: Final = 1e-2
+"""A node that lasts for fewer seconds than this is looked at when it dies, others half-way there."""
 SOON: Final = 1e-9
 """A charge that lasts for fewer seconds than this is gone: it is what rounding leaves."""
 
@@ -50,6 +52,7 @@ class Drain:
         self.most = max(map(sum, zip(self._radio, self._processor, strict=True))) * horizon
         """What a node can draw at most in the whole run, in J."""
         self._alarms: list[tuple[float, int]] = []
+        self._due: dict[int, float] = {}
         self._rings_at = float("inf")
         dormant = self._radio[0] + self._processor[0]
         if dormant > 0 and fleet.battery / dormant <= horizon:
@@ -111,6 +114,7 @@ class Drain:
                 fleet.ledger[cause][nodes[chosen]] += drawn[chosen]
                 fleet.totals[cause] += float(drawn[chosen].sum())
         fleet.spent[nodes] += radio + processor
+        fleet.raise_ceiling(float((radio + processor).max(initial=0.0)))
         passed = self._env.now - self._sinces[nodes]
         self._sinces[nodes] = self._env.now
         self._busies[nodes] = np.maximum(self._busies[nodes] - passed, 0.0)
@@ -151,7 +155,10 @@ class Drain:
 
     def change(self, node: int, mode: Mode) -> None:
         """A settled node draws what the new mode draws, from now on."""
+        busy, computed = self._busy[node], self._computed[node]
         for index, sign in ((self._mode[node], -1.0), (int(mode), 1.0)):
+            self._grand[self._radio_cause[index]] -= sign * self._radio[index] * busy
+            self._grand[self._processor_cause[index]] -= sign * self._processor[index] * computed
             for cause, power in (
                 (self._radio_cause[index], self._radio[index]),
                 (self._processor_cause[index], self._processor[index]),
@@ -173,13 +180,22 @@ class Drain:
         left = self._fleet.battery - float(self._fleet.spent[node])
         if left > self.most:
             return
-        power = self._power_of(node)
-        if power > 0 and self._env.now + left / power <= self._horizon:
-            self._ring(max(self._env.now + left / power, math.nextafter(self._env.now, math.inf)), node)
+        power, now = self._power_of(node), self._env.now
+        if power <= 0 or now + left / power > self._horizon:
+            return
+        lasts = left / power
+        due = now + (lasts if lasts < NEAR else lasts / 2)
+        if self._due.get(node, math.inf) > now + lasts or self._due[node] <= now:
+            self._due[node] = due = max(due, math.nextafter(now, math.inf))
+            self._ring(due, node)
 
     def _power_of(self, node: int) -> float:
         mode = self._mode[node]
         return self._radio[mode] + self._processor[mode]
+
+    def forgo(self, cause: int, joules: float) -> None:
+        """So much was drawn that a dying node no longer had."""
+        self._grand[cause] -= joules
 
     def lose(self, joules: float) -> None:
         """The last of a dying node's charge is gone, booked as idle."""

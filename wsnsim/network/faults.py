@@ -84,8 +84,8 @@ class Faults:
         alarms = [(self._when(fault.at), 1, number) for number, fault in enumerate(self._script)]
         for number, fault in enumerate(self._script):
             if fault.duration is not None:
-                order = 0 if fault.duration > 0 else 2
-                alarms.append((self._when(fault.at + fault.duration), order, number))
+                ends = self._when(fault.at + fault.duration)
+                alarms.append((ends, 0 if ends > self._when(fault.at) else 2, number))
         for time, order, number in sorted(alarms):
             act = self._strike if order == 1 else self._pass
             if time <= self._site.env.now:

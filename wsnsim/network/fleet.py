@@ -57,6 +57,8 @@ class Fleet:
         self.on_death: Callable[[int], None] = lambda node: None
         self._ledger = [scalars(row) for row in self.ledger]
         self._spent = scalars(self.spent)
+        self._ceiling = 0.0
+        self._look_again_in = 0
 
     def distance(self, a: int, b: int) -> float:
         """Metres between two nodes."""
@@ -75,11 +77,16 @@ class Fleet:
             self._exhaust(node, ((cause, left),))
             return left
         self._ledger[cause][node] += joules
-        self._spent[node] = spent + joules
+        self._book(node, spent + joules)
         self.totals[cause] += joules
         if self.drain is not None:
             self.drain.watch(node)
         return joules
+
+    def _book(self, node: int, spent: float) -> None:
+        self._spent[node] = spent
+        if spent > self._ceiling:
+            self._ceiling = spent
 
     def spend_transmit(self, node: int, electronics: float, amplifier: float, bits: int, seconds: float = 0.0) -> int:
         """Book a transmission on its two causes; give the whole bits that were paid: fewer if the node died of it.
@@ -101,7 +108,7 @@ class Fleet:
         ledger = self._ledger
         ledger[ELECTRONICS][node] += electronics
         ledger[AMPLIFIER][node] += amplifier
-        self._spent[node] = spent + joules
+        self._book(node, spent + joules)
         self.totals[ELECTRONICS] += electronics
         self.totals[AMPLIFIER] += amplifier
         if self.drain is not None:
@@ -121,7 +128,7 @@ class Fleet:
             self._exhaust(node, ((cause, joules * paid / bits),))
             return paid
         self._ledger[cause][node] += joules
-        self._spent[node] = spent + joules
+        self._book(node, spent + joules)
         self.totals[cause] += joules
         if self.drain is not None:
             self.drain.watch(node)
@@ -130,10 +137,24 @@ class Fleet:
     def can_all_receive(self, nodes: Ints, listed: list[int], joules: float) -> bool:
         """Whether none of the nodes could die of a reception that costs so much: `receive_all` may book it."""
         most = self.battery - joules - (self.drain.most if self.drain is not None else 0.0)
+        if self._ceiling < most or self._lower_ceiling() < most:
+            return True
         if len(listed) < FEW:
             spent = self._spent
             return not [node for node in listed if spent[node] >= most]
         return bool((self.spent[nodes] < most).all())
+
+    def raise_ceiling(self, joules: float) -> None:
+        """Nodes have spent up to so much more, not by way of this class's methods."""
+        self._ceiling += joules
+
+    def _lower_ceiling(self) -> float:
+        """What no living node has spent more than: looked up anew now and then, since `receive_all` only raises it."""
+        self._look_again_in -= 1
+        if self._look_again_in < 0:
+            self._look_again_in = self.size
+            self._ceiling = float(self.spent.max(where=self.living, initial=0.0))
+        return self._ceiling
 
     def receive_all(self, nodes: Ints, listed: list[int], joules: float, cause: int, seconds: float) -> None:
         """Book the same reception on different nodes (given twice: as array and list) that it cannot kill."""
@@ -146,11 +167,12 @@ class Fleet:
             self.spent[nodes] += joules
             self.ledger[cause][nodes] += joules
         self.totals[cause] += joules * len(listed)
+        self._ceiling += joules
         if self.drain is not None:
             self.drain.occupy_all(nodes, seconds)
 
     def doze(self, nodes: Ints, seconds: float) -> None:
-        """Nodes turn the radio off for so long, and sleep instead of listening."""
+        """Nodes turn the radio off for so long, and sleep instead of listening; what turning it costs is left out."""
         if self.drain is not None:
             self.drain.doze(nodes[self.living[nodes]], seconds)
 
@@ -161,11 +183,14 @@ class Fleet:
         if joules >= left:
             share = left / joules if joules else 0.0
             self._exhaust(node, tuple((cause, amount * share) for cause, amount in charges))
+            if self.drain is not None:
+                for cause, amount in charges:
+                    self.drain.forgo(cause, amount * (1.0 - share))
             return
         for cause, amount in charges:
             self._ledger[cause][node] += amount
             self.totals[cause] += amount
-        self._spent[node] += joules
+        self._book(node, self._spent[node] + joules)
 
     def exhaust(self, node: int) -> None:
         """A node's charge is gone: what rounding left of it is lost."""
@@ -215,6 +240,7 @@ class Fleet:
         if node in self.died_at or self.alive[node]:
             return
         self.living[node] = self.listening[node] = True
+        self.all_listen = bool(self.listening.all())
         if self.drain is not None:
             self.drain.settle(node)
             self.drain.change(node, Mode.DORMANT)
@@ -240,9 +266,10 @@ class Fleet:
         return self.totals if self.drain is None else self.drain.totals(self.totals)
 
     def close(self) -> None:
-        """Settle every node: the end of a run."""
+        """Settle every node: the end of a run, after which nothing is drawn."""
         if self.drain is not None:
             self.drain.settle_all()
+            self.drain = None
 
     @property
     def books(self) -> dict[int, list[float]]:
@@ -256,6 +283,14 @@ def make_fleet(env: simpy.Environment, parts: Radio, positions: Floats, traits: 
     """The nodes of a scenario, and what time costs them, if it costs anything."""
     energy = parts.energy
     fleet = Fleet(positions, traits, energy.battery, parts.link.reach)
-    if isinstance(energy, Draws) and any(energy.draw(mode)[0] or energy.draw(mode)[2] for mode in Mode):
-        fleet.drain = Drain(env, fleet, energy, parts.steps * parts.dt)
+    if isinstance(energy, Draws) and _time_costs(energy):
+        fleet.drain = Drain(env, fleet, energy, (parts.steps + 1) * parts.dt)
     return fleet
+
+
+def _time_costs(energy: Draws) -> bool:
+    """Whether waiting or changing over costs anything in any mode."""
+    draws = [energy.draw(mode) for mode in Mode]
+    return any(draw.radio or draw.processor for draw in draws) or any(
+        energy.switching(before, after) for before in Mode for after in Mode
+    )

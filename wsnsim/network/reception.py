@@ -50,13 +50,14 @@ class Reception:
         self._link = link
         self._wiring = wiring
         self._key = key
-        self._draws: dict[int, int] = {}
+        self._draws: dict[int, tuple[int, int]] = {}
         self.counts = counts
 
     def resolve(self, one: Transmission) -> Heard:
         """What became of a frame that left whole, at each of its audience."""
         fleet, heard = self._fleet, None
-        if one.message.to == EVERYONE and self._wiring.sharp and fleet.all_listen and not fleet.disturbed:
+        plain = one.message.to == EVERYONE and self._wiring.sharp and not fleet.disturbed
+        if plain and (fleet.all_listen or fleet.listening[one.audience.ids].all()):
             heard = self._receive_all(one) if one.others is None else self._part(one)
         return self._sort_out(one) if heard is None else heard
 
@@ -82,6 +83,8 @@ class Reception:
         audience = one.audience
         spoilt: dict[int, float] = {}
         for other in one.others or ():
+            if other.end <= max(other.start, one.start):
+                continue
             members, sender = other.audience.members, other.source
             until = other.end if other.end <= one.end and not other.cut else one.start
             for node in audience.listed:
@@ -142,11 +145,12 @@ class Reception:
         got &= living
         counts = self.counts
         in_range, delivered = int((meant & living).sum()), int((got & meant).sum())
-        counts.in_range += in_range
-        counts.delivered += delivered
         one.missed = delivered < in_range
-        if collided is not NOWHERE:
-            counts.collided += int((collided & meant).sum())
+        if message.packets:
+            counts.in_range += in_range
+            counts.delivered += delivered
+            if collided is not NOWHERE:
+                counts.collided += int((collided & meant).sum())
         return ids[got] if everyone else bool(got.any())
 
     def _disturbances(self, one: Transmission) -> tuple[Bools, Floats, Floats]:
@@ -160,6 +164,8 @@ class Reception:
         hit, interference = np.zeros(ids.size, dtype=np.bool_), np.zeros(ids.size)
         paid_until = np.full(ids.size, one.start)
         for other in one.others or ():
+            if other.end <= max(other.start, one.start):
+                continue
             here, there = audience.common(other.audience)
             if captures:
                 interference[here] += 10.0 ** (other.audience.powers[there] / 10.0)
@@ -183,8 +189,11 @@ class Reception:
             chances = self._wiring.chances(audience, bits)
         if fleet.disturbed:
             chances = chances * (1.0 - fleet.loss[one.source]) * (1.0 - fleet.loss[audience.ids])
-        count = self._draws[one.source] = self._draws.get(one.source, 0) + 1
-        drawn = uniforms(derive_all(derive(self._key, one.source, count), audience.ids), 0)
+        step = self._journal.step
+        known, count = self._draws.get(one.source, (-1, 0))
+        count = count + 1 if known == step else 1
+        self._draws[one.source] = step, count
+        drawn = uniforms(derive_all(derive(self._key, one.source, step, count), audience.ids), 0)
         return np.asarray(drawn >= 1.0 - chances)
 
     def _charge(self, one: Transmission, chosen: Bools, shares: Floats | None, kind: int, cause: int) -> None:

@@ -39,13 +39,14 @@ Round = Generator[simpy.Event, Any, None]
 class _Slot:
     """One frame's turn: `heard` once it has landed, `acknowledged` once its sender knows."""
 
-    __slots__ = ("acknowledged", "heard", "piece", "source")
+    __slots__ = ("acknowledged", "heard", "landed", "piece", "source")
 
     def __init__(self, source: int, piece: Piece) -> None:
         self.source = source
         self.piece = piece
         self.heard: Heard | None = None
         self.acknowledged = False
+        self.landed: Any = None
 
 
 class Tdma:
@@ -94,7 +95,7 @@ class Tdma:
         if not members <= self._known.get(hub, {}).keys():
             yield from self._announce(hub, members)
         turns = deque(self._turns(hub, frames))
-        asleep = np.array(sorted(members | {hub}), dtype=np.int64)
+        asleep = np.array(sorted(members & self._known[hub].keys()), dtype=np.int64)
         length = self._length([turn.piece for turn in turns])
         while turns:
             turn = turns.popleft()
@@ -113,9 +114,10 @@ class Tdma:
         bits = self._part.schedule_bits * max(len(members), 1)
         frame = burst(hub, EVERYONE, Parcel(None, 1, bits, "schedule"), -1)
         yield self._contending.send([frame])
-        known = self._known[hub] = {}
+        known = self._known.setdefault(hub, {})
         for node in members & frame.heard.keys():
-            known[node] = self._ahead(hub, node)
+            if frame.heard[node].all():
+                known[node] = self._ahead(hub, node)
 
     def _ahead(self, hub: int, node: int) -> float:
         """By how much a node's clock is ahead of the head's, in s."""
@@ -164,9 +166,12 @@ class Tdma:
         self._fleet.doze(others, seconds)
         before = max(self._part.guard - self._part.turnaround, 0.0)
         yield self._env.timeout(before)
-        if self._fleet.alive[turn.source]:
+        if self._fleet.alive[turn.source] and not self._channel.is_sending(turn.source):
+            turn.landed = self._env.event()
             self._channel.transmit(turn.source, turn.piece, turn, self._landed, others)
-        yield self._env.timeout(seconds - before)
+            yield turn.landed & self._env.timeout(seconds - before)
+        else:
+            yield self._env.timeout(seconds - before)
 
     def _landed(self, one: Transmission, heard: Heard) -> None:
         turn: _Slot = one.owner
@@ -176,7 +181,8 @@ class Tdma:
         counts.frames_lost += not heard
         one.message.sends += 1
         turn.heard = bool(turn.heard) or bool(heard)
-        if heard and self._part.acks:
+        turn.landed.succeed()
+        if heard and self._part.acks and not self._channel.is_sending(one.message.to):
             ack = Message(one.source, self._part.ack_bits, 0, one.message.target, self._ack, SEND, one.message.sequence)
             self._channel.transmit(one.message.to, ack, turn, _acknowledged)
 

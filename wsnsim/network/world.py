@@ -116,9 +116,9 @@ class World:
         self._faults.start()
         clock = self._env.process(self._clock(progress))
         run_until(self._env, self._env.any_of([clock, self._ended]), stage.parts.seed, stage.replicate)
+        stage.fleet.close()
         self._costs.close(stage.step)
         self._costs.write(stage.replicate, stage.parts.dt, stage.recorder)
-        stage.fleet.close()
         return Outcome(
             stage.fleet, self._tracks, self._woken, stage.reports.received, stage.step, self._mac.counts, stage.cycles,
             stage.journal.fingerprint(),
@@ -234,6 +234,7 @@ class World:
     def _crash(self, index: int) -> None:
         """A node that has not run dry goes down: what it did ends, what it knew is forgotten."""
         fleet = self._stage.fleet
+        self._mac.silence(index)
         fleet.crash(index)
         if index in fleet.died_at:
             return
