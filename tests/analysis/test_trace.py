@@ -19,7 +19,7 @@ HEAD, START, DT = 7, 1.0, 0.5
 SCENARIO = {"name": "toy", "seed": 5, "step": DT}
 RUN = {
     "replicate": 0, "status": 0, "steps": 4, "rmse": 1.0, "median_error": 1.0, "lost": 0, "energy": 1.0,
-    "handovers": 0, "frames_sent": 0, "frames_lost": 0, "packets_sent": 0, "in_range": 0, "collided": 0,
+    "handovers": 0, "frames_sent": 0, "frames_lost": 0, "packets_sent": 0, "in_range": 0, "delivered": 0, "collided": 0,
     "access_failures": 0, "retries": 0, "cycles": 0.0, "alive": 9, "first_death": NAN, "half_dead": NAN,
     "coverage": 1.0, "cpu_seconds": 0.1, "fingerprint": 3,
 }  # fmt: skip
@@ -117,6 +117,36 @@ def test_a_message_begun_in_an_earlier_step_says_so(made):
 def test_what_was_never_on_the_air_says_why(made, what, reason):
     (said,) = sentences(made([event("drop", 12, what=what, peer=90, packets=3)]))
     assert said.endswith(f"to node 90 (3 packets, 0 bits, 0 J); not sent: {reason}")
+
+
+def of_step(step, rows):
+    """Rows moved to another step, half a step away."""
+    return [row | {"step": step, "time": row["time"] + (step - 2) * 0.04} for row in rows]
+
+
+def test_a_message_that_began_before_or_goes_on_says_so_and_is_not_said_to_have_arrived(made):
+    earlier = of_step(1, hop(1, 12, HEAD, 39.0, "collide", sequence=5))
+    later = of_step(3, hop(9, 13, HEAD, 1.0, sequence=6))
+    now = [*hop(2, 12, HEAD, 1.0, sequence=5), *hop(3, 13, HEAD, 30.0, "collide", sequence=6)]
+    assert sentences(made([*earlier, *now, *later])) == [
+        "node 12 went on with its reading to head 7 (1 packet, 96 bits, 42 uJ); arrived",
+        "node 13 sent its reading to head 7 (1 packet, 96 bits, 40 uJ); still under way when the step ends",
+    ]
+
+
+def test_a_burst_of_several_frames_counts_the_packets_that_arrived(made):
+    frames = [row for i in range(4) for row in hop(i + 1, HEAD, 12, i, "drop" if i == 1 else "receive", 9, sequence=5)]
+    (said,) = sentences(made(frames))
+    assert said.startswith("head 7 sent its reading to node 12 (27 packets, 4 frames")
+    assert said.endswith("arrived in part (3 of 4 frames)")
+
+
+def test_what_never_got_the_channel_is_called_what_it_was_in_other_steps(made):
+    earlier = of_step(1, hop(1, 12, HEAD, 39.0, "collide", sequence=5))
+    gave_up = event("drop", 12, 2.0, "no_channel", 0, HEAD, sequence=5, packets=1)
+    (said,) = sentences(made([*earlier, gave_up]))
+    assert said.startswith("node 12 went on with its reading to head 7")
+    assert said.endswith("not sent: the channel was never free")
 
 
 def test_a_broadcast_says_how_many_heard_it_and_who_did_not(made):

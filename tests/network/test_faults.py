@@ -480,3 +480,25 @@ def _nobody_acts_while_down(table: Any, number: int) -> None:
             del down[node]
         elif kind in ACTS and node in down:
             assert time == down[node], (number, node, time, KINDS[int(kind)])
+
+
+def test_a_fault_at_the_beginning_of_a_step_is_of_that_step_and_a_tiny_one_passes():
+    made = parts(
+        faults=(Blackout(at=0.4, duration=0.2, nodes=(1,)), Crash(at=0.2, duration=1e-12, nodes=(2,))), steps=30
+    )
+    rows = [(int(row["step"]), round(float(row["time"]), 9)) for row in Run(made).events("fault")]
+    assert (10, 0.4) in rows and (15, 0.6) in rows and all(step == round(time / DT) for step, time in rows)
+
+
+def test_faults_that_overlap_hold_together_and_thousands_cost_what_they_hit():
+    script = [Blackout(at=0.1 + 0.0001 * i, duration=0.5, nodes=(3,)) for i in range(3000)]
+    lossy = [
+        LinkLoss(at=0.1, duration=0.2, nodes=(4, 5), loss=0.5),
+        LinkLoss(at=0.15, duration=0.5, nodes=(5,), loss=0.5),
+    ]
+    bed = Bed(*script, *lossy).at(0.2)
+    assert bed.fleet.jammed[3] and bed.fleet.loss[4:6].tolist() == [0.5, 0.75]
+    bed.at(0.4)
+    assert bed.fleet.loss[4:6].tolist() == [0.0, 0.5]
+    bed.at(0.95)
+    assert not bed.fleet.jammed.any() and not bed.fleet.loss.any() and not bed.fleet.disturbed

@@ -1,12 +1,13 @@
 """The events of a result, row by row, and what they add up to: acts of nodes, and messages with their hops and frames.
 
 rows_at(path, replicate, step) -> [Row];   ranges(path, table) -> {replicate: slice};   rows_in(path, slice) -> [Row]
-gathered(rows) -> [Act | Message]          in the order in which they began
+elsewhere(path, replicate, step, rows) -> {sequence: Elsewhere}       what other steps know of the step's messages
+gathered(rows, elsewhere) -> [Act | Message]                           in the order in which they began
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -95,7 +96,8 @@ class Message:
     """A parcel under way: its frames hop by hop, acknowledgements left out, and `joules` of all who sent or listened.
 
     `ended`: why a frame of it never got on the air ('no_path', 'no_channel', ...); '' if none. `begun`: whether its
-    first frame is in the rows. Overhearing is not in `joules`.
+    first frame is in the rows; `goes_on`: whether later steps know of it; `relayed`: the first of the rows passes it
+    on. Overhearing is not in `joules`.
     """
 
     time: float
@@ -105,8 +107,10 @@ class Message:
     source: int
     to: int
     begun: bool = True
+    goes_on: bool = False
+    relayed: bool = False
     ended: str = ""
-    packets: int = 0
+    most: int = 0
     joules: float = 0.0
     frames: list[Frame] = field(default_factory=list)
     acknowledgements: int = 0
@@ -125,6 +129,14 @@ class Message:
         """The frames of its last hop."""
         last = self.frames[-1]
         return [frame for frame in self.frames if (frame.source, frame.to) == (last.source, last.to)]
+
+    @property
+    def packets(self) -> int:
+        """Packets that arrived over its last hop, each frame counted; those that should have, if none did."""
+        if self.is_broadcast or not self.frames:
+            return self.most
+        got = sum(frame.received.get(frame.to, 0) for frame in self.hop)
+        return max(got, self.most)
 
     @property
     def bits(self) -> int:
@@ -166,15 +178,39 @@ def rows_at(path: str | Path, replicate: int, step: int) -> list[Row]:
     return [row for number, row in _read(path, slice(first, last)) if number == replicate and row.step == step]
 
 
+class Elsewhere(NamedTuple):
+    """What other steps know of a message: whether it began before, whether it goes on after, and what it is."""
+
+    before: bool
+    after: bool
+    what: str
+
+
+def elsewhere(path: str | Path, replicate: int, step: int, rows: Sequence[Row]) -> dict[int, Elsewhere]:
+    """What other steps know of the messages of which these rows are; those of this step alone are left out."""
+    wanted = np.array(sorted({row.sequence for row in rows if row.sequence}), dtype=np.int64)
+    words = recording.meanings(path, "events", "what")
+    known: dict[int, Elsewhere] = {}
+    for _, columns in _blocks(path, ["replicate", "step", "sequence", "frame", "what"]) if wanted.size else ():
+        at = (columns["replicate"] == replicate) & (columns["step"] != step) & np.isin(columns["sequence"], wanted)
+        for i in np.flatnonzero(at).tolist():
+            sequence, later = int(columns["sequence"][i]), bool(columns["step"][i] > step)
+            old = known.get(sequence, Elsewhere(False, False, ""))
+            word = _word(words, int(columns["what"][i])) if columns["frame"][i] else ""
+            what = old.what or (word if word != ACK else "")
+            known[sequence] = Elsewhere(old.before or not later, old.after or later, what)
+    return known
+
+
 def rows_in(path: str | Path, rows: slice) -> list[Row]:
     """The events in a range of rows."""
     return [row for _, row in _read(path, rows)]
 
 
-def gathered(rows: Iterable[Row]) -> list[Act | Message]:
+def gathered(rows: Iterable[Row], known: Mapping[int, Elsewhere] | None = None) -> list[Act | Message]:
     """What the rows add up to: a message a sequence number, and what nodes did besides, alike things together.
 
-    A node that does the same again begins a new act, so that rounds stay apart.
+    A node that does the same again begins a new act, so that rounds stay apart. `known`: see `elsewhere`.
     """
     found: list[Act | Message] = []
     messages: dict[tuple[bool, int], Message] = {}
@@ -183,7 +219,7 @@ def gathered(rows: Iterable[Row]) -> list[Act | Message]:
     leads = {row.node for row in rows if row.kind in ("estimate", "announce", "allocate", "handover")}
     for row in rows:
         if row.kind in ON_THE_AIR or row.kind in OUTCOMES:
-            _take(row, messages, found.append)
+            _take(row, messages, found.append, (known or {}).get(row.sequence, Elsewhere(False, False, "")))
         else:
             _join(row, row.kind == "compute" and row.node in leads, acts, found.append)
     return found
@@ -204,12 +240,14 @@ def _join(
     act.add(row)
 
 
-def _take(row: Row, messages: dict[tuple[bool, int], Message], note: Callable[[Message], None]) -> None:
+def _take(
+    row: Row, messages: dict[tuple[bool, int], Message], note: Callable[[Message], None], other: Elsewhere
+) -> None:
     """Put a row of a frame where it belongs."""
     key = (row.sequence > 0, row.sequence or row.frame)
     message = messages.get(key) if key[1] else None
     if message is None:
-        message = _opened(row)
+        message = _opened(row, other)
         note(message)
         if key[1]:
             messages[key] = message
@@ -219,20 +257,25 @@ def _take(row: Row, messages: dict[tuple[bool, int], Message], note: Callable[[M
         message.acknowledgements += row.kind == "receive"
     elif row.kind in ON_THE_AIR:
         message.frames.append(Frame(row.frame, row.node, row.peer, row.packets, row.bits))
-        message.packets = max(message.packets, row.packets)
+        message.most = max(message.most, row.packets)
+        message.what = message.what or row.what
     elif row.frame == 0:
         message.ended = row.what or "no_reason"
-        message.packets = max(message.packets, row.packets)
+        message.most = max(message.most, row.packets)
     else:
         _settle(message, row)
 
 
-def _opened(row: Row) -> Message:
+def _opened(row: Row, other: Elsewhere) -> Message:
     """A message, from the first row of it that there is: it was begun earlier where that is no sending."""
+    what = other.what if row.frame == 0 or row.what == ACK else row.what
+    if row.what == ACK and row.kind in ON_THE_AIR:
+        return Message(row.time, row.time, what, row.target, row.peer, row.node, False, other.after)
     if row.kind in ON_THE_AIR or row.frame == 0:
-        begun = row.kind != "relay" and row.what != ACK
-        return Message(row.time, row.time, row.what, row.target, row.node, row.peer, begun)
-    return Message(row.time, row.time, row.what, row.target, row.peer, row.node, begun=False)
+        begun = row.kind != "relay" and not other.before
+        relayed = row.kind == "relay"
+        return Message(row.time, row.time, what, row.target, row.node, row.peer, begun, other.after, relayed)
+    return Message(row.time, row.time, what, row.target, row.peer, row.node, False, other.after)
 
 
 def _settle(message: Message, row: Row) -> None:

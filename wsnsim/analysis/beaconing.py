@@ -100,8 +100,8 @@ def _air_rows(figures: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("beacons that never got the channel", f"{figures['access_failures']:,.0f}"),
         ("receptions in range", f"{figures['in_range']:,.0f}"),
         ("  delivered", delivered),
-        ("  lost to collisions, or to sending", collided),
-        ("  lost to fading, jamming, or to death", f"{others:,}"),
+        ("  lost to collisions, jamming, or sending", collided),
+        ("  lost to fading, or to death", f"{others:,}"),
     ]
     if figures["over_weak_links"] > 0:
         rows.append(("received over weaker links besides", f"{figures['over_weak_links']:,.0f}"))

@@ -94,6 +94,8 @@ def _report(act: Act, who: str, speaker: Speaker) -> str:
 
 def _parcel(what: str, several: bool) -> str:
     """What a parcel is called, of one sender or of several."""
+    if not what:
+        return ("a message", "messages")[several]
     words = what.replace("_", " ")
     return PARCELS.get(what, (f"its {words}", f"their {words}"))[several]
 
@@ -104,12 +106,16 @@ def outcome(message: Message) -> str:
         return f"not sent: {_reason(message.ended)}" if message.ended else "nothing of it in this step"
     hop = message.hop
     arrived = [frame for frame in hop if frame.arrived]
-    if message.ended or not arrived:
+    if message.ended or (not arrived and not message.goes_on):
         lost = "arrived in part" if arrived else _loss(hop)
         return f"{lost}, then given up: {_reason(message.ended)}" if message.ended else lost
+    if message.goes_on:
+        return "still under way when the step ends"
     if len(arrived) == len(hop):
         return "arrived" if _got(hop) >= sum(frame.packets for frame in hop) else "arrived in part"
-    return "arrived after lost frames" if hop[-1].arrived else "arrived in part"
+    if len(arrived) == 1 and hop[-1].arrived:
+        return "arrived after lost frames"
+    return "arrived in part"
 
 
 def _reason(word: str) -> str:
@@ -158,10 +164,10 @@ def _message(one: Message, speaker: Speaker) -> str:
     if one.is_broadcast:
         return f"{text}broadcast {what} {_facts([one])}; {_heard(one)}{speaker.of(one.target)}"
     path = one.path
-    text += "sent " if one.begun else "passed on " if one.frames and one.what else "sent "
+    text += "sent " if one.begun else "passed on " if one.relayed else "went on with "
     text += f"{what} to {speaker.node(path[-1] if len(path) > 1 else one.to)}"
     text += f" over {', '.join(str(node) for node in path[1:-1])}" if len(path) > 2 else ""
-    text += "" if one.begun else ", begun before this step,"
+    text += "" if one.begun or not one.relayed else ", begun before this step,"
     return f"{text} {_facts([one])}; {_fate(one, speaker)}{speaker.of(one.target)}"
 
 
@@ -176,7 +182,7 @@ def _fate(one: Message, speaker: Speaker) -> str:
         said += f" ({arrived} of {len(hop)} frames)"
     elif said.startswith("arrived in part"):
         said += f" ({_got(hop)} of {sum(frame.packets for frame in hop)} packets)"
-    if not arrived:
+    if not arrived and not one.goes_on:
         said += f" at {last.to}" if last.collided else f" from {last.source} to {last.to}" if len(one.path) > 2 else ""
     return said
 
@@ -205,12 +211,12 @@ def _sum(group: Sequence[Message], speaker: Speaker) -> str:
     )
     if fates.keys() == {"arrived"}:
         said = "all arrived"
-    goal = next(iter(goals))
+    goal, verb = next(iter(goals)), "sent" if group[0].begun else "went on with"
     if gathers:
         who = "members" if goal in speaker.heads and group[0].what not in OF_NODES else "nodes"
-        begin = f"{len(group)} {who} sent {_parcel(group[0].what, True)} to {speaker.node(goal)}"
+        begin = f"{len(group)} {who} {verb} {_parcel(group[0].what, True)} to {speaker.node(goal)}"
     else:
-        begin = f"{speaker.node(group[0].source)} sent {_parcel(group[0].what, False)} to {len(group)} nodes"
+        begin = f"{speaker.node(group[0].source)} {verb} {_parcel(group[0].what, False)} to {len(group)} nodes"
     return f"{begin} {_facts(group)}: {said}"
 
 

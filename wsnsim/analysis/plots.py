@@ -76,6 +76,8 @@ def error(axes: Axes, path: str | Path) -> Axes:
     told = f"RMSE of {counted}" if len(rows) == 1 else "RMSE"
     axes.plot(times, mean, color=VERMILLION, linewidth=1.2, label=told, **_marks(mean))
     _scaled(axes, shown)
+    if len(times) > 1:
+        axes.set_xlim(0.0, float(times[-1]))
     axes.set_xlabel("time [s]")
     axes.set_ylabel("position error" + bracketed(plan.units[plan.position[0]]))
     return _titled(axes, "position error" + ("" if lost is None else f", {lost} of {counted} lost"))

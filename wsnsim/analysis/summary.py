@@ -45,6 +45,7 @@ def as_json(report: Report, published: Mapping[str, float]) -> dict[str, Any]:
         "file": str(report.out),
         "replicates": len(runs),
         "steps": int(max(run["steps"] for run in runs)),
+        "targets": len(report.summaries[0].tracks),
         "rmse": metrics.time_mean_rmse(errors),
         "rmse_low": low,
         "rmse_high": high,
@@ -110,7 +111,7 @@ def _accuracy_rows(figures: Mapping[str, Any], published: Mapping[str, float], r
     rows = [
         (
             "RMSE, mean over time",
-            f"{figures['rmse']:.4f}{unit}{_bounds(figures, 'rmse')}",
+            f"{figures['rmse']:.4f}{unit}{_bounds(figures, 'rmse')}{_of_steps(figures)}",
             _published(published, "rmse", "{:.4f}" + unit),
         ),
         ("RMSE of a run, median", f"{figures['rmse_median']:.4f}{unit}{_bounds(figures, 'rmse_median')}", ""),
@@ -210,6 +211,12 @@ def _interval(rows: Floats, statistic: Callable[[Floats], float]) -> tuple[float
     Targets of one replicate share its sensors, so that they are drawn together.
     """
     return metrics.bootstrap_interval(rows, statistic) if np.isfinite(rows).any() else (NAN, NAN)
+
+
+def _of_steps(figures: Mapping[str, Any]) -> str:
+    """Of how many steps an accuracy is, where steps are missing: those have no error that could be counted."""
+    missing, steps = figures["without_estimate"], figures["steps"] * figures["targets"]
+    return f"  (of {steps - missing:,.4g} of {steps:,} steps)" if missing else ""
 
 
 def _bounds(figures: Mapping[str, Any], name: str) -> str:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from wsnsim import recording
-from wsnsim.analysis.acts import Act, Message, Row, gathered, plan_of, rows_at
+from wsnsim.analysis.acts import Act, Message, Row, elsewhere, gathered, plan_of, rows_at
 from wsnsim.analysis.narration import told
 from wsnsim.analysis.wording import Line, Speaker, counted, energy_in_words
 from wsnsim.base.errors import ResultError, UsageError
@@ -69,7 +69,7 @@ def trace(path: str | Path, step: int, replicate: int = 0, target: int | None = 
     ]
     chosen = known if target is None else [target]
     speaker = Speaker(_heads(rows, estimates, step), limit, _issued(estimates, dt, path), len(known) > 1)
-    acts = gathered(rows)
+    acts = gathered(rows, elsewhere(path, replicate, step, rows) if rows else {})
     plan = plan_of(path)
     return Trace(
         str(path), f"{scenario['name']}, seed {scenario['seed']}", replicate, step, step * dt, dt, network, plan.units,

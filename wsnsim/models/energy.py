@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from functools import cached_property
-from typing import Annotated, Final
+from typing import Annotated, Any, Final
 
 from wsnsim.base.errors import Fault
 from wsnsim.base.part import Quantity, part
@@ -185,7 +185,7 @@ class States:
         return cycles / self.processor.rate
 
     def faults(self, parts: Common) -> Iterator[Fault]:
-        """An output power that the radio does not have, or that is not the link's."""
+        """An output power that the radio does not have, or a link or a MAC of another radio."""
         levels = self.radio.levels
         if self.power not in levels:
             nearest = min(levels, key=lambda level: abs(level - self.power))
@@ -199,6 +199,23 @@ class States:
             yield Fault(
                 ("energy", "power"), f"{self.power:g} dBm is not link.power = {link.power:g} dBm: they must agree"
             )
+        yield from self._other_radio(parts)
+
+    def _other_radio(self, parts: Common) -> Iterator[Fault]:
+        """What the sheet says otherwise than the link or the MAC."""
+        if not isinstance(parts, Radio):
+            return
+        pairs: list[tuple[str, str, str, Any]] = [("mac", "turnaround", "s", self.radio.turnaround)]
+        if isinstance(parts.link, LogNormal):
+            pairs.append(("link", "sensitivity", "dBm", self.radio.sensitivity))
+            pairs.append(("link", "modulation", "", self.radio.modulation))
+        for role, name, unit, said in pairs:
+            found = getattr(getattr(parts, role), name, said)
+            if found != said:
+                yield Fault(
+                    (role, name),
+                    f"{found} {unit}".strip() + f" is not that of {self.radio.name}: {said} {unit}".rstrip(),
+                )
 
     @cached_property
     def _per_bit(self) -> float:

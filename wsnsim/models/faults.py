@@ -47,6 +47,9 @@ class Aimed:
         if len(aims) != 1:
             given = f"aimed by {' and '.join(aims)} at once" if aims else "aimed at nothing"
             yield Fault(("faults",), f"is {given}: give exactly one of {', '.join(SELECTORS)}")
+        count = getattr(parts.deploy, "nodes", None)
+        if self.fraction is not None and count is not None and round(self.fraction * count) == 0:
+            yield _fault("fraction", f"{self.fraction:g} of {count} nodes is nobody")
         yield from self._unknown_nodes(parts)
         yield from self._unknown_region(parts.deploy.field)
         yield from self._unknown_head(parts)

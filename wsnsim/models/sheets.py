@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import Annotated, Final
 
 from wsnsim.base.part import Quantity, part
+from wsnsim.models.modulation import Modulation
 
 WATTS: Final = Quantity("W", ge=0.0, le=1e3)
 SECONDS: Final = Quantity("s", ge=0.0, le=10.0)
@@ -34,7 +35,8 @@ class RadioSheet:
     turnaround: Annotated[float, SECONDS, "between receiving and sending"]
     turnaround_power: Annotated[float, WATTS, "meanwhile"]
     sensitivity: Annotated[float, LEVEL, "of the receiver"]
-    noise: Annotated[float, LEVEL, "noise floor of the receiver"]
+    noise: Annotated[float, LEVEL, "noise floor of the receiver, to know: a link derives its own from the sensitivity"]
+    modulation: Annotated[Modulation, "oqpsk: IEEE 802.15.4 at 2.4 GHz; ncfsk: non-coherent FSK"] = "oqpsk"
 
     def __post_init__(self) -> None:
         """Refuse levels without their powers. Raises ValueError."""

@@ -10,6 +10,7 @@ Overlapping faults of a kind hold together: what two have taken down is back whe
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
@@ -64,6 +65,8 @@ class Faults:
         self._dt = dt
         self._hit: dict[int, Ints] = {}
         self._down: dict[int, set[int]] = {}
+        self._jams: dict[int, float] = {}
+        self._losses: dict[int, dict[int, float]] = {}
         self._begin: dict[str, Callable[[int, Any, Ints], None]] = {
             "crash": self._crash,
             "restart": self._reboot,
@@ -104,6 +107,7 @@ class Faults:
         return step * self._dt if abs(time - step * self._dt) <= SAME * self._dt else time
 
     def _strike(self, number: int) -> None:
+        self._begin_step()
         fault, fleet = self._script[number], self._site.fleet
         aimed = [node for node in self._aimed(number, fault).tolist() if node not in fleet.died_at]
         if fault.mechanism == "drain":
@@ -115,6 +119,11 @@ class Faults:
             for node in aimed:
                 self._log(fault, node, fault.mechanism)
         self._begin[fault.mechanism](number, fault, nodes)
+
+    def _begin_step(self) -> None:
+        """What happens at a step's beginning is of that step, though its clock has not yet ticked."""
+        journal, now = self._site.journal, self._site.env.now
+        journal.step = max(journal.step, math.floor(now / self._dt + SAME))
 
     def _aimed(self, number: int, fault: FaultEvent) -> Ints:
         """(n,) whom a fault is aimed at, ascending, living or not."""
@@ -134,6 +143,7 @@ class Faults:
 
     def _pass(self, number: int) -> None:
         """A fault's duration has ended."""
+        self._begin_step()
         fault, nodes = self._script[number], self._hit.pop(number)
         if fault.mechanism in ("crash", "restart"):
             self._come_back(number)
@@ -181,18 +191,18 @@ class Faults:
             self._log(fault, node, fault.mechanism, joules=spent)
 
     def _disturb(self, number: int, fault: Any, nodes: Ints) -> None:
-        """Whose radio is jammed, and who loses how much, by all faults that last."""
-        fleet = self._site.fleet
-        fleet.jammed[:] = False
-        fleet.loss[:] = 0.0
-        fleet.disturbed = False
-        for other, hit in self._hit.items():
-            present = self._script[other]
-            if present.mechanism == "blackout":
-                fleet.jammed[hit] = True
-            elif present.mechanism == "link_loss":
-                fleet.loss[hit] = 1.0 - (1.0 - fleet.loss[hit]) * (1.0 - present.loss)
-            fleet.disturbed |= present.mechanism in ("blackout", "link_loss") and hit.size > 0
+        """One more fault holds these nodes' radios, or one less: jammed while any does, lossy by all together."""
+        fleet, begins, jams = self._site.fleet, number in self._hit, fault.mechanism == "blackout"
+        for node in nodes.tolist():
+            held = self._jams if jams else self._losses.setdefault(node, {})
+            key, value = (node, self._jams.get(node, 0) + (1 if begins else -1)) if jams else (number, fault.loss)
+            held[key] = value
+            if not (value if jams else begins):
+                del held[key]
+            fleet.jammed[node] = node in self._jams
+            fleet.loss[node] = 1.0 - math.prod(1.0 - loss for loss in self._losses.get(node, {}).values())
+        self._losses = {node: held for node, held in self._losses.items() if held}
+        fleet.disturbed = bool(self._jams or self._losses)
 
     def _step_clocks(self, number: int, fault: Any, nodes: Ints) -> None:
         self._site.clocks.step(nodes.tolist(), fault.offset)

@@ -31,6 +31,10 @@ def validate(tree: Node) -> tuple[Scenario | None, list[Fault]]:
     if not isinstance(tree.value, dict):
         message = f"expected keys such as 'name', got {described(plain(tree))}"
         return None, [] if tree.value is BROKEN else [tree.spot.fault((), message)]
+    sheet = child(tree, "sheet")
+    if sheet is not None:
+        said = f"is the data sheet of a {plain(sheet)}, and no scenario: name it in energy, as in radio: cc2420"
+        return None, [tree.spot.fault((), said)]
     scope, faults = _scope(tree)
     tree = _with_defaults(tree, scope)
     chosen, wrong = _choose(tree, scope)
