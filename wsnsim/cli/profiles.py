@@ -8,6 +8,7 @@ MAC and link, and what follows from them.
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -141,15 +142,27 @@ def _of_scenario(source: str) -> Profile:
         part, kind = getattr(parts, role), getattr(loaded, role).kind
         fields, derived = list(_fields(part)), list(DERIVED[role](parts))
         title = f"{role}: {kind}. {(type(part).__doc__ or '').partition(chr(10))[0]}"
-        sections.append(Section(title, "what it is", fields))
+        sources = _sources(type(part))
+        sections.append(Section("\n".join([title, *sources]), "what it is", fields))
         if derived:
             sections.append(Section(f"{role}: what follows", "what it is", derived))
         plain[role] = {
             "kind": kind,
+            "sources": sources,
             "values": {row.name: _plain(row) for row in fields},
             "derived": {row.name: _plain(row) for row in derived},
         }
     return Profile(sections, {"scenario": loaded.name, **plain})
+
+
+def _sources(part: type[Any]) -> list[str]:
+    """Where a part's defaults come from: what its docstring says, and those of what it shares with others."""
+    paragraphs = (
+        " ".join(text.split())
+        for owner in part.__mro__
+        for text in inspect.cleandoc(vars(owner).get("__doc__") or "").split("\n\n")
+    )
+    return list(dict.fromkeys(text for text in paragraphs if text.startswith("Source:")))
 
 
 def _plain(row: Row) -> dict[str, Any]:
