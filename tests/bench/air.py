@@ -128,7 +128,8 @@ def _neighbours(parts: Any) -> float:
 def measured(setting: Setting, turns: int, warm: bool) -> dict[str, Any]:
     """Figures of one setting, beacons and bare timeouts in turn.
 
-    {"nodes": of the setting, "rates": broadcasts a CPU second of each turn, "bare": timeouts, "timeouts": median of bare / rate of a turn,
+    {"nodes": of the setting, "rates": broadcasts a CPU second of each turn, "bare": timeouts, "timeouts": median of
+    bare / rate of a turn,
     "construct": least CPU seconds, "delivered": %, "neighbours": on average, "megabytes": above imports if not warm}
     """
     from wsnsim import experiment, recording  # noqa: F401
