@@ -1,12 +1,15 @@
 """Elections, the handover condition at its edges, and successors."""
 
+from dataclasses import fields
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from wsnsim.base.problem import Parts
 from wsnsim.models.clusters import Central, StrongestSignal
 from wsnsim.models.energy import FirstOrder
+from wsnsim.models.hardware import Processor
 from wsnsim.models.links import Disk
 
 POSITIONS = np.array([[0.0, 0.0], [10.0, 0.0], [0.0, 20.0], [0.0, -20.0]])
@@ -93,17 +96,21 @@ def test_the_central_cluster_has_one_head_for_good_near_its_place():
 def test_a_battery_that_does_not_exceed_what_a_head_must_hold_is_a_fault(policy):
     """96 bits: 4.8 uJ to send and 54 uJ to radiate over 75 m, 4.8 uJ to receive; then a tracker's computing."""
 
-    def found(battery, cycles=0.0, **given):
-        company = SimpleNamespace(
-            energy=FirstOrder(battery=battery), link=Disk(), tracker=SimpleNamespace(member_cycles=cycles)
-        )
-        return [(fault.path, fault.message) for fault in policy(**given).faults(company)]
+    def found(battery, operations=0.0, per_flop=1.0, **given):
+        names = dict.fromkeys(field.name for field in fields(Parts))
+        company = Parts(**names | {
+            "energy": FirstOrder(battery=battery), "link": Disk(), "clusters": policy(**given),
+            "tracker": SimpleNamespace(member_cycles=operations), "cpu": Processor(cycles_per_flop=per_flop),
+        })  # fmt: skip
+        return [(fault.path, fault.message) for fault in company.clusters.faults(company)]
 
     [(path, message)] = found(63.5e-6)
     assert path == ("energy", "battery")
     assert "6.35e-05 J" in message and "more than 6.36e-05 J" in message
     assert not found(63.7e-6)
-    assert found(63.7e-6, cycles=1000.0)
+    assert found(63.7e-6, operations=1000.0)
+    assert not found(63.7e-6, operations=10.0)
+    assert found(63.7e-6, operations=10.0, per_flop=100.0), "a tracker states operations, a processor takes cycles"
     [(path, message)] = found(2.0, threshold=2.0)
     assert "more than 2 J (clusters.threshold)" in message
     assert not found(2.0, threshold=1.9)

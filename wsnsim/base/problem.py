@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from wsnsim.base.asks import PACKET_BITS
 from wsnsim.base.metrics import LOST_ERROR, LOST_WINDOW
 from wsnsim.base.ports import (
     Acquire,
@@ -81,6 +82,19 @@ class Parts(Problem, Radio):
     detection: Detection
     sink: Sink
     until_clusters: int | None = None
+
+    @property
+    def head_threshold(self) -> float:
+        """Joules that a node must hold to be chosen: one packet sent at reach, one received, one step's processing.
+
+        Jiang (2013), section 4, step 2; or what the cluster policy says. A tracker states its members' processing as
+        `member_cycles`, in operations; without it, it is nothing.
+        """
+        if self.clusters.threshold is not None:
+            return self.clusters.threshold
+        energy, operations = self.energy, getattr(self.tracker, "member_cycles", 0.0)
+        radio = sum(energy.transmit(PACKET_BITS, self.link.reach)) + energy.receive(PACKET_BITS)
+        return radio + energy.compute(operations * self.cpu.cycles_per_flop)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -15,7 +15,6 @@ from typing import Annotated, ClassVar, Final, Literal
 import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats
-from wsnsim.base.asks import PACKET_BITS
 from wsnsim.base.errors import Fault
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.problem import Parts
@@ -70,7 +69,7 @@ class StrongestSignal:
 
     def faults(self, parts: Parts) -> Iterator[Fault]:
         """A battery that lets nobody lead."""
-        yield from _too_little_charge(self.threshold, parts)
+        yield from _too_little_charge(parts)
 
 
 @part
@@ -105,7 +104,7 @@ class Central:
 
     def faults(self, parts: Parts) -> Iterator[Fault]:
         """A battery that lets nobody lead."""
-        yield from _too_little_charge(self.threshold, parts)
+        yield from _too_little_charge(parts)
 
 
 def _nearest(point: Floats, positions: Floats, able: Bools) -> int | None:
@@ -124,15 +123,13 @@ def _squared(positions: Floats, point: Floats) -> Floats:
     return squared
 
 
-def _too_little_charge(threshold: float | None, parts: Parts) -> Iterator[Fault]:
+def _too_little_charge(parts: Parts) -> Iterator[Fault]:
     """A full battery that does not exceed the threshold, or else what a packet each way and a step take."""
-    energy, source = parts.energy, "clusters.threshold"
-    if threshold is None:
-        radio = sum(energy.transmit(PACKET_BITS, parts.link.reach)) + energy.receive(PACKET_BITS)
-        threshold = radio + energy.compute(getattr(parts.tracker, "member_cycles", 0.0))
+    energy, least, source = parts.energy, parts.head_threshold, "clusters.threshold"
+    if parts.clusters.threshold is None:
         source = f"a packet sent over {parts.link.reach:g} m, one received, and a step's computing"
-    if energy.battery <= threshold:
+    if energy.battery <= least:
         yield Fault(
             ("energy", "battery"),
-            f"{energy.battery:g} J lets nobody lead: a head must hold more than {threshold:g} J ({source})",
+            f"{energy.battery:g} J lets nobody lead: a head must hold more than {least:g} J ({source})",
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from dataclasses import dataclass
 
 
@@ -22,3 +23,17 @@ class Counts:
     collided: int = 0
     access_failures: int = 0
     retries: int = 0
+
+
+class Uses:
+    """How often something was used in the present step: what random draws that belong to a step are numbered by."""
+
+    def __init__(self) -> None:
+        self._known: dict[Hashable, tuple[int, int]] = {}
+
+    def next(self, thing: Hashable, step: int) -> int:
+        """1 for the first use of a thing in a step, 2 for the second, and so on."""
+        known, count = self._known.get(thing, (-1, 0))
+        count = count + 1 if known == step else 1
+        self._known[thing] = step, count
+        return count

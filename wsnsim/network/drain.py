@@ -114,7 +114,6 @@ class Drain:
                 fleet.ledger[cause][nodes[chosen]] += drawn[chosen]
                 fleet.totals[cause] += float(drawn[chosen].sum())
         fleet.spent[nodes] += radio + processor
-        fleet.raise_ceiling(float((radio + processor).max(initial=0.0)))
         passed = self._env.now - self._sinces[nodes]
         self._sinces[nodes] = self._env.now
         self._busies[nodes] = np.maximum(self._busies[nodes] - passed, 0.0)

@@ -144,10 +144,6 @@ class Fleet:
             return not [node for node in listed if spent[node] >= most]
         return bool((self.spent[nodes] < most).all())
 
-    def raise_ceiling(self, joules: float) -> None:
-        """Nodes have spent up to so much more, not by way of this class's methods."""
-        self._ceiling += joules
-
     def _lower_ceiling(self) -> float:
         """What no living node has spent more than: looked up anew now and then, since `receive_all` only raises it."""
         self._look_again_in -= 1

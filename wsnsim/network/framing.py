@@ -30,7 +30,7 @@ class Piece(Message):
         self.last = last
 
     def done(self, heard: Heard | None) -> None:
-        """The frame has fared so: see `channel.Heard`; None if it never got the channel."""
+        """The frame has fared so: see `transmission.Heard`; None if it never got the channel."""
         self.of.frame.sent += self.bits * self.sends
         self.of.settle(self, heard)
 

@@ -15,7 +15,7 @@ from wsnsim.base.asks import Parcel, all_arrived
 from wsnsim.base.radio import EnergyModel
 from wsnsim.base.rng import derive, derive_all, uniforms
 from wsnsim.base.tables import EVENT_CAUSE, KIND
-from wsnsim.network.counts import Counts
+from wsnsim.network.counts import Counts, Uses
 from wsnsim.network.fleet import Fleet
 from wsnsim.network.journal import Journal
 from wsnsim.network.wiring import Wiring
@@ -76,7 +76,7 @@ class Medium:
         self._wiring = wiring
         self._key = key
         self._second = 0.0 if rate is None else 1.0 / rate
-        self._draws: dict[tuple[int, int], tuple[int, int]] = {}
+        self._uses = Uses()
         self.counts = counts
 
     def carry(self, frame: Frame) -> None:
@@ -177,11 +177,8 @@ class Medium:
 
     def _link_key(self, source: int, node: int) -> int:
         """A link's draws of a frame: they depend on the link, the step, and how often it was used in it."""
-        link, step = (source, node), self._journal.step
-        known, count = self._draws.get(link, (-1, 0))
-        count = count + 1 if known == step else 1
-        self._draws[link] = step, count
-        return derive(self._key, source, node, step, count)
+        step = self._journal.step
+        return derive(self._key, source, node, step, self._uses.next((source, node), step))
 
     def _drop(self, frame: Frame, number: int, packets: int, code: int, node: int) -> None:
         self._log(frame, node, DROP, code, number, frame.source, packets, 0, 0.0, NONE)

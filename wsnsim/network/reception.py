@@ -17,7 +17,7 @@ from wsnsim.base.arrays import Bools, Floats, Ints
 from wsnsim.base.radio import LinkModel
 from wsnsim.base.rng import derive, derive_all, uniforms
 from wsnsim.base.tables import CAUSE, EVENT_CAUSE, KIND
-from wsnsim.network.counts import Counts
+from wsnsim.network.counts import Counts, Uses
 from wsnsim.network.fleet import Fleet
 from wsnsim.network.journal import EACH, Journal
 from wsnsim.network.medium import EVERYONE
@@ -50,7 +50,7 @@ class Reception:
         self._link = link
         self._wiring = wiring
         self._key = key
-        self._draws: dict[int, tuple[int, int]] = {}
+        self._uses = Uses()
         self.counts = counts
 
     def resolve(self, one: Transmission) -> Heard:
@@ -190,10 +190,8 @@ class Reception:
         if fleet.disturbed:
             chances = chances * (1.0 - fleet.loss[one.source]) * (1.0 - fleet.loss[audience.ids])
         step = self._journal.step
-        known, count = self._draws.get(one.source, (-1, 0))
-        count = count + 1 if known == step else 1
-        self._draws[one.source] = step, count
-        drawn = uniforms(derive_all(derive(self._key, one.source, step, count), audience.ids), 0)
+        key = derive(self._key, one.source, step, self._uses.next(one.source, step))
+        drawn = uniforms(derive_all(key, audience.ids), 0)
         return np.asarray(drawn >= 1.0 - chances)
 
     def _charge(self, one: Transmission, chosen: Bools, shares: Floats | None, kind: int, cause: int) -> None:

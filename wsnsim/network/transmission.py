@@ -41,7 +41,8 @@ class Message:
 class Transmission:
     """A frame on the air from `start` to `end`. `others`: those that overlap it. `cut`: its sender fell silent.
 
-    `missed`: somebody whom it should have reached did not get it."""
+    `missed`: somebody whom it should have reached did not get it.
+    """
 
     __slots__ = (
         "asleep",
@@ -94,4 +95,5 @@ def meet(one: Transmission, other: Transmission) -> None:
 
 
 def nobody(message: Message) -> Heard:
+    """What is said of a frame that nobody heard."""
     return np.zeros(0, dtype=np.int64) if message.to == EVERYONE else False

@@ -1,6 +1,6 @@
 """Who may hear whom, and how well: looked up in the k-d tree when first asked, and kept.
 
-    wiring.audience(node).ids      wiring.connected(a, b)      wiring.success(a, b, bits)
+    wiring.audience(node).ids      wiring.connected(a, b)      wiring.success(a, b)
 
 The random part of a link belongs to the link alone: a function of the stream's key and the two nodes.
 """

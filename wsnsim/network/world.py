@@ -16,7 +16,6 @@ import numpy as np
 import simpy
 
 from wsnsim.base.arrays import Floats, Ints
-from wsnsim.base.asks import PACKET_BITS
 from wsnsim.base.errors import RunError
 from wsnsim.base.ports import Estimate, Recorder
 from wsnsim.base.problem import Parts
@@ -93,7 +92,7 @@ class World:
             clocks=clocks,
             sensed=sensed,
             field=parts.deploy.field,
-            threshold=energy_threshold(parts),
+            threshold=parts.head_threshold,
             tracker_key=streams.key("tracker"),
             replicate=replicate,
             recorder=recorder,
@@ -275,16 +274,3 @@ def _refuse_the_unknown(parts: Parts) -> None:
         raise RunError("sleep: this network knows nodes that sense and listen while they sleep (event_wake) only")
     if parts.wakeup.mechanism != "none":
         raise RunError(f"wakeup: no mechanism '{parts.wakeup.mechanism}' in this network; known: none")
-
-
-def energy_threshold(parts: Parts) -> float:
-    """Joules that a node must hold to be chosen: one packet sent at reach, one received, one step's processing.
-
-    Jiang (2013), section 4, step 2. A tracker states its members' processing as `member_cycles`; without it, it is
-    nothing.
-    """
-    if parts.clusters.threshold is not None:
-        return parts.clusters.threshold
-    energy = parts.energy
-    radio = sum(energy.transmit(PACKET_BITS, parts.link.reach)) + energy.receive(PACKET_BITS)
-    return radio + energy.compute(getattr(parts.tracker, "member_cycles", 0.0) * parts.cpu.cycles_per_flop)
