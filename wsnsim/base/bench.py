@@ -116,6 +116,7 @@ class Bench:
             "access_failures": 0,
             "retries": 0,
             "cycles": self.bill.cycles,
+            "awake": NAN,
             "alive": len(self._positions),
             "first_death": NAN,
             "half_dead": NAN,

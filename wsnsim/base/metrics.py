@@ -9,8 +9,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from wsnsim.base.arrays import Bools, Floats
+from wsnsim.base.arrays import Bools, Floats, Ints
 
+ENOUGH_READINGS = 3
+"""Ranges that fix a position in the plane without a guess."""
 LOST_WINDOW = 100
 LOST_ERROR = 20.0
 
@@ -80,3 +82,15 @@ def bootstrap_interval(
     tail = (1.0 - confidence) / 2.0
     low, high = np.nanquantile(values, [tail, 1.0 - tail])
     return float(low), float(high)
+
+
+def tracked_share(issued: Floats, times: Floats, readings: Ints, dt: float, least: int) -> float:
+    """The share of steps whose estimate was issued before the next step, and rests on `least` readings or more."""
+    in_time = np.isfinite(issued) & (issued <= times + dt)
+    return float(np.mean(in_time & (readings >= least))) if len(times) else float("nan")
+
+
+def mean_error(errors: Floats) -> float:
+    """The mean over the steps that have an estimate; NaN if none has."""
+    known = errors[np.isfinite(errors)]
+    return float(known.mean()) if known.size else float("nan")

@@ -218,22 +218,22 @@ class Detection(Protocol):
         ...
 
 
-class SleepSchedule(Protocol):
-    """Which nodes sense and listen when. `always_listening`: receiver and sensor stay on in sleep (event wake)."""
-
-    @property
-    def always_listening(self) -> bool: ...
-
-
-class WakeUp(Protocol):
-    """How nodes ahead of the target are woken. `mechanism` names what the network room performs."""
-
-    @property
-    def mechanism(self) -> str: ...
-
-
 class Acquire(Protocol):
-    """How a track starts anew from readings alone."""
+    """How a track starts anew from readings alone.
+
+    Where heads move (see `ClusterPolicy`), nodes that are awake look for a target that nobody follows every `poll` s
+    (None: at each step). The first to detect it broadcasts `detection_bits`; who hears that and senses the target, too,
+    answers with `answer_bits`.
+    """
+
+    @property
+    def poll(self) -> float | None: ...
+
+    @property
+    def detection_bits(self) -> int: ...
+
+    @property
+    def answer_bits(self) -> int: ...
 
     def estimate(
         self,
@@ -260,7 +260,15 @@ class ClusterPolicy(Protocol):
     `minimum_active`: a cluster that forms with fewer sensing members holds a network-wide election. `threshold`:
     joules that a head must hold, None for the paper's rule. `is_open`: whoever senses belongs, without a frame, and
     nobody hands over. `calls_election`: the node nearest to the forecast calls an election instead of leading itself.
+
+    `moves`: there is a main node anew at each step, and no standing cluster. `main`: it is the one nearest to the
+    'prediction' among those woken for the step, or the one that read the target to be nearest ('detection') at the
+    step before. It takes `sampling` s to take a reading; a main node waits for readings until none has come for
+    `quiet` s, at most for `cap` s. It coasts for `patience` s without a reading before the track is lost.
     """
+
+    @property
+    def moves(self) -> bool: ...
 
     @property
     def minimum_active(self) -> int: ...
@@ -283,6 +291,16 @@ class ClusterPolicy(Protocol):
     def successor(self, forecast: Floats, positions: Floats, able: Bools) -> int | None:
         """The next head, given the predicted position (2,), all nodes' positions (N, 2) and who is able (N,)."""
         ...
+
+
+class MovingPolicy(ClusterPolicy, Protocol):
+    """A policy whose main node moves: see `ClusterPolicy`."""
+
+    main: str
+    sampling: float
+    quiet: float
+    cap: float
+    patience: float
 
 
 class Recorder(Protocol):
@@ -325,6 +343,24 @@ class Tracker(Protocol[B]):
 
     def forecast(self, belief: B, scene: Scene, ahead: int) -> Estimate:
         """The belief `ahead` steps on, for handover and for waking nodes ahead of the target."""
+        ...
+
+
+@runtime_checkable
+class Portable(Protocol):
+    """What a tracker may offer besides: a belief small enough to ride on a message that wakes nodes."""
+
+    def belief_bits(self, belief: Any) -> int:
+        """Bits of the belief in such a message."""
+        ...
+
+
+@runtime_checkable
+class Foresees(Protocol):
+    """What a tracker may offer besides: whether its forecast is a prediction yet, or only its last fix."""
+
+    def foresees(self, belief: Any) -> bool:
+        """True once it can predict. Trackers that do not say always can."""
         ...
 
 

@@ -20,11 +20,10 @@ from wsnsim.base.ports import (
     MotionModel,
     PriorModel,
     SensorModel,
-    SleepSchedule,
     Tracker,
-    WakeUp,
 )
 from wsnsim.base.radio import Clock, Cpu, EnergyModel, FaultEvent, LinkModel, Mac, Packing, Routing, Sink
+from wsnsim.base.sleeping import SleepSchedule, WakeUp
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,6 +81,12 @@ class Parts(Problem, Radio):
     detection: Detection
     sink: Sink
     until_clusters: int | None = None
+
+    @property
+    def polls(self) -> int:
+        """How often in a step nodes that are awake look for a target that nobody follows."""
+        every = self.acquire.poll
+        return 1 if every is None or not self.clusters.moves else max(1, round(self.dt / every))
 
     @property
     def head_threshold(self) -> float:

@@ -23,6 +23,8 @@ class Mode(IntEnum):
     """Processor and radio off."""
     DOWN = 3
     """Crashed or dead: draws nothing."""
+    SCHEDULED = 4
+    """By its schedule of sleep, now AWAKE, now ASLEEP (see `base.sleeping`)."""
 
 
 class Draw(NamedTuple):
@@ -202,13 +204,18 @@ class Clock(Protocol):
 
 
 class Sink(Protocol):
-    """Who is told of every estimate. `point` (2,): the node nearest to it; None: nobody. `bits` of a report."""
+    """Who is told of estimates. `point` (2,): the node nearest to it; None: nobody. `bits` of a report."""
 
     @property
     def point(self) -> tuple[float, float] | None: ...
 
     @property
     def bits(self) -> int: ...
+
+    @property
+    def every(self) -> float | None:
+        """Seconds between reports; None: every estimate is reported."""
+        ...
 
 
 class Workload(Protocol):

@@ -14,6 +14,7 @@ JIANG: Final = "Jiang, Song, Lin (2013)"
 LIU: Final = "Liu, Wang (2012)"
 WEI: Final = "Wei, Guo (2022)"
 RUAN: Final = "Ruan, Wang, Yang, Zhang (2020)"
+LI: Final = "Li, Jiang, Zhang, Zhang (2012)"
 IEEE: Final = "IEEE 802.15.4-2006"
 BENCH_ROLES: Final = ("prior", "deploy", "motion", "sensor", "tracker")
 TARGET_ROLES: Final = (
@@ -105,6 +106,15 @@ _ROLES: Final = (
             "near-constant acceleration along a line", f"{LIU}, eq. 15-17"),
         Row("ungm", "wsnsim.models.ungm:Ungm",
             "the univariate non-stationary growth model, a benchmark of one column", WEI),
+        Row("random_waypoint", "wsnsim.models.waypoints:RandomWaypoint",
+            "straight legs between random points of an area, from a start that is stationary in time",
+            f"{LI}; Bettstetter, Resta, Santi (2003)"),
+        Row("waypoints", "wsnsim.models.waypoints:Waypoints",
+            "straight legs between points with times, from a CSV file or the scenario"),
+        Row("gauss_markov", "wsnsim.models.mobility:GaussMarkov",
+            "velocity that forgets itself gradually, about a mean", "Liang, Haas (2003)"),
+        Row("coordinated_turn", "wsnsim.models.mobility:CoordinatedTurn",
+            "constant speed along arcs whose turn rate drifts", "Bar-Shalom, Li, Kirubarajan (2001), section 11.7"),
     ), listed="targets"),
     Role("sensor", "what a node measures of the target", "SensorModel", None, (
         Row("acoustic_energy", "wsnsim.models.sensing:AcousticEnergy",
@@ -150,6 +160,12 @@ _ROLES: Final = (
     )),
     Role("sleep", "which nodes sense and listen when", "SleepSchedule", "event_wake", (
         Row("event_wake", "wsnsim.models.sleep:EventWake", "dormant nodes keep sensor and receiver on", JIANG),
+        Row("always_on", "wsnsim.models.sleep:AlwaysOn", "nobody ever sleeps"),
+        Row("ris", "wsnsim.models.sleep:RandomIndependent",
+            "each node is awake for each of its periods with a probability, independently",
+            f"Kumar, Lai, Balogh (2004); {LI}"),
+        Row("duty_cycle", "wsnsim.models.sleep:DutyCycle",
+            "each node is awake for a fixed share of each period, all at once or staggered"),
     )),
     Role("cpu", "how long computing takes", "Cpu", "processor", (
         Row("processor", "wsnsim.models.hardware:Processor",
@@ -185,12 +201,22 @@ _ROLES: Final = (
     ), listed="faults", optional=True),
     Role("wakeup", "how nodes ahead of the target are woken", "WakeUp", "none", (
         Row("none", "wsnsim.models.wakeup:NoWakeUp", "nobody is woken ahead of the target", JIANG),
+        Row("directed_flood", "wsnsim.models.wakeup:DirectedFlood",
+            "a message is handed on towards the prediction, and wakes the region about it", f"{LI}, section 2.2"),
+        Row("experience_zones", "wsnsim.models.wakeup:ExperienceZones",
+            "every neighbour is called, and tracks with a probability that depends on its zone",
+            "Ren, Li, Gao, Cheng (2009), a reconstruction"),
+        Row("region", "wsnsim.models.wakeup:Region",
+            "the next head is told first, and calls its neighbours in the region about the prediction",
+            "Yang, Xing, Shi, Pan (2007), a reconstruction"),
     )),
     Role("clusters", "who leads, who follows, and until when", "ClusterPolicy", "strongest_signal", (
         Row("strongest_signal", "wsnsim.models.clusters:StrongestSignal",
             "the loudest node leads until too few of its members sense", f"{JIANG}, section 2.3"),
         Row("central", "wsnsim.models.clusters:Central",
             "one head for good, near a fixed point; whoever senses is a member"),
+        Row("moving_head", "wsnsim.models.clusters:MovingHead",
+            "a head anew at each step: the node nearest to the prediction, or that read the target nearest", LI),
     )),
     Role("acquire", "how a track starts anew from readings", "Acquire", "readings", (
         Row("readings", "wsnsim.models.acquire:FromReadings",
@@ -274,6 +300,27 @@ _ROLES: Final = (
         Row("trilateration", "wsnsim.trackers.trilateration:Trilateration",
             "the weighted centroid of the circles' crossings, without memory: a baseline", RUAN,
             state="the last position found",
+            messages="a reading up per member",
+            variants=""),
+        Row("gmtt", "wsnsim.trackers.grey:GreyTracking",
+            "least squares on the ranges, and a grey model of the last fixes that predicts the next", LI,
+            state="the last fixes with their times, in the head",
+            messages="a reading up per member",
+            variants="correction tail|literal|none, report fix|prediction, shift, window"),
+        Row("tsstp", "wsnsim.trackers.markov:TwoPhase",
+            "least squares on the ranges; the next position is the last", f"Ren, Li, Gao, Cheng (2009), after {LI}",
+            state="the last two fixes, in the head",
+            messages="a reading up per member",
+            variants=""),
+        Row("cluster", "wsnsim.trackers.mixture_pf:MixturePf",
+            "Rao-Blackwellised particle filter over whether the target keeps its course or turns",
+            f"Yang, Xing, Shi, Pan (2007), after {LI}",
+            state="modes, each with a Kalman filter, in the head",
+            messages="a reading up per member",
+            variants=""),
+        Row("ris", "wsnsim.trackers.awake_only:AwakeOnly",
+            "least squares on the ranges of whoever is awake: no prediction, no memory", LI,
+            state="the last fix, in the head",
             messages="a reading up per member",
             variants=""),
     )),

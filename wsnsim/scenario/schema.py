@@ -21,7 +21,7 @@ from pydantic import (
     model_validator,
 )
 
-from wsnsim.base import metrics, ports, radio
+from wsnsim.base import metrics, ports, radio, sleeping
 from wsnsim.base.part import Quantity
 from wsnsim.base.tables import RECORDED_BY_DEFAULT
 from wsnsim.scenario.catalog import ROLES, find, load_class
@@ -251,7 +251,9 @@ def part_model(role: str, kind: str) -> type[PartModel]:
 
 
 def _demand_port(part: type[Any], role: str) -> None:
-    port = getattr(ports, ROLES[role].port, None) or getattr(radio, ROLES[role].port, None)
+    port = next(
+        (getattr(room, ROLES[role].port) for room in (ports, radio, sleeping) if hasattr(room, ROLES[role].port)), None
+    )
     needed = [name for name, thing in (vars(port) if port else {}).items() if callable(thing) and name[0] != "_"]
     lacking = [name for name in needed if not callable(getattr(part, name, None))]
     if lacking:

@@ -1,0 +1,141 @@
+"""The ports of a network that sleeps: when nodes are awake of themselves, and how others are woken ahead of a target.
+
+Times in s, places in m. `keys` are counter keys (see `base.rng`), one a node: equal keys, equal schedules.
+
+A schedule is a function of time that nobody polls. A wake-up protocol is pure: what it decides for a node depends on
+the node, the message and the time alone; the network room performs it, and pays.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any, NamedTuple, Protocol
+
+from wsnsim.base.arrays import Bools, Floats, Keys
+from wsnsim.base.radio import Mode
+
+Point = tuple[float, float]
+
+
+class SleepSchedule(Protocol):
+    """Which nodes sense and listen when.
+
+    `rest`: the mode of a node that has nothing to do: DORMANT (sensor and receiver stay on, the target's sound wakes
+    it), AWAKE (it never sleeps), or SCHEDULED, where the functions say when it is AWAKE and when ASLEEP.
+    """
+
+    @property
+    def rest(self) -> Mode: ...
+
+    def awake(self, keys: Keys, time: float) -> Bools:
+        """(n,) who is awake at a time >= 0; a change counts from its instant on."""
+        ...
+
+    def span(self, keys: Keys, time: float) -> tuple[Floats, Floats]:
+        """A time span [from (n,), until (n,)) around `time` in which each node neither falls asleep nor wakes."""
+        ...
+
+    def awake_seconds(self, keys: Keys, since: Floats, until: float) -> Floats:
+        """(n,) seconds that each node is awake in [since, until), since (n,)."""
+        ...
+
+    def switches(self, keys: Keys, since: Floats, until: float) -> Floats:
+        """(n,) how often each node falls asleep or wakes in (since, until], since (n,)."""
+        ...
+
+    def profile(self, keys: Keys, times: Floats) -> tuple[Floats, Floats]:
+        """Of all nodes together, from 0 to each of the ascending times (T,): awake seconds (T,), and switches (T,)."""
+        ...
+
+
+class Plan(NamedTuple):
+    """What a main node knows when it composes a message that wakes nodes for one step.
+
+    `fix` is its last fix, `heading` the displacement between the last two, (0, 0) if there is one; `prediction` where
+    the target will be at `due`, in `ahead` s; `foreseen`: whether that is a prediction, rather than the last fix.
+    `sensing` is the sensors' reach r, `reach` the radio's R. `payload_bits`: of the belief, where it rides along.
+    """
+
+    target: int
+    step: int
+    sequence: int
+    sender: int
+    place: Point
+    fix: Point
+    heading: Point
+    prediction: Point
+    foreseen: bool
+    due: float
+    ahead: float
+    sensing: float
+    reach: float
+    payload_bits: int
+
+
+@dataclass(frozen=True, slots=True)
+class Message:
+    """What wakes nodes ahead of a target for one step, as it is on the air: `sender` is who sent this copy, at `place`.
+
+    The region to be woken is a disc of `radius` about `centre`; after `expires` nobody heeds the message. `belief` is
+    the main node's, where it rides along. `bits` of the payload.
+    """
+
+    target: int
+    step: int
+    sequence: int
+    sender: int
+    place: Point
+    centre: Point
+    radius: float
+    fix: Point
+    heading: Point
+    due: float
+    expires: float
+    sensing: float
+    reach: float
+    bits: int
+    belief: Any = None
+
+
+class Decision(Enum):
+    """What a node does about a message."""
+
+    DROP = "drop"
+    TRACK = "track"
+    FORWARD = "forward"
+    STOP = "stop"
+
+
+class WakeUp(Protocol):
+    """How nodes ahead of the target are woken.
+
+    `mechanism`: 'none'; 'flood', nodes hand the message on, and wake their neighbours in the region; 'region', the
+    next main node is told first and calls its neighbours in the region; 'invite', the main node calls and invites all
+    its neighbours. `carries_belief`: the message hands the belief over. `wait` s: how long a node that was woken stays
+    awake after the step it was woken for, or after it last sensed the target. `call` s: what a call on the wake-up
+    radio takes, at both ends.
+    """
+
+    @property
+    def mechanism(self) -> str: ...
+
+    @property
+    def carries_belief(self) -> bool: ...
+
+    @property
+    def wait(self) -> float: ...
+
+    @property
+    def call(self) -> float: ...
+
+    def compose(self, plan: Plan, belief: Any) -> Message:
+        """The message of a main node."""
+        ...
+
+    def decide(self, place: Point, message: Message, seen: bool, now: float, chance: float) -> Decision:
+        """What a node at `place` does about a message; pure. `seen`: it has heeded this message before.
+
+        `chance`: a uniform draw of the node for this message, on [0, 1).
+        """
+        ...
