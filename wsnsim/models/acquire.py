@@ -12,13 +12,15 @@ from typing import Annotated
 import numpy as np
 
 from wsnsim.base.arrays import Floats
+from wsnsim.base.asks import PACKET_BITS
 from wsnsim.base.errors import Fault
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Estimate, MotionModel, SensorModel
-from wsnsim.base.problem import Problem
+from wsnsim.base.problem import Parts, Problem
 from wsnsim.models.bounds import DEVIATION, STATE
 
 DEVIATIONS = (5.0, 3.0, 5.0, 3.0)
+FRAME = Quantity("", ge=1, le=1_000_000)
 LEVELS = 8
 """How often the lattice may shrink, by a factor of 3 or so each time."""
 
@@ -66,6 +68,13 @@ class FromReadings:
         float, Quantity("", ge=1e-3, le=1e6), "standard deviations beyond which a reading is taken for false"
     ] = 6.0
     floor: Annotated[float, Quantity("m", ge=1e-6, le=1e7), "least standard deviation of the position"] = 1.0
+    poll: Annotated[
+        float | None,
+        Quantity("s", gt=0.0, le=1e6),
+        "how often who is awake looks for a target that nobody follows, where heads move; left out: at each step",
+    ] = None
+    detection_bits: Annotated[int, FRAME, "of the word that a target has been detected"] = PACKET_BITS
+    answer_bits: Annotated[int, FRAME, "of the reading that answers it"] = PACKET_BITS
 
     def estimate(
         self,
@@ -95,6 +104,12 @@ class FromReadings:
         """A sensor without end: a target that may be anywhere cannot be looked for on a lattice."""
         if np.isinf(parts.sensor.reach):
             yield Fault(("sensor",), "its reach must be finite in a network: a new track is looked for within it")
+        if self.poll is not None and isinstance(parts, Parts) and parts.clusters.moves:
+            times = parts.dt / self.poll
+            if abs(times - round(times)) > 1e-9 * times or round(times) < 1:
+                yield Fault(
+                    ("acquire", "poll"), f"a step of {parts.dt:g} s must be a whole number of times {self.poll:g} s"
+                )
 
     def _locate(
         self, readings: Floats, positions: Floats, traits: Floats, sensor: SensorModel, box: tuple[Floats, Floats]

@@ -23,6 +23,7 @@ from wsnsim.models.bounds import MOST_NODES, PLACE
 SAMPLED: Final = 64
 """Every how many nodes one is tried, to bound how far the nearest is."""
 ROUNDING: Final = 1e-9
+TIMES: Final = Quantity("s", ge=0.0, le=1e6)
 
 
 @part
@@ -39,6 +40,7 @@ class StrongestSignal:
     """
 
     is_open: ClassVar[bool] = False
+    moves: ClassVar[bool] = False
 
     handover_fraction: Annotated[
         float, Quantity("", ge=0, le=1), "hand over below this share of members that sense"
@@ -56,8 +58,7 @@ class StrongestSignal:
 
     def elect(self, ids: Sequence[int], strengths: Sequence[float], able: Sequence[bool]) -> int | None:
         """The loudest of those able; of equally loud ones the lowest id. None if nobody is able."""
-        candidates = [(-strength, i) for i, strength, fit in zip(ids, strengths, able, strict=True) if fit]
-        return min(candidates)[1] if candidates else None
+        return _loudest(ids, strengths, able)
 
     def must_hand_over(self, active: int, members: int) -> bool:
         """Whether too few of `members`, the head included, sense: fewer than the minimum, or than the fraction."""
@@ -81,6 +82,7 @@ class Central:
     """
 
     is_open: ClassVar[bool] = True
+    moves: ClassVar[bool] = False
     calls_election: ClassVar[bool] = False
     minimum_active: ClassVar[int] = 0
 
@@ -105,6 +107,76 @@ class Central:
     def faults(self, parts: Parts) -> Iterator[Fault]:
         """A battery that lets nobody lead."""
         yield from _too_little_charge(parts)
+
+
+@part
+class MovingHead:
+    """A main node anew at each step, and nodes that were told to track: no cluster that stands.
+
+    `prediction`: the main node is the one nearest to the predicted position among those woken for the step;
+    `detection`: the one that read the target nearest at the step before. It takes `sampling` to take a reading; the
+    main node waits for readings until none has come for `quiet`, at most for `cap`. Without a reading it coasts on its
+    prediction for `patience`; then the track is lost, and nodes that are awake look for the target.
+
+    Source: Li, Jiang, Zhang, Zhang (2012), section 2.2; the times are our choice, as the paper gives none.
+    """
+
+    is_open: ClassVar[bool] = False
+    moves: ClassVar[bool] = True
+    calls_election: ClassVar[bool] = False
+    minimum_active: ClassVar[int] = 1
+
+    main: Annotated[Literal["prediction", "detection"], "what decides who leads at the next step"] = "prediction"
+    sampling: Annotated[float, TIMES, "to take a reading"] = 2e-3
+    quiet: Annotated[float, TIMES, "without a reading, after which the main node waits no longer"] = 12e-3
+    cap: Annotated[float, TIMES, "for which the main node waits at most"] = 50e-3
+    patience: Annotated[float, TIMES, "for which the main node coasts without a reading"] = 3.0
+    threshold: Annotated[
+        float | None, Quantity("J", ge=0, lt=inf), "charge a head must exceed; left out: one step's"
+    ] = None
+
+    def elect(self, ids: Sequence[int], strengths: Sequence[float], able: Sequence[bool]) -> int | None:
+        """The loudest of those able; of equally loud ones the lowest id. None if nobody is able."""
+        return _loudest(ids, strengths, able)
+
+    def must_hand_over(self, active: int, members: int) -> bool:
+        """Never: who leads is settled anew at each step."""
+        return False
+
+    def successor(self, forecast: Floats, positions: Floats, able: Bools) -> int | None:
+        """The able node nearest to the predicted position (2,). None if nobody is able."""
+        return _nearest(forecast, positions, able)
+
+    def faults(self, parts: Parts) -> Iterator[Fault]:
+        """A battery that lets nobody lead; times that do not fit; a wake-up or a tracker that does not go with it."""
+        yield from _too_little_charge(parts)
+        if self.quiet > self.cap:
+            yield Fault(("clusters", "quiet"), f"{self.quiet:g} s is more than cap = {self.cap:g} s")
+        if self.sampling + self.cap >= parts.dt:
+            longest = self.sampling + self.cap
+            yield Fault(("clusters", "cap"), f"readings would come in for {longest:g} s, a step lasts {parts.dt:g} s")
+        mechanism = parts.wakeup.mechanism
+        if self.main == "prediction" and mechanism == "none":
+            yield Fault(
+                ("clusters", "main"),
+                "where nobody is woken nobody can lead by a prediction: use main: detection",
+            )
+        if self.main == "detection" and mechanism == "region":
+            yield Fault(
+                ("clusters", "main"),
+                "with wakeup: region the node nearest to the prediction leads: use main: prediction",
+            )
+        if getattr(parts.tracker, "member_cycles", 0.0) > 0:
+            yield Fault(
+                ("clusters", "kind"),
+                "the members change at each step: the tracker must keep its belief in the head (gmtt, tsstp, cluster, "
+                "ris, ekf, pf ...), and this one spreads it over the members",
+            )
+
+
+def _loudest(ids: Sequence[int], strengths: Sequence[float], able: Sequence[bool]) -> int | None:
+    candidates = [(-strength, i) for i, strength, fit in zip(ids, strengths, able, strict=True) if fit]
+    return min(candidates)[1] if candidates else None
 
 
 def _nearest(point: Floats, positions: Floats, able: Bools) -> int | None:

@@ -6,12 +6,10 @@ covers(positions, reach, width, height) -> bool, exactly      coverage(...) -> f
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Callable, Iterator
 from functools import cached_property
-from pathlib import Path
-from typing import Annotated, Any, Final
+from typing import Annotated, Final
 
 import numpy as np
 
@@ -22,6 +20,7 @@ from wsnsim.base.ports import Field
 from wsnsim.base.problem import Common, Parts, Problem, Radio
 from wsnsim.models.bounds import LENGTH, MOST_NODES, PLACE
 from wsnsim.models.coverage import TOLERANCE, coverage, covers, nodes_needed
+from wsnsim.models.csvfile import read_columns
 
 LEAST_SIDE: Final = 1.0
 """m: of a field that is taken from places along a line, or from one place."""
@@ -199,34 +198,12 @@ def read_positions(path: str, field: Field) -> Floats:
     Raises:
         RunError: the file cannot be read, or a line of it is no position in the field: names file and line.
     """
-    try:
-        with Path(path).open(newline="", encoding="utf-8-sig") as file:
-            positions = list(_positions(path, csv.reader(file), field))
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        reason = error.strerror if isinstance(error, OSError) else f"no CSV text ({error})"
-        raise RunError(f"{path}: cannot be read: {reason}") from error
-    if not positions:
-        raise RunError(f"{path}: holds no positions")
+    positions = []
+    for place, (x, y) in read_columns(path, ("x", "y"), "positions"):
+        if not field.contains(np.array([[x, y]]))[0]:
+            raise RunError(f"{place}: {_outside((x, y), field)}")
+        positions.append((x, y))
     return np.array(positions)
-
-
-def _positions(path: str, rows: Any, field: Field) -> Iterator[tuple[float, float]]:
-    header = [name.strip() for name in next(rows, [])]
-    if not {"x", "y"} <= set(header):
-        raise RunError(f"{path}:1: the header must name the columns x and y, for example 'x,y'")
-    for row in rows:
-        if any(cell.strip() for cell in row):
-            yield _position(f"{path}:{rows.line_num}", dict(zip(header, row, strict=False)), field)
-
-
-def _position(place: str, row: dict[str, str], field: Field) -> tuple[float, float]:
-    try:
-        x, y = float(row.get("x", "")), float(row.get("y", ""))
-    except ValueError:
-        raise RunError(f"{place}: x and y must be numbers, got {row.get('x', '')!r} and {row.get('y', '')!r}") from None
-    if not field.contains(np.array([[x, y]]))[0]:
-        raise RunError(f"{place}: {_outside((x, y), field)}")
-    return x, y
 
 
 def _outside(place: tuple[float, float], field: Field) -> str:

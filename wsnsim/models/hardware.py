@@ -149,11 +149,12 @@ class NoSink:
 
     point: ClassVar[tuple[float, float] | None] = None
     bits: ClassVar[int] = 0
+    every: ClassVar[float | None] = None
 
 
 @part
 class NearestNode:
-    """The node nearest to a point is told of every estimate, over as many hops as it takes (our choice).
+    """The node nearest to a point is told of estimates, over as many hops as it takes (our choice). It never sleeps.
 
     A report is one packet of Jiang's, 12 bytes, unless it is said to be longer.
     """
@@ -161,8 +162,18 @@ class NearestNode:
     x: Annotated[float, PLACE, "the sink is the node nearest to (x, y)"] = 0.0
     y: Annotated[float, PLACE, "the sink is the node nearest to (x, y)"] = 0.0
     bits: Annotated[int, Quantity("", ge=1, le=1_000_000), "of a report"] = PACKET_BITS
+    every: Annotated[
+        float | None, Quantity("s", gt=0.0, le=1e9), "between reports; left out: every estimate is reported"
+    ] = None
 
     @property
     def point(self) -> tuple[float, float]:
         """(x, y) in m."""
         return self.x, self.y
+
+    def faults(self, parts: Common) -> Iterator[Fault]:
+        """Reports at other instants than steps."""
+        if self.every is not None:
+            steps = self.every / parts.dt
+            if abs(steps - round(steps)) > 1e-9 * steps or round(steps) < 1:
+                yield Fault(("sink", "every"), f"{self.every:g} s must be a whole number of steps of {parts.dt:g} s")
