@@ -1,0 +1,61 @@
+"""RIS as a tracker: a fix by least squares from whoever happens to be awake, anew at each step.
+
+What a step asks:
+
+    Gather: readings  Compute
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+
+from wsnsim.base.arrays import Floats
+from wsnsim.base.asks import Compute
+from wsnsim.base.part import part
+from wsnsim.trackers.shared.localising import Fixes, RangeFix
+from wsnsim.trackers.shared.readings import Evidence
+
+HANDOVER_BITS = 88
+"""11 bytes, as a report: the last fix."""
+POSITION_BITS = 32
+
+
+@part
+class AwakeOnly(RangeFix):
+    """Least squares on the ranges of whoever is awake: no prediction, and no memory.
+
+    The search for the fix starts at the middle of the nodes whose readings came, so that with one or two ranges it is
+    theirs alone that decide. What nodes without a wake-up protocol can do: the floor under the others.
+
+    Source: the random independent sleeping of Li, Jiang, Zhang, Zhang (2012), without its wake-up; our choice.
+    """
+
+    paper: ClassVar[str] = "Li, Jiang, Zhang, Zhang (2012)"
+    idea: ClassVar[str] = "least squares on the ranges of whoever is awake: no prediction, no memory"
+    state: ClassVar[str] = "the last fix, in the head"
+    messages: ClassVar[str] = "a reading up per member"
+    variants: ClassVar[str] = ""
+
+    def foresees(self, belief: Fixes) -> bool:
+        """Never."""
+        return False
+
+    def belief_bits(self, belief: Fixes) -> int:
+        """One position of 4 bytes."""
+        return POSITION_BITS
+
+    @property
+    def _handover_bits(self) -> int:
+        return HANDOVER_BITS
+
+    @property
+    def _kept(self) -> int:
+        return 1
+
+    def _start_of(self, belief: Fixes, expected: Floats, seen: Evidence) -> Floats:
+        return np.asarray(seen.positions.mean(axis=0))
+
+    def _compute(self, fixing: float, fixes: int) -> Compute:
+        return Compute(fixing)

@@ -1,0 +1,51 @@
+"""TSSTP: a fix by least squares at each step; who tracks next is drawn, so that there is nothing to predict.
+
+What a step asks:
+
+    Gather: readings  Compute
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from wsnsim.base.asks import Compute
+from wsnsim.base.part import part
+from wsnsim.trackers.shared.localising import Fixes, RangeFix
+
+HEADING_CYCLES = 4.0
+"""The displacement of the last two fixes, over their time."""
+HANDOVER_BITS = 136
+"""17 bytes, as the invitation."""
+POSITION_BITS = 32
+
+
+@part
+class TwoPhase(RangeFix):
+    """Least squares on the ranges; the next position is the last. Its last displacement says what is ahead.
+
+    A reconstruction: the zones of `wakeup: experience_zones` stand for the published Markov model of the nodes' states.
+
+    Source: Ren, Li, Gao, Cheng (2009), known here from one sentence in Li, Jiang, Zhang, Zhang (2012).
+    """
+
+    paper: ClassVar[str] = "Ren, Li, Gao, Cheng (2009), after Li, Jiang, Zhang, Zhang (2012)"
+    idea: ClassVar[str] = "least squares on the ranges; the next position is the last"
+    state: ClassVar[str] = "the last two fixes, in the head"
+    messages: ClassVar[str] = "a reading up per member"
+    variants: ClassVar[str] = ""
+
+    def belief_bits(self, belief: Fixes) -> int:
+        """Two positions of 4 bytes."""
+        return 2 * POSITION_BITS
+
+    @property
+    def _handover_bits(self) -> int:
+        return HANDOVER_BITS
+
+    @property
+    def _kept(self) -> int:
+        return 2
+
+    def _compute(self, fixing: float, fixes: int) -> Compute:
+        return Compute(fixing + HEADING_CYCLES)
