@@ -35,6 +35,8 @@ from wsnsim.network.rows import run_row, woken_rows, write_network, write_rows
 from wsnsim.network.world import World
 
 NAN = float("nan")
+FIRST_STEPS = 20
+"""Steps over which Li (2012) counts ineffective nodes."""
 Source = Any
 """What `scenario.load` takes, or the Scenario that it gives."""
 Tell = Callable[[float], None] | None
@@ -107,11 +109,13 @@ def replicate_of(
     positions = _deployed(problem, problem.sensor.reach, streams, replicate)
     traits = problem.sensor.draw_traits(len(positions), streams("gains"))
     truth_stream, prior_stream = streams("truth"), streams("prior")
-    truths = [motion.truth(problem.steps, problem.dt, truth_stream) for motion in problem.motions]
+    polls = problem.polls if isinstance(problem, Parts) else 1
+    paths = [motion.truth(problem.steps * polls, problem.dt / polls, truth_stream) for motion in problem.motions]
+    truths = [path[::polls] for path in paths]
     priors = [problem.prior.draw(truth[0], prior_stream) for truth in truths]
     setting = _Setting(positions, traits, truths, priors, streams, recorder)
     if isinstance(problem, Parts):
-        played = _in_network(problem, replicate, setting, progress)
+        played = _in_network(problem, replicate, setting, paths, progress)
     else:
         played = _on_bench(problem, replicate, setting, progress)
     summary = _summarise(played, problem, replicate, truths, recorder, started)
@@ -144,6 +148,8 @@ def _beaconing(problem: Beacons, replicate: int, recorder: Recorder, progress: T
         "rmse": NAN,
         "median_error": NAN,
         "lost": 0,
+        "tracked": NAN,
+        "tracked_three": NAN,
         **run_row(outcome, ()),
         "coverage": NAN,
         "cpu_seconds": time.process_time() - started,
@@ -184,8 +190,9 @@ class _Played(NamedTuple):
     clusters: int
 
 
-def _in_network(parts: Parts, replicate: int, setting: _Setting, progress: Tell) -> _Played:
-    outcome = World(parts, replicate, *setting).run(progress)
+def _in_network(parts: Parts, replicate: int, setting: _Setting, paths: Sequence[Floats], progress: Tell) -> _Played:
+    """A run of the network. `paths` are the truths at the instants at which nodes look for a lost target, too."""
+    outcome = World(parts, replicate, *setting, paths=paths).run(progress)
     write_rows(outcome, replicate, parts, setting.recorder)
     tracks = [_Track(t.estimates, t.heads, woken_rows(outcome, t), t.reacquired) for t in outcome.tracks]
     joules = {cause: total for cause, total in zip(CAUSES, outcome.fleet.totals, strict=True) if total}
@@ -215,8 +222,9 @@ def _summarise(
             recorder.write("estimates", {**key, **columns, **track.columns})
         errors[target] = columns["error"]
         deviations.append(deviation_rmse(columns, motion, truth))
-        times = columns["time"], columns["issued"], {**columns, **track.columns}["received"]
-        rows.append({**key, **_track_row(track, errors[target], problem, steps), **_delays(*times)})
+        whole = {**columns, **track.columns}
+        row = _track_row(track, errors[target], problem, steps)
+        rows.append({**key, **row, **_delays(whole, problem), **_followed(whole, dt), **_woken(whole, steps)})
     run = {
         "replicate": replicate,
         "status": 0,
@@ -224,6 +232,7 @@ def _summarise(
         "rmse": metrics.rmse(errors),
         "median_error": metrics.median_error(errors),
         "lost": int(any(row["lost"] for row in rows)),
+        **{name: float(np.mean([row[name] for row in rows])) for name in ("tracked", "tracked_three")},
         **played.run,
         "cpu_seconds": time.process_time() - started,
     }
@@ -243,13 +252,42 @@ def _track_row(track: _Track, errors: Floats, problem: Problem, steps: int) -> d
     }
 
 
-def _delays(steps: Floats, issued: Floats, received: Floats) -> dict[str, Any]:
+def _delays(columns: Mapping[str, Any], problem: Problem) -> dict[str, Any]:
     """How long estimates took to be made, and to reach the sink: times in s, NaN for what never happened."""
+    steps, issued, received = (columns[name] for name in ("time", "issued", "received"))
+    due = 0
+    if isinstance(problem, Parts) and problem.sink.point is not None:
+        every = 1 if problem.sink.every is None else max(1, round(problem.sink.every / problem.dt))
+        due = len(steps) // every
+    in_time = int((received <= steps + problem.dt).sum())
     return {
         "delay": metrics.median_error(issued - steps),
         "received": int(np.isfinite(received).sum()),
         "report_delay": metrics.median_error(received - steps),
+        "due": due,
+        "in_time": in_time / due if due else NAN,
     }
+
+
+def _followed(columns: Mapping[str, Any], dt: float) -> dict[str, Any]:
+    """Whether the target was followed at all, and how well where three readings or more said where it was."""
+    times, issued, readings = (np.asarray(columns[name]) for name in ("time", "issued", "readings"))
+    errors = np.asarray(columns["error"])
+    sure = errors[readings >= metrics.ENOUGH_READINGS]
+    return {
+        "tracked": metrics.tracked_share(issued, times, readings, dt, 1),
+        "tracked_three": metrics.tracked_share(issued, times, readings, dt, metrics.ENOUGH_READINGS),
+        "mean_error": metrics.mean_error(errors),
+        "mean_error_three": metrics.mean_error(sure),
+        "median_error_three": metrics.median_error(sure),
+    }
+
+
+def _woken(columns: Mapping[str, Any], steps: int) -> dict[str, int]:
+    """How many nodes woke, and how many in vain."""
+    woken, ineffective = (np.broadcast_to(columns[name], steps) for name in ("woken", "ineffective"))
+    twenty = int(ineffective[:FIRST_STEPS].sum())
+    return {"woken": int(woken.sum()), "ineffective": int(ineffective.sum()), "ineffective_twenty": twenty}
 
 
 def _coverage_left(fleet: Fleet, parts: Parts) -> float:

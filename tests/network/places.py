@@ -14,6 +14,7 @@ from wsnsim.models.access import Csma
 from wsnsim.models.energy import FirstOrder
 from wsnsim.models.hardware import NoPacking, PerfectClock
 from wsnsim.models.links import Disk, MinimumEnergy
+from wsnsim.models.sleep import EventWake
 from wsnsim.network.ether import make_ether
 from wsnsim.network.journal import Journal
 from wsnsim.network.medium import EVERYONE, Frame, burst
@@ -24,7 +25,7 @@ class Place:
 
     def __init__(
         self, positions: Any, mac: Any = None, link: Any = None, energy: Any = None, packing: Any = None,
-        clock: Any = None, horizon: float = 10.0, seed: int = 11,
+        clock: Any = None, horizon: float = 10.0, seed: int = 11, sleep: Any = None,
     ) -> None:  # fmt: skip
         self.memory = Memory()
         self.journal = Journal(self.memory, 0)
@@ -35,6 +36,7 @@ class Place:
             packing=packing or NoPacking(),
             routing=MinimumEnergy(),
             clock=clock or PerfectClock(),
+            sleep=sleep or EventWake(),
             steps=1,
             dt=horizon,
         )

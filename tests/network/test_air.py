@@ -38,7 +38,7 @@ class Place:
         )
         self.mac = make_mac(self.env, self.fleet, self.journal, wiring, parts, Streams(11, 0), clocks)
         self.counts = self.mac.counts
-        self.router = Router(self.fleet, wiring, self.energy, weight, self.link.audible)
+        self.router = Router(self.env, self.fleet, wiring, self.energy, weight, self.link.audible)
         self.fleet.on_death = self.router.bury
         self.air = Air(self.env, self.fleet, wiring, self.mac, self.router, self.journal)
 

@@ -5,6 +5,7 @@ import itertools
 import networkx as nx
 import numpy as np
 import pytest
+import simpy
 
 import wsnsim.network.routing as routing
 from wsnsim.base.asks import PACKET_BITS
@@ -23,7 +24,7 @@ class Net:
         self.energy, self.weight = energy or FirstOrder(), weight
         self.fleet = Fleet(np.array(positions, dtype=float), np.ones((len(positions), 1)), 2.0, link.reach)
         self.wiring = Wiring(self.fleet, link, 7, PACKET_BITS)
-        self.router = Router(self.fleet, self.wiring, self.energy, weight, link.audible)
+        self.router = Router(simpy.Environment(), self.fleet, self.wiring, self.energy, weight, link.audible)
 
     def cost(self, a, b):
         """What a link costs, told from the definition."""

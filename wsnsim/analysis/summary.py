@@ -78,7 +78,8 @@ def as_json(report: Report, published: Mapping[str, float]) -> dict[str, Any]:
         "delay": metrics.median_error(np.array([t["delay"] for s in report.summaries for t in s.tracks])),
         "received": float(np.mean([sum(t["received"] for t in s.tracks) for s in report.summaries])),
         "report_delay": metrics.median_error(np.array([t["report_delay"] for s in report.summaries for t in s.tracks])),
-        **{name: _mean(runs, name) for name in ("in_range", "collided", "access_failures", "retries")},
+        **{name: _mean(runs, name) for name in ("in_range", "collided", "access_failures", "retries", "awake")},
+        **_followed_figures(report, errors),
         "cpu_seconds": float(sum(run["cpu_seconds"] for run in runs)),
         "wall_seconds": report.wall,
         "fingerprints": [int(run["fingerprint"]) for run in runs],
@@ -121,6 +122,7 @@ def _accuracy_rows(figures: Mapping[str, Any], published: Mapping[str, float], r
     if figures["lost_fraction"] > 0 and math.isfinite(figures["rmse_of_kept"]):
         rows.insert(1, ("  of tracks kept", f"{figures['rmse_of_kept']:.4f}{unit}", ""))
     lost = round(figures["lost_fraction"] * figures["replicates"])
+    rows += _followed_rows(figures, unit)
     rows.append(("runs with a track lost", f"{lost} of {figures['replicates']}", ""))
     for key, name in (("reacquired", "re-acquisitions"), ("without_estimate", "steps without an estimate")):
         if figures[key]:
@@ -128,10 +130,54 @@ def _accuracy_rows(figures: Mapping[str, Any], published: Mapping[str, float], r
     if figures["late"] > figures["without_estimate"]:
         late = figures["late"] - figures["without_estimate"]
         rows.append(("estimates that missed their step", f"{late:.4g}, median delay {_seconds(figures['delay'])}", ""))
-    if figures["received"]:
-        told = f"{figures['received']:.4g}, median delay {_seconds(figures['report_delay'])}"
+    if figures["received"] or figures["due"]:
+        told = f"{figures['received']:.4g} of {figures['due']:.4g}"
+        told += f", median delay {_seconds(figures['report_delay'])}" if figures["received"] else ""
         rows.append(("estimates that reached the sink", told, ""))
     return rows
+
+
+def _followed_figures(report: Report, errors: Floats) -> dict[str, float]:
+    """How much of the time targets were followed, how well where enough readings came, and who was woken for it."""
+    tracks = [track for summary in report.summaries for track in summary.tracks]
+    figures: dict[str, float] = {"mean_error": metrics.mean_error(errors)}
+    for name in ("tracked", "tracked_three"):
+        each = np.array([summary.run[name] for summary in report.summaries], dtype=np.float64)
+        figures[name] = float(np.mean(each))
+        figures[f"{name}_low"], figures[f"{name}_high"] = _interval(each, metrics.mean_error)
+    for name in ("mean_error_three", "median_error_three"):
+        figures[name] = metrics.median_error(np.array([track[name] for track in tracks]))
+    for name in ("due", "woken", "ineffective", "ineffective_twenty"):
+        figures[name] = float(np.sum([track[name] for track in tracks])) / len(report.summaries)
+    return figures
+
+
+def _followed_rows(figures: Mapping[str, Any], unit: str) -> list[Row]:
+    """Where a network sleeps, or does not follow its target all the time: how much of it, and who was woken for it."""
+    if not (figures["awake"] < 1.0 or figures["tracked"] < 1.0):
+        return []
+    three = f"{figures['mean_error_three']:.4f}{unit}, median {figures['median_error_three']:.4f}{unit}"
+    rows = [
+        ("mean error", f"{figures['mean_error']:.4f}{unit}", ""),
+        ("  of steps with three readings or more", three, ""),
+        ("steps tracked, by one reading or more", _share(figures, "tracked"), ""),
+        ("  by three or more", _share(figures, "tracked_three"), ""),
+        ("delay to the head, median", _seconds(figures["delay"]), ""),
+    ]
+    if figures["awake"] < 1.0:
+        rows.append(("nodes awake", f"{100.0 * figures['awake']:.1f} % of the time", ""))
+    if figures["woken"]:
+        steps = figures["steps"] * figures["targets"]
+        woken, vain = figures["woken"] / steps, figures["ineffective"] / steps
+        rows.append(("nodes woken, ineffective", f"{woken:.3g} a step, {vain:.3g} a step", ""))
+        rows.append(("  ineffective in the first 20 steps", f"{figures['ineffective_twenty']:.4g}", ""))
+    return rows
+
+
+def _share(figures: Mapping[str, Any], name: str) -> str:
+    low, high = figures[f"{name}_low"], figures[f"{name}_high"]
+    bounds = f"  [{100.0 * low:.1f}, {100.0 * high:.1f}]" if math.isfinite(low) else ""
+    return f"{100.0 * figures[name]:.1f} %{bounds}"
 
 
 def _column_rows(measured: Mapping[str, float], published: Mapping[str, float], units: Mapping[str, str]) -> list[Row]:

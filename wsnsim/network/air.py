@@ -7,14 +7,14 @@ air.broadcast(sources, parcels, target) -> (event, frames)
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import simpy
 
-from wsnsim.base.arrays import Bools
+from wsnsim.base.arrays import Bools, Ints
 from wsnsim.base.asks import Parcel, all_arrived
 from wsnsim.base.tables import EVENT_CAUSE, KIND
 from wsnsim.network.fleet import Fleet
@@ -55,6 +55,8 @@ class Air:
         self._wiring = wiring
         self._router = router
         self._journal = journal
+        self.rouse: Callable[[int, int, int], simpy.Event] | None = None
+        """(node, sleeping neighbour, target) -> awake: how the end of a path is woken, where there is a way."""
 
     def carry(self, letters: Sequence[Letter], target: int, hub: int | None = None) -> simpy.Event:
         """Put letters on the air; the event fires when the last has arrived or is lost.
@@ -65,7 +67,7 @@ class Air:
         for item in letters:
             if item.source == item.to:
                 item.arrived = True
-            elif self._wiring.connected(item.source, item.to):
+            elif self._wiring.connected(item.source, item.to) and not self._sleeps(item.to):
                 direct.append(item)
             else:
                 far.append(item)
@@ -75,11 +77,20 @@ class Air:
         return events[0] if len(events) == 1 else self._env.all_of(events)
 
     def broadcast(
-        self, sources: Sequence[int], parcels: Sequence[Parcel], target: int
+        self, sources: Sequence[int], parcels: Sequence[Parcel], target: int, sequence: int = 0, relayed: bool = False
     ) -> tuple[simpy.Event, list[Frame]]:
-        """Each source sends its parcel once to everyone within reach; `frame.heard` says who got it."""
+        """Each source sends its parcel once to everyone within reach; `frame.heard` says who got it.
+
+        `sequence`: the number of a message that is `relayed` by other nodes than the first.
+        """
         frames = [burst(source, EVERYONE, parcel, target) for source, parcel in zip(sources, parcels, strict=True)]
+        for frame in frames:
+            frame.sequence, frame.relayed = sequence, relayed
         return self._mac.send(frames), frames
+
+    def audience(self, node: int) -> Ints:
+        """Ids of who may hear a node, ascending, the dead included."""
+        return self._wiring.audience(node).ids
 
     def _one_hop(self, letters: list[Letter], target: int, hub: int | None) -> simpy.Event:
         frames = [burst(item.source, item.to, item.parcel, target) for item in letters]
@@ -100,6 +111,9 @@ class Air:
             return
         sequence, mask, packets = 0, item.mask, item.parcel.packets
         for source, to in itertools.pairwise(path):
+            if to == item.to and self._sleeps(to):
+                assert self.rouse is not None, "nobody sleeps where nobody can be woken"
+                yield self.rouse(source, to, target)
             frame = Frame(source, to, item.parcel, target, mask, packets, sequence, relayed=source != item.source)
             yield self._mac.send([frame])
             item.hops += 1
@@ -108,6 +122,10 @@ class Air:
             if packets == 0:
                 break
         item.mask, item.arrived = mask, packets > 0
+
+    def _sleeps(self, node: int) -> bool:
+        """Whether a node must be woken, and can be, before it hears anything."""
+        return self.rouse is not None and self._fleet.alive[node] and not self._fleet.is_awake(node)
 
     def _no_path(self, item: Letter, target: int) -> None:
         item.mask = np.zeros(item.parcel.packets, dtype=np.bool_)

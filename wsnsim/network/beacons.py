@@ -30,12 +30,15 @@ Beaconing = Generator[simpy.Event, Any, None]
 
 @dataclass(frozen=True, slots=True)
 class BeaconOutcome:
-    """What a run leaves behind. `beacons`: how many nodes wanted to send; `cycles`: nothing is computed."""
+    """What a run leaves behind. `beacons`: how many nodes wanted to send; `awake`: the share of their time that nodes
+    were awake; `cycles`: nothing is computed.
+    """
 
     fleet: Fleet
     counts: Counts
     beacons: int
     fingerprint: int
+    awake: float
     cycles: float = 0.0
 
 
@@ -58,7 +61,7 @@ class BeaconWorld:
         if recorder.wants("links"):
             self._mac.count_links()
         fleet.on_death = self._bury
-        self._costs = StepCosts(fleet)
+        self._costs = StepCosts(env, fleet)
         self._beacons = 0
         self._code = self._journal.code("beacon")
         phases = uniforms(derive_all(streams.key("beacons"), np.arange(fleet.size)), 0)
@@ -71,11 +74,11 @@ class BeaconWorld:
         problem = self._problem
         clock = self._env.process(self._clock(progress))
         run_until(self._env, clock, problem.seed, self._replicate)
-        self._fleet.close()
-        self._costs.close(problem.steps - 1)
+        awake = self._fleet.awake_fraction(self._env.now)
+        self._costs.end(problem.steps - 1)
         self._costs.write(self._replicate, problem.dt, self._recorder)
         self._write_links()
-        return BeaconOutcome(self._fleet, self._mac.counts, self._beacons, self._journal.fingerprint())
+        return BeaconOutcome(self._fleet, self._mac.counts, self._beacons, self._journal.fingerprint(), awake)
 
     def _clock(self, progress: Callable[[float], None] | None) -> Beaconing:
         dt = self._problem.dt
@@ -89,12 +92,12 @@ class BeaconWorld:
                 self._costs.close(step)
 
     def _beacon(self, node: int, phase: float) -> Beaconing:
-        """A node's life: it broadcasts once a period of its own clock, as long as it is up."""
+        """A node's life: it broadcasts once a period of its own clock, as long as it is up and awake."""
         workload, alive = self._problem.workload, self._fleet.alive
         period, bits = self._clocks.lasts(node, workload.period), workload.bits
         yield self._env.timeout(phase)
         while node not in self._fleet.died_at:
-            if alive[node]:
+            if alive[node] and self._fleet.is_awake(node):
                 self._beacons += 1
                 self._mac.offer(node, bits, _told, self._code)
             yield self._env.timeout(period)

@@ -16,11 +16,14 @@ KEYS_AHEAD = 64
 class Cluster:
     """Members, the head first. Fixed at formation; or, where the policy is open, whoever senses belongs."""
 
-    def __init__(self, stage: Stage, target: int, head: int, joined: list[int], is_open: bool) -> None:
+    def __init__(
+        self, stage: Stage, target: int, head: int, joined: list[int], is_open: bool, keys_ahead: int = KEYS_AHEAD
+    ) -> None:
         self._stage = stage
         self._target = target
         self._open = is_open
         self._forgotten = 0
+        self._ahead = keys_ahead
         self._track_key = derive(stage.tracker_key, target)
         self._keys: list[list[int]] = []
         self._keyed: tuple[tuple[int, ...], int] = ((), 0)
@@ -111,8 +114,8 @@ class Cluster:
         """The members' keys of this step: derive(tracker key, target, step, node)."""
         keyed, first = self._keyed
         step = self._stage.step
-        if keyed != roster or not first <= step < first + KEYS_AHEAD:
-            bases = derive_all(self._track_key, np.arange(step, step + KEYS_AHEAD))
+        if keyed != roster or not first <= step < first + self._ahead:
+            bases = derive_all(self._track_key, np.arange(step, step + self._ahead))
             nodes = np.array(roster, dtype=np.int64).astype(np.uint64)
             self._keys = derive_each(bases[:, None], nodes[None, :]).tolist()
             self._keyed, first = (roster, step), step

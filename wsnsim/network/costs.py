@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import simpy
 
 from wsnsim.base.ports import Recorder
 from wsnsim.network.fleet import Fleet
@@ -11,22 +12,33 @@ from wsnsim.network.fleet import Fleet
 class StepCosts:
     """The fleet's totals, cut at the ends of steps."""
 
-    def __init__(self, fleet: Fleet) -> None:
+    def __init__(self, env: simpy.Environment, fleet: Fleet) -> None:
+        self._env = env
         self._fleet = fleet
-        self._before = fleet.totals_now()[:]
-        self._rows: list[tuple[int, int, float]] = []
+        self._totals: list[list[float]] = [fleet.totals_now()[:]]
+        self._steps: list[int] = []
+        self._times: list[float] = [env.now]
 
     def close(self, step: int) -> None:
-        """Note what has been spent since the last call: the costs of this step."""
-        totals, before = self._fleet.totals_now()[:], self._before
-        self._before = totals
-        self._rows += [
-            (step, cause, total - before[cause]) for cause, total in enumerate(totals) if total != before[cause]
-        ]
+        """Note what has been spent until now: what was spent since the last call are the costs of this step."""
+        self._totals.append(self._fleet.totals_now()[:])
+        self._steps.append(step)
+        self._times.append(self._env.now)
+
+    def end(self, step: int) -> None:
+        """Settle the fleet, and close the last step."""
+        scheduled = self._fleet.scheduled_totals(np.array(self._times))
+        self._totals = (np.array(self._totals) + scheduled).tolist()
+        self._fleet.close()
+        self.close(step)
 
     def write(self, replicate: int, dt: float, recorder: Recorder) -> None:
-        """Write the table, if it is wanted."""
-        if recorder.wants("energy_steps") and self._rows:
-            steps, causes, joules = (np.array(column) for column in zip(*self._rows, strict=True))
-            columns = {"step": steps, "time": steps * dt, "cause": causes, "joules": joules}
+        """Write the table, if it is wanted. Rows of zero are left out."""
+        if not recorder.wants("energy_steps"):
+            return
+        spent = np.diff(np.array(self._totals), axis=0)
+        rows, causes = np.nonzero(spent)
+        if rows.size:
+            steps = np.array(self._steps)[rows]
+            columns = {"step": steps, "time": steps * dt, "cause": causes, "joules": spent[rows, causes]}
             recorder.write("energy_steps", {"replicate": replicate, **columns})

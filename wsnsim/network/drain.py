@@ -3,128 +3,200 @@
 A node's draw is a function of its mode, less the seconds in which its radio sent or received, or its processor
 computed, which are paid for elsewhere. `totals` needs no look at the nodes: the network's draw is a sum that changes
 with a mode. A node that may run dry before the end is watched: an alarm rings at the instant its charge is gone.
+
+A node that follows a schedule of sleep draws what its schedule says, in closed form. In the network's totals that is
+left out, as if nobody ever left its schedule: `scheduled_totals` gives it for many times at once.
 """
 
 from __future__ import annotations
 
 import heapq
 import math
-from typing import TYPE_CHECKING, Final
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import simpy
 
 from wsnsim.base.arrays import Floats, Ints, scalars
 from wsnsim.base.radio import Draws, Mode
-from wsnsim.base.tables import CAUSE
+from wsnsim.base.tables import CAUSE, CAUSES
 
 if TYPE_CHECKING:
     from wsnsim.network.fleet import Fleet
 
-IDLE, SLEEP = CAUSE["idle"], CAUSE["sleep"]
+IDLE, SLEEP, SENSE, SWITCH = CAUSE["idle"], CAUSE["sleep"], CAUSE["sense"], CAUSE["switch"]
+LAZY: Final = (IDLE, SLEEP, SENSE, SWITCH)
+"""Causes on which time is booked."""
+AWAKE, ASLEEP, SCHEDULED = int(Mode.AWAKE), int(Mode.ASLEEP), int(Mode.SCHEDULED)
 NEAR: Final = 1e-2
 """A node that lasts for fewer seconds than this is looked at when it dies, others half-way there."""
 SOON: Final = 1e-9
 """A charge that lasts for fewer seconds than this is gone: it is what rounding leaves."""
+SHORTEST: Final = 1e-3
+"""s: no schedule changes more often."""
 
 
 class Drain:
-    """The draw of every node. Times in s; `horizon` is when the run ends."""
+    """The draw of every node. Times in s; `horizon` is when the run ends.
 
-    def __init__(self, env: simpy.Environment, fleet: Fleet, draws: Draws, horizon: float) -> None:
+    `looking`: W of a node that is awake, for the readings that it takes to find a target.
+    """
+
+    def __init__(
+        self, env: simpy.Environment, fleet: Fleet, draws: Draws, horizon: float, looking: float = 0.0
+    ) -> None:
         self._env = env
         self._fleet = fleet
         self._draws = draws
         self._horizon = horizon
-        table = [draws.draw(mode) for mode in Mode]
+        table = [draws.draw(Mode.AWAKE if mode is Mode.SCHEDULED else mode) for mode in Mode]
         self._radio = [float(draw.radio) for draw in table]
         self._processor = [float(draw.processor) for draw in table]
+        self._sensor = [looking if mode in (Mode.AWAKE, Mode.SCHEDULED) else 0.0 for mode in Mode]
         self._radio_cause = [SLEEP if draw.radio_sleeps else IDLE for draw in table]
         self._processor_cause = [SLEEP if draw.processor_sleeps else IDLE for draw in table]
-        self._modes = np.zeros(fleet.size, dtype=np.int8)
+        self._change_over = (draws.switching(Mode.AWAKE, Mode.ASLEEP) + draws.switching(Mode.ASLEEP, Mode.AWAKE)) / 2.0
+        self._modes = np.full(fleet.size, int(fleet.rest), dtype=np.int8)
         self._sinces, self._busies, self._computes = (np.zeros(fleet.size) for _ in range(3))
         self._mode, self._since = scalars(self._modes), scalars(self._sinces)
         self._busy, self._computed = scalars(self._busies), scalars(self._computes)
-        self._grand: dict[int, float] = {IDLE: 0.0, SLEEP: 0.0}
-        self._power: dict[int, float] = {IDLE: 0.0, SLEEP: 0.0}
-        self._power[self._radio_cause[0]] += fleet.size * self._radio[0]
-        self._power[self._processor_cause[0]] += fleet.size * self._processor[0]
-        self.most = max(map(sum, zip(self._radio, self._processor, strict=True))) * horizon
+        self._grand: dict[int, float] = dict.fromkeys(LAZY, 0.0)
+        self._power: dict[int, float] = dict.fromkeys(LAZY, 0.0)
+        self._booked: dict[int, float] = {SENSE: 0.0, SWITCH: 0.0}
+        if fleet.rest is not Mode.SCHEDULED:
+            for cause, power in self._powers(int(fleet.rest)):
+                self._power[cause] += fleet.size * power
+        self.most = max(map(sum, zip(self._radio, self._processor, self._sensor, strict=True))) * horizon
         """What a node can draw at most in the whole run, in J."""
+        if fleet.rota is not None and self._change_over:
+            self.most += fleet.rota.most_switches(horizon) * self._change_over
         self._alarms: list[tuple[float, int]] = []
         self._due: dict[int, float] = {}
         self._rings_at = float("inf")
-        dormant = self._radio[0] + self._processor[0]
-        if dormant > 0 and fleet.battery / dormant <= horizon:
-            self._ring(fleet.battery / dormant, -1)
+        resting = self._power_of_mode(int(fleet.rest))
+        if resting > 0 and fleet.battery <= self.most:
+            self._ring(fleet.battery / resting / (2.0 if fleet.rota is not None else 1.0), -1)
 
-    def _shares(self, node: int) -> tuple[float, float]:
-        """Joules that the radio and the processor drew since the node was settled; negative: paid for in advance."""
+    def _powers(self, mode: int) -> tuple[tuple[int, float], ...]:
+        """(cause, W) of a mode that is no schedule."""
+        return (
+            (self._radio_cause[mode], self._radio[mode]),
+            (self._processor_cause[mode], self._processor[mode]),
+            (SENSE, self._sensor[mode]),
+        )
+
+    def _charges(self, node: int) -> list[tuple[int, float]]:
+        """(cause, joules) drawn since the node was settled; negative: paid for in advance."""
         mode, passed = self._mode[node], self._env.now - self._since[node]
-        return self._radio[mode] * (passed - self._busy[node]), self._processor[mode] * (passed - self._computed[node])
+        if mode == SCHEDULED:
+            pieces = self._by_schedule(np.array([node]), np.array([self._since[node]]))
+            return [(cause, float(joules[0])) for cause, joules in pieces]
+        return [
+            (self._radio_cause[mode], self._radio[mode] * (passed - self._busy[node])),
+            (self._processor_cause[mode], self._processor[mode] * (passed - self._computed[node])),
+            (SENSE, self._sensor[mode] * passed),
+        ]
+
+    def _by_schedule(self, nodes: Ints, since: Floats) -> list[tuple[int, Floats]]:
+        """(cause, joules (n,)) of nodes that follow their schedules."""
+        rota = self._fleet.rota
+        assert rota is not None, "only a rota puts a node on its schedule"
+        awake = rota.awake_seconds(nodes, since)
+        asleep = self._env.now - since - awake
+        pieces = [
+            (self._radio_cause[AWAKE], self._radio[AWAKE] * (awake - self._busies[nodes])),
+            (self._processor_cause[AWAKE], self._processor[AWAKE] * (awake - self._computes[nodes])),
+            (SENSE, self._sensor[AWAKE] * awake),
+            (self._radio_cause[ASLEEP], self._radio[ASLEEP] * asleep),
+            (self._processor_cause[ASLEEP], self._processor[ASLEEP] * asleep),
+        ]
+        if self._change_over:
+            pieces.append((SWITCH, self._change_over * rota.switches(nodes, since)))
+        return pieces
 
     def pending(self, node: int) -> float:
         """Joules drawn since the node was last settled. Changes nothing."""
-        return sum(max(share, 0.0) for share in self._shares(node))
+        return sum(max(joules, 0.0) for _, joules in self._charges(node))
 
     def all_pending(self) -> Floats:
         """(N,) the same of every node."""
-        radio, processor = self._drawn(np.arange(self._modes.size))
-        return radio + processor
+        pending = np.zeros(self._modes.size)
+        for chosen, _, joules in self._pieces(np.arange(self._modes.size)):
+            pending[chosen] += np.maximum(joules, 0.0)
+        return pending
 
-    def _drawn(self, nodes: Ints) -> tuple[Floats, Floats]:
-        """What the radios and the processors of nodes drew since they were settled."""
-        passed, mode = self._env.now - self._sinces[nodes], self._modes[nodes]
-        radio = np.array(self._radio)[mode] * (passed - self._busies[nodes])
-        processor = np.array(self._processor)[mode] * (passed - self._computes[nodes])
-        return np.maximum(radio, 0.0), np.maximum(processor, 0.0)
+    def _pieces(self, nodes: Ints) -> Iterator[tuple[Ints, int, Floats]]:
+        """(nodes, cause, joules) drawn since they were settled, in pieces; negative: paid for in advance."""
+        modes = self._modes[nodes]
+        for mode in np.unique(modes).tolist():
+            chosen = nodes[modes == mode]
+            if mode == SCHEDULED:
+                for cause, joules in self._by_schedule(chosen, self._sinces[chosen]):
+                    yield chosen, cause, joules
+                continue
+            passed = self._env.now - self._sinces[chosen]
+            yield chosen, self._radio_cause[mode], self._radio[mode] * (passed - self._busies[chosen])
+            yield chosen, self._processor_cause[mode], self._processor[mode] * (passed - self._computes[chosen])
+            if self._sensor[mode]:
+                yield chosen, SENSE, self._sensor[mode] * passed
 
     def settle(self, node: int) -> None:
         """Book what a node drew until now. It may have run dry, within rounding of its alarm."""
-        mode, passed = self._mode[node], self._env.now - self._since[node]
-        radio, processor = self._shares(node)
+        charges = tuple((cause, joules) for cause, joules in self._charges(node) if joules > 0)
+        passed = self._passed(node)
         self._since[node] = self._env.now
         self._busy[node] = max(self._busy[node] - passed, 0.0)
         self._computed[node] = max(self._computed[node] - passed, 0.0)
-        charges = []
-        if radio > 0:
-            charges.append((self._radio_cause[mode], radio))
-        if processor > 0:
-            charges.append((self._processor_cause[mode], processor))
         if charges:
-            self._fleet.book_drawn(node, tuple(charges))
+            for cause, joules in charges:
+                if cause in self._booked:
+                    self._booked[cause] += joules
+            self._fleet.book_drawn(node, charges)
+
+    def touch(self, node: int, joules: float) -> None:
+        """Settle a node that is about to spend so much, if it might run dry; others are settled when they are asked."""
+        if self._fleet.battery - self._fleet.spent_by(node) - joules <= 2.0 * self.most:
+            self.settle(node)
+
+    def _passed(self, node: int) -> float:
+        """Seconds since a node was settled in which it might have listened."""
+        if self._mode[node] != SCHEDULED:
+            return self._env.now - self._since[node]
+        if not (self._busy[node] or self._computed[node]):
+            return 0.0
+        rota = self._fleet.rota
+        assert rota is not None, "only a rota puts a node on its schedule"
+        return float(rota.awake_seconds(np.array([node]), np.array([self._since[node]]))[0])
 
     def settle_all(self) -> None:
         """Book what every living node drew until now."""
         fleet = self._fleet
-        drew = np.flatnonzero(fleet.living & (self.all_pending() > 0))
-        tight = fleet.battery - fleet.spent[drew] <= self.most
-        for node in drew[tight].tolist():
+        living = np.flatnonzero(fleet.living)
+        tight = fleet.battery - fleet.spent[living] <= self.most
+        for node in living[tight].tolist():
             self.settle(node)
-        self._settle_many(drew[~tight])
+        self._settle_many(living[~tight])
 
     def _settle_many(self, nodes: Ints) -> None:
         """`settle` for nodes that cannot run dry."""
-        fleet, mode = self._fleet, self._modes[nodes]
-        radio, processor = self._drawn(nodes)
-        for drawn, causes in ((radio, self._radio_cause), (processor, self._processor_cause)):
-            where = np.array(causes)[mode]
-            for cause in (IDLE, SLEEP):
-                chosen = where == cause
-                fleet.ledger[cause][nodes[chosen]] += drawn[chosen]
-                fleet.totals[cause] += float(drawn[chosen].sum())
-        fleet.spent[nodes] += radio + processor
+        fleet = self._fleet
+        for chosen, cause, joules in self._pieces(nodes):
+            drawn = np.maximum(joules, 0.0)
+            fleet.ledger[cause][chosen] += drawn
+            fleet.totals[cause] += float(drawn.sum())
+            fleet.spent[chosen] += drawn
         passed = self._env.now - self._sinces[nodes]
         self._sinces[nodes] = self._env.now
         self._busies[nodes] = np.maximum(self._busies[nodes] - passed, 0.0)
         self._computes[nodes] = np.maximum(self._computes[nodes] - passed, 0.0)
 
     def occupy(self, node: int, seconds: float) -> None:
-        """The radio of a node is paid for elsewhere for so many seconds; settles the node."""
+        """The radio of a node is paid for elsewhere for so many seconds; settles the node, if it might run dry."""
         mode = self._mode[node]
         self._grand[self._radio_cause[mode]] -= self._radio[mode] * seconds
         self._busy[node] += seconds
-        self.settle(node)
+        self.touch(node, 0.0)
 
     def occupy_all(self, nodes: Ints, seconds: float) -> None:
         """The same for several nodes, without settling them."""
@@ -150,7 +222,15 @@ class Drain:
 
     def switching(self, node: int, mode: Mode) -> float:
         """Joules of a node's change to a mode."""
-        return self._draws.switching(Mode(self._mode[node]), mode)
+        return self._draws.switching(self._real(node, Mode(self._mode[node])), self._real(node, mode))
+
+    def _real(self, node: int, mode: Mode) -> Mode:
+        """The mode, or what the schedule says now."""
+        if mode is not Mode.SCHEDULED:
+            return mode
+        rota = self._fleet.rota
+        assert rota is not None, "only a rota puts a node on its schedule"
+        return rota.scheduled(node)
 
     def change(self, node: int, mode: Mode) -> None:
         """A settled node draws what the new mode draws, from now on."""
@@ -158,21 +238,44 @@ class Drain:
         for index, sign in ((self._mode[node], -1.0), (int(mode), 1.0)):
             self._grand[self._radio_cause[index]] -= sign * self._radio[index] * busy
             self._grand[self._processor_cause[index]] -= sign * self._processor[index] * computed
-            for cause, power in (
-                (self._radio_cause[index], self._radio[index]),
-                (self._processor_cause[index], self._processor[index]),
-            ):
-                self._power[cause] += sign * power
-                self._grand[cause] -= sign * power * self._env.now
+            if index != SCHEDULED:
+                for cause, power in self._powers(index):
+                    self._power[cause] += sign * power
+                    self._grand[cause] -= sign * power * self._env.now
         self._mode[node] = int(mode)
         self._since[node] = self._env.now
 
     def totals(self, settled: list[float]) -> list[float]:
-        """The network's totals by cause, where idle and sleep are the draw until now rather than what is settled."""
+        """The network's totals by cause, where time is the draw until now rather than what is settled.
+
+        What schedules say of nodes that do nothing is left out: see `scheduled_totals`.
+        """
         result = list(settled)
-        for cause in (IDLE, SLEEP):
-            result[cause] = self._grand[cause] + self._power[cause] * self._env.now
+        for cause in LAZY:
+            booked = settled[cause] - self._booked[cause] if cause in self._booked else 0.0
+            result[cause] = booked + self._grand[cause] + self._power[cause] * self._env.now
+        if self._fleet.rota is not None:
+            awake, switches, passed = self._fleet.rota.forgone()
+            for cause, joules in self._of_schedules(awake, passed - awake, switches):
+                result[cause] -= joules
         return result
+
+    def scheduled_totals(self, times: Floats) -> Floats:
+        """(T, causes) what all nodes would have drawn by each time, had they only followed their schedules."""
+        totals = np.zeros((times.size, len(CAUSES)))
+        if self._fleet.rota is not None:
+            awake, switches = self._fleet.rota.profile(times)
+            for cause, joules in self._of_schedules(awake, self._fleet.size * times - awake, switches):
+                totals[:, cause] += joules
+        return totals
+
+    def _of_schedules(self, awake: Any, asleep: Any, switches: Any) -> tuple[tuple[int, Any], ...]:
+        """(cause, joules) of so many seconds awake and asleep, and of so many changes."""
+        return (
+            *((cause, power * awake) for cause, power in self._powers(AWAKE)),
+            *((cause, power * asleep) for cause, power in self._powers(ASLEEP)),
+            (SWITCH, self._change_over * switches),
+        )
 
     def watch(self, node: int) -> None:
         """Set an alarm for a node that may run dry before the end."""
@@ -180,6 +283,9 @@ class Drain:
         if left > self.most:
             return
         power, now = self._power_of(node), self._env.now
+        if self._mode[node] == SCHEDULED:
+            self._watch_schedule(node, left)
+            return
         if power <= 0 or now + left / power > self._horizon:
             return
         lasts = left / power
@@ -188,9 +294,27 @@ class Drain:
             self._due[node] = due = max(due, math.nextafter(now, math.inf))
             self._ring(due, node)
 
+    def _watch_schedule(self, node: int, left: float) -> None:
+        """Look again when its schedule changes, or before that if it may not last so long."""
+        rota, now = self._fleet.rota, self._env.now
+        assert rota is not None, "only a rota puts a node on its schedule"
+        most, power = self._power_of_mode(SCHEDULED), self._power_of(node)
+        due = rota.next_change(node)
+        lasts = left / power if power > 0 else math.inf
+        if now + lasts < due:
+            due = now + (lasts if lasts < NEAR else lasts / 2)
+        elif most > 0:
+            due = max(due, now + left / (most + self._change_over / SHORTEST) / 2)
+        if due <= self._horizon and not now < self._due.get(node, -math.inf) <= due:
+            self._due[node] = due = max(due, math.nextafter(now, math.inf))
+            self._ring(due, node)
+
     def _power_of(self, node: int) -> float:
-        mode = self._mode[node]
-        return self._radio[mode] + self._processor[mode]
+        """W that a node draws now."""
+        return self._power_of_mode(int(self._real(node, Mode(self._mode[node]))))
+
+    def _power_of_mode(self, mode: int) -> float:
+        return self._radio[mode] + self._processor[mode] + self._sensor[mode]
 
     def forgo(self, cause: int, joules: float) -> None:
         """So much was drawn that a dying node no longer had."""

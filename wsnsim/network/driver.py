@@ -20,6 +20,8 @@ from wsnsim.network.air import Letter, letter
 from wsnsim.network.stage import Stage
 
 Performance = Generator[simpy.Event, Any, Any]
+TINY = 1e-12
+"""s that are none, but for rounding."""
 COMPUTE, CPU, CPU_LEDGER = KIND["compute"], EVENT_CAUSE["cpu"], CAUSE["cpu"]
 
 
@@ -31,15 +33,22 @@ class Driver:
     """One head's way to its cluster.
 
     `members` holds every member, the head included, with memory of this cluster's epoch. `readings`: how many entered
-    the last computation. `bits`: of letters put on the air so far. `hops`: of the last `Send`.
+    the last computation; `heard`: {node: reading} of the last that the head gathered. `bits`: of letters put on the air
+    so far. `hops`: of the last `Send`. `window`: the head gathers until nothing has come for so many s, and for so many
+    at most; None: it knows when everything has come, or is lost.
     """
 
-    def __init__(self, stage: Stage, target: int, head: int, members: dict[int, Member]) -> None:
+    def __init__(
+        self, stage: Stage, target: int, head: int, members: dict[int, Member],
+        window: tuple[float, float] | None = None,
+    ) -> None:  # fmt: skip
         self._stage = stage
         self._target = target
         self._head = head
         self._members = members
+        self._window = window
         self.readings = 0
+        self.heard: dict[int, float] = {}
         self.bits = 0
         self.hops = 0
 
@@ -120,11 +129,35 @@ class Driver:
                 letters.append(letter(member.id, self._head, parcel))
                 if parcel.payload is member.reading:
                     readings.add(member.id)
-        yield from self._carry(letters, self._head)
+        yield from self.collect(letters)
         answer = {item.source: (item.parcel.payload, item.mask) for item in letters if item.arrived}
         if readings:
-            self.readings = len(readings.intersection(answer))
+            self.heard = {node: answer[node][0] for node in sorted(readings.intersection(answer))}
+            self.readings = len(self.heard)
         return answer
+
+    def collect(self, letters: list[Letter]) -> Generator[simpy.Event, Any, None]:
+        """Letters to the head: until all have ended, or for as long as it waits. What comes later is not heeded."""
+        if self._window is None:
+            yield from self._carry(letters, self._head)
+            return
+        env, (quiet, cap) = self._stage.env, self._window
+        began = last = env.now
+
+        def note(item: Letter) -> None:
+            nonlocal last
+            last = env.now if item.arrived else last
+
+        for item in letters:
+            if item.source == item.to:
+                item.arrived = True
+                continue
+            event = self._stage.air.carry([item], self._target, self._head)
+            assert event.callbacks is not None
+            event.callbacks.append(lambda _, item=item: note(item))  # type: ignore[misc]
+        while (left := min(last + quiet, began + cap) - env.now) > TINY:
+            yield env.timeout(left)
+        self.bits += sum(item.bits for item in letters)
 
     def _scatter(self, ask: Scatter) -> Generator[simpy.Event, Any, dict[int, Bools]]:
         letters = [letter(self._head, node, parcel) for node, parcel in ask.parcels.items() if node in self._members]

@@ -35,7 +35,7 @@ class Ether:
 def make_ether(parts: Radio, positions: Floats, traits: Floats, streams: Streams, journal: Journal) -> Ether:
     """The radio of a scenario over nodes at positions (N, 2) with traits (N, T)."""
     env = simpy.Environment()
-    fleet = make_fleet(env, parts, positions, traits)
+    fleet = make_fleet(env, parts, positions, traits, streams.key("sleep"))
     wiring = Wiring(fleet, parts.link, streams.key("shadowing"), PACKET_BITS)
     clocks = Clocks(parts.clock, streams.key("clock"), fleet.size)
     return Ether(env, fleet, wiring, clocks, make_mac(env, fleet, journal, wiring, parts, streams, clocks))

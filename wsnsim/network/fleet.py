@@ -15,10 +15,12 @@ import simpy
 from scipy.spatial import KDTree
 
 from wsnsim.base.arrays import Bools, Floats, Ints, scalars
-from wsnsim.base.problem import Radio
+from wsnsim.base.problem import Parts, Radio
 from wsnsim.base.radio import Draws, Mode
+from wsnsim.base.rng import derive_all
 from wsnsim.base.tables import CAUSE, CAUSES
 from wsnsim.network.drain import Drain
+from wsnsim.network.rota import Rota
 
 ELECTRONICS, AMPLIFIER = CAUSE["tx_electronics"], CAUSE["tx_amplifier"]
 RECEIVE, IDLE, SWITCH = CAUSE["rx"], CAUSE["idle"], CAUSE["switch"]
@@ -31,7 +33,9 @@ class Fleet:
     """The nodes. `on_death(node)` is called at the instant a charge reaches zero.
 
     `living` (N,): neither dead nor down; `alive[i]` is the same, one at a time. `listening` (N,): alive, and the radio
-    is on. `jammed` (N,): the radio neither hears nor is heard. `loss` (N,): a fault's share of packets lost at a node.
+    is on, where nobody sleeps; else see `hears`. `jammed` (N,): the radio neither hears nor is heard. `loss` (N,): a
+    fault's share of packets lost at a node. `rota`: who is awake, where there are schedules of sleep. `rest`: the mode
+    of a node that has nothing to do, but for the `sleepless`, which are always awake.
     """
 
     def __init__(self, positions: Floats, traits: Floats, battery: float, reach: float) -> None:
@@ -52,6 +56,9 @@ class Fleet:
         self.spent = np.zeros(size)
         self.totals: list[float] = [0.0] * len(CAUSES)
         self.drain: Drain | None = None
+        self.rota: Rota | None = None
+        self.rest = Mode.DORMANT
+        self.sleepless: set[int] = set()
         self.disturbed = False
         self.all_listen = True
         self.on_death: Callable[[int], None] = lambda node: None
@@ -65,10 +72,25 @@ class Fleet:
         dx, dy = self.x[a] - self.x[b], self.y[a] - self.y[b]
         return float((dx * dx + dy * dy) ** 0.5)
 
+    def rest_of(self, node: int) -> Mode:
+        """The mode of a node that has nothing to do."""
+        return Mode.AWAKE if node in self.sleepless else self.rest
+
+    def hears(self, ids: Ints, since: float) -> Bools:
+        """(n,) which nodes live and have been listening since an instant of the past, or since now."""
+        if self.rota is None:
+            return self.listening[ids]
+        heard: Bools = self.rota.hears(ids, since) & self.living[ids]
+        return heard
+
+    def is_awake(self, node: int) -> bool:
+        """Whether a node lives, and listens now."""
+        return bool(self.listening[node]) and (self.rota is None or self.rota.is_awake(node))
+
     def spend(self, node: int, cause: int, joules: float) -> float:
         """Book joules on a living node; give what was spent: less if the charge did not suffice, and it died."""
         if self.drain is not None:
-            self.drain.settle(node)
+            self.drain.touch(node, joules)
             if not self.alive[node]:
                 return 0.0
         spent = self._spent[node]
@@ -209,16 +231,24 @@ class Fleet:
         self.all_listen = False
         if self.drain is not None:
             self.drain.change(node, Mode.DOWN)
+        if self.rota is not None:
+            self.rota.note(node, Mode.DOWN)
 
     def set_mode(self, node: int, mode: Mode) -> None:
         """A node wakes, or goes to sleep; it pays for the change and may die of it."""
-        if self.drain is None or not self.alive[node]:
+        if not self.alive[node]:
+            return
+        if self.drain is None:
+            if self.rota is not None:
+                self.rota.note(node, mode)
             return
         joules = self.drain.switching(node, mode)
         self.drain.settle(node)
         if not self.alive[node]:
             return
         self.drain.change(node, mode)
+        if self.rota is not None:
+            self.rota.note(node, mode)
         if joules:
             self.spend(node, SWITCH, joules)
         else:
@@ -232,15 +262,22 @@ class Fleet:
             self._fall_silent(node)
 
     def restart(self, node: int) -> None:
-        """A node that is down, and not dead, comes back dormant."""
+        """A node that is down, and not dead, comes back at rest."""
         if node in self.died_at or self.alive[node]:
             return
         self.living[node] = self.listening[node] = True
-        self.all_listen = bool(self.listening.all())
+        self.all_listen = self.rota is None and bool(self.listening.all())
         if self.drain is not None:
             self.drain.settle(node)
-            self.drain.change(node, Mode.DORMANT)
+            self.drain.change(node, self.rest_of(node))
+        if self.rota is not None:
+            self.rota.note(node, self.rest_of(node))
+        if self.drain is not None:
             self.drain.watch(node)
+
+    def spent_by(self, node: int) -> float:
+        """Joules booked on a node so far."""
+        return self._spent[node]
 
     def left(self, node: int) -> float:
         """Joules left in a node now."""
@@ -261,6 +298,21 @@ class Fleet:
         """What the network has spent on each cause until now, what is not yet settled included."""
         return self.totals if self.drain is None else self.drain.totals(self.totals)
 
+    def awake_fraction(self, until: float) -> float:
+        """The share of the nodes' time from 0 to `until`, which is now, that they were awake; 1 where nobody sleeps.
+
+        A node that is down counts as asleep where nodes sleep by a schedule.
+        """
+        return 1.0 if self.rota is None else self.rota.awake_fraction(until)
+
+    def scheduled_totals(self, times: Floats) -> Floats:
+        """(T, causes) what all nodes would have drawn by each time, had they done nothing but follow their schedules.
+
+        `totals_now` leaves that out.
+        """
+        none = np.zeros((times.size, len(CAUSES)))
+        return none if self.drain is None else self.drain.scheduled_totals(times)
+
     def close(self) -> None:
         """Settle every node: the end of a run, after which nothing is drawn."""
         if self.drain is not None:
@@ -275,13 +327,25 @@ class Fleet:
         return dict(zip(touched.tolist(), columns.tolist(), strict=True))
 
 
-def make_fleet(env: simpy.Environment, parts: Radio, positions: Floats, traits: Floats) -> Fleet:
-    """The nodes of a scenario, and what time costs them, if it costs anything."""
+def make_fleet(env: simpy.Environment, parts: Radio, positions: Floats, traits: Floats, key: int) -> Fleet:
+    """The nodes of a scenario, when they sleep, and what time costs them, if it costs anything. `key`: of `sleep`."""
     energy = parts.energy
     fleet = Fleet(positions, traits, energy.battery, parts.link.reach)
-    if isinstance(energy, Draws) and _time_costs(energy):
-        fleet.drain = Drain(env, fleet, energy, (parts.steps + 1) * parts.dt)
+    fleet.rest = parts.sleep.rest
+    if fleet.rest is Mode.SCHEDULED:
+        fleet.rota = Rota(env, parts.sleep, derive_all(key, np.arange(fleet.size)))
+        fleet.all_listen = False
+    looking = _looking(parts)
+    if isinstance(energy, Draws) and (_time_costs(energy) or looking):
+        fleet.drain = Drain(env, fleet, energy, (parts.steps + 1) * parts.dt, looking)
     return fleet
+
+
+def _looking(parts: Radio) -> float:
+    """W that a node which is awake spends on looking for targets: a reading every `acquire.poll` s, on the average."""
+    if not isinstance(parts, Parts) or not parts.clusters.moves or parts.acquire.poll is None:
+        return 0.0
+    return parts.energy.sense() / parts.acquire.poll
 
 
 def _time_costs(energy: Draws) -> bool:

@@ -1,11 +1,11 @@
 """What a head does: form its cluster, run the tracker step by step, and hand over when the cluster no longer suffices.
 
-Jiang (2013), section 2.3. One SimPy process a head and target; it ends when the head has handed over, or died.
+Jiang (2013), section 2.3. One SimPy process a head and target (see `tenure`); it ends when the head has handed over,
+or died. Heads that move with the target: see `pursuit`.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Generator
 from dataclasses import replace
 from typing import Any
@@ -14,40 +14,20 @@ import simpy
 
 from wsnsim.base.arrays import planar
 from wsnsim.base.asks import PACKET_BITS, Parcel
-from wsnsim.base.errors import RunError, WsnsimError
-from wsnsim.base.ports import Estimate, Scene
-from wsnsim.base.rows import Issued, write_particles
+from wsnsim.base.ports import Scene
+from wsnsim.network.ahead import look_ahead
 from wsnsim.network.air import letter
 from wsnsim.network.cluster import Cluster
-from wsnsim.network.driver import Driver, HeadDied
+from wsnsim.network.driver import Driver
 from wsnsim.network.formation import first_estimate, recruit, vote
 from wsnsim.network.mission import Crew, Mission, TrackLost
 from wsnsim.network.stage import Stage
-from wsnsim.network.track import ClusterRecord, Track
-
-Waiting = Generator[simpy.Event, Any, Any]
+from wsnsim.network.tenure import Waiting, count_start, dissolve, enter_office, issue, snapshot
+from wsnsim.network.track import Track
 
 
 def lead(stage: Stage, crew: Crew, track: Track, head: int, mission: Mission) -> Waiting:
     """A head's life for one target, from taking over until handing on."""
-    try:
-        if not mission.at_once:
-            yield track.tick
-        yield from _lead(stage, crew, track, head, mission)
-    except (HeadDied, simpy.Interrupt):
-        if track.head == head:
-            _give_up(stage, crew, track, "head_died")
-    except TrackLost as lost:
-        _give_up(stage, crew, track, str(lost))
-    except WsnsimError:
-        raise
-    except Exception as reason:  # the engine makes exceptions anew from their arguments, which not every class can bear
-        raise RunError(f"{type(reason).__name__}: {reason}") from reason
-    if track.head != head:
-        crew.dismiss(track, head)
-
-
-def _lead(stage: Stage, crew: Crew, track: Track, head: int, mission: Mission) -> Waiting:
     cluster = yield from _form(stage, crew, track, head, mission)
     if cluster is None:
         return
@@ -59,17 +39,17 @@ def _lead(stage: Stage, crew: Crew, track: Track, head: int, mission: Mission) -
         prior, readings = yield from first_estimate(stage, track, head, mission)
         belief = yield from driver.perform(tracker.start(prior, scene))
         driver.readings = readings
-        _count_start(stage, track, head)
-        _issue(stage, track, last, scene, driver, tracker.estimate(belief))
+        count_start(stage, track, head)
+        issue(stage, track, last, scene, driver, tracker.estimate(belief))
         yield track.tick
     waits_for = _patience(stage, track, cluster)
     while True:
         scene = cluster.scene(stage.step - last)
         last = stage.step
         belief = yield from driver.perform(tracker.step(belief, scene))
-        _issue(stage, track, last, scene, driver, tracker.estimate(belief))
-        if stage.recorder.wants("particles"):
-            _snapshot(stage, track, cluster, belief, last)
+        issue(stage, track, last, scene, driver, tracker.estimate(belief))
+        snapshot(stage, track, cluster, belief, last)
+        look_ahead(stage, track, head, belief, scene)
         if waits_for is not None and waits_for != set(stage.sensing[track.target]):
             waits_for = None
         if waits_for is None and stage.parts.clusters.must_hand_over(cluster.active(), cluster.size):
@@ -96,20 +76,9 @@ def _form(
             return None
     for node in [node for node in cluster.members if not stage.fleet.alive[node]]:
         cluster.forget(node)
-    record = ClusterRecord(len(track.clusters), head, mission.previous_head, stage.env.now, cluster.size)
-    record.hops, record.handover_bits = mission.hops, mission.bits
-    track.clusters.append(record)
-    track.cluster = cluster
+    enter_office(stage, track, cluster, mission)
     crew.enlist(track, cluster)
     return cluster
-
-
-def _count_start(stage: Stage, track: Track, head: int) -> None:
-    """A track has started; if it was on before, it has been re-acquired."""
-    if track.started:
-        track.reacquired += 1
-        stage.log("reacquire", track.target, head)
-    track.started = True
 
 
 def _pass_on(stage: Stage, crew: Crew, track: Track, cluster: Cluster, winner: int, mission: Mission) -> Waiting:
@@ -164,27 +133,12 @@ def _send_belief(
     stage: Stage, crew: Crew, track: Track, driver: Driver, flow: Any, successor: int, mission: Mission
 ) -> Waiting:
     belief = yield from driver.perform(flow)
-    _dissolve(stage, crew, track)
+    dissolve(stage, crew, track)
     if belief is None or not stage.fleet.alive[successor]:
         raise TrackLost("handover_lost")
     handed_on = replace(mission, belief=belief, at_once=mission.elected)
     handed_on.hops, handed_on.bits = mission.hops + driver.hops, mission.bits + driver.bits
     crew.appoint(track, successor, handed_on)
-
-
-def _dissolve(stage: Stage, crew: Crew, track: Track) -> None:
-    """The cluster's members are free; what they remember of it is forgotten."""
-    if track.cluster is not None:
-        track.clusters[-1].released = stage.env.now
-        crew.release(track, track.cluster)
-        track.cluster = None
-
-
-def _give_up(stage: Stage, crew: Crew, track: Track, why: str) -> None:
-    """The belief is gone: say so, and leave the track to the next election."""
-    stage.log("lost", track.target, -1 if track.head is None else track.head, why)
-    _dissolve(stage, crew, track)
-    track.head = None
 
 
 def _patience(stage: Stage, track: Track, cluster: Cluster) -> set[int] | None:
@@ -196,25 +150,3 @@ def _patience(stage: Stage, track: Track, cluster: Cluster) -> set[int] | None:
     if policy.is_open or cluster.active() >= policy.minimum_active:
         return None
     return set(stage.sensing[track.target])
-
-
-def _issue(stage: Stage, track: Track, step: int, scene: Scene, driver: Driver, estimate: Estimate) -> None:
-    """Record the estimate of a step. What is believed at step 0 is the prior, and no estimate."""
-    if step == 0:
-        return
-    stage.log("estimate", track.target, scene.head)
-    assert math.isfinite(sum(estimate.mean.tolist())), (
-        f"the tracker's estimate at step {step} is not finite: {estimate.mean}"
-    )
-    track.estimates[step] = Issued(
-        step, stage.env.now, estimate, scene.head, scene.active, len(scene.roster), driver.readings
-    )
-    stage.reports.send(scene.head, step, track.target)
-
-
-def _snapshot(stage: Stage, track: Track, cluster: Cluster, belief: Any, step: int) -> None:
-    """Record the particles, wherever they are."""
-    members = [cluster.members[node] for node in cluster.roster()]
-    held = stage.parts.tracker, belief, members
-    columns = stage.parts.motions[track.target].columns
-    write_particles(stage.recorder, stage.replicate, track.target, step, held, columns)

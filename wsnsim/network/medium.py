@@ -100,7 +100,7 @@ class Medium:
         distance = self._fleet.distance(frame.source, to)
         if not self._transmit(frame, number, packets, code, distance):
             mask, got = frame.mask, 0
-        elif not self._fleet.alive[to]:
+        elif not self._fleet.is_awake(to):
             mask, got = frame.mask, 0
             self._drop(frame, number, packets, code, to)
         else:
@@ -116,7 +116,7 @@ class Medium:
             self.counts.frames_lost += 1
             return
         least, counts = packets, self.counts
-        for node in self._wiring.neighbours(frame.source):
+        for node in self._listeners(frame.source):
             if not fleet.alive[node]:
                 continue
             expected = self._wiring.expects(frame.source, node)
@@ -128,6 +128,14 @@ class Medium:
                 counts.in_range += 1
                 counts.delivered += got == packets
         self.counts.frames_lost += least < packets
+
+    def _listeners(self, source: int) -> list[int]:
+        """Who may hear a node now, ascending; where nobody sleeps the dead included."""
+        audience = self._wiring.audience(source)
+        if self._fleet.rota is None:
+            return audience.listed
+        awake: list[int] = audience.ids[self._fleet.hears(audience.ids, self._env.now)].tolist()
+        return awake
 
     def _transmit(self, frame: Frame, number: int, packets: int, code: int, distance: float) -> bool:
         """Charge and log the sending; whether the burst left whole."""

@@ -16,6 +16,9 @@ class Mission:
 
     Either is of step `belief_step`. `elected`: a network-wide election has already chosen this head. `at_once`: it
     acts in the present step, not at the next tick.
+
+    Of heads that move: `detected`, {node: reading} of a target that nobody follows, which this head takes up;
+    `looks_ahead`: it has nodes woken before it does anything else; `fixed_at`: when the target was last sensed, in s.
     """
 
     belief_step: int
@@ -26,6 +29,9 @@ class Mission:
     bits: int = 0
     elected: bool = False
     at_once: bool = False
+    detected: Mapping[int, float] | None = None
+    looks_ahead: bool = False
+    fixed_at: float = 0.0
 
 
 @dataclass(slots=True)

@@ -16,7 +16,9 @@ from wsnsim.base.asks import PACKET_BITS, Parcel
 from wsnsim.base.radio import Mode
 from wsnsim.network.lead import lead
 from wsnsim.network.mission import Crew, Mission
+from wsnsim.network.pursuit import pursue
 from wsnsim.network.stage import Stage
+from wsnsim.network.tenure import tenure
 from wsnsim.network.track import Election, Track
 
 Life = Generator[simpy.Event, Any, None]
@@ -24,12 +26,15 @@ Order = Callable[[], Any]
 
 
 class Node:
-    """One node. `senses` and `serves` are the targets it hears, and those it has a role for."""
+    """One node. `senses` and `serves` are the targets it hears, and those it has a role for; `watches` those for which
+    it stays awake for a while.
+    """
 
     def __init__(self, stage: Stage, crew: Crew, index: int) -> None:
         self.index = index
         self.senses: set[int] = set()
         self.serves: set[int] = set()
+        self.watches: dict[int, float] = {}
         self._stage = stage
         self._crew = crew
         self._awake = False
@@ -54,10 +59,41 @@ class Node:
         """The cluster has dissolved."""
         self._tell(target, True, lambda: self.serves.discard(target))
 
+    def watch(self, target: int, until: float) -> None:
+        """Stay awake for a target until then, at least."""
+        known = self.watches.get(target)
+        if known is not None and known >= until:
+            return
+        self.watches[target] = until
+        if known is None:
+            self._tell(target, True, _nothing)
+            self._look_again(target, until)
+
+    def relax(self, target: int) -> None:
+        """Need not stay awake for a target any longer."""
+        if self.watches.pop(target, None) is not None:
+            self._tell(target, False, _nothing)
+
+    def _look_again(self, target: int, until: float) -> None:
+        """Fall back to the schedule, unless it has been told to stay for longer."""
+        event = self._stage.env.timeout(max(until - self._stage.env.now, 0.0))
+        assert event.callbacks is not None
+        event.callbacks.append(lambda _: self._watched(target, until))
+
+    def _watched(self, target: int, until: float) -> None:
+        known = self.watches.get(target)
+        if known is None:
+            return
+        if known > until:
+            self._look_again(target, known)
+        else:
+            self.relax(target)
+
     def take_lead(self, track: Track, mission: Mission) -> None:
         """Lead a track from now on: a duty of its own, so that a death in this very instant ends it too."""
         self.serve(track.target)
-        self._begin(lead(self._stage, self._crew, track, self.index, mission))
+        life = pursue if self._stage.parts.clusters.moves else lead
+        self._begin(tenure(self._stage, self._crew, track, self.index, mission, life))
 
     def stand(self, track: Track, election: Election) -> None:
         """Stand for election."""
@@ -95,13 +131,15 @@ class Node:
             self._awake = False
 
     def _wake_or_sleep(self, target: int, by_frame: bool) -> None:
-        busy = bool(self.senses or self.serves)
+        busy = bool(self.senses or self.serves or self.watches)
         if busy != self._awake:
             self._awake = busy
-            self._stage.log("wake" if busy else "sleep", target, self.index, "frame" if by_frame else "target")
+            fleet = self._stage.fleet
+            why = "frame" if by_frame else "target" if fleet.rota is None else "schedule"
+            self._stage.log("wake" if busy else "sleep", target, self.index, why)
             if busy:
                 self._crew.woke(self.index, target, by_frame)
-            self._stage.fleet.set_mode(self.index, Mode.AWAKE if busy else Mode.DORMANT)
+            fleet.set_mode(self.index, Mode.AWAKE if busy else fleet.rest_of(self.index))
 
     def _stand(self, track: Track, election: Election) -> Life:
         """Broadcast the strength of the own reading; the winner of an election that fills a vacancy takes the lead."""
@@ -119,3 +157,7 @@ class Node:
             readings = election.readings_at(self.index)
             mission = Mission(election.step, readings=readings, elected=True, at_once=True)
             self._crew.appoint(track, self.index, mission)
+
+
+def _nothing() -> None:
+    """An order that changes nothing but makes the node look at what it has to do."""

@@ -57,9 +57,10 @@ class Reception:
         """What became of a frame that left whole, at each of its audience."""
         fleet, heard = self._fleet, None
         plain = one.message.to == EVERYONE and self._wiring.sharp and not fleet.disturbed
-        if plain and (fleet.all_listen or fleet.listening[one.audience.ids].all()):
+        hears = None if fleet.all_listen else fleet.hears(one.audience.ids, one.start)
+        if plain and (hears is None or hears.all()):
             heard = self._receive_all(one) if one.others is None else self._part(one)
-        return self._sort_out(one) if heard is None else heard
+        return self._sort_out(one, hears) if heard is None else heard
 
     def _receive_all(self, one: Transmission) -> Heard | None:
         """The common case: nothing disturbs a broadcast, and everybody lives. None if somebody may die of it."""
@@ -113,13 +114,17 @@ class Reception:
             self._charge_group(one, heard, listed, WHOLE, RECEIVE, RX)
         return heard
 
-    def _sort_out(self, one: Transmission) -> Heard:
-        """Who got the frame, who lost it and to what, who overheard it; each pays and is logged."""
+    def _sort_out(self, one: Transmission, listening: Bools | None) -> Heard:
+        """Who got the frame, who lost it and to what, who overheard it; each pays and is logged.
+
+        A broadcast is meant for whoever is awake: those who sleep miss nothing that was theirs. `listening`: who is
+        awake of the audience; None: everybody.
+        """
         fleet, audience, message = self._fleet, one.audience, one.message
         ids, everyone = audience.ids, message.to == EVERYONE
-        hears = fleet.listening[ids]
+        hears = fleet.living[ids] if listening is None else listening
         if one.asleep is not None:
-            hears &= ~np.isin(ids, one.asleep)
+            hears = hears & ~np.isin(ids, one.asleep)
         quiet = one.others is None and not fleet.disturbed
         hit, interference, share = (None, None, None) if quiet else self._disturbances(one)
         arrived = hears if hit is None else hears & ~hit
@@ -137,6 +142,8 @@ class Reception:
         if not everyone:
             self._charge(one, (arrived | collided) & ~meant, share, OVERHEAR, OVERHEARD)
         living = fleet.living[ids]
+        if everyone and listening is not None:
+            meant = meant & listening
         lost = meant & ~(arrived | collided)
         if everyone:
             lost &= living

@@ -1,6 +1,6 @@
 """Estimates on their way to the sink: one letter each, relayed like any other, while the head goes on.
 
-Reports(stage's air ..., sink).send(head, step, target)      reports.received[target, step] -> s
+Reports(stage's air ..., sink, dt).send(head, step, target)      reports.received[target, step] -> s
 """
 
 from __future__ import annotations
@@ -21,17 +21,18 @@ REPORT, NONE = KIND["report"], EVENT_CAUSE["none"]
 class Reports:
     """What the sink has been told. `node` is the sink; None where a scenario has none."""
 
-    def __init__(self, env: simpy.Environment, fleet: Fleet, air: Air, journal: Journal, sink: Sink) -> None:
+    def __init__(self, env: simpy.Environment, fleet: Fleet, air: Air, journal: Journal, sink: Sink, dt: float) -> None:
         self._env = env
         self._air = air
         self._journal = journal
         self._bits = sink.bits
+        self._every = 1 if sink.every is None else max(1, round(sink.every / dt))
         self.node = None if sink.point is None else int(fleet.tree.query(np.array(sink.point))[1])
         self.received: dict[tuple[int, int], float] = {}
 
     def send(self, head: int, step: int, target: int) -> None:
-        """Send the estimate of a step to the sink; nobody waits for it."""
-        if self.node is None:
+        """Send the estimate of a step to the sink, if one is due; nobody waits for it."""
+        if self.node is None or step % self._every:
             return
         report = letter(head, self.node, Parcel(None, 1, self._bits, "report"))
         event = self._air.carry([report], target)

@@ -1,6 +1,6 @@
 """The path that a message takes where its destination is out of reach. networkx lives here.
 
-    Router(fleet, wiring, energy, weight, longest).path(source, to) -> [source, ..., to], or None where there is none
+    Router(env, fleet, wiring, energy, weight, longest).path(source, to) -> [source, ..., to], or None without a path
 
 Small networks: one networkx graph of every usable link, made when first needed. Large ones: a graph of a corridor, of
 the nodes in an ellipse about both ends, never of all pairs; wide enough that no path outside can be cheaper.
@@ -9,6 +9,9 @@ Why that is certain. A path by way of a node v is at least |source - v| + |v - t
 of string length s is longer than s. Let u be the least that a metre costs, over all lengths of a hop: then it costs
 more than u s. A path found inside for C is therefore the cheapest of all if C <= u s, and if it is not, s = C / u is
 long enough, in a second search. Where that is out of proportion the path is the cheapest of its corridor: see WIDEST.
+
+Where nodes sleep by a schedule a path leads over nodes that are awake now, but for its end, which may have to be
+woken. That neighbours know each other's schedules is our choice: they need only exchange a seed once.
 """
 
 from __future__ import annotations
@@ -17,6 +20,7 @@ from typing import Final, NamedTuple
 
 import networkx as nx
 import numpy as np
+import simpy
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial import KDTree
@@ -50,11 +54,16 @@ class Links(NamedTuple):
 class Router:
     """Cheapest paths among living nodes over usable links, looked for once, until a node goes down or comes back.
 
+    Where nodes sleep they are looked for anew each time, among those who are awake.
+
     `weight`: 'energy', the joules that a bit costs its sender and its receiver, over the link's chance of a packet;
     'hop', 1 a link; 'greedy', always to the neighbour nearest to the goal. `longest`: m beyond which no link is usable.
     """
 
-    def __init__(self, fleet: Fleet, wiring: Wiring, energy: EnergyModel, weight: str, longest: float) -> None:
+    def __init__(
+        self, env: simpy.Environment, fleet: Fleet, wiring: Wiring, energy: EnergyModel, weight: str, longest: float
+    ) -> None:
+        self._env = env
         self._fleet = fleet
         self._wiring = wiring
         self._energy = energy
@@ -66,6 +75,8 @@ class Router:
 
     def path(self, source: int, to: int) -> list[int] | None:
         """The path over living nodes, both ends included; None if there is none, or if a greedy one gets stuck."""
+        if self._fleet.rota is not None:
+            return self._search(source, to)
         ends = (source, to)
         if ends not in self._known:
             self._known[ends] = self._search(source, to)
@@ -87,7 +98,7 @@ class Router:
             return None
         if self._weight == "greedy":
             return self._greedy(source, to)
-        if self._fleet.size > SMALL:
+        if self._fleet.size > SMALL or self._fleet.rota is not None:
             return self._through_corridor(source, to)
         if self._graph is None:
             self._graph = _graph(self._links(np.flatnonzero(self._fleet.living)))
@@ -111,7 +122,7 @@ class Router:
     def _nearer(self, here: int, to: int) -> int | None:
         fleet = self._fleet
         ids = self._wiring.audience(here).ids
-        ids = ids[fleet.living[ids]]
+        ids = ids[fleet.hears(ids, self._env.now)]
         away = _lengths(fleet.positions[ids] - fleet.positions[to])
         limit = _lengths(fleet.positions[[here]] - fleet.positions[to])[0]
         candidates = ids[np.argsort(away, kind="stable")[: np.count_nonzero(away < limit)]].tolist()
@@ -144,7 +155,8 @@ class Router:
         one, other = fleet.positions[source], fleet.positions[to]
         near = fleet.tree.query_ball_point((one + other) / 2, length / 2 * (1.0 + ROUNDING), return_sorted=True)
         nodes = np.array(near, dtype=np.int64)
-        nodes = nodes[fleet.living[nodes]]
+        ends = (nodes == source) | (nodes == to)
+        nodes = nodes[fleet.hears(nodes, self._env.now) | (fleet.living[nodes] & ends)]
         detours = _lengths(fleet.positions[nodes] - one) + _lengths(fleet.positions[nodes] - other)
         inside = detours <= length
         return nodes[inside], detours[inside]

@@ -16,6 +16,7 @@ from wsnsim.base.problem import Parts
 from wsnsim.network.counts import Counts
 from wsnsim.network.fleet import Fleet
 from wsnsim.network.track import ClusterRecord, Track
+from wsnsim.network.waking import Waking
 from wsnsim.network.world import Outcome
 
 NAN = float("nan")
@@ -36,12 +37,17 @@ class Left(Protocol):
     @property
     def fingerprint(self) -> int: ...
 
+    @property
+    def awake(self) -> float: ...
+
 
 def write_rows(outcome: Outcome, replicate: int, parts: Parts, recorder: Recorder) -> None:
     """Write the tables of nodes, energy and clusters of a run that ended."""
     write_network(outcome.fleet, replicate, parts.sensor.trait_names, recorder)
     for track in outcome.tracks:
         _write(recorder, "clusters", replicate, {"target": track.target, **_clusters(track.clusters)})
+        if track.wakings:
+            _write(recorder, "wakeups", replicate, {"target": track.target, **_wakeups(track.wakings)})
 
 
 def write_network(fleet: Fleet, replicate: int, trait_names: tuple[str, ...], recorder: Recorder) -> None:
@@ -67,6 +73,7 @@ def run_row(outcome: Left, tracks: Sequence[Track]) -> dict[str, Any]:
         "handovers": sum(track.handovers for track in tracks),
         **count_columns(outcome.counts),
         "cycles": outcome.cycles,
+        "awake": outcome.awake,
         "alive": sum(fleet.alive),
         "first_death": deaths[0] if deaths else NAN,
         "half_dead": deaths[half - 1] if len(deaths) >= half else NAN,
@@ -116,3 +123,12 @@ def _clusters(clusters: Sequence[ClusterRecord]) -> dict[str, Any]:
         names.get(f.name, f.name): np.array([getattr(cluster, f.name) for cluster in clusters], dtype=np.float64)
         for f in fields(ClusterRecord)
     }
+
+
+def _wakeups(wakings: Sequence[Waking]) -> dict[str, Any]:
+    own = ("time", "node", "sequence", "foreseen", "forwards", "called", "woken", "ineffective", "expired")
+    columns = {name: np.array([getattr(waking, name) for waking in wakings], dtype=np.float64) for name in own}
+    for name in ("step", "radius", "expires"):
+        columns[name] = np.array([getattr(waking.message, name) for waking in wakings], dtype=np.float64)
+    columns["x"], columns["y"] = np.array([waking.message.centre for waking in wakings]).T
+    return columns

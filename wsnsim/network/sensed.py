@@ -252,13 +252,27 @@ def make_senses(
 ) -> tuple[list[Sensed], Imperfections]:
     """What there is to sense of each target: faithfully, unless something in the scenario speaks against it."""
     imperfections = Imperfections(parts.detection, clocks, parts.dt)
+    return _senses(parts, truths, fleet, imperfections, key), imperfections
+
+
+def search_senses(
+    parts: Parts, paths: Sequence[Floats], fleet: Fleet, imperfections: Imperfections, key: int
+) -> list[Sensed]:
+    """What there is to sense of each target at the instants at which nodes look for it, `parts.polls` a step."""
+    between = Imperfections(parts.detection, imperfections.clocks, parts.dt / parts.polls, imperfections.defects)
+    return _senses(parts, paths, fleet, between, key)
+
+
+def _senses(
+    parts: Parts, truths: Sequence[Floats], fleet: Fleet, imperfections: Imperfections, key: int
+) -> list[Sensed]:
     faithful = not imperfections.matter() and not any(fault.mechanism in DISTORTING for fault in parts.faults)
     senses: list[Sensed] = []
     for target, (truth, motion) in enumerate(zip(truths, parts.motions, strict=True)):
         points = truth[:, list(motion.position)]
         what = target, points, fleet.positions, fleet.traits, parts.sensor, fleet.tree, key
         senses.append(Sensed(*what) if faithful else Imperfect(*what, imperfections))
-    return senses, imperfections
+    return senses
 
 
 def _chosen(key: int, probability: float, size: int) -> Ints:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from dataclasses import field as with_default
+from typing import TYPE_CHECKING
 
 import simpy
 
@@ -17,12 +18,15 @@ from wsnsim.network.journal import Journal
 from wsnsim.network.reports import Reports
 from wsnsim.network.sensed import Sensed
 
+if TYPE_CHECKING:
+    from wsnsim.network.waking import Waker
+
 
 @dataclass(slots=True)
 class Stage:
     """The shared services. `step` is the clock; `sensing[target]` is {node: reading} of the living in range now.
 
-    `cycles`: operations that trackers have stated so far.
+    `cycles`: operations that trackers have stated so far. `waker` wakes nodes ahead of a target.
     """
 
     env: simpy.Environment
@@ -41,6 +45,7 @@ class Stage:
     step: int = 0
     cycles: float = 0.0
     sensing: list[dict[int, float]] = with_default(default_factory=list)
+    waker: Waker | None = None
 
     def log(
         self, kind: str, target: int, node: int, what: str = "", peer: int = -1, packets: int = 0, bits: int = 0

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import simpy
 
@@ -15,6 +16,9 @@ from wsnsim.base.ports import ClusterPolicy, Estimate, Ranks, SensorModel
 from wsnsim.base.rows import Issued
 from wsnsim.network.cluster import Cluster
 from wsnsim.network.stage import Stage
+
+if TYPE_CHECKING:
+    from wsnsim.network.waking import Waking
 
 
 @dataclass(slots=True)
@@ -36,7 +40,8 @@ class Track:
     """The track of one target.
 
     `head` is None where nobody leads; `tick` fires once a step, after the nodes have sensed. `prior` is what every
-    filter is told at the start; `heads` has who led at the beginning of each step, -1 for nobody.
+    filter is told at the start; `heads` has who led at the beginning of each step, -1 for nobody. `waking`: the last
+    message that woke nodes ahead of the target; `wakings`: all of them.
     """
 
     target: int
@@ -51,6 +56,8 @@ class Track:
     heads: list[int] = field(default_factory=list)
     estimates: dict[int, Issued] = field(default_factory=dict)
     clusters: list[ClusterRecord] = field(default_factory=list)
+    waking: Waking | None = None
+    wakings: list[Waking] = field(default_factory=list)
 
 
 class Election:

@@ -2,8 +2,9 @@
 
     World(parts, replicate, positions, traits, truths, prior, streams, recorder).run() -> Outcome
 
-At each step: nodes that came into range wake, all in range sense, a track that nobody leads calls an election, and
-every head is given its tick. The cost follows what is awake and what is sent.
+At each step: nodes that came into range wake, all in range sense that are awake, a track that nobody leads calls an
+election, and every head is given its tick. Where heads move with the target, nodes that are awake look for a target
+that nobody follows, between steps too. The cost follows what is awake and what is sent.
 """
 
 from __future__ import annotations
@@ -15,10 +16,11 @@ from typing import Any, Final
 import numpy as np
 import simpy
 
-from wsnsim.base.arrays import Floats, Ints
+from wsnsim.base.arrays import Floats, Ints, planar
 from wsnsim.base.errors import RunError
 from wsnsim.base.ports import Estimate, Recorder
 from wsnsim.base.problem import Parts
+from wsnsim.base.radio import Mode
 from wsnsim.base.rng import Streams
 from wsnsim.base.tables import CAUSE, EVENT_CAUSE, KIND
 from wsnsim.network.air import Air
@@ -33,11 +35,15 @@ from wsnsim.network.mission import Crew, Mission
 from wsnsim.network.node import Node
 from wsnsim.network.reports import Reports
 from wsnsim.network.routing import Router
+from wsnsim.network.search import Search
 from wsnsim.network.sensed import make_senses
 from wsnsim.network.stage import Stage
 from wsnsim.network.track import Election, Track, ballot_box
+from wsnsim.network.waking import Waker
 
 SENSE: Final = KIND["sense"]
+MECHANISMS: Final = ("none", "flood", "region", "invite")
+"""Ways to wake nodes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +51,7 @@ class Outcome:
     """What a run leaves behind.
 
     `woken` (targets, steps + 1, 2): nodes that woke, and those of them in vain; `received`: when the sink had the
-    estimate of (target, step).
+    estimate of (target, step). `awake`: the share of the nodes' time that they were awake.
     """
 
     fleet: Fleet
@@ -56,6 +62,7 @@ class Outcome:
     counts: Counts
     cycles: float
     fingerprint: int
+    awake: float
 
 
 class World:
@@ -71,7 +78,9 @@ class World:
         priors: Sequence[Estimate],
         streams: Streams,
         recorder: Recorder,
+        paths: Sequence[Floats] = (),
     ) -> None:
+        """`paths`: the truths with `parts.polls` instants a step, left out where there is one."""
         _refuse_the_unknown(parts)
         journal = Journal(recorder, replicate)
         ether = make_ether(parts, positions, traits, streams, journal)
@@ -79,7 +88,8 @@ class World:
         self._env = env
         fleet, wiring, clocks = ether.fleet, ether.wiring, ether.clocks
         fleet.on_death = self._bury
-        self._router = Router(fleet, wiring, parts.energy, parts.routing.weight, parts.link.audible)
+        self._nodes: dict[int, Node] = {}
+        self._router = Router(env, fleet, wiring, parts.energy, parts.routing.weight, parts.link.audible)
         sensed, imperfections = make_senses(parts, truths, fleet, clocks, streams.key("sense"))
         air = Air(env, fleet, wiring, self._mac, self._router, journal)
         self._stage = Stage(
@@ -88,7 +98,7 @@ class World:
             fleet=fleet,
             journal=journal,
             air=air,
-            reports=Reports(env, fleet, air, journal, parts.sink),
+            reports=Reports(env, fleet, air, journal, parts.sink, parts.dt),
             clocks=clocks,
             sensed=sensed,
             field=parts.deploy.field,
@@ -98,8 +108,11 @@ class World:
             recorder=recorder,
             sensing=[{} for _ in truths],
         )
+        self._wake_up(air, streams)
+        self._search = Search(self._stage, paths or truths, streams, sensed, imperfections)
+        self._points = [truth[:, list(motion.position)] for truth, motion in zip(truths, parts.motions, strict=True)]
+        self._inside = [True] * len(truths)
         self._tracks = tuple(Track(target, prior, env.event()) for target, prior in enumerate(priors))
-        self._nodes: dict[int, Node] = {}
         self._crew = Crew(
             self._appoint, self._call_election, self._enlist, self._release, self._dismiss, self._woke, self._end_run
         )
@@ -107,7 +120,7 @@ class World:
         self._faults = Faults(parts.faults, site, streams.key("faults"), parts.dt)
         self._ended = env.event()
         self._woken = np.zeros((len(truths), parts.steps + 1, 2), dtype=np.int64)
-        self._costs = StepCosts(fleet)
+        self._costs = StepCosts(env, fleet)
 
     def run(self, progress: Callable[[float], None] | None = None) -> Outcome:
         """Run to the end. A failure names seed, replicate and simulated time."""
@@ -115,12 +128,12 @@ class World:
         self._faults.start()
         clock = self._env.process(self._clock(progress))
         run_until(self._env, self._env.any_of([clock, self._ended]), stage.parts.seed, stage.replicate)
-        stage.fleet.close()
-        self._costs.close(stage.step)
+        awake = stage.fleet.awake_fraction(self._env.now)
+        self._costs.end(stage.step)
         self._costs.write(stage.replicate, stage.parts.dt, stage.recorder)
         return Outcome(
             stage.fleet, self._tracks, self._woken, stage.reports.received, stage.step, self._mac.counts, stage.cycles,
-            stage.journal.fingerprint(),
+            stage.journal.fingerprint(), awake,
         )  # fmt: skip
 
     def _clock(self, progress: Callable[[float], None] | None) -> Generator[simpy.Event, Any, None]:
@@ -136,20 +149,30 @@ class World:
                 self._tick(track)
             if progress:
                 progress(self._env.now)
+            for part in range(1, stage.parts.polls if step < stage.parts.steps else 1):
+                yield self._env.timeout((step + part / stage.parts.polls) * dt - self._env.now)
+                for track in self._tracks:
+                    self._look_for(track, part)
             yield self._env.timeout((step + 1) * dt - self._env.now)
 
     def _sense(self, target: int, step: int) -> None:
         """Wake who came into range, let go who left it, and take everybody's reading."""
         stage, sensed, alive = self._stage, self._stage.sensed[target], self._stage.fleet.alive
-        for index in sensed.vanished(step):
-            if alive[index]:
-                self._node(index).lose_target(target)
-        for index in sensed.appeared(step):
-            if alive[index]:
-                self._node(index).hear_target(target)
+        self._watch_field(target, step)
+        if stage.fleet.rota is not None or stage.parts.clusters.moves:
+            self._sense_awake(target, sensed.readings(step))
+            if stage.parts.clusters.moves:
+                return
+        else:
+            for index in sensed.vanished(step):
+                if alive[index]:
+                    self._node(index).lose_target(target)
+            for index in sensed.appeared(step):
+                if alive[index]:
+                    self._node(index).hear_target(target)
         joules = stage.parts.energy.sense()
         cause = EVENT_CAUSE["sense" if joules else "none"]
-        readings = sensed.readings(step)
+        readings = sensed.readings(step) if stage.fleet.rota is None else stage.sensing[target]
         if not stage.fleet.all_listen:
             readings = {index: value for index, value in readings.items() if alive[index]}
         paid = dict.fromkeys(readings, 0.0)
@@ -163,13 +186,58 @@ class World:
         )
         stage.sensing[target] = readings
 
+    def _sense_awake(self, target: int, readings: dict[int, float]) -> None:
+        """Where nodes sleep, or heads move: who is awake senses. In standing clusters it stays awake while it does."""
+        stage, before = self._stage, self._stage.sensing[target]
+        now = {index: value for index, value in readings.items() if stage.fleet.is_awake(index)}
+        stage.sensing[target] = now
+        if stage.parts.clusters.moves:
+            return
+        for index in before:
+            if index not in now and stage.fleet.alive[index]:
+                self._node(index).lose_target(target)
+        for index in now:
+            if index not in before:
+                self._node(index).hear_target(target)
+
+    def _watch_field(self, target: int, step: int) -> None:
+        """Say when a target leaves the field, and when it is back."""
+        inside = bool(self._stage.field.contains(planar(self._points[target][step])))
+        if inside != self._inside[target]:
+            self._inside[target] = inside
+            self._stage.log("return" if inside else "leave", target, -1)
+
     def _tick(self, track: Track) -> None:
         """Give the track's head its tick; where nobody leads, let those who sense elect one."""
+        self._count_woken(track)
         tick, track.tick = track.tick, self._env.event()
         track.heads.append(-1 if track.head is None else track.head)
-        if track.head is None and track.election is None:
+        if self._stage.parts.clusters.moves:
+            self._look_for(track, 0)
+        elif track.head is None and track.election is None:
             self._fill_vacancy(track)
         tick.succeed()
+
+    def _count_woken(self, track: Track) -> None:
+        """Who was woken for this step, and who of them in vain, with the target beyond reach."""
+        waking, stage = track.waking, self._stage
+        if waking is None or waking.message.step != stage.step:
+            return
+        tracking = [node for node in waking.tracking if stage.fleet.alive[node]]
+        point = planar(self._points[track.target][stage.step])
+        apart = stage.fleet.positions[np.array(tracking, dtype=np.int64)] - point
+        waking.woken = len(tracking)
+        waking.ineffective = int((np.hypot(apart[:, 0], apart[:, 1]) > stage.parts.sensor.reach).sum())
+        self._woken[track.target, stage.step] += (waking.woken, waking.ineffective)
+
+    def _look_for(self, track: Track, part: int) -> None:
+        """Where nobody follows the target, let the first node that is awake and detects it take it up."""
+        if track.head is not None:
+            return
+        found = self._search.first(track.target, part)
+        if found is not None:
+            head, detected = found
+            self._appoint(track, head, Mission(self._stage.step, at_once=True, detected=detected))
 
     def _fill_vacancy(self, track: Track) -> None:
         stage, policy = self._stage, self._stage.parts.clusters
@@ -190,6 +258,21 @@ class World:
             node = self._nodes[index] = Node(self._stage, self._crew, index)
         return node
 
+    def _wake_up(self, air: Air, streams: Streams) -> None:
+        """Make what wakes nodes, and keep the sink awake."""
+        stage, wakeup = self._stage, self._stage.parts.wakeup
+        stage.waker = Waker(
+            stage,
+            streams.key("wakeup"),
+            lambda node, target, until: self._node(node).watch(target, until),
+            lambda node, target: self._node(node).relax(target) if node in self._nodes else None,
+        )
+        if wakeup.mechanism != "none" and wakeup.call > 0:
+            air.rouse = stage.waker.rouse
+        if stage.reports.node is not None and stage.fleet.rest is Mode.SCHEDULED:
+            stage.fleet.sleepless.add(stage.reports.node)
+            stage.fleet.set_mode(stage.reports.node, Mode.AWAKE)
+
     def _appoint(self, track: Track, head: int, mission: Mission) -> None:
         track.head = head
         self._node(head).take_lead(track, mission)
@@ -207,7 +290,8 @@ class World:
                 self._node(index).serve(track.target)
 
     def _release(self, track: Track, cluster: Cluster) -> None:
-        if not self._stage.parts.clusters.is_open:
+        policy = self._stage.parts.clusters
+        if not policy.is_open and not policy.moves:
             for index in cluster.roster():
                 self._node(index).dismiss(track.target)
 
@@ -215,7 +299,12 @@ class World:
         self._node(index).dismiss(track.target)
 
     def _woke(self, index: int, target: int, by_frame: bool) -> None:
-        """Count a wake at its step; one by a frame is ineffective where the target is out of range."""
+        """Count a wake at its step; one by a frame is ineffective where the target is out of range.
+
+        Where nodes are woken for the next step, they are counted there: see `_count_woken`.
+        """
+        if self._stage.waker is not None and not self._stage.waker.idle:
+            return
         in_vain = by_frame and index not in self._stage.sensing[target]
         self._woken[target, self._stage.step] += (1, in_vain)
 
@@ -249,7 +338,7 @@ class World:
         stage.fleet.restart(index)
         self._router.revive(index)
         for target, sensed in enumerate(stage.sensed):
-            if index in sensed.readings(stage.step):
+            if stage.fleet.rota is None and not stage.parts.clusters.moves and index in sensed.readings(stage.step):
                 self._node(index).hear_target(target)
 
     def _head_of(self, target: int) -> int | None:
@@ -270,7 +359,6 @@ class World:
 
 def _refuse_the_unknown(parts: Parts) -> None:
     """A part that this network would have to ignore must not look as if it had been obeyed."""
-    if not parts.sleep.always_listening:
-        raise RunError("sleep: this network knows nodes that sense and listen while they sleep (event_wake) only")
-    if parts.wakeup.mechanism != "none":
-        raise RunError(f"wakeup: no mechanism '{parts.wakeup.mechanism}' in this network; known: none")
+    if parts.wakeup.mechanism not in MECHANISMS:
+        known = ", ".join(MECHANISMS)
+        raise RunError(f"wakeup: no mechanism '{parts.wakeup.mechanism}' in this network; known: {known}")

@@ -1,0 +1,71 @@
+"""Looking ahead: what a head makes of its belief for those who are to sense the target next, and tells them.
+
+look_ahead(stage, track, head, belief, scene) -> Waking or None      predicted(stage, track, belief, scene) -> (2,)
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from wsnsim.base.arrays import Floats, planar
+from wsnsim.base.ports import Foresees, Portable, Scene
+from wsnsim.base.sleeping import Plan, Point
+from wsnsim.network.stage import Stage
+from wsnsim.network.track import Track
+from wsnsim.network.waking import Waking
+
+
+def look_ahead(stage: Stage, track: Track, head: int, belief: Any, scene: Scene) -> Waking | None:
+    """Wake nodes for the next step, if the scenario has a way to; nobody waits for it. None where it has none."""
+    waker = stage.waker
+    if waker is None or waker.idle:
+        return None
+    waker.sequence += 1
+    plan = _plan(stage, track, head, belief, scene)
+    message = stage.parts.wakeup.compose(plan, belief if stage.parts.wakeup.carries_belief else None)
+    return waker.start(track, head, message, plan.foreseen)
+
+
+def predicted(stage: Stage, track: Track, belief: Any, scene: Scene) -> Floats:
+    """(2,) where the target is expected at the next step."""
+    parts = stage.parts
+    forecast = parts.tracker.forecast(belief, scene, stage.step - scene.step + 1)
+    return planar(forecast.mean[list(parts.filter_motions[track.target].position)])
+
+
+def _plan(stage: Stage, track: Track, head: int, belief: Any, scene: Scene) -> Plan:
+    parts, target = stage.parts, track.target
+    motion = parts.filter_motions[target]
+    mean = parts.tracker.estimate(belief).mean
+    due = (stage.step + 1) * parts.dt
+    foreseen = parts.tracker.foresees(belief) if isinstance(parts.tracker, Foresees) else True
+    return Plan(
+        target=target,
+        step=stage.step + 1,
+        sequence=stage.waker.sequence if stage.waker else 0,
+        sender=head,
+        place=(stage.fleet.x[head], stage.fleet.y[head]),
+        fix=_point(planar(mean[list(motion.position)])),
+        heading=_heading(mean, motion.columns),
+        prediction=_point(predicted(stage, track, belief, scene)),
+        foreseen=foreseen,
+        due=due,
+        ahead=due - stage.env.now,
+        sensing=parts.sensor.reach,
+        reach=stage.fleet.reach,
+        payload_bits=parts.tracker.belief_bits(belief) if isinstance(parts.tracker, Portable) else 0,
+    )
+
+
+def _heading(mean: Floats, columns: tuple[str, ...]) -> Point:
+    """Where the target is going, as its velocity; (0, 0) where the state has none."""
+    if "vx" not in columns or "vy" not in columns:
+        return 0.0, 0.0
+    return _point(mean[[columns.index("vx"), columns.index("vy")]])
+
+
+def _point(values: Floats) -> Point:
+    x, y = np.asarray(values, dtype=np.float64).tolist()
+    return x, y

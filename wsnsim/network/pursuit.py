@@ -1,0 +1,262 @@
+"""A head that moves with the target: anew at each step there is a main node, and nodes that were told to track.
+
+    pursue(stage, crew, track, head, mission)      a main node's life, until another takes over (see `tenure`)
+
+At the step's instant the nodes that were woken for it take their readings and send them to the main node, which waits
+until none has come for a while, estimates, reports, and has nodes woken for the next step. Who leads then is the one
+of these nearest to the prediction, or the one that has read the target nearest. Nobody follows a target that was lost:
+nodes that happen to be awake look for it, and the first to detect it becomes main node.
+
+Li, Jiang, Zhang, Zhang (2012), section 2.2, and the reconstructions of its two rivals. Idealisations, all our choice:
+those who track know who of them is nearest to the prediction, and nodes that are awake know whether a target is
+followed already.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Mapping
+from dataclasses import dataclass
+from typing import Any, cast
+
+import numpy as np
+import simpy
+
+from wsnsim.base.asks import Parcel
+from wsnsim.base.ports import MovingPolicy, Portable, Ranks, Scene
+from wsnsim.base.tables import CAUSE, EVENT_CAUSE, KIND
+from wsnsim.network.ahead import look_ahead, predicted
+from wsnsim.network.air import letter
+from wsnsim.network.cluster import Cluster
+from wsnsim.network.driver import Driver, HeadDied
+from wsnsim.network.mission import Crew, Mission, TrackLost
+from wsnsim.network.stage import Stage
+from wsnsim.network.tenure import Waiting, count_start, dissolve, enter_office, issue, snapshot
+from wsnsim.network.track import Track
+
+TINY = 1e-9
+
+
+@dataclass(slots=True)
+class _Office:
+    """A main node's time: its belief of step `last`, when it last had a reading, and what it works with.
+
+    `scene`: of the last step.
+    """
+
+    stage: Stage
+    crew: Crew
+    track: Track
+    head: int
+    policy: MovingPolicy
+    belief: Any
+    last: int
+    fixed_at: float
+    scene: Scene | None = None
+    heard: Mapping[int, float] | None = None
+
+
+def pursue(stage: Stage, crew: Crew, track: Track, head: int, mission: Mission) -> Waiting:
+    """A main node's life for one target, from taking over until another does."""
+    policy = cast(MovingPolicy, stage.parts.clusters)
+    office = _Office(stage, crew, track, head, policy, mission.belief, mission.belief_step, mission.fixed_at)
+    enter_office(stage, track, _cluster(stage, track, head, []), mission)
+    if mission.detected is not None:
+        yield from _take_up(office, mission.detected)
+        if (yield from _move_on(office)):
+            return
+    elif mission.looks_ahead:
+        office.scene = _cluster(stage, track, head, []).scene(0)
+        look_ahead(stage, track, head, office.belief, office.scene)
+        yield track.tick
+        if (yield from _give_way(office)):
+            return
+    while True:
+        yield from _step(office)
+        if (yield from _move_on(office)):
+            return
+
+
+def _cluster(stage: Stage, track: Track, head: int, joined: list[int]) -> Cluster:
+    return Cluster(stage, track.target, head, joined, is_open=False, keys_ahead=1)
+
+
+def _take_up(office: _Office, detected: Mapping[int, float]) -> Waiting:
+    """Tell the neighbours of a target that nobody follows; who senses it, too, answers. The track starts from that.
+
+    `detected`: {node: reading} of all who are awake and sense the target at this instant.
+    """
+    stage, track, head = office.stage, office.track, office.head
+    began, acquire = stage.env.now, stage.parts.acquire
+    yield stage.env.timeout(office.policy.sampling)
+    listeners = yield from _ask(office, "detection")
+    answers = [letter(node, head, Parcel(detected[node], 1, acquire.answer_bits, "reading"))
+               for node in listeners if node in detected]  # fmt: skip
+    cluster = _cluster(stage, track, head, [item.source for item in answers])
+    driver = _driver(office, cluster)
+    yield from driver.collect(answers)
+    readings = {head: detected[head], **{item.source: detected[item.source] for item in answers if item.arrived}}
+    nodes = np.array(sorted(readings), dtype=np.int64)
+    prior = acquire.estimate(
+        np.array([readings[node] for node in nodes.tolist()]), stage.fleet.positions[nodes], stage.fleet.traits[nodes],
+        stage.parts.filter_sensor, stage.parts.filter_motions[track.target], track.prior,
+    )  # fmt: skip
+    office.scene = cluster.scene(0)
+    office.scene.time = began
+    office.belief = yield from driver.perform(stage.parts.tracker.start(prior, office.scene))
+    driver.readings = len(readings)
+    office.heard, office.fixed_at, office.last = readings, began, stage.step
+    count_start(stage, track, head)
+    if abs(began - stage.step * stage.parts.dt) < TINY:
+        issue(stage, track, stage.step, office.scene, driver, stage.parts.tracker.estimate(office.belief))
+
+
+def _step(office: _Office) -> Waiting:
+    """One step at the main node: readings in, an estimate out."""
+    stage, track, head = office.stage, office.track, office.head
+    began = stage.env.now
+    told = _told(office)
+    _sample(stage, track, [head, *told])
+    yield stage.env.timeout(office.policy.sampling)
+    if stage.waker is None or stage.waker.idle:
+        listeners = yield from _ask(office, "request")
+        told = [node for node in listeners if node in stage.sensing[track.target]]
+    cluster = track.cluster = _cluster(stage, track, head, told)
+    track.clusters[-1].members = max(track.clusters[-1].members, cluster.size)
+    driver = _driver(office, cluster)
+    office.scene = cluster.scene(stage.step - office.last)
+    office.belief = yield from driver.perform(stage.parts.tracker.step(office.belief, office.scene))
+    office.last, office.heard = stage.step, driver.heard
+    if driver.readings:
+        office.fixed_at = began
+        issue(stage, track, stage.step, office.scene, driver, stage.parts.tracker.estimate(office.belief))
+        snapshot(stage, track, cluster, office.belief, stage.step)
+    elif began - office.fixed_at > office.policy.patience + TINY:
+        raise TrackLost("no_readings")
+
+
+def _told(office: _Office) -> list[int]:
+    """Who tracks at this step, having been told, and can."""
+    waking, stage = office.track.waking, office.stage
+    if waking is None or waking.message.step != stage.step:
+        return []
+    return [node for node in sorted(waking.tracking) if node != office.head and stage.fleet.alive[node]]
+
+
+def _ask(office: _Office, what: str) -> Generator[simpy.Event, Any, list[int]]:
+    """Broadcast a word about the target; who heard it."""
+    stage, head = office.stage, office.head
+    bits = stage.parts.acquire.detection_bits
+    event, (frame,) = stage.air.broadcast([head], [Parcel(None, 1, bits, what)], office.track.target)
+    yield event
+    if not stage.fleet.alive[head]:
+        raise HeadDied
+    return [node for node in sorted(frame.heard) if stage.fleet.alive[node]]
+
+
+def _driver(office: _Office, cluster: Cluster) -> Driver:
+    window = office.policy.quiet, office.policy.cap
+    return Driver(office.stage, office.track.target, office.head, cluster.members, window)
+
+
+def _sample(stage: Stage, track: Track, nodes: list[int]) -> None:
+    """Who was told takes a reading. Where nodes look for targets all the time, that is paid for already."""
+    joules = stage.parts.energy.sense() if stage.parts.acquire.poll is None else 0.0
+    sensing, kind = stage.sensing[track.target], KIND["sense"]
+    for node in nodes:
+        spent = stage.fleet.spend(node, CAUSE["sense"], joules) if joules else 0.0
+        if spent or node in sensing:
+            what = stage.journal.code("" if node in sensing else "nothing")
+            cause = EVENT_CAUSE["sense" if spent else "none"]
+            stage.journal.add((stage.env.now, stage.step, track.target, node, kind, what, 0, 0, -1, 0, 0, spent, cause))
+
+
+def _move_on(office: _Office) -> Generator[simpy.Event, Any, bool]:
+    """Have nodes woken for the next step, and wait for it; whether another main node has taken over.
+
+    Where the next main node wakes them, it is told at once; else the present one wakes them, and gives way at the step.
+    """
+    stage, track, head = office.stage, office.track, office.head
+    assert office.scene is not None, "a step, or an acquisition, went before"
+    if stage.parts.wakeup.mechanism == "region" and office.policy.main == "prediction":
+        successor = _nearest(stage, predicted(stage, track, office.belief, office.scene))
+    elif office.policy.main == "detection":
+        successor = _loudest(office)
+    else:
+        successor = head
+    if successor is None:
+        raise TrackLost("empty_region")
+    if successor != head:
+        yield from _hand_over(office, successor, looks_ahead=True)
+        return True
+    look_ahead(stage, track, head, office.belief, office.scene)
+    yield track.tick
+    return (yield from _give_way(office))
+
+
+def _give_way(office: _Office) -> Generator[simpy.Event, Any, bool]:
+    """At the step's instant: whether another of those who were woken for it is main node now."""
+    stage, track = office.stage, office.track
+    waking = track.waking
+    if office.policy.main != "prediction" or waking is None or waking.message.step != stage.step:
+        return False
+    able = [node for node in sorted(waking.tracking) if stage.able(node)]
+    if not able:
+        raise TrackLost("expired" if waking.expired else "nobody_woken")
+    positions = stage.fleet.positions[np.array(able)]
+    away = ((positions - np.array(waking.message.centre)) ** 2).sum(axis=1)
+    successor = able[int(np.argmin(away))]
+    if successor == office.head:
+        return False
+    if stage.parts.wakeup.carries_belief and isinstance(stage.parts.tracker, Portable):
+        _appoint(office, Mission(office.last, waking.tracking[successor].belief, at_once=True), successor)
+    else:
+        yield from _hand_over(office, successor, looks_ahead=False)
+    return True
+
+
+def _nearest(stage: Stage, point: Any) -> int | None:
+    """The living node nearest to a point, if it is in the sensors' reach of it."""
+    near = stage.fleet.tree.query_ball_point(point, stage.parts.sensor.reach)
+    able = [node for node in near if stage.able(node)]
+    if not able:
+        return None
+    away = ((stage.fleet.positions[np.array(able)] - point) ** 2).sum(axis=1)
+    return min(zip(away.tolist(), able, strict=True))[1]
+
+
+def _loudest(office: _Office) -> int:
+    """Who has read the target nearest of those whose readings came; the main node itself if none came."""
+    stage, sensor = office.stage, office.stage.parts.sensor
+    able = {node: reading for node, reading in (office.heard or {}).items() if stage.able(node)}
+    if not able:
+        return office.head
+    strength = sensor.strength if isinstance(sensor, Ranks) else float
+    return min(able, key=lambda node: (-strength(able[node]), node))
+
+
+def _hand_over(office: _Office, successor: int, looks_ahead: bool) -> Waiting:
+    """Send the belief to the next main node. If it does not arrive, the track is lost."""
+    stage, track, head = office.stage, office.track, office.head
+    assert office.scene is not None, "a step, or an acquisition, went before"
+    driver = _driver(office, _cluster(stage, track, head, []))
+    stage.log("handover", track.target, head, peer=successor)
+    belief = yield from driver.perform(stage.parts.tracker.hand_over(office.belief, office.scene, successor))
+    if belief is None or not stage.fleet.alive[successor]:
+        raise TrackLost("handover_lost")
+    mission = Mission(office.last, belief, at_once=True, looks_ahead=looks_ahead)
+    mission.hops, mission.bits = driver.hops, driver.bits
+    _appoint(office, mission, successor)
+
+
+def _appoint(office: _Office, mission: Mission, successor: int) -> None:
+    stage, track, crew = office.stage, office.track, office.crew
+    until = stage.parts.until_clusters
+    if until is not None and len(track.clusters) >= until:
+        crew.end_run()
+        return
+    if stage.parts.wakeup.carries_belief and not mission.hops:
+        stage.log("handover", track.target, office.head, "message", peer=successor)
+    track.handovers += 1
+    mission.previous_head, mission.fixed_at = office.head, office.fixed_at
+    dissolve(stage, crew, track)
+    crew.appoint(track, successor, mission)

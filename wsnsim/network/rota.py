@@ -1,0 +1,111 @@
+"""Who is awake: by its schedule of sleep, or held awake because it has something to do.
+
+    rota.hears(ids, since) -> (n,)      rota.is_awake(node)      rota.note(node, mode)      rota.forgone()
+
+Nothing is done when a node that follows its schedule wakes: its schedule is a function of time. What is kept is who is
+*off* its schedule, held awake or down, what of its schedule it has left out by that, and what was last looked up.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import simpy
+
+from wsnsim.base.arrays import Bools, Floats, Ints, Keys
+from wsnsim.base.radio import Mode
+from wsnsim.base.sleeping import SleepSchedule
+
+
+class Rota:
+    """The schedules of all nodes. `keys` (N,): a counter key each."""
+
+    def __init__(self, env: simpy.Environment, schedule: SleepSchedule, keys: Keys) -> None:
+        self._env = env
+        self._schedule = schedule
+        self._keys = keys
+        self._held = np.zeros(keys.size, dtype=np.bool_)
+        self._since = np.zeros(keys.size)
+        self._awake = np.zeros(keys.size, dtype=np.bool_)
+        self._from, self._until = np.zeros(keys.size), np.zeros(keys.size)
+        self._off: dict[int, float] = {}
+        self._forgone = [0.0, 0.0, 0.0]
+        self._held_seconds = 0.0
+
+    def hears(self, ids: Ints, since: float) -> Bools:
+        """(n,) who has been listening since an instant of the past: by schedule then, or held awake since before.
+
+        A radio that is receiving when its schedule ends receives the frame to its end.
+        """
+        awake = self._by_schedule(ids, since)
+        held: Bools = self._held[ids]
+        return awake | (held & (self._since[ids] <= since)) if held.any() else awake
+
+    def _by_schedule(self, ids: Ints, time: float) -> Bools:
+        """(n,) whose schedule says that they are awake: looked up anew only where that may have changed."""
+        known = (self._from[ids] <= time) & (time < self._until[ids])
+        if not known.all():
+            stale = ids[~known]
+            keys = self._keys[stale]
+            self._awake[stale] = self._schedule.awake(keys, time)
+            self._from[stale], self._until[stale] = self._schedule.span(keys, time)
+        awake: Bools = self._awake[ids]
+        return awake
+
+    def is_awake(self, node: int) -> bool:
+        """Whether a living node is awake now."""
+        return bool(self._held[node]) or self.scheduled(node) is Mode.AWAKE
+
+    def scheduled(self, node: int) -> Mode:
+        """What a node's schedule says now: AWAKE or ASLEEP."""
+        return Mode.AWAKE if self._by_schedule(np.array([node]), self._env.now)[0] else Mode.ASLEEP
+
+    def next_change(self, node: int) -> float:
+        """When the schedule of a node may next say otherwise."""
+        return float(self._schedule.span(self._keys[node : node + 1], self._env.now)[1][0])
+
+    def note(self, node: int, mode: Mode) -> None:
+        """A node leaves its schedule (held awake, or down), or follows it again."""
+        now = self._env.now
+        if node in self._off:
+            since = self._off.pop(node)
+            self._forgone = [sum(pair) for pair in zip(self._forgone, self._left_out([node], [since]), strict=True)]
+            if self._held[node]:
+                self._held_seconds += now - since
+        if mode is not Mode.SCHEDULED:
+            self._off[node] = now
+        self._held[node] = mode in (Mode.AWAKE, Mode.DORMANT)
+        self._since[node] = now
+
+    def awake_seconds(self, nodes: Ints, since: Floats) -> Floats:
+        """(n,) seconds that nodes' schedules keep them awake from then until now."""
+        return self._schedule.awake_seconds(self._keys[nodes], since, self._env.now)
+
+    def switches(self, nodes: Ints, since: Floats) -> Floats:
+        """(n,) how often nodes' schedules change from then until now."""
+        return self._schedule.switches(self._keys[nodes], since, self._env.now)
+
+    def most_switches(self, until: float) -> float:
+        """How often a node changes at most until then."""
+        return float(self._schedule.switches(self._keys, np.zeros(self._keys.size), until).max(initial=0.0))
+
+    def profile(self, times: Floats) -> tuple[Floats, Floats]:
+        """Of all nodes, if all followed their schedules: awake seconds until each time, and switches, both (T,)."""
+        return self._schedule.profile(self._keys, times)
+
+    def forgone(self) -> tuple[float, float, float]:
+        """What nodes off their schedules have left out of them until now: (awake seconds, switches, seconds in all)."""
+        out = self._left_out(list(self._off), list(self._off.values()))
+        return tuple(past + now for past, now in zip(self._forgone, out, strict=True))  # type: ignore[return-value]
+
+    def awake_fraction(self, until: float) -> float:
+        """The share of all nodes' time from 0 to `until`, which is now, that they were awake."""
+        held = sum(until - since for node, since in self._off.items() if self._held[node])
+        scheduled = float(self.profile(np.array([until]))[0][0]) - self.forgone()[0]
+        return (scheduled + self._held_seconds + held) / (self._keys.size * until) if until else 0.0
+
+    def _left_out(self, nodes: list[int], since: list[float]) -> tuple[float, float, float]:
+        if not nodes:
+            return 0.0, 0.0, 0.0
+        ids, starts = np.array(nodes, dtype=np.int64), np.array(since)
+        passed = self._env.now * len(nodes) - float(starts.sum())
+        return float(self.awake_seconds(ids, starts).sum()), float(self.switches(ids, starts).sum()), passed

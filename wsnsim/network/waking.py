@@ -1,0 +1,245 @@
+"""How nodes ahead of a target are woken: messages on the radio, and calls on the wake-up radio. Paid for, and logged.
+
+    waker.start(track, node, message) -> Waking      what came of it is noted there while the clock goes on
+
+What a node does about a message is the wake-up protocol's pure rule; here it is done. A call on the wake-up radio
+reaches whoever sleeps within the radio's reach, undisturbed by anything else (our choice: a channel of its own), and
+carries the message. A node knows which of its neighbours sleep, and hears whom the others call (our choice).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+import simpy
+
+from wsnsim.base.asks import Parcel
+from wsnsim.base.rng import derive, derive_all, uniforms
+from wsnsim.base.sleeping import Decision, Message
+from wsnsim.base.tables import EVENT_CAUSE, KIND
+from wsnsim.network.stage import Stage
+from wsnsim.network.track import Track
+
+CALL, CALLED, DROP = KIND["call"], KIND["called"], KIND["drop"]
+NONE, TX, RX = EVENT_CAUSE["none"], EVENT_CAUSE["tx"], EVENT_CAUSE["rx"]
+WORDS = {"flood": "track", "region": "announce", "invite": "invitation"}
+"""What the log calls the message of each mechanism."""
+
+
+@dataclass(slots=True)
+class Waking:
+    """One message that wakes nodes for a step, and what came of it.
+
+    `tracking`: who tracks for that step, with the copy that it heeded. `calling`: who is being called, or was.
+    `sequence`: of its frames on the air.
+    """
+
+    message: Message
+    node: int
+    time: float
+    foreseen: bool
+    tracking: dict[int, Message] = field(default_factory=dict)
+    calling: set[int] = field(default_factory=set)
+    sequence: int = 0
+    forwards: int = 0
+    called: int = 0
+    expired: int = 0
+    woken: int = 0
+    ineffective: int = 0
+
+
+class Waker:
+    """The wake-up protocol of a run. `watch(node, target, until)` keeps a node awake; `relax(node, target)` lets it go.
+
+    `key`: of the draws that nodes make.
+    """
+
+    def __init__(
+        self,
+        stage: Stage,
+        key: int,
+        watch: Callable[[int, int, float], None],
+        relax: Callable[[int, int], None],
+    ) -> None:
+        self._stage = stage
+        self._key = key
+        self._watch = watch
+        self._relax = relax
+        self._protocol = stage.parts.wakeup
+        self._seen: dict[tuple[int, int, int], float] = {}
+        rate = getattr(stage.parts.mac, "rate", None)
+        self._call_bits = None if rate is None else max(1, round(rate * self._protocol.call))
+        self.sequence = 0
+
+    @property
+    def idle(self) -> bool:
+        """Whether nobody is ever woken."""
+        return self._protocol.mechanism == "none"
+
+    def start(self, track: Track, node: int, message: Message, foreseen: bool) -> Waking:
+        """Send a message on its way; it goes on by itself."""
+        waking = Waking(message, node, self._stage.env.now, foreseen)
+        track.waking = waking
+        track.wakings.append(waking)
+        self._forget()
+        if self._protocol.mechanism == "invite":
+            self._track(waking, node, message)
+            sleepers = self._sleepers(node, message, everywhere=True) - waking.calling
+            self._call(waking, node, message, sleepers, lambda: self._broadcast(waking, node, message))
+        else:
+            self._heed(waking, node, message)
+            self._broadcast(waking, node, message)
+        return waking
+
+    def rouse(self, node: int, to: int, target: int) -> simpy.Event:
+        """Call one sleeping neighbour; the event fires when it is awake."""
+        done = self._stage.env.event()
+
+        def awake(_: Sequence[int]) -> None:
+            done.succeed()
+
+        self._ring(node, [to], target, 1, awake)
+        return done
+
+    def _broadcast(self, waking: Waking, node: int, message: Message, relayed: bool = False) -> None:
+        """One copy on the air; whoever hears it heeds it."""
+        stage = self._stage
+        if not stage.fleet.alive[node]:
+            return
+        copy = replace(message, sender=node, place=(stage.fleet.x[node], stage.fleet.y[node]))
+        parcel = Parcel(copy, 1, copy.bits, WORDS[self._protocol.mechanism])
+        event, (frame,) = stage.air.broadcast([node], [parcel], copy.target, waking.sequence if relayed else 0, relayed)
+        waking.forwards += relayed
+
+        def heard(_: Any) -> None:
+            waking.sequence = waking.sequence or frame.sequence
+            for listener in sorted(frame.heard):
+                self._heed(waking, listener, copy)
+
+        assert event.callbacks is not None
+        event.callbacks.append(heard)
+
+    def _heed(self, waking: Waking, node: int, message: Message) -> None:
+        """What a node does about a copy of the message that has reached it."""
+        stage = self._stage
+        if not stage.fleet.alive[node]:
+            return
+        place = stage.fleet.x[node], stage.fleet.y[node]
+        known = (node, message.target, message.sequence)
+        decision = self._protocol.decide(
+            place, message, known in self._seen, stage.env.now, self._chance(node, message)
+        )
+        if decision is Decision.DROP:
+            waking.expired += 1
+            self._log(DROP, node, message.target, "expired", message.sender, waking.sequence)
+        elif decision is Decision.TRACK:
+            self._seen[known] = message.expires
+            self._track(waking, node, message)
+            if self._protocol.mechanism != "invite":
+                self._call(waking, node, message, self._sleepers(node, message) - waking.calling)
+        elif decision is Decision.FORWARD:
+            self._seen[known] = message.expires
+            self._broadcast(waking, node, message, relayed=True)
+        elif node not in waking.tracking:
+            self._relax(node, message.target)
+
+    def _track(self, waking: Waking, node: int, message: Message) -> None:
+        waking.tracking[node] = message
+        self._watch(node, message.target, message.due + self._protocol.wait)
+
+    def _sleepers(self, node: int, message: Message, everywhere: bool = False) -> set[int]:
+        """The sleeping neighbours of a node in the message's region, or everywhere."""
+        stage, fleet = self._stage, self._stage.fleet
+        if fleet.rota is None:
+            return set()
+        ids = stage.air.audience(node)
+        apart = fleet.positions[ids] - np.array(message.centre)
+        inside = (apart[:, 0] ** 2 + apart[:, 1] ** 2 < message.radius**2) | everywhere
+        asleep = inside & fleet.living[ids] & ~fleet.hears(ids, stage.env.now)
+        return set(ids[asleep].tolist())
+
+    def _call(
+        self, waking: Waking, node: int, message: Message, sleepers: set[int], then: Callable[[], None] | None = None
+    ) -> None:
+        """Call sleepers together, who then heed the message; `then` follows."""
+        waking.calling |= sleepers
+        waking.called += len(sleepers)
+
+        def awake(woken: Sequence[int]) -> None:
+            for one in woken:
+                if self._protocol.mechanism != "invite":
+                    self._heed(waking, one, replace(message, sender=node))
+            if then is not None:
+                then()
+
+        if sleepers:
+            self._ring(node, sorted(sleepers), message.target, message.bits, awake)
+        elif then is not None:
+            then()
+
+    def _ring(
+        self, node: int, sleepers: Sequence[int], target: int, bits: int, awake: Callable[[Sequence[int]], None]
+    ) -> None:
+        """A call on the wake-up radio: both ends pay for its time, and who was called is awake at its end."""
+        stage = self._stage
+        event = stage.env.timeout(self._protocol.call)
+        assert event.callbacks is not None
+        event.callbacks.append(lambda _: awake(self._rung(node, sleepers, target, self._call_bits or bits)))
+
+    def _rung(self, node: int, sleepers: Iterable[int], target: int, bits: int) -> list[int]:
+        stage, fleet, energy = self._stage, self._stage.fleet, self._stage.parts.energy
+        if not fleet.alive[node]:
+            return []
+        electronics, amplifier = energy.transmit(bits, fleet.reach)
+        sent = fleet.spend_transmit(node, electronics, amplifier, bits, self._protocol.call)
+        joules = (electronics + amplifier) * sent / bits
+        self._log(CALL, node, target, "", -1, 0, sent, joules, TX)
+        woken = []
+        for one in sleepers if sent == bits else ():
+            if not fleet.alive[one]:
+                continue
+            cost = energy.receive(bits)
+            paid = fleet.spend_receive(one, cost, bits)
+            self._log(CALLED, one, target, "", node, 0, paid, cost * paid / bits, RX)
+            if fleet.alive[one]:
+                self._watch(one, target, stage.env.now + self._protocol.wait)
+                woken.append(one)
+        return woken
+
+    def _chance(self, node: int, message: Message) -> float:
+        """A node's uniform draw for a message, on [0, 1)."""
+        key = derive(self._key, message.target, message.step)
+        return float(uniforms(derive_all(key, np.array([node])), 0)[0])
+
+    def _forget(self) -> None:
+        """Messages that have expired need not be known any more: their sequence number may come again."""
+        now = self._stage.env.now
+        if self._seen and min(self._seen.values()) < now:
+            self._seen = {known: expires for known, expires in self._seen.items() if expires >= now}
+
+    def _log(
+        self, kind: int, node: int, target: int, what: str, peer: int, sequence: int, bits: int = 0,
+        joules: float = 0.0, cause: int = NONE,
+    ) -> None:  # fmt: skip
+        stage = self._stage
+        code = stage.journal.code(what)
+        stage.journal.add(
+            (
+                stage.env.now,
+                stage.step,
+                target,
+                node,
+                kind,
+                code,
+                0,
+                sequence,
+                peer,
+                1 if bits else 0,
+                bits,
+                joules,
+                cause,
+            )
+        )
