@@ -32,16 +32,17 @@ class SleepSchedule(Protocol):
         """(n,) who is awake at a time >= 0; a change counts from its instant on."""
         ...
 
-    def span(self, keys: Keys, time: float) -> tuple[Floats, Floats]:
-        """A time span [from (n,), until (n,)) around `time` in which each node neither falls asleep nor wakes."""
+    def state(self, keys: Keys, time: float) -> tuple[Bools, Floats, Floats]:
+        """Who is awake at a time (n,), and the span [from (n,), until (n,)) about it in which that does not change.
+
+        Neither end need be a change: the span may be shorter than it could be.
+        """
         ...
 
-    def awake_seconds(self, keys: Keys, since: Floats, until: float) -> Floats:
-        """(n,) seconds that each node is awake in [since, until), since (n,)."""
-        ...
-
-    def switches(self, keys: Keys, since: Floats, until: float) -> Floats:
-        """(n,) how often each node falls asleep or wakes in (since, until], since (n,)."""
+    def tally(self, keys: Keys, since: Floats, until: float) -> tuple[Floats, Floats]:
+        """(n,) seconds that each node is awake in [since, until), and how often it falls asleep or wakes in
+        (since, until]; since (n,).
+        """
         ...
 
     def profile(self, keys: Keys, times: Floats) -> tuple[Floats, Floats]:

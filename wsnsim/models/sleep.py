@@ -1,6 +1,6 @@
 """Which nodes sense and listen when: schedules that are functions of time, and of a counter key a node.
 
-    awake(keys (n,), time) -> (n,)      awake_seconds(keys, since (n,), until) -> (n,)      profile(keys, times (T,))
+    awake(keys (n,), time) -> (n,)      tally(keys, since (n,), until) -> seconds awake, changes      profile(keys, times)
 
 Nothing is stored, and nobody polls a schedule: a node's awake time over any span is looked up, or summed, when somebody
 asks. Times in s, from 0 on.
@@ -37,17 +37,13 @@ class _NeverAsleep:
         """(n,) everybody."""
         return np.ones(len(keys), dtype=np.bool_)
 
-    def span(self, keys: Keys, time: float) -> tuple[Floats, Floats]:
-        """All of the time."""
-        return np.zeros(len(keys)), np.full(len(keys), math.inf)
+    def state(self, keys: Keys, time: float) -> tuple[Bools, Floats, Floats]:
+        """Everybody, all of the time."""
+        return np.ones(len(keys), dtype=np.bool_), np.zeros(len(keys)), np.full(len(keys), math.inf)
 
-    def awake_seconds(self, keys: Keys, since: Floats, until: float) -> Floats:
-        """(n,) all of the time."""
-        return until - np.asarray(since, dtype=np.float64)
-
-    def switches(self, keys: Keys, since: Floats, until: float) -> Floats:
-        """(n,) none."""
-        return np.zeros(len(keys))
+    def tally(self, keys: Keys, since: Floats, until: float) -> tuple[Floats, Floats]:
+        """(n,) seconds awake: all; and changes: none."""
+        return until - np.asarray(since, dtype=np.float64), np.zeros(len(keys))
 
     def profile(self, keys: Keys, times: Floats) -> tuple[Floats, Floats]:
         """Awake seconds of all nodes until each time (T,), and switches: none."""
@@ -81,30 +77,24 @@ class _Periodic:
 
     def awake(self, keys: Keys, time: float) -> Bools:
         """(n,) who is awake at a time."""
-        periods, into = self._place(keys, time)
-        return self._on(keys, periods) & (into < self._length)
+        return self.state(keys, time)[0]
 
-    def span(self, keys: Keys, time: float) -> tuple[Floats, Floats]:
-        """Each node's part of a period, awake or asleep, that a time falls into: from (n,), until (n,)."""
+    def state(self, keys: Keys, time: float) -> tuple[Bools, Floats, Floats]:
+        """Who is awake (n,), and each node's part of a period that a time falls into: from (n,), until (n,)."""
         periods, into = self._place(keys, time)
-        start = self._phases(keys) + (periods - 1) * self.period
-        late = into >= self._length
-        return np.where(late, start + self._length, start), np.where(late, start + self.period, start + self._length)
+        start, late = time - into, into >= self._length
+        since = np.where(late, start + self._length, start)
+        return self._on(keys, periods) & ~late, since, np.where(late, start + self.period, start + self._length)
 
-    def awake_seconds(self, keys: Keys, since: Floats, until: float) -> Floats:
-        """(n,) seconds awake in [since, until)."""
-        seconds = np.zeros(len(keys))
-        for nodes, starts in self._spells(keys, since, until):
+    def tally(self, keys: Keys, since: Floats, until: float) -> tuple[Floats, Floats]:
+        """(n,) seconds awake in [since, until), and changes in (since, until]."""
+        seconds, changes, count = np.zeros(len(keys)), np.zeros(len(keys)), len(keys)
+        for nodes, starts, on, before in self._history(keys, since, until):
             spell = np.minimum(starts + self._length, until) - np.maximum(starts, since[nodes])
-            seconds += np.bincount(nodes, np.maximum(spell, 0.0), len(keys))
-        return seconds
-
-    def switches(self, keys: Keys, since: Floats, until: float) -> Floats:
-        """(n,) changes in (since, until]."""
-        changes = np.zeros(len(keys))
-        for nodes, times in self._changes(keys, since, until):
-            changes += np.bincount(nodes[(times > since[nodes]) & (times <= until)], minlength=len(keys))
-        return changes
+            seconds += np.bincount(nodes[on], np.maximum(spell[on], 0.0), count)
+            for who, times in self._changes(nodes, starts, on, before):
+                changes += np.bincount(who[(times > since[who]) & (times <= until)], minlength=count)
+        return seconds, changes
 
     def profile(self, keys: Keys, times: Floats) -> tuple[Floats, Floats]:
         """Of all nodes together until each of the ascending times (T,): awake seconds and switches, both (T,).
@@ -112,12 +102,11 @@ class _Periodic:
         Each beginning and end of a spell is sorted into its interval once: the cost does not grow with T.
         """
         awake, switches, until = np.zeros(times.size), np.zeros(times.size), float(times[-1]) if times.size else 0.0
-        since = np.zeros(len(keys))
-        for _, starts in self._spells(keys, since, until):
-            awake += _ramps(np.maximum(starts, 0.0), times) - _ramps(starts + self._length, times)
-        for _, changes in self._changes(keys, since, until):
-            at = np.searchsorted(times, changes[changes > 0.0], side="left")
-            switches += np.cumsum(np.bincount(at, minlength=times.size + 1))[: times.size]
+        for nodes, starts, on, before in self._history(keys, np.zeros(len(keys)), until):
+            awake += _ramps(np.maximum(starts[on], 0.0), times) - _ramps(starts[on] + self._length, times)
+            for _, changes in self._changes(nodes, starts, on, before):
+                at = np.searchsorted(times, changes[changes > 0.0], side="left")
+                switches += np.cumsum(np.bincount(at, minlength=times.size + 1))[: times.size]
         return awake, switches
 
     def faults(self, parts: Common) -> Iterator[Fault]:
@@ -139,33 +128,31 @@ class _Periodic:
         periods = np.floor(passed / self.period * (1.0 + ROUNDING)).astype(np.int64)
         return periods, np.maximum(passed - periods * self.period, 0.0)
 
-    def _grid(self, keys: Keys, since: Floats, until: float) -> Iterator[tuple[Ints, Ints]]:
-        """(nodes, periods), all pairs that overlap [since, until], in chunks."""
-        first, last = self._place(keys, 0.0)[0], self._place(keys, until)[0]
-        first = np.floor((since - self._phases(keys) + self.period) / self.period).astype(np.int64)
+    def _history(self, keys: Keys, since: Floats, until: float) -> Iterator[tuple[Ints, Floats, Bools, Bools]]:
+        """Every period of every node that overlaps [since, until], node by node, in chunks.
+
+        (nodes, when the period begins, whether the node is awake in it, whether it was in the one before), (M,) each.
+        """
+        phases = self._phases(keys)
+        first = np.floor((since - phases + self.period) / self.period).astype(np.int64)
+        last = np.floor((until - phases + self.period) / self.period).astype(np.int64)
         counts = np.maximum(last - first + 1, 0)
-        for begin in _chunks(counts):
-            chosen = np.arange(begin.start, begin.stop)
-            nodes = np.repeat(chosen, counts[begin])
-            within = np.arange(nodes.size) - np.repeat(np.cumsum(counts[begin]) - counts[begin], counts[begin])
-            yield nodes, first[nodes] + within
-
-    def _spells(self, keys: Keys, since: Floats, until: float) -> Iterator[tuple[Ints, Floats]]:
-        """(nodes, starts) of the periods in which nodes are awake."""
-        for nodes, periods in self._grid(keys, since, until):
+        for chunk in _chunks(counts):
+            nodes = np.repeat(np.arange(chunk.start, chunk.stop), counts[chunk])
+            begins = np.cumsum(counts[chunk]) - counts[chunk]
+            periods = first[nodes] + np.arange(nodes.size) - np.repeat(begins, counts[chunk])
             on = self._on(keys[nodes], periods)
-            nodes, periods = nodes[on], periods[on]
-            yield nodes, self._phases(keys)[nodes] + (periods - 1) * self.period
+            before = np.concatenate((on[:1], on[:-1]))
+            leading = begins[counts[chunk] > 0]
+            before[leading] = self._on(keys[nodes[leading]], periods[leading] - 1)
+            yield nodes, phases[nodes] + (periods - 1) * self.period, on, before
 
-    def _changes(self, keys: Keys, since: Floats, until: float) -> Iterator[tuple[Ints, Floats]]:
+    def _changes(self, nodes: Ints, starts: Floats, on: Bools, before: Bools) -> Iterator[tuple[Ints, Floats]]:
         """(nodes, times) at which nodes fall asleep or wake."""
-        for nodes, periods in self._grid(keys, since, until):
-            own, starts = keys[nodes], self._phases(keys)[nodes] + (periods - 1) * self.period
-            on, before = self._on(own, periods), self._on(own, periods - 1)
-            if self._length < self.period:
-                yield nodes[on], starts[on]
-                yield nodes[on], starts[on] + self._length
-                continue
+        if self._length < self.period:
+            yield nodes[on], starts[on]
+            yield nodes[on], starts[on] + self._length
+        else:
             yield nodes[on != before], starts[on != before]
 
     def _phases(self, keys: Keys) -> Floats:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import simpy
 
-from wsnsim.base.arrays import Bools, Ints
+from wsnsim.base.arrays import Bools
 from wsnsim.base.asks import Parcel, all_arrived
 from wsnsim.base.tables import EVENT_CAUSE, KIND
 from wsnsim.network.fleet import Fleet
@@ -22,7 +22,7 @@ from wsnsim.network.journal import Journal
 from wsnsim.network.mac import Access
 from wsnsim.network.medium import EVERYONE, Frame, burst
 from wsnsim.network.routing import Router
-from wsnsim.network.wiring import Wiring
+from wsnsim.network.wiring import Audience, Wiring
 
 
 @dataclass(slots=True)
@@ -88,9 +88,9 @@ class Air:
             frame.sequence, frame.relayed = sequence, relayed
         return self._mac.send(frames), frames
 
-    def audience(self, node: int) -> Ints:
-        """Ids of who may hear a node, ascending, the dead included."""
-        return self._wiring.audience(node).ids
+    def audience(self, node: int) -> Audience:
+        """Who may hear a node, the dead included."""
+        return self._wiring.audience(node)
 
     def _one_hop(self, letters: list[Letter], target: int, hub: int | None) -> simpy.Event:
         frames = [burst(item.source, item.to, item.parcel, target) for item in letters]

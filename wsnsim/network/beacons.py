@@ -61,7 +61,7 @@ class BeaconWorld:
         if recorder.wants("links"):
             self._mac.count_links()
         fleet.on_death = self._bury
-        self._costs = StepCosts(env, fleet)
+        self._costs = StepCosts(env, fleet, recorder)
         self._beacons = 0
         self._code = self._journal.code("beacon")
         phases = uniforms(derive_all(streams.key("beacons"), np.arange(fleet.size)), 0)

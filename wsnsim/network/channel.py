@@ -90,9 +90,9 @@ class Channel:
         costs = self._cost(message, source)
         counts.numbers += 1
         end = start + costs[3]
-        left, joules = self._fleet.left(source), costs[0] + costs[1]
-        if joules >= left:
-            end = start + costs[3] * left / joules
+        joules = costs[0] + costs[1]
+        if not self._fleet.holds_more(source, joules):
+            end = start + costs[3] * self._fleet.left(source) / joules
         one = Transmission(source, message, self._wiring.audience(source), counts.numbers, start, end, owner, landed)
         one.costs, one.asleep = costs, asleep
         near = self._around.get(source) or self._near(source)

@@ -12,7 +12,8 @@ from wsnsim.network.fleet import Fleet
 class StepCosts:
     """The fleet's totals, cut at the ends of steps."""
 
-    def __init__(self, env: simpy.Environment, fleet: Fleet) -> None:
+    def __init__(self, env: simpy.Environment, fleet: Fleet, recorder: Recorder) -> None:
+        self._wanted = recorder.wants("energy_steps")
         self._env = env
         self._fleet = fleet
         self._totals: list[list[float]] = [fleet.totals_now()[:]]
@@ -21,20 +22,23 @@ class StepCosts:
 
     def close(self, step: int) -> None:
         """Note what has been spent until now: what was spent since the last call are the costs of this step."""
+        if not self._wanted:
+            return
         self._totals.append(self._fleet.totals_now()[:])
         self._steps.append(step)
         self._times.append(self._env.now)
 
     def end(self, step: int) -> None:
         """Settle the fleet, and close the last step."""
-        scheduled = self._fleet.scheduled_totals(np.array(self._times))
-        self._totals = (np.array(self._totals) + scheduled).tolist()
+        if self._wanted:
+            scheduled = self._fleet.scheduled_totals(np.array(self._times))
+            self._totals = (np.array(self._totals) + scheduled).tolist()
         self._fleet.close()
         self.close(step)
 
     def write(self, replicate: int, dt: float, recorder: Recorder) -> None:
         """Write the table, if it is wanted. Rows of zero are left out."""
-        if not recorder.wants("energy_steps"):
+        if not self._wanted:
             return
         spent = np.diff(np.array(self._totals), axis=0)
         rows, causes = np.nonzero(spent)

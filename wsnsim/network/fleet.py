@@ -19,14 +19,12 @@ from wsnsim.base.problem import Parts, Radio
 from wsnsim.base.radio import Draws, Mode
 from wsnsim.base.rng import derive_all
 from wsnsim.base.tables import CAUSE, CAUSES
-from wsnsim.network.drain import Drain
+from wsnsim.network.drain import FEW, Drain
 from wsnsim.network.rota import Rota
 
 ELECTRONICS, AMPLIFIER = CAUSE["tx_electronics"], CAUSE["tx_amplifier"]
 RECEIVE, IDLE, SWITCH = CAUSE["rx"], CAUSE["idle"], CAUSE["switch"]
 SPENT: Final = len(CAUSES)
-FEW: Final = 28
-"""Nodes below which a plain loop is faster than an array."""
 
 
 class Fleet:
@@ -187,7 +185,7 @@ class Fleet:
         self.totals[cause] += joules * len(listed)
         self._ceiling += joules
         if self.drain is not None:
-            self.drain.occupy_all(nodes, seconds)
+            self.drain.occupy_all(nodes, listed, seconds)
 
     def doze(self, nodes: Ints, seconds: float) -> None:
         """Nodes turn the radio off for so long, and sleep instead of listening; what turning it costs is left out."""
@@ -278,6 +276,11 @@ class Fleet:
     def spent_by(self, node: int) -> float:
         """Joules booked on a node so far."""
         return self._spent[node]
+
+    def holds_more(self, node: int, joules: float) -> bool:
+        """Whether a node has more than so much left. What time has cost it is looked up only where it may matter."""
+        most = self.drain.most if self.drain is not None else 0.0
+        return self.battery - self._spent[node] - most > joules or self.left(node) > joules
 
     def left(self, node: int) -> float:
         """Joules left in a node now."""

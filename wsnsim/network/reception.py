@@ -60,7 +60,36 @@ class Reception:
         hears = None if fleet.all_listen else fleet.hears(one.audience.ids, one.start)
         if plain and (hears is None or hears.all()):
             heard = self._receive_all(one) if one.others is None else self._part(one)
+        if heard is None and self._is_simple(one):
+            return self._to_one(one, hears)
         return self._sort_out(one, hears) if heard is None else heard
+
+    def _is_simple(self, one: Transmission) -> bool:
+        """Whether a frame is for one node, nothing disturbs it, and distance alone decides."""
+        addressed = one.message.to != EVERYONE and one.others is None and one.asleep is None
+        return addressed and self._wiring.sharp and not self._fleet.disturbed
+
+    def _to_one(self, one: Transmission, hears: Bools | None) -> Heard:
+        """Such a frame: one node has it, all others that listen overhear it. What `_sort_out` would find."""
+        message, to, ids = one.message, one.message.to, one.audience.ids
+        listening = ids if hears is None else ids[hears]
+        at = int(np.searchsorted(listening, to))
+        got = at < listening.size and int(listening[at]) == to
+        if got:
+            self._charge_group(one, listening[at : at + 1], [to], WHOLE, RECEIVE, RX)
+        others = np.concatenate((listening[:at], listening[at + got :]))
+        if others.size:
+            self._charge_group(one, others, others.tolist(), WHOLE, OVERHEAR, OVERHEARD)
+        in_range = one.audience.index(to) >= 0
+        if in_range and not got:
+            self._log_each(one, DROP, np.array([to]), 0, 0.0, NONE)
+        lives = self._fleet.alive[to]
+        got = got and lives
+        one.missed = in_range and lives and not got
+        if message.packets:
+            self.counts.in_range += in_range and lives
+            self.counts.delivered += got
+        return got
 
     def _receive_all(self, one: Transmission) -> Heard | None:
         """The common case: nothing disturbs a broadcast, and everybody lives. None if somebody may die of it."""

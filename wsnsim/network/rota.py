@@ -45,9 +45,8 @@ class Rota:
         known = (self._from[ids] <= time) & (time < self._until[ids])
         if not known.all():
             stale = ids[~known]
-            keys = self._keys[stale]
-            self._awake[stale] = self._schedule.awake(keys, time)
-            self._from[stale], self._until[stale] = self._schedule.span(keys, time)
+            found = self._schedule.state(self._keys[stale], time)
+            self._awake[stale], self._from[stale], self._until[stale] = found
         awake: Bools = self._awake[ids]
         return awake
 
@@ -61,7 +60,7 @@ class Rota:
 
     def next_change(self, node: int) -> float:
         """When the schedule of a node may next say otherwise."""
-        return float(self._schedule.span(self._keys[node : node + 1], self._env.now)[1][0])
+        return float(self._schedule.state(self._keys[node : node + 1], self._env.now)[2][0])
 
     def note(self, node: int, mode: Mode) -> None:
         """A node leaves its schedule (held awake, or down), or follows it again."""
@@ -76,17 +75,13 @@ class Rota:
         self._held[node] = mode in (Mode.AWAKE, Mode.DORMANT)
         self._since[node] = now
 
-    def awake_seconds(self, nodes: Ints, since: Floats) -> Floats:
-        """(n,) seconds that nodes' schedules keep them awake from then until now."""
-        return self._schedule.awake_seconds(self._keys[nodes], since, self._env.now)
-
-    def switches(self, nodes: Ints, since: Floats) -> Floats:
-        """(n,) how often nodes' schedules change from then until now."""
-        return self._schedule.switches(self._keys[nodes], since, self._env.now)
+    def tally(self, nodes: Ints, since: Floats) -> tuple[Floats, Floats]:
+        """(n,) seconds that nodes' schedules keep them awake from then until now, and how often they change."""
+        return self._schedule.tally(self._keys[nodes], since, self._env.now)
 
     def most_switches(self, until: float) -> float:
         """How often a node changes at most until then."""
-        return float(self._schedule.switches(self._keys, np.zeros(self._keys.size), until).max(initial=0.0))
+        return float(self._schedule.tally(self._keys, np.zeros(self._keys.size), until)[1].max(initial=0.0))
 
     def profile(self, times: Floats) -> tuple[Floats, Floats]:
         """Of all nodes, if all followed their schedules: awake seconds until each time, and switches, both (T,)."""
@@ -108,4 +103,5 @@ class Rota:
             return 0.0, 0.0, 0.0
         ids, starts = np.array(nodes, dtype=np.int64), np.array(since)
         passed = self._env.now * len(nodes) - float(starts.sum())
-        return float(self.awake_seconds(ids, starts).sum()), float(self.switches(ids, starts).sum()), passed
+        awake, switches = self.tally(ids, starts)
+        return float(awake.sum()), float(switches.sum()), passed

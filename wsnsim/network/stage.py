@@ -58,4 +58,4 @@ class Stage:
 
     def able(self, node: int) -> bool:
         """Whether a node lives and its charge exceeds the threshold (Jiang 2013, section 4, step 2)."""
-        return self.fleet.alive[node] and self.fleet.left(node) > self.threshold
+        return self.fleet.alive[node] and self.fleet.holds_more(node, self.threshold)

@@ -33,8 +33,8 @@ WORDS = {"flood": "track", "region": "announce", "invite": "invitation"}
 class Waking:
     """One message that wakes nodes for a step, and what came of it.
 
-    `tracking`: who tracks for that step, with the copy that it heeded. `calling`: who is being called, or was.
-    `sequence`: of its frames on the air.
+    `tracking`: who tracks for that step, with the copy that it heeded. `asleep`: who slept in the region when it was
+    sent, and has not been called since. `sequence`: of its frames on the air.
     """
 
     message: Message
@@ -42,7 +42,7 @@ class Waking:
     time: float
     foreseen: bool
     tracking: dict[int, Message] = field(default_factory=dict)
-    calling: set[int] = field(default_factory=set)
+    asleep: set[int] = field(default_factory=set)
     sequence: int = 0
     forwards: int = 0
     called: int = 0
@@ -85,10 +85,10 @@ class Waker:
         track.waking = waking
         track.wakings.append(waking)
         self._forget()
+        waking.asleep = self._sleepers(node, message)
         if self._protocol.mechanism == "invite":
             self._track(waking, node, message)
-            sleepers = self._sleepers(node, message, everywhere=True) - waking.calling
-            self._call(waking, node, message, sleepers, lambda: self._broadcast(waking, node, message))
+            self._call(waking, node, message, lambda: self._broadcast(waking, node, message))
         else:
             self._heed(waking, node, message)
             self._broadcast(waking, node, message)
@@ -139,7 +139,7 @@ class Waker:
             self._seen[known] = message.expires
             self._track(waking, node, message)
             if self._protocol.mechanism != "invite":
-                self._call(waking, node, message, self._sleepers(node, message) - waking.calling)
+                self._call(waking, node, message)
         elif decision is Decision.FORWARD:
             self._seen[known] = message.expires
             self._broadcast(waking, node, message, relayed=True)
@@ -150,22 +150,22 @@ class Waker:
         waking.tracking[node] = message
         self._watch(node, message.target, message.due + self._protocol.wait)
 
-    def _sleepers(self, node: int, message: Message, everywhere: bool = False) -> set[int]:
-        """The sleeping neighbours of a node in the message's region, or everywhere."""
+    def _sleepers(self, node: int, message: Message) -> set[int]:
+        """Who sleeps in the message's region; where all neighbours are invited, which of them do."""
         stage, fleet = self._stage, self._stage.fleet
         if fleet.rota is None:
             return set()
-        ids = stage.air.audience(node)
-        apart = fleet.positions[ids] - np.array(message.centre)
-        inside = (apart[:, 0] ** 2 + apart[:, 1] ** 2 < message.radius**2) | everywhere
-        asleep = inside & fleet.living[ids] & ~fleet.hears(ids, stage.env.now)
+        if self._protocol.mechanism == "invite":
+            ids = stage.air.audience(node).ids
+        else:
+            ids = np.array(fleet.tree.query_ball_point(message.centre, message.radius), dtype=np.int64)
+        asleep = fleet.living[ids] & ~fleet.hears(ids, stage.env.now)
         return set(ids[asleep].tolist())
 
-    def _call(
-        self, waking: Waking, node: int, message: Message, sleepers: set[int], then: Callable[[], None] | None = None
-    ) -> None:
-        """Call sleepers together, who then heed the message; `then` follows."""
-        waking.calling |= sleepers
+    def _call(self, waking: Waking, node: int, message: Message, then: Callable[[], None] | None = None) -> None:
+        """A node calls its neighbours that sleep in the region, together; they heed the message. `then` follows."""
+        sleepers = waking.asleep & self._stage.air.audience(node).members if waking.asleep else set()
+        waking.asleep -= sleepers
         waking.called += len(sleepers)
 
         def awake(woken: Sequence[int]) -> None:
@@ -210,7 +210,9 @@ class Waker:
         return woken
 
     def _chance(self, node: int, message: Message) -> float:
-        """A node's uniform draw for a message, on [0, 1)."""
+        """A node's uniform draw for a message, on [0, 1), where anything is decided by chance."""
+        if self._protocol.mechanism != "invite":
+            return 0.0
         key = derive(self._key, message.target, message.step)
         return float(uniforms(derive_all(key, np.array([node])), 0)[0])
 

@@ -120,7 +120,7 @@ class World:
         self._faults = Faults(parts.faults, site, streams.key("faults"), parts.dt)
         self._ended = env.event()
         self._woken = np.zeros((len(truths), parts.steps + 1, 2), dtype=np.int64)
-        self._costs = StepCosts(env, fleet)
+        self._costs = StepCosts(env, fleet, recorder)
 
     def run(self, progress: Callable[[float], None] | None = None) -> Outcome:
         """Run to the end. A failure names seed, replicate and simulated time."""
