@@ -1,6 +1,6 @@
 """Which nodes sense and listen when: schedules that are functions of time, and of a counter key a node.
 
-    awake(keys (n,), time) -> (n,)      tally(keys, since (n,), until) -> seconds awake, changes      profile(keys, times)
+    awake(keys (n,), time) -> (n,)    tally(keys, since (n,), until) -> seconds awake, changes    profile(keys, times)
 
 Nothing is stored, and nobody polls a schedule: a node's awake time over any span is looked up, or summed, when somebody
 asks. Times in s, from 0 on.
@@ -22,10 +22,10 @@ from wsnsim.base.radio import Mode
 from wsnsim.base.rng import derive_each, uniforms
 
 PERIOD: Final = Quantity("s", ge=1e-2, le=1e9)
-ROUNDING: Final = 1e-12
-"""Relative: two instants that differ by less are one."""
-CHUNK: Final = 1 << 20
-"""(node, period) pairs that are looked at together."""
+MOST_PERIODS: Final = 10_000_000
+"""Of a node in a run: each is looked at when its past is told."""
+CHUNK: Final = 1 << 16
+"""(node, period) pairs that are looked at together: half a megabyte a column, which a processor's cache holds."""
 
 
 class _NeverAsleep:
@@ -81,10 +81,15 @@ class _Periodic:
 
     def state(self, keys: Keys, time: float) -> tuple[Bools, Floats, Floats]:
         """Who is awake (n,), and each node's part of a period that a time falls into: from (n,), until (n,)."""
-        periods, into = self._place(keys, time)
-        start, late = time - into, into >= self._length
-        since = np.where(late, start + self._length, start)
-        return self._on(keys, periods) & ~late, since, np.where(late, start + self.period, start + self._length)
+        phases = self._phases(keys)
+        periods = self._number(phases, time)
+        starts, following = self._start(phases, periods), self._start(phases, periods + 1)
+        on = self._on(keys, periods)
+        if not self._sleeps_within:
+            return on, starts, following
+        ends = starts + self._length
+        late = time >= ends
+        return on & ~late, np.where(late, ends, starts), np.where(late, following, ends)
 
     def tally(self, keys: Keys, since: Floats, until: float) -> tuple[Floats, Floats]:
         """(n,) seconds awake in [since, until), and changes in (since, until]."""
@@ -99,18 +104,27 @@ class _Periodic:
     def profile(self, keys: Keys, times: Floats) -> tuple[Floats, Floats]:
         """Of all nodes together until each of the ascending times (T,): awake seconds and switches, both (T,).
 
-        Each beginning and end of a spell is sorted into its interval once: the cost does not grow with T.
+        Periods are taken in the order in which they begin, so that running sums need no sorting: the cost is a hash a
+        node and period, whatever T. What lies before 0 is taken off at the end.
         """
-        awake, switches, until = np.zeros(times.size), np.zeros(times.size), float(times[-1]) if times.size else 0.0
-        for nodes, starts, on, before in self._history(keys, np.zeros(len(keys)), until):
-            awake += _ramps(np.maximum(starts[on], 0.0), times) - _ramps(starts[on] + self._length, times)
-            for _, changes in self._changes(nodes, starts, on, before):
-                at = np.searchsorted(times, changes[changes > 0.0], side="left")
-                switches += np.cumsum(np.bincount(at, minlength=times.size + 1))[: times.size]
-        return awake, switches
+        asked = np.append(0.0, times)
+        awake, switches = np.zeros(asked.size), np.zeros(asked.size)
+        for starts, on, before in self._in_order(keys, float(asked[-1])):
+            ends = starts + self._length
+            awake += _ramps(starts, on, asked) - _ramps(ends, on, asked)
+            for instants, changes in ((starts, on), (ends, on)) if self._sleeps_within else ((starts, on != before),):
+                switches += _prefixes(changes)[np.searchsorted(instants, asked, side="right")]
+        return awake[1:] - awake[0], switches[1:] - switches[0]
 
     def faults(self, parts: Common) -> Iterator[Fault]:
-        """A period so short that hardly a frame fits."""
+        """A period so short that hardly a frame fits, or that a node has too many of them in a run."""
+        lasts = parts.steps * parts.dt
+        if lasts > MOST_PERIODS * self.period:
+            yield Fault(
+                ("sleep", "period"),
+                f"a run of {lasts:g} s has {lasts / self.period:.3g} periods of {self.period:g} s; at most "
+                f"{MOST_PERIODS:,} are allowed",
+            )
         airtime = getattr(getattr(parts, "mac", None), "airtime", None)
         if airtime is None:
             return
@@ -122,11 +136,17 @@ class _Periodic:
                 f"({1000 * frame:.3g} ms) fit",
             )
 
-    def _place(self, keys: Keys, time: float) -> tuple[Ints, Floats]:
-        """The number of each node's period at a time, and the seconds since it began."""
-        passed = time - self._phases(keys) + self.period
-        periods = np.floor(passed / self.period * (1.0 + ROUNDING)).astype(np.int64)
-        return periods, np.maximum(passed - periods * self.period, 0.0)
+    def _start(self, phases: Floats, periods: Ints) -> Floats:
+        """When periods begin: the one instant that everything here compares with."""
+        starts: Floats = phases + (periods - 1) * self.period
+        return starts
+
+    def _number(self, phases: Floats, time: Floats | float) -> Ints:
+        """The number of each node's period at a time: a quotient, set right where it was rounded over an instant."""
+        periods = np.floor((time - phases) / self.period).astype(np.int64) + 1
+        periods -= self._start(phases, periods) > time
+        periods += self._start(phases, periods + 1) <= time
+        return periods
 
     def _history(self, keys: Keys, since: Floats, until: float) -> Iterator[tuple[Ints, Floats, Bools, Bools]]:
         """Every period of every node that overlaps [since, until], node by node, in chunks.
@@ -134,22 +154,40 @@ class _Periodic:
         (nodes, when the period begins, whether the node is awake in it, whether it was in the one before), (M,) each.
         """
         phases = self._phases(keys)
-        first = np.floor((since - phases + self.period) / self.period).astype(np.int64)
-        last = np.floor((until - phases + self.period) / self.period).astype(np.int64)
-        counts = np.maximum(last - first + 1, 0)
+        first = self._number(phases, since)
+        owners, first, counts = _pieces(first, np.maximum(self._number(phases, until) - first + 1, 0))
         for chunk in _chunks(counts):
-            nodes = np.repeat(np.arange(chunk.start, chunk.stop), counts[chunk])
             begins = np.cumsum(counts[chunk]) - counts[chunk]
-            periods = first[nodes] + np.arange(nodes.size) - np.repeat(begins, counts[chunk])
+            nodes = np.repeat(owners[chunk], counts[chunk])
+            periods = np.arange(nodes.size) + np.repeat(first[chunk] - begins, counts[chunk])
             on = self._on(keys[nodes], periods)
             before = np.concatenate((on[:1], on[:-1]))
             leading = begins[counts[chunk] > 0]
             before[leading] = self._on(keys[nodes[leading]], periods[leading] - 1)
-            yield nodes, phases[nodes] + (periods - 1) * self.period, on, before
+            yield nodes, self._start(phases[nodes], periods), on, before
+
+    def _in_order(self, keys: Keys, until: float) -> Iterator[tuple[Floats, Bools, Bools]]:
+        """Every period of every node that begins before `until`, in the order in which they begin, in chunks.
+
+        (when it begins, whether the node is awake in it, whether it was in the one before), (M,) each. Nodes follow
+        one another by their phases, in each round of periods anew.
+        """
+        if not keys.size:
+            return
+        phases = self._phases(keys)
+        order = np.argsort(phases)
+        keys, phases = keys[order], phases[order]
+        rounds, together = int(until // self.period) + 3, max(1, CHUNK // keys.size)
+        last = self._on(keys, np.full((1, 1), -1))
+        for begin in range(0, rounds, together):
+            periods = np.arange(begin, min(begin + together, rounds))[:, None]
+            on = np.concatenate((last, self._on(keys, periods)))
+            last = on[-1:]
+            yield self._start(phases, periods).ravel(), on[1:].ravel(), on[:-1].ravel()
 
     def _changes(self, nodes: Ints, starts: Floats, on: Bools, before: Bools) -> Iterator[tuple[Ints, Floats]]:
         """(nodes, times) at which nodes fall asleep or wake."""
-        if self._length < self.period:
+        if self._sleeps_within:
             yield nodes[on], starts[on]
             yield nodes[on], starts[on] + self._length
         else:
@@ -164,6 +202,11 @@ class _Periodic:
     @property
     def _length(self) -> float:
         raise NotImplementedError
+
+    @property
+    def _sleeps_within(self) -> bool:
+        """Whether a node falls asleep before a period of being awake is over."""
+        return self._length < self.period
 
 
 @part
@@ -182,8 +225,7 @@ class RandomIndependent(_Periodic):
         return self.period * uniforms(keys, 0)
 
     def _on(self, keys: Keys, periods: Ints) -> Bools:
-        drawn = uniforms(derive_each(keys, (periods + 1).astype(np.uint64)), 0)
-        on: Bools = drawn < self.probability
+        on: Bools = uniforms(derive_each(keys, (periods + 1).astype(np.uint64)), 0) < self.probability
         return on
 
     @property
@@ -206,23 +248,40 @@ class DutyCycle(_Periodic):
         return np.zeros(len(keys)) if self.phases == "synchronous" else self.period * uniforms(keys, 0)
 
     def _on(self, keys: Keys, periods: Ints) -> Bools:
-        return np.ones(len(keys), dtype=np.bool_)
+        return np.ones(np.broadcast_shapes(keys.shape, periods.shape), dtype=np.bool_)
 
     @property
     def _length(self) -> float:
         return self.period * self.awake_share
 
 
-def _ramps(begins: Floats, times: Floats) -> Floats:
-    """(T,) the sum over all beginnings of max(t - beginning, 0)."""
-    at = np.searchsorted(times, begins, side="left")
-    counts = np.cumsum(np.bincount(at, minlength=times.size + 1))[: times.size]
-    sums = np.cumsum(np.bincount(at, begins, times.size + 1))[: times.size]
-    return counts * times - sums
+def _prefixes(values: Floats | Bools) -> Floats:
+    """(M + 1,) the sums of the first 0, 1, ... M of the values (M,)."""
+    sums = np.zeros(values.size + 1)
+    np.cumsum(values, out=sums[1:])
+    return sums
+
+
+def _ramps(begins: Floats, counted: Bools, times: Floats) -> Floats:
+    """(T,) the sum over those of the ascending beginnings (M,) that count of max(t - beginning, 0)."""
+    at = np.searchsorted(begins, times, side="right")
+    ramps: Floats = _prefixes(counted)[at] * times - _prefixes(begins * counted)[at]
+    return ramps
+
+
+def _pieces(first: Ints, counts: Ints) -> tuple[Ints, Ints, Ints]:
+    """(owners, first, counts) of runs of numbers, cut where they are longer than a chunk."""
+    owners = np.arange(counts.size)
+    if counts.max(initial=0) <= CHUNK:
+        return owners, first, counts
+    pieces = -(-counts // CHUNK)
+    owners = np.repeat(owners, pieces)
+    skipped = CHUNK * (np.arange(owners.size) - np.repeat(np.cumsum(pieces) - pieces, pieces))
+    return owners, first[owners] + skipped, np.minimum(counts[owners] - skipped, CHUNK)
 
 
 def _chunks(counts: Ints) -> Iterator[slice]:
-    """Slices of nodes whose counts add up to no more than a chunk, or of one node."""
+    """Slices of runs whose counts add up to no more than a chunk."""
     ends = np.cumsum(counts)
     begin = 0
     while begin < counts.size:

@@ -135,7 +135,9 @@ class Node:
         if busy != self._awake:
             self._awake = busy
             fleet = self._stage.fleet
-            why = "frame" if by_frame else "target" if fleet.rota is None else "schedule"
+            why = "frame" if by_frame else "target"
+            if fleet.rota is not None and not busy:
+                why = "schedule"
             self._stage.log("wake" if busy else "sleep", target, self.index, why)
             if busy:
                 self._crew.woke(self.index, target, by_frame)

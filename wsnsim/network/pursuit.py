@@ -86,7 +86,7 @@ def _take_up(office: _Office, detected: Mapping[int, float]) -> Waiting:
     `detected`: {node: reading} of all who are awake and sense the target at this instant.
     """
     stage, track, head = office.stage, office.track, office.head
-    began, acquire = stage.env.now, stage.parts.acquire
+    began, step, acquire = stage.env.now, stage.step, stage.parts.acquire
     yield stage.env.timeout(office.policy.sampling)
     listeners = yield from _ask(office, "detection")
     answers = [letter(node, head, Parcel(detected[node], 1, acquire.answer_bits, "reading"))
@@ -104,16 +104,16 @@ def _take_up(office: _Office, detected: Mapping[int, float]) -> Waiting:
     office.scene.time = began
     office.belief = yield from driver.perform(stage.parts.tracker.start(prior, office.scene))
     driver.readings = len(readings)
-    office.heard, office.fixed_at, office.last = readings, began, stage.step
+    office.heard, office.fixed_at, office.last = readings, began, step
     count_start(stage, track, head)
-    if abs(began - stage.step * stage.parts.dt) < TINY:
-        issue(stage, track, stage.step, office.scene, driver, stage.parts.tracker.estimate(office.belief))
+    if abs(began - step * stage.parts.dt) < TINY:
+        issue(stage, track, step, office.scene, driver, stage.parts.tracker.estimate(office.belief))
 
 
 def _step(office: _Office) -> Waiting:
     """One step at the main node: readings in, an estimate out."""
     stage, track, head = office.stage, office.track, office.head
-    began = stage.env.now
+    began, step = stage.env.now, stage.step
     told = _told(office)
     _sample(stage, track, [head, *told])
     yield stage.env.timeout(office.policy.sampling)
@@ -125,11 +125,11 @@ def _step(office: _Office) -> Waiting:
     driver = _driver(office, cluster)
     office.scene = cluster.scene(stage.step - office.last)
     office.belief = yield from driver.perform(stage.parts.tracker.step(office.belief, office.scene))
-    office.last, office.heard = stage.step, driver.heard
+    office.last, office.heard = step, driver.heard
     if driver.readings:
         office.fixed_at = began
-        issue(stage, track, stage.step, office.scene, driver, stage.parts.tracker.estimate(office.belief))
-        snapshot(stage, track, cluster, office.belief, stage.step)
+        issue(stage, track, step, office.scene, driver, stage.parts.tracker.estimate(office.belief))
+        snapshot(stage, track, cluster, office.belief, step)
     elif began - office.fixed_at > office.policy.patience + TINY:
         raise TrackLost("no_readings")
 

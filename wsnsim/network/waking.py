@@ -123,7 +123,7 @@ class Waker:
         event.callbacks.append(heard)
 
     def _heed(self, waking: Waking, node: int, message: Message) -> None:
-        """What a node does about a copy of the message that has reached it."""
+        """What a node does about a copy of the message that has reached it: the first copy decides."""
         stage = self._stage
         if not stage.fleet.alive[node]:
             return
@@ -135,13 +135,13 @@ class Waker:
         if decision is Decision.DROP:
             waking.expired += 1
             self._log(DROP, node, message.target, "expired", message.sender, waking.sequence)
-        elif decision is Decision.TRACK:
-            self._seen[known] = message.expires
+            return
+        self._seen[known] = message.expires
+        if decision is Decision.TRACK:
             self._track(waking, node, message)
             if self._protocol.mechanism != "invite":
                 self._call(waking, node, message)
         elif decision is Decision.FORWARD:
-            self._seen[known] = message.expires
             self._broadcast(waking, node, message, relayed=True)
         elif node not in waking.tracking:
             self._relax(node, message.target)

@@ -108,6 +108,7 @@ class World:
             recorder=recorder,
             sensing=[{} for _ in truths],
         )
+        self._costs = StepCosts(env, fleet, recorder)
         self._wake_up(air, streams)
         self._search = Search(self._stage, paths or truths, streams, sensed, imperfections)
         self._points = [truth[:, list(motion.position)] for truth, motion in zip(truths, parts.motions, strict=True)]
@@ -120,7 +121,6 @@ class World:
         self._faults = Faults(parts.faults, site, streams.key("faults"), parts.dt)
         self._ended = env.event()
         self._woken = np.zeros((len(truths), parts.steps + 1, 2), dtype=np.int64)
-        self._costs = StepCosts(env, fleet, recorder)
 
     def run(self, progress: Callable[[float], None] | None = None) -> Outcome:
         """Run to the end. A failure names seed, replicate and simulated time."""

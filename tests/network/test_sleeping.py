@@ -1,0 +1,314 @@
+"""Networks that sleep: who is awake, what it costs, whom a flood reaches, and how a target is lost and found."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+
+from tests.network.asleep import PAIRS, Run, scenario
+from wsnsim import scenario as scenarios
+from wsnsim.base.rng import Streams, derive_all
+from wsnsim.base.tables import Memory
+from wsnsim.experiment import simulate
+
+
+@pytest.fixture(scope="module")
+def floods() -> list[Run]:
+    """Steps so long that the message has to be handed on."""
+    said = scenario(step=10.0, duration=200.0, motion={"kind": "random_waypoint", "width": 300.0, "height": 300.0,
+                                                      "speed": [4.0, 8.0]})  # fmt: skip
+    return [Run(said, replicate) for replicate in range(4)]
+
+
+def places(run: Run) -> np.ndarray:
+    """(N, 2)."""
+    nodes = run.table("nodes")
+    return np.column_stack([nodes["x"], nodes["y"]])
+
+
+def test_whoever_hands_a_message_on_is_nearer_to_the_prediction_than_who_sent_it(floods):
+    checked = 0
+    for run in floods:
+        wakeups, where = run.table("wakeups"), places(run)
+        centres = {int(s): (x, y) for s, x, y in zip(*(wakeups[k] for k in ("sequence", "x", "y")), strict=True)}
+        heard: dict[tuple[int, int], list[tuple[float, int]]] = {}
+        for row in run.events("receive", what="track"):
+            heard.setdefault((row["node"], row["sequence"]), []).append((row["time"], row["peer"]))
+        for row in run.events("relay", what="track"):
+            centre = np.array(centres[row["sequence"]])
+            sender = min(pair for pair in heard[row["node"], row["sequence"]] if pair[0] <= row["time"])[1]
+            assert math.dist(where[row["node"]], centre) < math.dist(where[sender], centre)
+            checked += 1
+    assert checked > 20
+
+
+def test_no_node_hands_the_same_message_on_twice(floods):
+    for run in floods:
+        forwards = [(row["node"], row["sequence"]) for row in run.events("relay", what="track")]
+        assert len(forwards) == len(set(forwards))
+    assert sum(len(run.events("relay", what="track")) for run in floods) > 20
+
+
+def test_who_tracks_stands_in_the_region_and_who_forwards_does_not(floods):
+    for run in floods:
+        wakeups, where = run.table("wakeups"), places(run)
+        for row in run.events("relay", what="track"):
+            i = int(np.flatnonzero(wakeups["sequence"] == row["sequence"])[0])
+            assert math.dist(where[row["node"]], (wakeups["x"][i], wakeups["y"][i])) >= wakeups["radius"][i]
+
+
+def test_the_table_of_messages_counts_what_the_events_say(floods):
+    for run in floods:
+        wakeups = run.table("wakeups")
+        relays = [row["sequence"] for row in run.events("relay", what="track")]
+        for sequence, forwards in zip(wakeups["sequence"].tolist(), wakeups["forwards"].tolist(), strict=True):
+            assert relays.count(sequence) <= forwards
+        assert wakeups["called"].sum() == len(run.events("called"))
+
+
+def test_a_message_of_five_positions_has_33_bytes(floods):
+    sizes = {row["bits"] for run in floods for row in run.events("send", what="track")}
+    assert sizes == {(6 + 9 + 33 + 2) * 8}, "PHY overhead, MAC header, payload, frame check"
+
+
+@pytest.mark.parametrize("tracker", PAIRS)
+def test_every_joule_is_booked_once(tracker):
+    for replicate in range(3):
+        Run(scenario(tracker), replicate).books()
+
+
+SCHEDULES = (
+    {"kind": "ris", "period": 3.0, "probability": 0.5},
+    {"kind": "duty_cycle", "period": 4.0, "awake_share": 0.4, "phases": "synchronous"},
+    {"kind": "duty_cycle", "period": 4.0, "awake_share": 0.4, "phases": "staggered"},
+    {"kind": "always_on"},
+    {"kind": "event_wake"},
+)
+
+
+@pytest.mark.parametrize("sleep", SCHEDULES, ids=lambda sleep: sleep.get("phases", sleep["kind"]))
+@pytest.mark.parametrize("tracker", ["gmtt", "tsstp", "cluster", "ris", "ekf", "pf"])
+def test_every_schedule_goes_with_every_wake_up_and_tracker(tracker, sleep):
+    for wakeup, main in dict.fromkeys(PAIRS.values()):
+        said = scenario(
+            tracker, duration=12.0, sleep=sleep, wakeup={"kind": wakeup}, clusters={"kind": "moving_head", "main": main}
+        )
+        run = Run(said, replicate=1)
+        run.books()
+        errors = run.summary.errors
+        assert np.isfinite(errors).any() and not np.isinf(errors).any()
+
+
+@pytest.mark.parametrize("wakeup", ["none", "directed_flood", "experience_zones", "region"])
+def test_standing_clusters_sleep_and_wake_nodes_ahead_too(wakeup):
+    said = scenario(
+        "pso_mhpf", duration=20.0, step=0.5, wakeup={"kind": wakeup}, clusters={"kind": "strongest_signal"},
+        sink={"kind": "none"}, mac={"kind": "ideal"}, sleep={"kind": "ris", "probability": 0.6},
+    )  # fmt: skip
+    said["tracker"] = {"kind": "pso_mhpf", "particles": 50, "measurements": "all"}
+    run = Run(said)
+    run.books()
+    assert np.isfinite(run.summary.errors).mean() > 0.3
+    assert bool(run.table("wakeups")) == (wakeup != "none")
+
+
+def test_the_awake_share_is_that_of_the_schedules_and_of_what_the_events_say():
+    """An independent account: every node's awake time from its schedule, scanned, and from its wake and sleep rows."""
+    run, steps, dt = Run(scenario(duration=20.0)), 10, 2.0
+    parts = scenarios.build(scenarios.load(scenario(duration=20.0)))
+    keys = derive_all(Streams(5, 0).key("sleep"), np.arange(200))
+    ticks = (np.arange(0, (steps + 1) * dt, 0.002) + 0.001).tolist()
+    held: dict[int, list[tuple[float, float]]] = {}
+    for row in run.events("wake", "sleep"):
+        spells = held.setdefault(row["node"], [])
+        if row["kind"] == 0:
+            spells.append((row["time"], (steps + 1) * dt))
+        else:
+            spells[-1] = spells[-1][0], row["time"]
+    sink = int(np.argmin((places(run) ** 2).sum(axis=1)))
+    held[sink] = [(0.0, (steps + 1) * dt)]
+    awake = np.zeros(200)
+    for time in ticks:
+        now = parts.sleep.awake(keys, time)
+        for node, spells in held.items():
+            now[node] |= any(start <= time < end for start, end in spells)
+        awake += now
+    assert run.summary.run["awake"] == pytest.approx(awake.sum() / (200 * len(ticks)), abs=2e-4)
+    assert any(len(spells) for node, spells in held.items() if node != sink)
+
+
+def test_a_network_that_never_wakes_anybody_draws_what_its_schedules_say():
+    """Nobody detects a target that is far away: the whole bill is that of the schedules, summed by hand."""
+    far = {"kind": "waypoints", "points": [[0, 5000, 5000], [60, 5000, 5000]]}
+    run = Run(scenario("ris", motion=far, sink={"kind": "none"}))
+    keys = derive_all(Streams(5, 0).key("sleep"), np.arange(200))
+    schedule = scenarios.build(scenarios.load(scenario("ris"))).sleep
+    seconds, changes = schedule.tally(keys, np.zeros(200), 62.0)
+    asleep = 200 * 62.0 - seconds.sum()
+    joules = run.summary.joules
+    assert joules["idle"] == pytest.approx(seconds.sum() * (62e-3 + 3 * 54.5e-6), rel=1e-9)
+    assert joules["sleep"] == pytest.approx(asleep * (1.4e-3 + 3 * 5.1e-6), rel=1e-9)
+    assert joules["sense"] == pytest.approx(seconds.sum() * 11e-6, rel=1e-9)
+    assert changes.sum() > 0 and joules["switch"] > 0
+    assert set(joules) == {"idle", "sleep", "sense", "switch"}
+    run.books()
+
+
+def test_all_four_chase_the_same_target_over_the_same_nodes_that_sleep_the_same_sleep():
+    runs = [Run(scenario(tracker, duration=20.0)) for tracker in PAIRS]
+    for run in runs[1:]:
+        for table in ("truth",):
+            for name, column in runs[0].table(table).items():
+                assert np.array_equal(column, run.table(table)[name])
+        assert np.array_equal(places(runs[0]), places(run))
+    first = [min(row["time"] for row in run.events("acquire")) for run in runs]
+    assert len(set(first)) == 1, "who is awake at the start, and detects, does not depend on the tracker"
+
+
+def test_a_log_changes_nothing():
+    said = scenario()
+    quiet = simulate(said, recorder=Memory({}))
+    assert quiet.run["fingerprint"] == Run(said).summary.run["fingerprint"]
+
+
+def test_who_is_called_pays_for_the_call_and_sleeps_again_when_nothing_comes():
+    run = Run(scenario(duration=40.0))
+    calls, called = run.events("call"), run.events("called")
+    assert len(called) >= len(calls) > 0
+    assert {row["bits"] for row in (*calls, *called)} == {1250}, "5 ms at 250 kbit/s"
+    assert [row["joules"] for row in calls] == pytest.approx([57.42e-3 * 5e-3] * len(calls))
+    assert [row["joules"] for row in called] == pytest.approx([62e-3 * 5e-3] * len(called))
+    asleep = run.events("sleep")
+    assert asleep and all(row["what"] == "schedule" for row in asleep)
+    woken = {(row["node"], row["time"]) for row in called}
+    spells = 0
+    for row in asleep:
+        wakes = [
+            wake["time"] for wake in run.events("wake") if wake["node"] == row["node"] and wake["time"] <= row["time"]
+        ]
+        if (row["node"], wakes[-1]) in woken:
+            assert row["time"] - wakes[-1] >= 3.0 - 1e-9, "T_wait at least"
+            spells += 1
+    assert spells > 5
+
+
+def test_nodes_look_for_a_lost_target_once_a_second_and_only_those_who_are_awake_find_it():
+    found = [Run(scenario("ris", duration=20.0), replicate) for replicate in range(6)]
+    for run in found:
+        schedule = scenarios.build(scenarios.load(scenario("ris"))).sleep
+        for row in run.events("acquire"):
+            detection = next(send for send in run.events("send", what="detection") if send["node"] == row["node"])
+            poll = math.floor(detection["time"])
+            replicate = int(run.table("runs")["replicate"][0])
+            keys = derive_all(Streams(5, replicate).key("sleep"), np.array([row["node"]]))
+            assert schedule.awake(keys, float(poll))[0]
+            assert 0.002 < detection["time"] - poll < 0.02, "sampled, contended, sent"
+    assert any(run.events("acquire") for run in found)
+
+
+def test_a_sink_that_nobody_can_reach_is_told_of():
+    island = {"kind": "anchors", "width": 2000.0, "height": 2000.0, "places": [
+        *([x, y] for x in range(-60, 61, 30) for y in range(-60, 61, 30)), [900.0, 900.0]]}  # fmt: skip
+    still = {"kind": "waypoints", "points": [[0, 5, 5], [60, 20, 5]]}
+    run = Run(scenario(deploy=island, motion=still, sink={"kind": "node", "x": 900.0, "y": 900.0, "every": 10.0}))
+    drops = run.events("drop", what="no_path")
+    sink = 25
+    assert drops and {row["peer"] for row in drops} == {sink}
+    track = run.table("tracks")
+    assert track["received"][0] == 0 and track["due"][0] == 6 and track["in_time"][0] == 0.0
+    assert not run.events("report")
+
+
+@pytest.mark.parametrize(("tracker", "word"), [("cluster", "empty_region"), ("gmtt", "nobody_woken")])
+def test_a_region_without_nodes_loses_the_track_and_says_so(tracker, word):
+    """A row of nodes, and a target that leaves it for good at a right angle."""
+    row = {"kind": "anchors", "width": 400.0, "height": 2000.0, "places": [[x, 0.0] for x in range(-200, 201, 10)]}
+    away = {"kind": "waypoints", "points": [[0, 0, -40], [400, 0, 2000]]}
+    run = Run(scenario(tracker, deploy=row, motion=away, sleep={"kind": "always_on"}, duration=40.0))
+    assert word in {lost["what"] for lost in run.events("lost")}
+    assert run.summary.run["tracked"] < 0.7
+
+
+@pytest.mark.parametrize("tracker", PAIRS)
+def test_a_target_that_leaves_the_field_and_returns_is_lost_and_found(tracker):
+    there = {"kind": "waypoints", "points": [[0, 150, 0], [20, 250, 0], [60, 400, 0], [100, 250, 0], [120, 150, 0]]}
+    run = Run(scenario(tracker, motion=there, duration=140.0, sleep={"kind": "always_on"}))
+    leave, back = run.events("leave"), run.events("return")
+    assert len(leave) == len(back) == 1
+    assert leave[0]["time"] == 12.0 and back[0]["time"] == 110.0
+    lost = [row["time"] for row in run.events("lost") if row["time"] > 12.0]
+    found = [row["time"] for row in run.events("reacquire")]
+    assert lost and found and min(lost) < min(time for time in found if time > 60.0)
+    beyond = run.table("estimates")
+    outside = (beyond["time"] > 40.0) & (beyond["time"] < 80.0)
+    assert np.isnan(beyond["error"][outside]).all()
+
+
+def test_a_message_that_expires_on_the_way_is_dropped_and_counted():
+    """Calling sleepers takes longer than is left until the step."""
+    said = scenario(step=1.0, duration=20.0, wakeup={"kind": "directed_flood", "expiry": 0.0, "call": 1.2})
+    run = Run(said)
+    dropped = run.events("drop", what="expired")
+    assert dropped and run.table("wakeups")["expired"].sum() == len(dropped)
+    called = {(row["node"], row["time"]) for row in run.events("called")}
+    assert {(row["node"], row["time"]) for row in dropped} <= called
+
+
+def test_a_main_node_that_crashes_at_any_time_leaves_a_run_that_goes_on():
+    for at in (10.0, 10.001, 10.004, 10.01, 10.02, 10.03, 10.05, 11.0, 11.999):
+        run = Run(scenario(duration=40.0, sleep={"kind": "ris", "probability": 0.7},
+                           faults=[{"kind": "crash", "at": at, "head": 0, "duration": 5.0}]))  # fmt: skip
+        run.books()
+        assert run.events("crash")
+        later = run.table("estimates")["issued"]
+        assert np.nanmax(later) > 20.0
+
+
+def test_a_network_that_runs_dry_dies_in_its_sleep_and_its_books_close():
+    """Half a joule: 8 s of listening, 350 s of sleep."""
+    energy = {"kind": "states", "radio": "cc2420", "processor": "msp430f1611", "sensing": 11e-6, "battery": 0.5}
+    run = Run(scenario(duration=60.0, energy=energy))
+    nodes, died = run.table("nodes"), run.summary.run["alive"]
+    assert 0 < died < 200
+    dead = np.isfinite(nodes["died_at"])
+    assert np.allclose(nodes["energy_left"][dead], 0.0, atol=1e-12)
+    keys = derive_all(Streams(5, 0).key("sleep"), np.arange(200))
+    schedule = scenarios.build(scenarios.load(scenario())).sleep
+    untouched = dead & ~np.isin(nodes["node"], [row["node"] for row in run.events("wake", "receive", "send", "called")])
+    for node in np.flatnonzero(untouched)[:20]:
+        awake, changes = schedule.tally(keys[node : node + 1], np.zeros(1), float(nodes["died_at"][node]))
+        asleep = nodes["died_at"][node] - awake[0]
+        drawn = awake[0] * (62e-3 + 163.5e-6 + 11e-6) + asleep * (1.4e-3 + 15.3e-6)
+        assert drawn == pytest.approx(0.5, abs=2e-4 + 1e-4 * changes[0])
+    energy_table = run.table("energy")
+    spent = np.bincount(energy_table["node"].astype(int), energy_table["joules"], 200)
+    assert np.allclose(spent + nodes["energy_left"], 0.5, rtol=1e-9)
+
+
+def test_two_targets_are_followed_by_two_main_nodes():
+    targets = [{"kind": "waypoints", "points": [[0, -120, -100], [60, 0, -100]]},
+               {"kind": "waypoints", "points": [[0, 120, 100], [60, 0, 100]]}]  # fmt: skip
+    said = scenario(sleep={"kind": "ris", "probability": 0.5})
+    said.pop("motion")
+    run = Run({**said, "targets": targets})
+    run.books()
+    assert {row["target"] for row in run.events("acquire")} == {0, 1}
+    for errors in run.summary.errors:
+        assert np.nanmedian(errors) < 10.0
+
+
+def test_beacons_are_heard_by_whoever_is_awake():
+    said = {
+        "name": "dozing", "duration": 20.0, "workload": {"kind": "beacons", "period": 1.0, "bits": 96},
+        "deploy": {"kind": "uniform", "nodes": 60, "width": 200.0, "height": 200.0, "cover": False},
+        "link": {"kind": "disk", "reach": 60.0}, "mac": {"kind": "csma"}, "sleep": {"kind": "duty_cycle"},
+        "energy": {"kind": "states", "radio": "cc2420", "processor": "msp430f1611"},
+    }  # fmt: skip
+    run = Run(said)
+    assert run.summary.run["awake"] == pytest.approx(0.3, abs=0.02)
+    assert 0.2 * 60 * 20 < run.summary.run["frames_sent"] < 0.4 * 60 * 20
+    for a, b in itertools.pairwise(run.events("send")):
+        assert a["time"] <= b["time"]
