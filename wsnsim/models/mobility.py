@@ -233,7 +233,7 @@ class _Arc(NamedTuple):
 
 
 def _arc(turn: Floats, dt: float) -> _Arc:
-    angle = turn * dt
+    angle = np.where(np.isfinite(turn), turn, np.nan) * dt
     along = dt * np.sinc(angle / np.pi)
     aside = 0.5 * angle * dt * np.sinc(angle / (2.0 * np.pi)) ** 2
     small = np.abs(angle) < SMALL

@@ -26,6 +26,10 @@ from wsnsim.models.bounds import LENGTH, PLACE
 from wsnsim.models.csvfile import read_columns
 
 INTENSITY = Quantity("m2/s3", ge=0.0, le=1e9)
+MOST_LEGS = 1e6
+"""Of a random way: some seconds of drawing (our choice)."""
+FARTHEST_POINT = 1e9
+"""s or m, of a given point (our choice)."""
 
 
 class _Straight:
@@ -93,6 +97,16 @@ class RandomWaypoint(_Straight):
             if least > most:
                 raise ValueError(f"{name}: the first is the least, the second the greatest, got {[least, most]}")
 
+    def faults(self, parts: Problem) -> Iterator[Fault]:
+        """More legs than can be drawn in reasonable time."""
+        legs = parts.steps * parts.dt / (self.mean_leg() / self.mean_speed() + sum(self.pause) / 2.0)
+        if legs > MOST_LEGS:
+            yield Fault(
+                ("motion", "speed"),
+                f"about {legs:.2g} legs in {parts.steps * parts.dt:g} s are too many (at most {MOST_LEGS:g}); "
+                "lower it, enlarge the area, or pause",
+            )
+
     def truth(self, steps: int, dt: float, rng: np.random.Generator) -> Floats:
         """(steps + 1, 4): one way. Its points do not depend on how finely it is sampled."""
         return _sampled(*self._way(steps * dt, rng), steps, dt)
@@ -104,10 +118,10 @@ class RandomWaypoint(_Straight):
 
     def mean_leg(self) -> float:
         """The mean distance in m of two points uniform over the area (Ghosh 1951)."""
-        a, b = self.width, self.height
-        d = math.hypot(a, b)
-        logs = b * b / a * math.log((a + d) / b) + a * a / b * math.log((b + d) / a)
-        return (a**3 / b**2 + b**3 / a**2 + d * (3.0 - a**2 / b**2 - b**2 / a**2) + 2.5 * logs) / 15.0
+        a, b = max(self.width, self.height), min(self.width, self.height)
+        d = math.hypot(a, b)  # the powers of a/b are gathered so that none cancels: d - a = b²/(a + d)
+        logs = b * b / a * math.asinh(a / b) + a * a / b * math.asinh(b / a)
+        return (3.0 * d - a * a / (a + d) + (b / a) ** 2 * (b - d) + 2.5 * logs) / 15.0
 
     def paused_share(self) -> float:
         """The share of time that a target pauses."""
@@ -159,19 +173,21 @@ class Waypoints(_Straight):
     """Straight between points that are given with their times, at constant speed; still before the first and after the
     last. Equal places are a stop; places outside the field, a target that leaves and returns.
 
-    `points` in the scenario, [t, x, y] each in s and m; or `file`, a CSV with the columns t, x and y.
+    `points` in the scenario, [t, x, y] each in s and m; or `path`, a CSV with the columns t, x and y.
     """
 
     points: Annotated[
-        tuple[tuple[float, float, float], ...], Quantity("", ge=-1e9, le=1e9), "t, x and y of each, in s and m"
+        tuple[tuple[float, float, float], ...],
+        Quantity("", ge=-FARTHEST_POINT, le=FARTHEST_POINT),
+        "t, x and y of each, in s and m",
     ] = ()
-    file: Annotated[str | None, "CSV file with a header that names t, x and y; other columns are ignored"] = None
+    path: Annotated[str | None, "CSV file with a header that names t, x and y; other columns are ignored"] = None
     q: Annotated[float, INTENSITY, "of the noise in the velocity that filters believe in"] = 0.05
 
     def __post_init__(self) -> None:
         """Raises ValueError for points that make no way."""
-        if (self.file is None) == (not self.points):
-            raise ValueError("give either points: [[t, x, y], ...] or a file with them")
+        if (self.path is None) == (not self.points):
+            raise ValueError("give either points: [[t, x, y], ...] or the path of a file with them")
         if self.points:
             _check_way([(f"points[{i}]", point) for i, point in enumerate(self.points)], ValueError)
 
@@ -185,12 +201,12 @@ class Waypoints(_Straight):
         try:
             self._rows()
         except RunError as error:
-            yield Fault(("motion", "file"), str(error))
+            yield Fault(("motion", "path"), str(error))
 
     def _rows(self) -> list[tuple[float, ...]]:
-        if self.file is None:
+        if self.path is None:
             return list(self.points)
-        rows = read_columns(self.file, ("t", "x", "y"), "way-points")
+        rows = read_columns(self.path, ("t", "x", "y"), "way-points")
         _check_way(rows, RunError)
         return [values for _, values in rows]
 
@@ -233,5 +249,5 @@ def _check_way(rows: list[tuple[str, tuple[float, ...]]], error: type[Exception]
         if not time > before:
             raise error(f"{place}: its time {time:g} s must be later than that of the point before, {before:g} s")
     for place, values in rows:
-        if not all(math.isfinite(value) for value in values):
-            raise error(f"{place}: t, x and y must be finite")
+        if not all(abs(value) <= FARTHEST_POINT for value in values):
+            raise error(f"{place}: t, x and y must be finite, and within ±{FARTHEST_POINT:g}")
