@@ -34,7 +34,7 @@ class Waking:
     """One message that wakes nodes for a step, and what came of it.
 
     `tracking`: who tracks for that step, with the copy that it heeded. `asleep`: who slept in the region when it was
-    sent, and has not been called since. `sequence`: of its frames on the air.
+    sent, and has not been called since; `hailed`: who has been. `sequence`: of its frames on the air.
     """
 
     message: Message
@@ -43,6 +43,7 @@ class Waking:
     foreseen: bool
     tracking: dict[int, Message] = field(default_factory=dict)
     asleep: set[int] = field(default_factory=set)
+    hailed: set[int] = field(default_factory=set)
     sequence: int = 0
     forwards: int = 0
     called: int = 0
@@ -143,7 +144,7 @@ class Waker:
                 self._call(waking, node, message)
         elif decision is Decision.FORWARD:
             self._broadcast(waking, node, message, relayed=True)
-        elif node not in waking.tracking:
+        elif node in waking.hailed and node not in waking.tracking:
             self._relax(node, message.target)
 
     def _track(self, waking: Waking, node: int, message: Message) -> None:
@@ -166,6 +167,7 @@ class Waker:
         """A node calls its neighbours that sleep in the region, together; they heed the message. `then` follows."""
         sleepers = waking.asleep & self._stage.air.audience(node).members if waking.asleep else set()
         waking.asleep -= sleepers
+        waking.hailed |= sleepers
         waking.called += len(sleepers)
 
         def awake(woken: Sequence[int]) -> None:
