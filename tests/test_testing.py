@@ -53,10 +53,12 @@ SETTINGS: dict[str, tuple[Any, Any]] = {
     "a room and RSSI": (ConstantVelocity(noise_input="diagonal", variances=(0.5,)), Rssi(reach=100.0)),
     "one column and its square": (Ungm(), Squared()),
 }
+LOCATING = ("trilateration", "gmtt", "tsstp", "cluster", "ris")
+"""These need distances, in a plane."""
 CANNOT = {
     ("ipf", "a line and ranges"),  # its weights need a density, and this process noise has none
     *(("grid", name) for name in SETTINGS if name != "one column and its square"),
-    *(("trilateration", name) for name in SETTINGS if name != "a room and RSSI"),
+    *((kind, name) for kind in LOCATING for name in SETTINGS if name != "a room and RSSI"),
 }
 
 

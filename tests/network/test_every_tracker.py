@@ -9,7 +9,7 @@ from wsnsim import experiment, scenario
 from wsnsim.base.tables import Memory
 from wsnsim.scenario.catalog import ROLES
 
-OTHERS = {"grid", "trilateration"}  # no state of one column, no distances on this field
+OTHERS = {"grid", "trilateration", "gmtt", "tsstp", "cluster", "ris"}  # one column, or distances: not on this field
 PLANE = [row.kind for row in ROLES["tracker"].rows if row.kind not in OTHERS]
 LINE = [kind for kind in PLANE if kind != "ipf"] + ["grid"]
 

@@ -34,6 +34,7 @@ class _Port:
     draw_traits = measure = log_likelihood = linearise = transmit = receive = compute = sense = _nothing
     powers = reception = senses = packets = seconds = rates = distort = _nothing
     estimate = elect = must_hand_over = successor = start = step = hand_over = forecast = _nothing
+    awake = state = tally = profile = compose = decide = _nothing
 
 
 @part

@@ -5,7 +5,8 @@
 x1_i = Σ_{j<=i} x_j satisfies dx1/dt + a x1 = u in the mean; the restored model is
 x̂_{i+1} = (1 - e^a)(x_1 - u/a) e^{-a i}.
 
-Plain Python: five numbers are too few to be worth compiling. Every result is finite where the series is.
+Plain Python: five numbers are too few to be worth compiling (5 us a fit against 1, and seconds to compile all). Every
+result is finite where the series is.
 
 Source: Deng (2002); Li, Jiang, Zhang, Zhang (2012), section 2.1.
 """
@@ -14,7 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Final, Literal, TypeAlias
+from typing import Final, Literal, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,24 +41,29 @@ def gm11(x: Series) -> tuple[float, float]:
     Where there is no fit (D = 0, as of two points, or of zeros): (0, the last value). Raises ValueError for fewer than
     two values, and for one that is not finite.
     """
-    values = _series(x)
+    return _fitted(_series(x))
+
+
+def _fitted(values: list[float]) -> tuple[float, float]:
+    """(a, u) in closed form, with m = n - 1."""
     m, total = len(values) - 1, values[0]
     sz = szz = sx = szx = 0.0
     for value in values[1:]:
         z = total + 0.5 * value
         total += value
         sz, szz, sx, szx = sz + z, szz + z * z, sx + value, szx + z * value
-    determinant = m * szz - sz * sz
+    determinant = m * szz - sz * sz  # D
     if not abs(determinant) > SINGULAR * m * szz:
         return 0.0, values[-1]
-    return (sz * sx - m * szx) / determinant, (szz * sx - sz * szx) / determinant
+    a, u = (sz * sx - m * szx) / determinant, (szz * sx - sz * szx) / determinant
+    return (a, u) if math.isfinite(a) and math.isfinite(u) else (0.0, values[-1])
 
 
 def predict(x: Series, ahead: float = 1.0, shift: float = 0.0) -> float:
     """The restored model at `ahead` intervals beyond the last of n values: at the index h = n - 1 + ahead.
 
     `shift` is added before and subtracted after: the model is not invariant to it, and bears no mixed signs. Where the
-    model leaves the numbers, the last value. Raises ValueError as `gm11` does.
+    model leaves the numbers, the last value. Raises ValueError as `gm11` does, and for an index before the first.
     """
     return forecast(x, ahead, shift, "none")
 
@@ -68,13 +74,18 @@ def forecast(x: Series, ahead: float = 1.0, shift: float = 0.0, correction: Corr
     `literal`: GM(1,1) of all residuals, of which the first is 0 and the signs are mixed: as good as none. `tail`, our
     repair: of the residuals 2..n, shifted until they are positive.
     """
-    values = [value + shift for value in _series(x)]
-    a, u = gm11(values)
-    index = len(values) - 1 + ahead
+    given = _series(x)
+    index = len(given) - 1 + ahead
+    if not (index >= 0.0 and math.isfinite(index) and math.isfinite(shift)):
+        raise ValueError(f"a finite shift and an index from the first value on are needed, got {shift} and {index}")
+    values = [value + shift for value in given]
+    a, u = _fitted(values)
     result = restored(values[0], a, u, index)
-    if correction != "none" and not passes(values, a, u):
-        result += _residual(values, a, u, index, ahead, correction)
-    return result - shift if math.isfinite(result) else values[-1] - shift
+    if correction != "none":
+        residuals = _residuals(values, a, u)
+        if not _accepts(*_check(values, residuals)):
+            result += _residual(residuals, index, correction)
+    return result - shift if math.isfinite(result - shift) else given[-1]
 
 
 def equal_intervals(t: Series, x: Series) -> tuple[Floats, Floats]:
@@ -87,12 +98,33 @@ def equal_intervals(t: Series, x: Series) -> tuple[Floats, Floats]:
         raise ValueError(f"as many values as times are needed, two at least, got {values.shape} and {times.shape}")
     if not (np.isfinite(times).all() and np.isfinite(values).all() and (np.diff(times) > 0).all()):
         raise ValueError("times must increase, and all be finite, as the values must")
-    equal = np.linspace(times[0], times[-1], times.size)
-    return equal, np.interp(equal, times, values)
+    return np.linspace(times[0], times[-1], times.size), np.array(_interpolated(times.tolist(), values.tolist()))
+
+
+def forecast_at(
+    time: float, times: Sequence[float], x: Sequence[float], shift: float = 0.0, correction: Correction = "tail"
+) -> float:
+    """The forecast for a time, from values at unequal times that increase: Ψ, then the index h = (time - t_1) / Δ."""
+    spacing = (times[-1] - times[0]) / (len(times) - 1)
+    return forecast(_interpolated(times, x), (time - times[-1]) / spacing, shift, correction)
+
+
+def _interpolated(times: Sequence[float], x: Sequence[float]) -> list[float]:
+    """x at n equally spaced times, linear in between; ends are kept."""
+    spacing = (times[-1] - times[0]) / (len(times) - 1)  # Δ
+    found, j = [float(x[0])], 0
+    for i in range(1, len(times) - 1):
+        k = times[0] + i * spacing
+        while times[j + 1] < k:
+            j += 1
+        found.append(x[j] + (x[j + 1] - x[j]) * ((k - times[j]) / (times[j + 1] - times[j])))
+    return [*found, float(x[-1])]
 
 
 def restored(first: float, a: float, u: float, index: float) -> float:
-    """x̂ at an index (a whole one or not) after the first: (1 - e^a)(x_1 - u/a) e^{-a i}; u, its limit, where a is 0."""
+    """x̂ at an index i, a whole one or not: (1 - e^a)(x_1 - u/a) e^{-a i}; u, its limit, where a is 0; x_1 at 0."""
+    if index == 0.0:
+        return first
     if abs(a) < FLAT:
         return u
     return -math.expm1(min(a, LARGEST_EXPONENT)) * (first - u / a) * math.exp(_bounded(-a * index))
@@ -104,48 +136,64 @@ def check(x: Series, a: float, u: float) -> tuple[float, float]:
     A constant series: C = 0 where the residuals are constant, too, else infinite.
     """
     values = _series(x)
-    residuals = [0.0, *(value - restored(values[0], a, u, i) for i, value in enumerate(values) if i)]
-    _, spread = _moments(values)
-    middle, off = _moments(residuals)
-    share = sum(abs(q - middle) < SMALL_ERROR * spread for q in residuals) / len(values)
-    return (off / spread if spread > 0 else 0.0 if off == 0 else math.inf), share
+    return _check(values, _residuals(values, a, u))
 
 
 def passes(x: Series, a: float, u: float) -> bool:
     """Whether C <= 0.35 and p >= 0.95. No gate of quality: it passes biased extrapolations, and fails constants."""
-    ratio, share = check(x, a, u)
+    return _accepts(*check(x, a, u))
+
+
+def _check(values: list[float], residuals: list[float]) -> tuple[float, float]:
+    _, spread = _moments(values)
+    middle, off = _moments(residuals)
+    limit = SMALL_ERROR * spread
+    share = sum([abs(q - middle) < limit for q in residuals]) / len(values)
+    return (off / spread if spread > 0 else 0.0 if off == 0 else math.inf), share
+
+
+def _accepts(ratio: float, share: float) -> bool:
     return ratio <= WORST_RATIO and share >= LEAST_SHARE
 
 
-def _residual(values: list[float], a: float, u: float, index: float, ahead: float, correction: Correction) -> float:
-    """What a model of the residuals adds; 0 where it leaves the numbers."""
-    residuals = [0.0, *(value - restored(values[0], a, u, i) for i, value in enumerate(values) if i)]
+def _residuals(values: list[float], a: float, u: float) -> list[float]:
+    """q: what the restored model leaves of each value; 0 of the first."""
+    if abs(a) < FLAT:
+        return [0.0, *[value - u for value in values[1:]]]
+    scale = -math.expm1(min(a, LARGEST_EXPONENT)) * (values[0] - u / a)
+    return [0.0, *[value - scale * math.exp(_bounded(-a * i)) for i, value in enumerate(values[1:], 1)]]
+
+
+def _residual(residuals: list[float], index: float, correction: Correction) -> float:
+    """What a model of the residuals adds at an index; 0 where it leaves the numbers."""
     if not all(map(math.isfinite, residuals)):
         return 0.0
     if correction == "literal":
-        added = restored(0.0, *gm11(residuals), index)
+        added = restored(0.0, *_fitted(residuals), index)
     else:
         tail = residuals[1:]
         if len(tail) < 2:
             return 0.0
         c = max(0.0, -min(tail)) + max(tail) - min(tail) + MARGIN
         moved = [q + c for q in tail]
-        added = restored(moved[0], *gm11(moved), len(moved) - 1 + ahead) - c
+        added = restored(moved[0], *_fitted(moved), index - 1.0) - c
     return added if math.isfinite(added) else 0.0
 
 
 def _series(x: Series) -> list[float]:
-    values = [float(value) for value in x]
-    if len(values) < 2 or not all(map(math.isfinite, values)):
-        raise ValueError(f"a grey model needs two or more finite values, got {values[:8]}")
-    return values
+    """The values as floats. Raises ValueError."""
+    values = np.asarray(x, dtype=np.float64)
+    if values.ndim != 1 or values.size < 2 or not np.isfinite(values).all():
+        raise ValueError(f"a grey model needs a row of two or more finite values, got {x!r:.80}")
+    return cast(list[float], values.tolist())
 
 
 def _moments(values: list[float]) -> tuple[float, float]:
     """Mean and population standard deviation."""
     middle = sum(values) / len(values)
-    return middle, math.sqrt(sum((value - middle) * (value - middle) for value in values) / len(values))
+    return middle, math.sqrt(sum([(value - middle) * (value - middle) for value in values]) / len(values))
 
 
 def _bounded(exponent: float) -> float:
+    """The exponent, within what e to its power can be a number of."""
     return max(-LARGEST_EXPONENT, min(exponent, LARGEST_EXPONENT))

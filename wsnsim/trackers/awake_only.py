@@ -12,10 +12,10 @@ from typing import ClassVar
 import numpy as np
 
 from wsnsim.base.arrays import Floats
-from wsnsim.base.asks import Compute
 from wsnsim.base.part import part
-from wsnsim.trackers.shared.localising import Fixes, RangeFix
-from wsnsim.trackers.shared.readings import Evidence
+from wsnsim.base.ports import Estimate, Scene
+from wsnsim.trackers.shared.fixes import Fixes, RangeFix
+from wsnsim.trackers.shared.localising import Ranged
 
 HANDOVER_BITS = 88
 """11 bytes, as a report: the last fix."""
@@ -26,8 +26,9 @@ POSITION_BITS = 32
 class AwakeOnly(RangeFix):
     """Least squares on the ranges of whoever is awake: no prediction, and no memory.
 
-    The search for the fix starts at the middle of the nodes whose readings came, so that with one or two ranges it is
-    theirs alone that decide. What nodes without a wake-up protocol can do: the floor under the others.
+    The search for the fix starts at the middle of the nodes whose readings came. So one range alone gives the place of
+    its node, and two that cross give the middle of their crossings: nothing says which side. The velocity is unknown.
+    What nodes can do without a wake-up protocol: the floor under the others.
 
     Source: the random independent sleeping of Li, Jiang, Zhang, Zhang (2012), without its wake-up; our choice.
     """
@@ -54,8 +55,8 @@ class AwakeOnly(RangeFix):
     def _kept(self) -> int:
         return 1
 
-    def _start_of(self, belief: Fixes, expected: Floats, seen: Evidence) -> Floats:
-        return np.asarray(seen.positions.mean(axis=0))
+    def _start_of(self, expected: Estimate, ranged: Ranged, scene: Scene) -> tuple[Floats, float]:
+        return np.asarray(ranged.seen.positions.mean(axis=0)), float(ranged.ranges.max())
 
-    def _compute(self, fixing: float, fixes: int) -> Compute:
-        return Compute(fixing)
+    def _other_cycles(self, fixes: int) -> float:
+        return 0.0

@@ -9,12 +9,11 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from wsnsim.base.asks import Compute
 from wsnsim.base.part import part
-from wsnsim.trackers.shared.localising import Fixes, RangeFix
+from wsnsim.trackers.shared.fixes import Fixes, RangeFix
 
-HEADING_CYCLES = 4.0
-"""The displacement of the last two fixes, over their time."""
+HEADING_CYCLES = 2.0
+"""The displacement of the last two fixes."""
 HANDOVER_BITS = 136
 """17 bytes, as the invitation."""
 POSITION_BITS = 32
@@ -47,5 +46,5 @@ class TwoPhase(RangeFix):
     def _kept(self) -> int:
         return 2
 
-    def _compute(self, fixing: float, fixes: int) -> Compute:
-        return Compute(fixing + HEADING_CYCLES)
+    def _other_cycles(self, fixes: int) -> float:
+        return HEADING_CYCLES if fixes > 1 else 0.0

@@ -16,35 +16,43 @@ import numpy as np
 
 from wsnsim.base.arrays import Floats, Ints
 from wsnsim.base.asks import Compute, Flow, Parcel, Send
-from wsnsim.base.errors import Fault
+from wsnsim.base.errors import Fault, RunError
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Estimate, Scene
 from wsnsim.base.problem import Problem
 from wsnsim.base.rng import derive, derive_all, uniforms
+from wsnsim.trackers.shared.fixes import gather_ranges
 from wsnsim.trackers.shared.heads import HeadFilter
-from wsnsim.trackers.shared.localising import fix_cycles, gather_ranges, information_at, least_squares
+from wsnsim.trackers.shared.localising import fix_cycles, fixed, usable
 from wsnsim.trackers.shared.moments import symmetric
 from wsnsim.trackers.shared.readings import Evidence
 
 COLUMNS: Final = ("px", "vx", "py", "vy")
-PLACE: Final = [0, 2]
-MOVING: Final = [1, 3]
+PLACE: Final = np.array([0, 2])
+MOVING: Final = np.array([1, 3])
 ENOUGH_RANGES: Final = 3
 """Ranges that make a fix; of fewer each updates the filters by itself."""
+UNKNOWN: Final = 1e6
+"""m: the deviation of a fix where its ranges leave it open: it must not tell the filters what they said themselves."""
 MOMENTS_BITS: Final = 800
 """100 bytes: a mean and a covariance."""
 TURN, RESAMPLE = 1, 2
 """Purposes of a head's draws at a step."""
-PREDICT_CYCLES: Final = 53.0
-"""Operations a particle: its draw 11, the mean 4, the covariance row by row 32, its noise 6. These and the others are
-weighted as in `shared.localising`, and counted for every particle, as the paper's nodes have no other way."""
-FIX_CYCLES: Final = 143.0
-"""Operations a particle to update it with a fix: innovation and its covariance 5, its inverse 10, gain 24, mean 16,
-covariance 40, weight 48."""
-RANGE_CYCLES: Final = 118.0
-"""Operations a particle and range: distance and gradient 18, gain 22, mean 8, covariance 22, weight 48."""
-MIX_CYCLES: Final = 30.0
-"""Operations a particle to normalise, to sum up, to resample."""
+PREDICT_CYCLES: Final = 45.0
+"""Operations a particle to draw its mode 3, and to keep its course: the mean 4, F P Fᵀ row by row 32, its noise 6.
+
+A turn costs less; what a node computes is counted for every particle, though here equal ones are kept once. Weighted as
+in `shared.localising`."""
+FIX_CYCLES: Final = 126.0
+"""Operations a particle to update it with a fix: innovation and its covariance 5, the inverse 9, gain 24, mean 16,
+covariance 40, log-weight 32."""
+COVARIANCE_CYCLES: Final = (60.0, 33.0)
+"""Operations of a fix's covariance, and a range: direction and variance 18, sums 15."""
+RANGE_CYCLES: Final = 92.0
+"""Operations a particle and range: innovation and gradient 16, its variance 16, gain 7, mean 8, covariance 20,
+log-weight 25."""
+MIX_CYCLES: Final = 82.0
+"""Operations a particle: weight 25, effective number 2, mean 8, covariance 44, resampling 3."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,8 +84,8 @@ class MixturePf(HeadFilter):
     A handover carries mean and covariance, in 100 bytes: the successor's particles all start from them.
 
     A reconstruction of Yang, Xing, Shi, Pan (2007), known here from one sentence in Li, Jiang, Zhang, Zhang (2012);
-    only the 1500 particles are theirs. The filter's motion is its own, whatever the scenario says: `assumes` is not
-    used but for its process noise, which is `q`.
+    only the 1500 particles are theirs. The filter's motion is its own, whatever the scenario has trackers assume.
+    Particles are resampled where their effective number falls below half of them (our choice).
     """
 
     paper: ClassVar[str] = "Yang, Xing, Shi, Pan (2007), after Li, Jiang, Zhang, Zhang (2012)"
@@ -98,9 +106,10 @@ class MixturePf(HeadFilter):
     reading_bits: Annotated[int, Quantity("", ge=1, le=100_000), "of a reading on the air"] = 88
 
     def start(self, prior: Estimate, scene: Scene) -> Flow[Mixture]:
-        """Where the prior is, with P0: diag(25, 9, 25, 9)."""
-        mean = prior.mean.copy()
-        return self._collapsed(mean, np.diag(np.array(self.start_sd) ** 2), scene.head)
+        """The prior's mean with P0, diag(25, 9, 25, 9). Raises RunError for another state than its own."""
+        if scene.motion.columns != COLUMNS:
+            raise RunError(_other_state(scene.motion.columns))
+        return self._collapsed(prior.mean, np.diag(np.array(self.start_sd) ** 2), scene.head)
         yield  # a flow that asks for nothing
 
     def step(self, belief: Mixture, scene: Scene) -> Flow[Mixture]:
@@ -119,7 +128,7 @@ class MixturePf(HeadFilter):
 
     def hand_over(self, belief: Mixture, scene: Scene, successor: int) -> Flow[Mixture | None]:
         """100 bytes: the mixture's mean and covariance."""
-        mask = yield Send(successor, Parcel((belief.mean, belief.cov), 1, MOMENTS_BITS, "moments"))
+        mask = yield Send(successor, Parcel((belief.mean, belief.cov), 1, MOMENTS_BITS, "handover"))
         return self._collapsed(belief.mean, belief.cov, successor) if mask.all() else None
 
     def forecast(self, belief: Mixture, scene: Scene, ahead: int) -> Estimate:
@@ -137,10 +146,7 @@ class MixturePf(HeadFilter):
         """A state that is not of positions and velocities in the plane."""
         for motion in parts.filter_motions:
             if motion.columns != COLUMNS:
-                yield Fault(
-                    ("tracker", "kind"),
-                    f"its state is {' '.join(COLUMNS)}; this motion's is {' '.join(motion.columns)}",
-                )
+                yield Fault(("tracker", "kind"), _other_state(motion.columns))
                 return
 
     def turn_probability(self, dt: float) -> float:
@@ -167,18 +173,17 @@ class MixturePf(HeadFilter):
 
     def _updated(self, belief: Mixture, seen: Evidence, scene: Scene) -> tuple[Mixture, float]:
         """Every filter updated, and weighed; and the operations."""
-        if len(seen.ids) >= ENOUGH_RANGES:
-            ranges = scene.sensor.ranges(seen.readings)  # type: ignore[attr-defined]
-            weights = belief.counts * np.exp(belief.log_weights - belief.log_weights.max())
-            point, iterations = least_squares(seen.positions, ranges, weights @ belief.means[:, PLACE] / weights.sum())
-            information = information_at(point, seen, scene)
-            if np.linalg.cond(information) < 1e8:
-                cov = symmetric(np.linalg.inv(information).astype(np.float64))
-                means, covs, scores = updated_by_fix(belief.means, belief.covs, point, cov)
-                used = fix_cycles(len(seen.ids), iterations) + self.particles * FIX_CYCLES
-                return replace(belief, means=means, covs=covs, log_weights=belief.log_weights + scores), used
-        means, covs, scores = updated_by_readings(belief.means, belief.covs, seen, scene)
-        used = self.particles * RANGE_CYCLES * len(seen.ids)
+        ranged = usable(seen, scene)
+        count = ranged.ranges.size
+        if count >= ENOUGH_RANGES:
+            start = self._summed(belief, scene.head).mean[PLACE]
+            fix = fixed(ranged, start, UNKNOWN, scene)
+            means, covs, scores = updated_by_fix(belief.means, belief.covs, fix.point, fix.cov)
+            fixing = fix_cycles(count, fix.iterations) + COVARIANCE_CYCLES[0] + COVARIANCE_CYCLES[1] * count
+            used = fixing + self.particles * FIX_CYCLES
+        else:
+            means, covs, scores = updated_by_readings(belief.means, belief.covs, seen, scene)
+            used = self.particles * RANGE_CYCLES * len(seen.ids)
         return replace(belief, means=means, covs=covs, log_weights=belief.log_weights + scores), used
 
     def _summed(self, belief: Mixture, head: int) -> Mixture:
@@ -222,6 +227,10 @@ class MixturePf(HeadFilter):
         middle = weights @ means
         apart = means - middle
         return middle, symmetric(np.einsum("k,kij->ij", weights, covs) + (apart * weights[:, None]).T @ apart)
+
+
+def _other_state(columns: tuple[str, ...]) -> str:
+    return f"the tracker 'cluster' has the state {' '.join(COLUMNS)}; this motion's is {' '.join(columns)}"
 
 
 def kept_course(means: Floats, covs: Floats, dt: float, q: float) -> tuple[Floats, Floats]:

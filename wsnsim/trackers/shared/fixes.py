@@ -1,0 +1,185 @@
+"""Trackers that fix the target anew at each step, by least squares on ranges: what they share.
+
+What a step asks:
+
+    Gather: readings  Compute
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Annotated, ClassVar
+
+import numpy as np
+
+from wsnsim.base.arrays import Floats, Ints
+from wsnsim.base.asks import Compute, Flow, Gather, Member, Parcel, Send
+from wsnsim.base.errors import Fault
+from wsnsim.base.part import Quantity, part
+from wsnsim.base.ports import Estimate, Scene
+from wsnsim.base.problem import Problem
+from wsnsim.trackers.shared.heads import HeadFilter
+from wsnsim.trackers.shared.localising import Fix, Point, Ranged, fix_cycles, fixed, usable
+from wsnsim.trackers.shared.moments import forecast, predicted
+from wsnsim.trackers.shared.readings import Evidence
+
+
+@dataclass(frozen=True, slots=True)
+class Fixes:
+    """The last fixes: `times` (n,) in s and `points`, oldest first; and the moments of the whole state now.
+
+    `last_cov` (2, 2) is of the last fix. `unknown` (D,): variances of what ranges do not tell, from the prior.
+    `foretold`: what had been predicted for the last step, None if nothing was.
+    """
+
+    times: tuple[float, ...]
+    points: tuple[Point, ...]
+    mean: Floats
+    cov: Floats
+    head: int
+    last_cov: Floats
+    unknown: Floats
+    foretold: Estimate | None = None
+    effective: float = float("nan")
+
+
+@part
+class RangeFix(HeadFilter):
+    """What trackers share that fix the target anew at each step, by least squares on the ranges that came.
+
+    A tracker of this kind says where it expects the target (`_at`), from where the search starts (`_start_of`), how
+    many fixes it keeps, how many bits hand them over, and what it computes besides a fix. Columns of the state other
+    than the position are the velocity, from the last two fixes, if they are named vx and vy, and else unknown: 0 with
+    the prior's spread. The position that a track starts with counts as its first fix (our choice).
+    """
+
+    needs: ClassVar[tuple[str, ...]] = ("ranges",)
+    """What its sensor must be able to do besides."""
+
+    reading_bits: Annotated[int, Quantity("", ge=1, le=100_000), "of a reading on the air"] = 88
+
+    def start(self, prior: Estimate, scene: Scene) -> Flow[Fixes]:
+        """The prior, whose position is the first fix."""
+        place = list(scene.motion.position)
+        x, y = prior.mean[place].tolist()
+        unknown = np.diag(prior.cov) + prior.mean**2
+        return Fixes((scene.time,), ((x, y),), prior.mean, prior.cov, scene.head, prior.cov[_block(place)], unknown)
+        yield  # a flow that asks for nothing
+
+    def step(self, belief: Fixes, scene: Scene) -> Flow[Fixes]:
+        """One step: N_act - 1 readings reach the head, which fixes the target. Without any it goes on as predicted."""
+        ranged = usable((yield from gather_ranges(scene, self.reading_bits)), scene)
+        expected = self._placed(Estimate(*predicted(belief.mean, belief.cov, scene)), belief, scene.time, scene)
+        count = ranged.ranges.size
+        if not count:
+            yield Compute(self._other_cycles(len(belief.points)))
+            foretold = expected if self._predicts(belief) else None
+            return replace(belief, mean=expected.mean, cov=expected.cov, head=scene.head, foretold=foretold)
+        fix = fixed(ranged, *self._start_of(expected, ranged, scene), scene)
+        fixes = min(len(belief.points) + 1, self._kept)
+        yield Compute(fix_cycles(count, fix.iterations) + self._other_cycles(fixes))
+        return self._with(belief, fix, expected, scene)
+
+    def hand_over(self, belief: Fixes, scene: Scene, successor: int) -> Flow[Fixes | None]:
+        """One packet with the fixes, or nothing."""
+        mask = yield Send(successor, Parcel(belief, 1, self._handover_bits, "handover"))
+        return replace(belief, head=successor) if mask.all() else None
+
+    def forecast(self, belief: Fixes, scene: Scene, ahead: int) -> Estimate:
+        """Where the target is expected at the step that is so many steps on; the spread is the motion model's."""
+        moved = forecast(Estimate(belief.mean, belief.cov), scene, ahead)
+        return self._placed(moved, belief, (scene.step + ahead) * scene.dt, scene)
+
+    def faults(self, parts: Problem) -> Iterator[Fault]:
+        """Circles cross in the plane."""
+        if any(len(motion.position) != 2 for motion in parts.filter_motions):
+            yield Fault(
+                ("tracker", "kind"),
+                "it fixes a position of two columns by ranges; this motion has one; take a motion in the plane",
+            )
+
+    @property
+    def _kept(self) -> int:
+        """How many fixes."""
+        raise NotImplementedError
+
+    @property
+    def _handover_bits(self) -> int:
+        raise NotImplementedError
+
+    def _other_cycles(self, fixes: int) -> float:
+        """Operations of a step besides the fix, with so many fixes."""
+        raise NotImplementedError
+
+    def _predicts(self, belief: Fixes) -> bool:
+        """Whether it expects the target elsewhere than where it was last."""
+        return False
+
+    def _at(self, belief: Fixes, time: float, scene: Scene) -> Floats:
+        """(2,) where the target is expected at a time: where it was last, unless a tracker says otherwise."""
+        return np.array(belief.points[-1])
+
+    def _start_of(self, expected: Estimate, ranged: Ranged, scene: Scene) -> tuple[Floats, float]:
+        """(2,) from where the fix is searched, and how far in m the target is from there: as expected.
+
+        No farther than the longest range says.
+        """
+        place = list(scene.motion.position)
+        off = math.sqrt(float(np.trace(expected.cov[_block(place)])))
+        return expected.mean[place], min(off, float(ranged.ranges.max()))
+
+    def _placed(self, moved: Estimate, belief: Fixes, time: float, scene: Scene) -> Estimate:
+        """The motion's prediction with the position that the tracker expects; their difference adds to the spread."""
+        place = list(scene.motion.position)
+        mean, cov = moved.mean.copy(), moved.cov.copy()
+        mean[place] = self._at(belief, time, scene)
+        off = moved.mean[place] - mean[place]
+        cov[_block(place)] += off[:, None] * off
+        return Estimate(mean, cov)
+
+    def _with(self, belief: Fixes, fix: Fix, expected: Estimate, scene: Scene) -> Fixes:
+        """The belief with one more fix; of two at one time the later."""
+        x, y = fix.point.tolist()
+        earlier = [(time, point) for time, point in zip(belief.times, belief.points, strict=True) if time < scene.time]
+        kept = [*earlier, (scene.time, (x, y))][-self._kept :]
+        times, points = tuple(time for time, _ in kept), tuple(point for _, point in kept)
+        mean, cov = _state(times, points, (belief.last_cov, fix.cov), belief.unknown, scene)
+        foretold = expected if self._predicts(belief) else None
+        return Fixes(times, points, mean, cov, scene.head, fix.cov, belief.unknown, foretold)
+
+
+def _block(rows: list[int], columns: list[int] | None = None) -> tuple[Ints, Ints]:
+    """What indexes these rows and columns of a matrix; the same ones if only rows are given."""
+    return np.array(rows)[:, None], np.array(rows if columns is None else columns)
+
+
+def gather_ranges(scene: Scene, bits: int) -> Flow[Evidence]:
+    """The readings that reached the head, its own for nothing: one packet of so many bits a member."""
+
+    def parcel_of(member: Member) -> Parcel | None:
+        if member.reading is None or not math.isfinite(member.reading):
+            return None
+        return Parcel(member.reading, 1, bits, "reading")
+
+    answer = yield Gather(parcel_of)
+    rows = [row for row, node in enumerate(scene.ids) if node in answer]
+    values = np.array([answer[scene.ids[row]][0] for row in rows], dtype=np.float64)
+    return Evidence(tuple(scene.ids[row] for row in rows), values, scene.positions[rows], scene.traits[rows])
+
+
+def _state(
+    times: tuple[float, ...], points: tuple[Point, ...], covs: tuple[Floats, Floats], unknown: Floats, scene: Scene
+) -> tuple[Floats, Floats]:
+    """Mean (D,) and covariance (D, D) of the state that two independent fixes tell, `covs` their covariances."""
+    columns, place = scene.motion.columns, list(scene.motion.position)
+    mean, cov = np.zeros(len(columns)), np.diag(unknown)
+    mean[place] = points[-1]
+    cov[_block(place)] = covs[1]
+    if len(times) > 1 and "vx" in columns and "vy" in columns:
+        moving, passed = [columns.index("vx"), columns.index("vy")], times[-1] - times[-2]
+        mean[moving] = (np.array(points[-1]) - np.array(points[-2])) / passed
+        cov[_block(moving)] = (covs[0] + covs[1]) / passed**2
+        cov[_block(place, moving)] = cov[_block(moving, place)] = covs[1] / passed
+    return mean, cov
