@@ -262,3 +262,69 @@ def test_a_deployment_that_cannot_be_covered_is_refused_or_given_up_with_a_reaso
     with pytest.raises(ScenarioError, match="cover"):
         experiment.run(scenario.load("pso_mhpf", ["deploy.nodes=10"]), out=tmp_path / "x.h5")
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.fixture(scope="module")
+def sleeping():
+    """Short runs of a network that sleeps and is woken by a flood, and of one that nobody wakes: (tables, words)."""
+    made = {}
+    for name in ("gmtt", "ris"):
+        memory = Memory()
+        experiment.simulate(scenario.load(name, ["duration=60 s"]), recorder=memory)
+        made[name] = memory
+    return made
+
+
+@pytest.mark.parametrize("name", ["gmtt", "ris"])
+def test_the_figures_of_a_track_are_those_that_a_hand_counts_in_its_estimates(sleeping, name):
+    """Steps of 2 s, reports every 10 s: of 30 steps, 6 are due to the sink."""
+    estimates, (track,) = sleeping[name].table("estimates"), rows_of_table(sleeping[name].table("tracks"))
+    steps = rows_of_table(estimates)
+    in_time = [row for row in steps if row["issued"] <= row["time"] + 2.0]
+    for column, least in (("tracked", 1), ("tracked_three", 3)):
+        assert track[column] == pytest.approx(sum(row["readings"] >= least for row in in_time) / 30)
+    sure = [row["error"] for row in steps if row["readings"] >= 3 and np.isfinite(row["error"])]
+    assert track["mean_error_three"] == pytest.approx(sum(sure) / len(sure))
+    assert track["rmse_three"] == pytest.approx((sum(error**2 for error in sure) / len(sure)) ** 0.5)
+    assert track["median_error_three"] == pytest.approx(np.median(sure))
+    due = [row for row in steps if row["step"] % 5 == 0]
+    assert all(np.isnan(row["received"]) for row in steps if row not in due)
+    assert (track["due"], track["received"]) == (6, sum(np.isfinite(row["received"]) for row in due))
+    assert track["in_time"] == pytest.approx(sum(row["received"] <= row["time"] + 2.0 for row in due) / 6)
+    assert track["woken"] == sum(row["woken"] for row in steps)
+    assert track["ineffective"] == sum(row["ineffective"] for row in steps) <= track["woken"]
+    assert track["ineffective_twenty"] == sum(row["ineffective"] for row in steps if row["step"] <= 20)
+    (run,) = rows_of_table(sleeping[name].table("runs"))
+    assert (run["tracked"], run["tracked_three"]) == (track["tracked"], track["tracked_three"])
+
+
+def test_every_message_that_wakes_nodes_has_its_row_and_the_events_agree(sleeping):
+    wakeups, events = sleeping["gmtt"].table("wakeups"), sleeping["gmtt"].table("events")
+    estimates = sleeping["gmtt"].table("estimates")
+    words = sleeping["gmtt"].words.all()
+    flood = events["what"] == words.index("track")
+    for row in rows_of_table(wakeups):
+        frames = flood & (events["sequence"] == row["sequence"])
+        sent = frames & np.isin(events["kind"], [KIND["send"], KIND["relay"]])
+        assert sent.sum() == 1 + row["forwards"] and events["node"][sent][0] == row["node"]
+        assert row["time"] <= events["time"][sent].min() and row["expires"] > row["time"]
+    assert wakeups["called"].sum() == (events["kind"] == KIND["called"]).sum() > 0
+    assert set(wakeups["foreseen"].tolist()) == {0, 1} and np.all(wakeups["radius"] >= 40.0)
+    for row in rows_of_table(estimates):
+        mine = wakeups["step"] == row["step"]
+        assert row["woken"] == wakeups["woken"][mine].sum()
+        assert row["ineffective"] == wakeups["ineffective"][mine].sum()
+    assert sleeping["ris"].table("wakeups") == {}
+
+
+def rows_of_table(columns):
+    """A table's rows, as mappings."""
+    return [dict(zip(columns, values, strict=True)) for values in zip(*columns.values(), strict=True)]
+
+
+def test_on_the_bench_estimates_come_at_their_step_nobody_sleeps_and_no_report_is_due():
+    done = experiment.simulate(scenario.load("rkf", ["duration=20 s", "tracker.kind=ekf"]))
+    (track,) = done.tracks
+    assert (track["tracked"], track["delay"], track["due"], track["woken"]) == (1.0, 0.0, 0, 0)
+    assert np.isnan(track["in_time"])
+    assert np.isnan(done.run["awake"]) and done.run["tracked"] == 1.0

@@ -279,6 +279,7 @@ def _followed(columns: Mapping[str, Any], dt: float) -> dict[str, Any]:
         "tracked_three": metrics.tracked_share(issued, times, readings, dt, metrics.ENOUGH_READINGS),
         "mean_error": metrics.mean_error(errors),
         "mean_error_three": metrics.mean_error(sure),
+        "rmse_three": metrics.rmse(sure),
         "median_error_three": metrics.median_error(sure),
     }
 

@@ -47,7 +47,7 @@ def write(tmp_path_factory):
     return write_once
 
 
-def _write_file(path, layout, runs=3, targets=1, steps=8, network=False, gaps=(), without=(), scenario=True):
+def _write_file(path, layout, runs=3, targets=1, steps=8, network=False, gaps=(), without=(), scenario=True, woken=0):
     rng = np.random.default_rng(5)
     wanted = dict.fromkeys(TABLES, True) | dict.fromkeys(without, False)
     with ResultFile(path, layout.states, wanted, position=layout.position) as file:
@@ -61,6 +61,10 @@ def _write_file(path, layout, runs=3, targets=1, steps=8, network=False, gaps=()
             file.write("runs", row | {"replicate": run, "lost": run == 1})
             if network:
                 _write_energy(file, run, steps, rng)
+            if woken:
+                row = dict.fromkeys((column.name for column in columns_of("wakeups")), 1)
+                regions = {"x": rng.normal(0, 9, woken), "y": rng.normal(0, 9, woken)}
+                file.write("wakeups", row | {"replicate": run, "target": 0, **regions})
         if scenario:
             file.set_text("scenario/resolved_json", json.dumps({"name": "invented", "seed": 11}))
     return path
@@ -163,6 +167,13 @@ def test_a_track_in_the_plane_has_truth_estimates_sensors_and_the_heads_in_order
     equal(line(axes, "2 heads"), nodes["x"][mine][[3, 1]], nodes["y"][mine][[3, 1]])
     assert (axes.get_xlabel(), axes.get_ylabel(), axes.get_aspect()) == ("px [m]", "py [m]", 1.0)
     assert "5 sensors" in labels(axes)
+
+
+def test_the_regions_in_which_nodes_were_woken_are_marked_by_their_centres(write):
+    path = write(network=True, woken=4, targets=2, gaps=(3, 4))
+    axes, regions = plots.track(axes_of(), path, replicate=1), rows(path, "wakeups", 1)
+    equal(line(axes, "4 regions woken"), regions["x"], regions["y"])
+    assert not [said for said in labels(plots.track(axes_of(), path, target=1)) if "woken" in said]
 
 
 def test_a_bench_has_sensors_and_no_heads(write):

@@ -9,9 +9,10 @@ import pytest
 
 from wsnsim.analysis import acts
 from wsnsim.analysis.trace import as_json, text, trace
-from wsnsim.analysis.wording import energy_in_words, named
+from wsnsim.analysis.wording import energy_in_words, named, row_in_words
 from wsnsim.base.errors import ResultError, UsageError
 from wsnsim.base.tables import CAUSE, EVENT_CAUSE, KIND
+from wsnsim.network import waking
 from wsnsim.recording import ResultFile
 
 NAN = float("nan")
@@ -20,8 +21,8 @@ SCENARIO = {"name": "toy", "seed": 5, "step": DT}
 RUN = {
     "replicate": 0, "status": 0, "steps": 4, "rmse": 1.0, "median_error": 1.0, "lost": 0, "energy": 1.0,
     "handovers": 0, "frames_sent": 0, "frames_lost": 0, "packets_sent": 0, "in_range": 0, "delivered": 0, "collided": 0,
-    "access_failures": 0, "retries": 0, "cycles": 0.0, "alive": 9, "first_death": NAN, "half_dead": NAN,
-    "coverage": 1.0, "cpu_seconds": 0.1, "fingerprint": 3,
+    "access_failures": 0, "retries": 0, "cycles": 0.0, "tracked": 1.0, "tracked_three": 1.0, "awake": 1.0, "alive": 9,
+    "first_death": NAN, "half_dead": NAN, "coverage": 1.0, "cpu_seconds": 0.1, "fingerprint": 3,
 }  # fmt: skip
 ESTIMATE = {
     "replicate": 0, "target": 0, "step": 2, "time": START, "issued": 1.02, "px": 3.0, "vx": 0.0, "py": 4.0, "vy": 0.0,
@@ -187,7 +188,20 @@ def test_overhearing_is_summed_over_the_step(made):
         (event("announce", 3), "head 3 announced its cluster"),
         (event("join", 3, peer=HEAD), "node 3 joined head 7"),
         (event("handover", HEAD, peer=3), "head 7 began to hand over to node 3"),
-        (event("lost", HEAD, what="head_died"), "the track was lost: head died (head 7)"),
+        (event("lost", HEAD, what="head_died"), "the track was lost: the head died (head 7)"),
+        (event("lost", -1, what="nobody_woken"), "the track was lost: nobody was woken where the target was expected"),
+        (event("lost", -1, what="fog_bank"), "the track was lost: fog bank"),
+        (event("acquire", 3), "node 3 took up a target that nobody had followed"),
+        (event("leave", -1), "the target left the field"),
+        (event("return", -1), "the target came back into the field"),
+        (event("call", 3, joules=3e-4, cause="tx"), "node 3 called on the wake-up radio (300 uJ)"),
+        (event("called", 3, peer=HEAD), "node 3 was woken by a call of head 7"),
+        (event("drop", 3, what="expired", peer=4), "node 3 dropped a message that had expired"),
+        (event("handover", HEAD, what="message", peer=3), "head 7 handed over to node 3, by the message that woke it"),
+        (event("sense", 3, what="nothing"), "node 3 sensed nothing, though told to"),
+        (event("wake", 3, what="call"), "node 3 woke, called on the wake-up radio"),
+        (event("wake", 3, what="schedule"), "node 3 woke, as scheduled"),
+        (event("sleep", 3, what="schedule"), "node 3 went to sleep, as scheduled"),
         (event("reacquire", 3), "node 3 began the track anew, from readings"),
         (event("wake", 3, what="target"), "node 3 woke, as the target came into range"),
         (event("death", 3, target=-1), "node 3 died: the charge is gone"),
@@ -210,7 +224,94 @@ def test_every_kind_of_event_has_its_sentence(made, row, said):
 def test_no_kind_of_event_is_passed_over(made):
     for number, kind in enumerate(KIND):
         said = sentences(made([event(kind, 3, frame=1, peer=4, what="reading")], name=f"{number}.h5"))
-        assert len(said) == 1 and " 3" in said[0] + " 3" * (kind == "overhear"), kind
+        assert len(said) == 1 and " 3" in said[0] + " 3" * (kind in ("overhear", "leave", "return")), kind
+
+
+def copy(frame, source, ms, heard, what="track", relayed=False, fates=(), sequence=1):
+    """The rows of one copy of a message that wakes nodes: broadcast for 100 uJ, heard for 1 uJ each."""
+    kind = "relay" if relayed else "send"
+    rows = [event(kind, source, ms, what, frame, joules=1e-4, cause="tx", sequence=sequence)]
+    got = {"joules": 1e-6, "cause": "rx"}
+    rows += [event("receive", node, ms, what, frame, source, sequence=sequence, **got) for node in heard]
+    return rows + [event(fate, node, ms, what, frame, source, sequence=sequence) for node, fate in fates]
+
+
+def call(caller, ms, *woken):
+    """The rows of a call on the wake-up radio, for 50 uJ, and 20 uJ at each who is woken."""
+    rows = [event("call", caller, ms, joules=5e-5, cause="tx", packets=1, bits=96)]
+    return rows + [
+        event("called", node, ms, peer=caller, joules=2e-5, cause="rx", packets=1, bits=96) for node in woken
+    ]
+
+
+def test_a_flood_is_one_act_with_who_started_it_who_handed_it_on_and_whom_it_woke(made):
+    late = event("drop", 30, 9.0, "expired", peer=14, sequence=1)
+    rows = [
+        *copy(1, HEAD, 1.0, (12, 13), fates=((15, "collide"), (16, "drop"))),
+        *copy(2, 12, 3.0, (HEAD, 14, 15), relayed=True),
+        *call(13, 6.0, 20, 21),
+        *copy(3, 14, 5.0, (12, 30), relayed=True),
+        *call(20, 11.0, 22),
+        late,
+    ]
+    joules = 3 * 100 + 7 * 1 + 2 * 50 + 3 * 20
+    assert sentences(made(rows)) == [
+        f"head 7 broadcast its call to track (1 packet, 3 frames, 288 bits, {joules} uJ); handed on by 2 nodes (12, 14)"
+        "; heard by 6; 2 nodes (13, 20) called on the wake-up radio, which woke 3: 20, 21, 22; lost at 16"
+        "; expired at 30"
+    ]
+
+
+def test_a_flood_that_began_in_an_earlier_step_says_so(made):
+    earlier = of_step(1, copy(1, HEAD, 39.0, (12,)))
+    (said,) = sentences(made([*earlier, *copy(2, 12, 1.0, (13,), relayed=True), *copy(3, 13, 2.0, (), relayed=True)]))
+    assert said.startswith("node 12 handed on, begun before this step, its call to track (1 packet, 2 frames, ")
+    assert "; handed on by node 13; heard by 1" in said
+
+
+def test_every_flood_is_told_by_itself_however_many_there_are(made):
+    floods = [row for i in range(6) for row in copy(2 * i + 1, 40 + i, i, (12,), sequence=i + 1)]
+    assert len(sentences(made(floods, name="plain.h5"))) == 1
+    rows = [*floods, *[row for i in range(6) for row in call(40 + i, i + 0.5, 60 + i)]]
+    assert [said.rpartition(" ")[2] for said in sentences(made(rows))] == [str(60 + i) for i in range(6)]
+
+
+def test_a_call_belongs_to_the_nearest_message_that_its_caller_knows_and_to_none_that_it_does_not(made):
+    two = [*copy(1, HEAD, 1.0, (12,)), *copy(2, 50, 4.0, (12, 51), sequence=2)]
+    first, second = sentences(made([*two, *call(12, 2.0, 20), *call(51, 2.0, 21)]))
+    assert first.endswith("node 12 called on the wake-up radio, which woke 1: 20")
+    assert second.endswith("node 51 called on the wake-up radio, which woke 1: 21")
+    said = sentences(made([*two, *call(99, 2.0, 22), *call(12, 3.9)], name="strange.h5"))
+    assert said[1:3] == [
+        "node 99 called on the wake-up radio (50 uJ)",
+        "node 22 was woken by a call of node 99 (20 uJ)",
+    ]
+    assert said[3].endswith("node 12 called on the wake-up radio, which woke nobody")
+
+
+def test_who_is_called_for_a_letter_is_not_woken_by_the_flood(made):
+    rows = [*copy(1, HEAD, 1.0, (12,)), *call(HEAD, 2.0, 90), *hop(5, HEAD, 90, 3.0, what="report")]
+    assert sentences(made(rows))[1:3] == [
+        "head 7 called on the wake-up radio (50 uJ)",
+        "node 90 was woken by a call of head 7 (20 uJ)",
+    ]
+
+
+def test_calls_that_go_before_their_broadcast_are_of_the_same_act(made):
+    (line,) = trace(made([*call(HEAD, 1.0, 20), *copy(1, HEAD, 5.0, (12, 20), "invitation")]), 2).lines
+    assert (line.time, line.until) == (START + 1e-3, START + 5e-3)
+    assert line.text.startswith("head 7 broadcast its invitation (")
+
+
+def test_a_message_that_wakes_nodes_is_called_what_the_network_calls_it():
+    assert set(acts.WAKING) == set(waking.WORDS.values())
+
+
+def test_the_json_of_a_flood_has_who_was_woken(made):
+    answer = as_json(trace(made([*copy(1, HEAD, 1.0, (12,)), *call(12, 2.0, 20)]), 2))
+    (message,) = answer["messages"]
+    assert (message["callers"], message["woken"], message["expired"]) == ([12], [20], [])
+    json.dumps(answer)
 
 
 def test_sentences_stand_in_the_order_of_time_in_ms_after_the_start(made):
@@ -327,3 +428,10 @@ def test_numbers_are_said_with_three_digits_and_a_fitting_prefix():
         "2.5 mJ",
     ]
     assert named(np.arange(30).tolist()).endswith("22, 23 and 6 more")
+
+
+def test_a_target_that_leaves_the_field_is_the_subject_of_its_event():
+    rows = [acts.Row(1.0, 2, 0, -1, kind, "", 0, 0, -1, 0, 0, 0.0, "") for kind in ("leave", "return", "lost")]
+    assert [row_in_words(row) for row in rows] == [
+        "the target: leave target 0", "the target: return target 0", "nobody: lost target 0",
+    ]  # fmt: skip

@@ -62,3 +62,18 @@ def test_a_track_is_first_lost_at_the_end_of_its_first_bad_window():
     errors[:] = 2.0
     errors[300:360] = NAN
     assert metrics.first_lost(errors) == next(k for k in range(100, 601) if metrics.is_lost(errors[:k]))
+
+
+def test_a_step_is_tracked_if_its_estimate_came_before_the_next_step_from_enough_readings():
+    """Of five steps of 2 s: in time, at the last instant, too late, never; and in time, from one reading alone."""
+    times = np.array([2.0, 4.0, 6.0, 8.0, 10.0])
+    issued = np.array([2.5, 6.0, 8.1, NAN, 10.0])
+    readings = np.array([3, 4, 5, 0, 1])
+    assert metrics.tracked_share(issued, times, readings, 2.0, 1) == pytest.approx(3 / 5)
+    assert metrics.tracked_share(issued, times, readings, 2.0, 3) == pytest.approx(2 / 5)
+    assert metrics.tracked_share(issued, times, np.zeros(5, dtype=int), 2.0, 1) == 0.0
+
+
+def test_the_mean_error_is_over_the_steps_that_have_an_estimate():
+    assert metrics.mean_error(np.array([1.0, NAN, 5.0])) == 3.0
+    assert math.isnan(metrics.mean_error(np.array([NAN])))

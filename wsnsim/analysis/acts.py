@@ -15,14 +15,18 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from wsnsim import recording
+from wsnsim.analysis.messages import EVERYONE, Frame, Message
 from wsnsim.analysis.sources import Layout, layout
 
 BLOCK: Final = 1 << 22
 """Rows of two columns that are in memory at once while a step is looked for."""
 ON_THE_AIR: Final = ("send", "relay")
 OUTCOMES: Final = ("receive", "drop", "collide")
+CALLS: Final = ("call", "called")
+WAKING: Final = ("track", "announce", "invitation")
+"""What a message that wakes nodes is called in the log."""
+EXPIRED: Final = "expired"
 ACK: Final = "ack"
-EVERYONE: Final = -1
 
 
 class Row(NamedTuple):
@@ -70,83 +74,6 @@ class Act:
         self.packets += row.packets
         self.bits += row.bits
         self.joules += row.joules
-
-
-@dataclass(slots=True)
-class Frame:
-    """One burst on the air: who got how many packets of it, at whom it collided, and where it was lost otherwise."""
-
-    number: int
-    source: int
-    to: int
-    packets: int
-    bits: int
-    received: dict[int, int] = field(default_factory=dict)
-    collided: list[int] = field(default_factory=list)
-    dropped: list[int] = field(default_factory=list)
-
-    @property
-    def arrived(self) -> bool:
-        """Whether the node it was for got it, or all of it where it was for everyone."""
-        return self.to in self.received if self.to != EVERYONE else not (self.collided or self.dropped)
-
-
-@dataclass(slots=True)
-class Message:
-    """A parcel under way: its frames hop by hop, acknowledgements left out, and `joules` of all who sent or listened.
-
-    `ended`: why a frame of it never got on the air ('no_path', 'no_channel', ...); '' if none. `begun`: whether its
-    first frame is in the rows; `goes_on`: whether later steps know of it; `relayed`: the first of the rows passes it
-    on. Overhearing is not in `joules`.
-    """
-
-    time: float
-    until: float
-    what: str
-    target: int
-    source: int
-    to: int
-    begun: bool = True
-    goes_on: bool = False
-    relayed: bool = False
-    ended: str = ""
-    most: int = 0
-    joules: float = 0.0
-    frames: list[Frame] = field(default_factory=list)
-    acknowledgements: int = 0
-
-    @property
-    def path(self) -> tuple[int, ...]:
-        """The nodes that it passed, from the first sender to the last addressee."""
-        nodes = [self.source]
-        for frame in self.frames:
-            if frame.source == nodes[-1] and frame.to != EVERYONE:
-                nodes.append(frame.to)
-        return tuple(nodes)
-
-    @property
-    def hop(self) -> list[Frame]:
-        """The frames of its last hop."""
-        last = self.frames[-1]
-        return [frame for frame in self.frames if (frame.source, frame.to) == (last.source, last.to)]
-
-    @property
-    def packets(self) -> int:
-        """Packets that arrived over its last hop, each frame counted; those that should have, if none did."""
-        if self.is_broadcast or not self.frames:
-            return self.most
-        got = sum(frame.received.get(frame.to, 0) for frame in self.hop)
-        return max(got, self.most)
-
-    @property
-    def bits(self) -> int:
-        """Bits put on the air, each frame and hop counted."""
-        return sum(frame.bits for frame in self.frames)
-
-    @property
-    def is_broadcast(self) -> bool:
-        """Whether it was for everyone within reach."""
-        return self.to == EVERYONE
 
 
 def plan_of(path: str | Path) -> Layout:
@@ -218,11 +145,50 @@ def gathered(rows: Iterable[Row], known: Mapping[int, Elsewhere] | None = None) 
     rows = list(rows)
     leads = {row.node for row in rows if row.kind in ("estimate", "announce", "allocate", "handover")}
     for row in rows:
-        if row.kind in ON_THE_AIR or row.kind in OUTCOMES:
+        if _is_too_late(row):
+            message = messages.get((True, row.sequence))
+            if message is None:
+                _join(row, False, acts, found.append)
+            else:
+                message.expired.append(row.node)
+        elif row.kind in ON_THE_AIR or row.kind in OUTCOMES:
             _take(row, messages, found.append, (known or {}).get(row.sequence, Elsewhere(False, False, "")))
-        else:
+        elif row.kind not in CALLS:
             _join(row, row.kind == "compute" and row.node in leads, acts, found.append)
-    return found
+    for row in _call([row for row in rows if row.kind in CALLS], list(messages.values())):
+        _join(row, False, acts, found.append)
+    return sorted(found, key=lambda one: one.time)
+
+
+def _is_too_late(row: Row) -> bool:
+    """Whether a node dropped a message that it had, because that had expired."""
+    return row.kind == "drop" and row.frame == 0 and row.what == EXPIRED
+
+
+def _call(rows: Sequence[Row], messages: Sequence[Message]) -> list[Row]:
+    """Give each call on the wake-up radio to the message that it hands on; the rows of calls that hand on none.
+
+    A caller has sent or heard that message, or has been called with it; of several it is the nearest in time (our
+    choice: calls have no sequence numbers). Who calls one node and then sends it a letter has called it for that.
+    """
+    rings: dict[tuple[float, int, int], list[Row]] = {}
+    for row in rows:
+        rings.setdefault((row.time, row.target, row.node if row.kind == "call" else row.peer), []).append(row)
+    letters = {(one.source, one.to) for message in messages if not message.is_broadcast for one in message.frames}
+    left = []
+    for (time, target, caller), ring in rings.items():
+        woken = [row.node for row in ring if row.kind == "called"]
+        able = [one for one in messages if one.is_broadcast and (one.target, one.what in WAKING) == (target, True)]
+        able = [one for one in able if caller == one.source or caller in one.heard or caller in one.woken]
+        if not able or (len(woken) == 1 and (caller, woken[0]) in letters):
+            left += ring
+            continue
+        message = min(able, key=lambda one: abs(one.time - time))
+        message.callers += [caller] if caller not in message.callers else []
+        message.woken += woken
+        message.joules += sum(row.joules for row in ring)
+        message.time, message.until = min(message.time, time), max(message.until, time)
+    return left
 
 
 def _join(
@@ -257,6 +223,7 @@ def _take(
         message.acknowledgements += row.kind == "receive"
     elif row.kind in ON_THE_AIR:
         message.frames.append(Frame(row.frame, row.node, row.peer, row.packets, row.bits))
+        message.to = EVERYONE if row.peer == EVERYONE else message.to
         message.most = max(message.most, row.packets)
         message.what = message.what or row.what
     elif row.frame == 0:

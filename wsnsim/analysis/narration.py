@@ -7,32 +7,21 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from typing import Final
 
-from wsnsim.analysis.acts import Act, Frame, Message
-from wsnsim.analysis.wording import Line, Speaker, counted, energy_in_words, named
-
-PARCELS: Final = {
-    "announce": ("its announcement", "their announcements"),
-    "join": ("its request to join", "their requests to join"),
-    "strength": ("the strength of its reading", "the strengths of their readings"),
-    "wake": ("a call to wake", "calls to wake"),
-    "": ("a message", "messages"),
-}
-"""What a parcel is called of one sender and of several; others are called what the tracker calls them."""
-REASONS: Final = {"no_path": "there is no path", "no_channel": "the channel was never free"}
-SPEECH: Final = {
-    "wake": ("woke", {"frame": ", called by a frame", "target": ", as the target came into range"}),
-    "sleep": ("went to sleep", {"frame": ", dismissed", "target": ", as the target had left"}),
-    "compute": ("computed", {}),
-    "sense": ("sensed", {}),
-    "crash": ("crashed", {}),
-    "restart": ("restarted", {}),
-    "death": ("died: the charge is gone", {}),
-}
-"""Verbs of acts without another node, and what follows them for a word of the event."""
-OF_NODES: Final = ("join", "strength", "wake", "handover", "report")
-"""Parcels that not only members send to a head."""
+from wsnsim.analysis.acts import Act
+from wsnsim.analysis.messages import Frame, Message
+from wsnsim.analysis.wording import (
+    LOSSES,
+    OF_NODES,
+    PARCELS,
+    REASONS,
+    SPEECH,
+    Line,
+    Speaker,
+    counted,
+    energy_in_words,
+    named,
+)
 
 
 def told(acts: Iterable[Act | Message], speaker: Speaker) -> list[Line]:
@@ -73,9 +62,17 @@ def _deed(act: Act, who: str, speaker: Speaker) -> str:
         "join": f"{who} joined {peer}",
         "allocate": f"{who} dealt out {what or 'its belief'}: {counted(act.packets, 'packet')} for others",
         "estimate": f"{who} issued {speaker.issued.get((act.target, act.time), 'an estimate')}",
-        "handover": f"{who} began to hand over to {peer}",
-        "lost": f"the track was lost: {what or 'no reason given'}" + (f" ({who})" if act.nodes[0] >= 0 else ""),
+        "handover": f"{who} handed over to {peer}, by the message that woke it"
+        if act.what == "message"
+        else f"{who} began to hand over to {peer}",
+        "lost": f"the track was lost: {LOSSES.get(act.what, what) or 'no reason given'}"
+        + (f" ({who})" if act.nodes[0] >= 0 else ""),
         "reacquire": f"{who} began the track anew, from readings",
+        "acquire": f"{who} took up a target that nobody had followed",
+        "call": f"{who} called on the wake-up radio",
+        "called": f"{who} {'were' if len(act.nodes) > 1 else 'was'} woken by a call of {peer}",
+        "leave": "the target left the field",
+        "return": "the target came back into the field",
         "report": _report(act, who, speaker),
     }
     if act.kind == "fault":
@@ -140,7 +137,7 @@ def _groups(messages: Sequence[Message]) -> list[list[Message]]:
     for one in messages:
         goal = one.path[-1]
         gathers = to[one.what, one.target, goal] >= by[one.what, one.target, one.source]
-        side = "all" if one.is_broadcast else ("to", goal) if gathers else ("from", one.source)
+        side = _side(one, gathers)
         key, other = (one.what, one.target, side, one.begun), one.source if one.is_broadcast or gathers else goal
         group, others = current.get(key, ([], set()))
         if not group or other in others:
@@ -149,6 +146,13 @@ def _groups(messages: Sequence[Message]) -> list[list[Message]]:
         group.append(one)
         others.add(other)
     return groups
+
+
+def _side(one: Message, gathers: bool) -> tuple[str, int]:
+    """What messages of one group have in common: a flood stands alone."""
+    if one.is_broadcast:
+        return ("flood", id(one)) if one.is_flood else ("all", 0)
+    return ("to", one.path[-1]) if gathers else ("from", one.source)
 
 
 def _messages(group: list[Message], speaker: Speaker) -> list[Line]:
@@ -161,6 +165,8 @@ def _messages(group: list[Message], speaker: Speaker) -> list[Line]:
 def _message(one: Message, speaker: Speaker) -> str:
     what = _parcel(one.what, False)
     text = f"{speaker.node(one.source)} "
+    if one.is_flood:
+        return _flood(one, speaker)
     if one.is_broadcast:
         return f"{text}broadcast {what} {_facts([one])}; {_heard(one)}{speaker.of(one.target)}"
     path = one.path
@@ -169,6 +175,34 @@ def _message(one: Message, speaker: Speaker) -> str:
     text += f" over {', '.join(str(node) for node in path[1:-1])}" if len(path) > 2 else ""
     text += "" if one.begun or not one.relayed else ", begun before this step,"
     return f"{text} {_facts([one])}; {_fate(one, speaker)}{speaker.of(one.target)}"
+
+
+def _flood(one: Message, speaker: Speaker) -> str:
+    """A message that wakes nodes as one act: who started it, who handed it on, whom it reached, and whom it woke."""
+    begun = "broadcast" if one.begun else "handed on, begun before this step," if one.relayed else "went on with"
+    facts = [f"{speaker.node(one.source)} {begun} {_parcel(one.what, False)} {_facts([one])}"]
+    if one.forwarders:
+        facts.append(f"handed on by {_those(one.forwarders, speaker)}")
+    heard = len(one.heard)
+    facts.append(f"heard by {heard}" if heard else "nobody was there to hear it")
+    if one.callers:
+        callers, woken = _those(one.callers, speaker), len(one.woken)
+        facts.append(f"{callers} called on the wake-up radio, which woke {woken or 'nobody'}")
+        facts[-1] += f": {named(one.woken)}" if woken else ""
+    for nodes, words in ((_missed(one), "lost at"), (one.expired, "expired at")):
+        facts += [f"{words} {named(nodes)}"] if nodes else []
+    return "; ".join(facts) + (f"; not sent: {_reason(one.ended)}" if one.ended else "") + speaker.of(one.target)
+
+
+def _those(nodes: Sequence[int], speaker: Speaker) -> str:
+    """One node by its role, or several by their numbers."""
+    return speaker.node(nodes[0]) if len(nodes) == 1 else f"{len(nodes)} nodes ({named(nodes)})"
+
+
+def _missed(one: Message) -> list[int]:
+    """Who was within reach of a frame of a broadcast, and got none."""
+    touched = {node for frame in one.frames for node in (*frame.collided, *frame.dropped)}
+    return sorted(touched - one.heard - {one.source, *one.forwarders})
 
 
 def _fate(one: Message, speaker: Speaker) -> str:

@@ -46,7 +46,7 @@ def track(axes: Axes, path: str | Path, replicate: int = 0, target: int = 0) -> 
         if nodes:
             _beside(axes, nodes["x"])
     else:
-        _in_plane(axes, plan, truth, guess, nodes)
+        _in_plane(axes, plan, truth, guess, nodes, sources.woken_regions(path, replicate, target))
     return _titled(axes, f"track of {_which(replicate, target)}")
 
 
@@ -129,7 +129,9 @@ def particles(
     return _titled(axes, f"particles at step {step} of {_which(replicate, target)}")
 
 
-def _in_plane(axes: Axes, plan: Layout, truth: Columns, guess: Columns, nodes: Columns) -> None:
+def _in_plane(
+    axes: Axes, plan: Layout, truth: Columns, guess: Columns, nodes: Columns, woken: Columns | None = None
+) -> None:
     across, up = plan.position
     if nodes:
         size = 4.0 if len(nodes["x"]) > 100 else 14.0
@@ -140,6 +142,9 @@ def _in_plane(axes: Axes, plan: Layout, truth: Columns, guess: Columns, nodes: C
     axes.plot(guess[across], guess[up], color=ORANGE, linewidth=1.0, label="estimate", **_marks(guess[across]))
     if nodes and not np.isnan(nodes["energy_initial"]).all():  # who leads a bench means nothing
         _lead(axes, nodes, guess["head"])
+    if woken and len(woken["x"]):
+        label = _counted("region", len(woken["x"])) + " woken"
+        axes.plot(woken["x"], woken["y"], "+", color=GREEN, markersize=5, markeredgewidth=0.9, label=label)
     _plane(axes, plan)
 
 

@@ -132,6 +132,15 @@ def nodes_of(path: str | Path, replicate: int) -> Columns:
     return _chosen(held, held["replicate"] == replicate)
 
 
+def woken_regions(path: str | Path, replicate: int, target: int) -> Columns:
+    """Where the regions were that nodes were woken in, by their centres; empty if none was, or none recorded."""
+    tables = recording.tables(path)
+    if "wakeups" not in tables or not tables["wakeups"].rows:
+        return {}
+    held = recording.read_table(path, "wakeups", ["replicate", "target", "x", "y"])
+    return _chosen(held, (held["replicate"] == replicate) & (held["target"] == target))
+
+
 def errors(path: str | Path) -> tuple[Floats, Floats]:
     """(tracks, steps) position errors, NaN where a run has no estimate or had ended; and the steps' times."""
     table = recording.read_table(path, "estimates", ["replicate", "target", "step", "time", "error"])

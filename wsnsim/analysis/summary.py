@@ -20,6 +20,8 @@ from wsnsim.experiment import Report
 
 SCHEMA_VERSION = 1
 NAN = float("nan")
+OF_THREE = ("rmse_three", "mean_error_three", "median_error_three")
+"""Columns of `tracks` of the errors that three readings or more stand behind."""
 Row = tuple[str, str, str]
 """What it is, what was measured, what the paper printed."""
 
@@ -30,6 +32,7 @@ def as_json(report: Report, published: Mapping[str, float]) -> dict[str, Any]:
     `rmse` is the time mean of the RMSE over replicates at each step; `rmse_median` the median over replicates of each
     one's RMSE over steps and targets, which a few lost tracks do not move; `column_rmse` is the root of the mean square
     over replicates and targets, `column_rmse_median` the median over replicates. What has no estimate is passed over.
+    `tracked` is the mean over replicates, `rmse_three` and its like the median over tracks; of waking, sums of a run.
     """
     errors = _errors(report)
     low, high = _interval(errors.reshape(len(report.summaries), -1, errors.shape[1]), _rmse_of_runs)
@@ -145,7 +148,7 @@ def _followed_figures(report: Report, errors: Floats) -> dict[str, float]:
         each = np.array([summary.run[name] for summary in report.summaries], dtype=np.float64)
         figures[name] = float(np.mean(each))
         figures[f"{name}_low"], figures[f"{name}_high"] = _interval(each, metrics.mean_error)
-    for name in ("mean_error_three", "median_error_three"):
+    for name in OF_THREE:
         figures[name] = metrics.median_error(np.array([track[name] for track in tracks]))
     for name in ("due", "woken", "ineffective", "ineffective_twenty"):
         figures[name] = float(np.sum([track[name] for track in tracks])) / len(report.summaries)
@@ -156,14 +159,18 @@ def _followed_rows(figures: Mapping[str, Any], unit: str) -> list[Row]:
     """Where a network sleeps, or does not follow its target all the time: how much of it, and who was woken for it."""
     if not (figures["awake"] < 1.0 or figures["tracked"] < 1.0):
         return []
-    three = f"{figures['mean_error_three']:.4f}{unit}, median {figures['median_error_three']:.4f}{unit}"
-    rows = [
-        ("mean error", f"{figures['mean_error']:.4f}{unit}", ""),
-        ("  of steps with three readings or more", three, ""),
+    rows = []
+    if math.isfinite(figures["mean_error"]):
+        rows.append(("mean error", f"{figures['mean_error']:.4f}{unit}", ""))
+    if math.isfinite(figures["rmse_three"]):
+        rmse, mean, middle = (f"{figures[name]:.4f}{unit}" for name in OF_THREE)
+        rows.append(("  of a run's steps with three readings", f"RMSE {rmse}, mean {mean}, median {middle}", ""))
+    rows += [
         ("steps tracked, by one reading or more", _share(figures, "tracked"), ""),
         ("  by three or more", _share(figures, "tracked_three"), ""),
-        ("delay to the head, median", _seconds(figures["delay"]), ""),
     ]
+    if figures["delay"] > 0.0:
+        rows.append(("delay to the head, median", _seconds(figures["delay"]), ""))
     if figures["awake"] < 1.0:
         rows.append(("nodes awake", f"{100.0 * figures['awake']:.1f} % of the time", ""))
     if figures["woken"]:

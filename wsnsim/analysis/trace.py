@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 
 from wsnsim import recording
-from wsnsim.analysis.acts import Act, Message, Row, elsewhere, gathered, plan_of, rows_at
+from wsnsim.analysis.acts import Act, Row, elsewhere, gathered, plan_of, rows_at
+from wsnsim.analysis.messages import Message
 from wsnsim.analysis.narration import told
 from wsnsim.analysis.wording import Line, Speaker, counted, energy_in_words
 from wsnsim.base.errors import ResultError, UsageError

@@ -13,6 +13,52 @@ from wsnsim.analysis.acts import Row
 
 NAMES: Final = 24
 """How many nodes a sentence names (our choice)."""
+PARCELS: Final = {
+    "announce": ("its announcement", "their announcements"),
+    "join": ("its request to join", "their requests to join"),
+    "strength": ("the strength of its reading", "the strengths of their readings"),
+    "wake": ("a call to wake", "calls to wake"),
+    "track": ("its call to track", "their calls to track"),
+    "request": ("its request for readings", "their requests for readings"),
+    "detection": ("that it had detected a target", "that they had detected a target"),
+    "": ("a message", "messages"),
+}
+"""What a parcel is called of one sender and of several; others are called what the tracker calls them."""
+REASONS: Final = {"no_path": "there is no path", "no_channel": "the channel was never free"}
+LOSSES: Final = {
+    "empty_region": "no node stands where the target is expected",
+    "nobody_woken": "nobody was woken where the target was expected",
+    "no_readings": "no readings came",
+    "no_successor": "there was nobody to hand over to",
+    "handover_lost": "the belief was lost on its way to the next head",
+    "head_died": "the head died",
+    "expired": "the message that was to wake nodes expired on its way",
+}
+"""Why a track was lost."""
+SPEECH: Final = {
+    "wake": (
+        "woke",
+        {
+            "frame": ", called by a frame",
+            "target": ", as the target came into range",
+            "call": ", called on the wake-up radio",
+            "schedule": ", as scheduled",
+        },
+    ),
+    "sleep": (
+        "went to sleep",
+        {"frame": ", dismissed", "target": ", as the target had left", "schedule": ", as scheduled"},
+    ),
+    "compute": ("computed", {}),
+    "sense": ("sensed", {"nothing": " nothing, though told to"}),
+    "drop": ("dropped a message", {"expired": " that had expired"}),
+    "crash": ("crashed", {}),
+    "restart": ("restarted", {}),
+    "death": ("died: the charge is gone", {}),
+}
+"""Verbs of acts without another node, and what follows them for a word of the event."""
+OF_NODES: Final = ("join", "strength", "wake", "handover", "report")
+"""Parcels that not only members send to a head."""
 
 
 class Line(NamedTuple):
@@ -56,7 +102,8 @@ def row_in_words(row: Row) -> str:
         counted(row.bits, "bit") if row.bits else "",
         joules,
     ]
-    return f"{f'node {row.node}' if row.node >= 0 else 'nobody'}: {row.kind} {', '.join(filter(None, facts))}".rstrip()
+    who = f"node {row.node}" if row.node >= 0 else "the target" if row.kind in ("leave", "return") else "nobody"
+    return f"{who}: {row.kind} {', '.join(filter(None, facts))}".rstrip()
 
 
 def energy_in_words(joules: float) -> str:

@@ -121,6 +121,7 @@ TABLES: Final[dict[str, tuple[Column, ...]]] = {
         _c("tracked_three", "f8", "1", "share of steps with an estimate in time, from three readings or more"),
         _error("mean_error", "mean position error over steps"),
         _error("mean_error_three", "the same over steps with three readings or more"),
+        _error("rmse_three", "root mean square position error over steps with three readings or more"),
         _error("median_error_three", "median position error over steps with three readings or more"),
         _c("woken", "u4", "1", "nodes that woke or were woken, step by step"),
         _c("ineffective", "u4", "1", "of these, nodes woken though the target was out of their range"),
