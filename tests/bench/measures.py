@@ -20,6 +20,7 @@ from tests.bench.kernels import Tape
 from tests.bench.ratios import compile_rows, filter_rows, kernel_rows
 from tests.bench.scale import scale_rows
 from tests.bench.script import Recorded, Replayed, Script
+from tests.bench.sleeping import sleeping_rows
 from tests.bench.timing import median_cpu, paired_medians, row
 from wsnsim import experiment, scenario
 from wsnsim.base.tables import Memory
@@ -125,4 +126,5 @@ GROUPS: dict[str, Callable[[int], Iterator[dict[str, Any]]]] = {
     "seam": seam_rows,
     "radio": radio_rows,
     "scale": scale_rows,
+    "sleeping": sleeping_rows,
 }
