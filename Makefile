@@ -10,8 +10,13 @@ READY    := $(VENV)/.ready
 # A clone that was moved or copied along with its .venv: what is installed there points to the old place.
 MOVED    := $(shell test -e $(READY) && ! grep -qxF "$(CURDIR)" $(READY) && echo moved)
 
+# The four trackers of Li (2012) over sleeping networks: TRACKER_NODES_STEP, a hundred steps each.
+SLEEPERS   := $(foreach step,2 10,$(foreach nodes,200 250 300 350 400,$(foreach tracker,gmtt tsstp cluster ris,\
+                  results/sleeping/$(tracker)_$(nodes)_$(step).h5)))
+REPLICATES ?= 40
+
 .DEFAULT_GOAL := help
-.PHONY: help run test check interpreted format lint types imports bench lock clean moved
+.PHONY: help run test check interpreted format lint types imports bench sleeping lock clean moved
 .DELETE_ON_ERROR:
 
 help:  ## this list
@@ -44,6 +49,14 @@ imports: $(READY)  ## whether every import goes down the floors of the house
 
 bench: $(READY)  ## processor time of each tracker and of the seam; also results/bench.json
 	@$(PY) -m tests.bench --json results/bench.json $(ARGS)
+
+sleeping: $(SLEEPERS)  ## gmtt, tsstp, cluster, ris over 200 to 400 nodes, located every 2 s and 10 s; REPLICATES=40
+
+# A result has its name only once it is complete: make goes on where it stopped.
+results/sleeping/%.h5: $(READY)
+	@mkdir -p results/sleeping; IFS=_ read -r tracker nodes step <<< "$*"; \
+	$(PY) -m wsnsim run "scenarios/$$tracker.yaml" --set "deploy.nodes=$$nodes" --set "step=$$step s" \
+	    --set "duration=$$((100 * step)) s" --set record.events=false --replicates $(REPLICATES) --out $@ $(ARGS)
 
 lock:  ## write requirements.lock anew from pyproject.toml (needs uv)
 	@command -v uv >/dev/null || { echo "make lock needs uv: pip install uv, or https://docs.astral.sh/uv/" >&2; exit 1; }

@@ -16,7 +16,7 @@ from wsnsim.testing import check_tracker
 
 README = (Path(__file__).parents[1] / "README.md").read_text()
 PYTHON = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
-SCENARIO, RADIO = re.findall(r"```yaml\n(.*?)```", README, re.DOTALL)
+SCENARIO, RADIO, SLEEP = re.findall(r"```yaml\n(.*?)```", README, re.DOTALL)
 READS, PLAIN, TRACKER = PYTHON
 
 
@@ -40,6 +40,13 @@ def test_the_lines_of_a_radio_that_can_fail_run_with_any_scenario(tmp_path):
     path.write_text(f"extends: pso_mhpf\nname: mine\n{RADIO}")
     run = wsnsim.simulate(wsnsim.load(path, ["duration=14 s", "tracker.kind=ekf"]))
     assert run.run["collided"] > 0 and run.joules["idle"] > 100
+
+
+def test_the_lines_of_a_network_that_sleeps_run_with_any_scenario_whose_tracker_is_in_the_head(tmp_path):
+    path = tmp_path / "mine.yaml"
+    path.write_text(f"extends: pso_mhpf\nname: mine\n{SLEEP}")
+    run = wsnsim.simulate(wsnsim.load(path, ["step=1 s", "tracker.kind=ekf", "motion.noise=q_only"]))
+    assert 0.25 < run.run["awake"] < 0.6 and run.tracks[0]["woken"] > 0
 
 
 def test_the_message_about_a_mistake_is_the_one_shown(tmp_path, monkeypatch):

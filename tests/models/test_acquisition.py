@@ -1,12 +1,15 @@
 """Starting a track: around the truth, and anew from readings."""
 
+import dataclasses
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from wsnsim.base.ports import Estimate
+from wsnsim.base.problem import Parts, Problem
 from wsnsim.models.acquire import AroundTruth, FromReadings
+from wsnsim.models.clusters import MovingHead, StrongestSignal
 from wsnsim.models.motion import BoundedVelocity
 from wsnsim.models.ranging import Range, RangeFromOrigin
 from wsnsim.models.sensing import AcousticEnergy
@@ -189,3 +192,24 @@ def test_the_prior_of_a_line_is_drawn_in_its_own_dimension():
     prior = AroundTruth(sd=(1.0, 0.1, 0.01))
     assert prior.draw(np.array([1.0, 0.1, 0.01]), np.random.default_rng(0)).mean.shape == (3,)
     assert not list(prior.faults(SimpleNamespace(motions=(LINE,))))
+
+
+@pytest.mark.parametrize(("poll", "step", "whole"), [
+    (None, 2.0, True), (1.0, 2.0, True), (2.0, 2.0, True), (0.1, 0.3, True), (1.0, 10.0, True),
+    (3.0, 2.0, False), (0.7, 2.0, False), (0.9999, 2.0, False), (4.0, 2.0, False),
+])  # fmt: skip
+@pytest.mark.parametrize("policy", [MovingHead(), StrongestSignal()], ids=["moves", "stands"])
+def test_a_step_is_a_whole_number_of_looks_for_a_lost_target_where_heads_move(poll, step, whole, policy):
+    names = dict.fromkeys(field.name for field in dataclasses.fields(Parts))
+    company = Parts(**names | {"sensor": SENSOR, "clusters": policy, "dt": step})
+    found = list(FromReadings(poll=poll).faults(company))
+    assert [fault.path for fault in found] == ([] if whole or not policy.moves else [("acquire", "poll")])
+
+
+def test_without_a_network_nobody_minds_how_often_a_target_is_looked_for():
+    names = dict.fromkeys(field.name for field in dataclasses.fields(Problem))
+    assert not list(FromReadings(poll=0.7).faults(Problem(**names | {"sensor": SENSOR, "dt": 2.0})))
+
+
+def test_words_of_acquisition_are_packets_unless_said_otherwise():
+    assert (FromReadings().poll, FromReadings().detection_bits, FromReadings().answer_bits) == (None, 96, 96)

@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from wsnsim.base.problem import Parts
-from wsnsim.models.clusters import Central, StrongestSignal
+from wsnsim.models.clusters import Central, MovingHead, StrongestSignal
 from wsnsim.models.energy import FirstOrder
 from wsnsim.models.hardware import Processor
 from wsnsim.models.links import Disk
+from wsnsim.models.wakeup import DirectedFlood, ExperienceZones, NoWakeUp, Region
 
 POSITIONS = np.array([[0.0, 0.0], [10.0, 0.0], [0.0, 20.0], [0.0, -20.0]])
 
@@ -92,7 +93,81 @@ def test_the_central_cluster_has_one_head_for_good_near_its_place():
     assert policy.minimum_active == 0
 
 
-@pytest.mark.parametrize("policy", [StrongestSignal, Central])
+def test_only_the_moving_head_moves():
+    assert [policy().moves for policy in (StrongestSignal, Central, MovingHead)] == [False, False, True]
+    head = MovingHead()
+    assert (head.is_open, head.calls_election, head.minimum_active) == (False, False, 1)
+    assert (head.main, head.sampling, head.quiet, head.cap, head.patience) == ("prediction", 2e-3, 12e-3, 50e-3, 3.0)
+
+
+def test_the_moving_head_never_hands_over_and_is_the_nearest_or_the_loudest():
+    head, able = MovingHead(), np.ones(4, bool)
+    assert not any(head.must_hand_over(active, 17) for active in range(18))
+    assert head.successor(np.array([9.0, 1.0]), POSITIONS, able) == 1
+    able[1] = False
+    assert head.successor(np.array([9.0, 1.0]), POSITIONS, able) == 0
+    assert head.successor(np.array([9.0, 1.0]), POSITIONS, np.zeros(4, bool)) is None
+    assert head.elect([4, 7, 9], [3.0, 8.0, 8.0], [True, False, True]) == 9
+    assert head.elect([4], [3.0], [False]) is None
+
+
+def moving(head, wakeup, tracker=None, dt=2.0):
+    """Where the faults of a moving head are that keeps such company."""
+    names = dict.fromkeys(field.name for field in fields(Parts))
+    company = Parts(**names | {
+        "energy": FirstOrder(), "link": Disk(), "clusters": head, "wakeup": wakeup, "dt": dt,
+        "tracker": tracker or Gathered(), "cpu": Processor(),
+    })  # fmt: skip
+    return [(fault.path, fault.message) for fault in head.faults(company)]
+
+
+class Spread:
+    """A tracker whose members compute: its belief lives on them."""
+
+    member_cycles = 100.0
+
+
+class Gathered:
+    """A tracker that says that its members compute nothing."""
+
+    member_cycles = 0.0
+
+
+@pytest.mark.parametrize(
+    ("main", "wakeup", "goes"),
+    [
+        ("prediction", DirectedFlood(), True), ("prediction", ExperienceZones(), True), ("prediction", Region(), True),
+        ("prediction", NoWakeUp(), False), ("detection", DirectedFlood(), True),
+        ("detection", ExperienceZones(), True), ("detection", Region(), False), ("detection", NoWakeUp(), True),
+    ],
+)  # fmt: skip
+def test_who_leads_must_go_with_how_nodes_are_woken(main, wakeup, goes):
+    found = moving(MovingHead(main=main), wakeup)
+    assert [path for path, _ in found] == ([] if goes else [("clusters", "main")])
+    other = {"prediction": "detection", "detection": "prediction"}[main]
+    assert all(f"use main: {other}" in message for _, message in found)
+
+
+def test_a_step_must_outlast_the_wait_for_readings_and_the_quiet_must_fit_into_it():
+    assert not moving(MovingHead(), DirectedFlood(), dt=0.0521)
+    [(path, message)] = moving(MovingHead(), DirectedFlood(), dt=0.052)
+    assert path == ("clusters", "cap")
+    assert "0.052 s" in message
+    assert moving(MovingHead(sampling=0.25, cap=0.5), DirectedFlood(), dt=0.75), "just as long is too long"
+    [(path, message)] = moving(MovingHead(quiet=0.06), DirectedFlood())
+    assert path == ("clusters", "quiet")
+    assert "cap = 0.05 s" in message
+    assert not moving(MovingHead(quiet=0.05), DirectedFlood())
+
+
+def test_a_tracker_whose_belief_lives_on_the_members_cannot_follow_a_moving_head():
+    [(path, message)] = moving(MovingHead(), DirectedFlood(), Spread())
+    assert path == ("clusters", "kind")
+    assert "keep its belief in the head (gmtt, tsstp, cluster, ris" in message
+    assert not moving(MovingHead(), DirectedFlood(), Gathered())
+
+
+@pytest.mark.parametrize("policy", [StrongestSignal, Central, MovingHead])
 def test_a_battery_that_does_not_exceed_what_a_head_must_hold_is_a_fault(policy):
     """96 bits: 4.8 uJ to send and 54 uJ to radiate over 75 m, 4.8 uJ to receive; then a tracker's computing."""
 
@@ -101,8 +176,10 @@ def test_a_battery_that_does_not_exceed_what_a_head_must_hold_is_a_fault(policy)
         company = Parts(**names | {
             "energy": FirstOrder(battery=battery), "link": Disk(), "clusters": policy(**given),
             "tracker": SimpleNamespace(member_cycles=operations), "cpu": Processor(cycles_per_flop=per_flop),
+            "wakeup": DirectedFlood(), "dt": 1.0,
         })  # fmt: skip
-        return [(fault.path, fault.message) for fault in company.clusters.faults(company)]
+        found = [(fault.path, fault.message) for fault in company.clusters.faults(company)]
+        return [fault for fault in found if fault[0][0] == "energy"]
 
     [(path, message)] = found(63.5e-6)
     assert path == ("energy", "battery")

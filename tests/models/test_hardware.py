@@ -1,5 +1,7 @@
 """Clocks, sensors that report badly, processors, sinks."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -76,3 +78,16 @@ def test_a_sink_is_a_place_or_nobody():
     assert NoSink().point is None
     assert NearestNode(x=3.0, y=-4.0).point == (3.0, -4.0)
     assert NearestNode().bits == 96
+    assert NoSink().every is None
+    assert NearestNode().every is None
+
+
+@pytest.mark.parametrize(("every", "step", "whole"), [
+    (None, 2.0, True), (10.0, 2.0, True), (2.0, 2.0, True), (0.3, 0.1, True), (1e6, 0.1, True),
+    (10.0, 3.0, False), (1.0, 2.0, False), (2.0001, 2.0, False), (1e-3, 2.0, False),
+])  # fmt: skip
+def test_reports_are_due_every_whole_number_of_steps(every, step, whole):
+    sink = NearestNode(every=every)
+    found = list(sink.faults(SimpleNamespace(dt=step)))
+    assert [fault.path for fault in found] == ([] if whole else [("sink", "every")])
+    assert all(f"{every:g} s must be a whole number of steps of {step:g} s" in fault.message for fault in found)

@@ -105,15 +105,18 @@ class _Periodic:
         """Of all nodes together until each of the ascending times (T,): awake seconds and switches, both (T,).
 
         Periods are taken in the order in which they begin, so that running sums need no sorting: the cost is a hash a
-        node and period, whatever T. What lies before 0 is taken off at the end.
+        node and period, whatever T. Spells that are over count whole, those under way from their beginning, against
+        the first instant of a chunk: sums stay small, and exact. What lies before 0 is taken off at the end.
         """
         asked = np.append(0.0, times)
         awake, switches = np.zeros(asked.size), np.zeros(asked.size)
         for starts, on, before in self._in_order(keys, float(asked[-1])):
-            ends = starts + self._length
-            awake += _ramps(starts, on, asked) - _ramps(ends, on, asked)
-            for instants, changes in ((starts, on), (ends, on)) if self._sleeps_within else ((starts, on != before),):
-                switches += _prefixes(changes)[np.searchsorted(instants, asked, side="right")]
+            begun = np.searchsorted(starts, asked, side="right")
+            over = np.searchsorted(starts + self._length, asked, side="right")
+            spells, into = _prefixes(on), _prefixes((starts - starts[0]) * on)
+            under_way = spells[begun] - spells[over]
+            awake += spells[over] * self._length + under_way * (asked - starts[0]) - (into[begun] - into[over])
+            switches += spells[begun] + spells[over] if self._sleeps_within else _prefixes(on != before)[begun]
         return awake[1:] - awake[0], switches[1:] - switches[0]
 
     def faults(self, parts: Common) -> Iterator[Fault]:
@@ -260,13 +263,6 @@ def _prefixes(values: Floats | Bools) -> Floats:
     sums = np.zeros(values.size + 1)
     np.cumsum(values, out=sums[1:])
     return sums
-
-
-def _ramps(begins: Floats, counted: Bools, times: Floats) -> Floats:
-    """(T,) the sum over those of the ascending beginnings (M,) that count of max(t - beginning, 0)."""
-    at = np.searchsorted(begins, times, side="right")
-    ramps: Floats = _prefixes(counted)[at] * times - _prefixes(begins * counted)[at]
-    return ramps
 
 
 def _pieces(first: Ints, counts: Ints) -> tuple[Ints, Ints, Ints]:

@@ -151,8 +151,9 @@ class ExperienceZones(_Wakes):
     """After each fix every neighbour is called, and tracks with a probability that depends on its zone.
 
     Zones are measured from the last fix: within the sensors' reach r or beyond it, and ahead, within 60° of the last
-    displacement, or not. The first fix has no displacement: nobody is ahead then (our choice). `levels` are three sets
-    of probabilities, or `probabilities` says others; there is no right one: any order of the rivals can be had from it.
+    displacement, or not. The first fix has no displacement: nobody is ahead then; and whoever hears the main node is
+    invited, however far beyond r the fix is (our choices). `levels` are three sets of probabilities, or `probabilities`
+    says others; there is no right one: any order of the rivals can be had from it.
 
     A reconstruction of Ren, Li, Gao, Cheng (2009), known here from one sentence in Li, Jiang, Zhang, Zhang (2012).
     """
