@@ -39,9 +39,9 @@ class SleepSchedule(Protocol):
         """
         ...
 
-    def tally(self, keys: Keys, since: Floats, until: float) -> tuple[Floats, Floats]:
+    def tally(self, keys: Keys, since: Floats, until: Floats | float) -> tuple[Floats, Floats]:
         """(n,) seconds that each node is awake in [since, until), and how often it falls asleep or wakes in
-        (since, until]; since (n,).
+        (since, until]; since (n,), until (n,) or one for all.
         """
         ...
 

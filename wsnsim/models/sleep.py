@@ -41,7 +41,7 @@ class _NeverAsleep:
         """Everybody, all of the time."""
         return np.ones(len(keys), dtype=np.bool_), np.zeros(len(keys)), np.full(len(keys), math.inf)
 
-    def tally(self, keys: Keys, since: Floats, until: float) -> tuple[Floats, Floats]:
+    def tally(self, keys: Keys, since: Floats, until: Floats | float) -> tuple[Floats, Floats]:
         """(n,) seconds awake: all; and changes: none."""
         return until - np.asarray(since, dtype=np.float64), np.zeros(len(keys))
 
@@ -91,14 +91,15 @@ class _Periodic:
         late = time >= ends
         return on & ~late, np.where(late, ends, starts), np.where(late, following, ends)
 
-    def tally(self, keys: Keys, since: Floats, until: float) -> tuple[Floats, Floats]:
+    def tally(self, keys: Keys, since: Floats, until: Floats | float) -> tuple[Floats, Floats]:
         """(n,) seconds awake in [since, until), and changes in (since, until]."""
         seconds, changes, count = np.zeros(len(keys)), np.zeros(len(keys)), len(keys)
+        until = np.broadcast_to(np.asarray(until, dtype=np.float64), (count,))
         for nodes, starts, on, before in self._history(keys, since, until):
-            spell = np.minimum(starts + self._length, until) - np.maximum(starts, since[nodes])
+            spell = np.minimum(starts + self._length, until[nodes]) - np.maximum(starts, since[nodes])
             seconds += np.bincount(nodes[on], np.maximum(spell[on], 0.0), count)
             for who, times in self._changes(nodes, starts, on, before):
-                changes += np.bincount(who[(times > since[who]) & (times <= until)], minlength=count)
+                changes += np.bincount(who[(times > since[who]) & (times <= until[who])], minlength=count)
         return seconds, changes
 
     def profile(self, keys: Keys, times: Floats) -> tuple[Floats, Floats]:
@@ -151,7 +152,7 @@ class _Periodic:
         periods += self._start(phases, periods + 1) <= time
         return periods
 
-    def _history(self, keys: Keys, since: Floats, until: float) -> Iterator[tuple[Ints, Floats, Bools, Bools]]:
+    def _history(self, keys: Keys, since: Floats, until: Floats) -> Iterator[tuple[Ints, Floats, Bools, Bools]]:
         """Every period of every node that overlaps [since, until], node by node, in chunks.
 
         (nodes, when the period begins, whether the node is awake in it, whether it was in the one before), (M,) each.

@@ -15,6 +15,8 @@ from wsnsim.base.arrays import Bools, Floats, Ints, Keys
 from wsnsim.base.radio import Mode
 from wsnsim.base.sleeping import SleepSchedule
 
+Totals = tuple[float, float, float]
+
 
 class Rota:
     """The schedules of all nodes. `keys` (N,): a counter key each."""
@@ -28,7 +30,8 @@ class Rota:
         self._awake = np.zeros(keys.size, dtype=np.bool_)
         self._from, self._until = np.zeros(keys.size), np.zeros(keys.size)
         self._off: dict[int, float] = {}
-        self._forgone = [0.0, 0.0, 0.0]
+        self._forgone = (0.0, 0.0, 0.0)
+        self._spans: list[tuple[int, float, float]] = []
         self._held_seconds = 0.0
 
     def hears(self, ids: Ints, since: float) -> Bools:
@@ -67,7 +70,7 @@ class Rota:
         now = self._env.now
         if node in self._off:
             since = self._off.pop(node)
-            self._forgone = [sum(pair) for pair in zip(self._forgone, self._left_out([node], [since]), strict=True)]
+            self._spans.append((node, since, now))
             if self._held[node]:
                 self._held_seconds += now - since
         if mode is not Mode.SCHEDULED:
@@ -87,10 +90,12 @@ class Rota:
         """Of all nodes, if all followed their schedules: awake seconds until each time, and switches, both (T,)."""
         return self._schedule.profile(self._keys, times)
 
-    def forgone(self) -> tuple[float, float, float]:
+    def forgone(self) -> Totals:
         """What nodes off their schedules have left out of them until now: (awake seconds, switches, seconds in all)."""
-        out = self._left_out(list(self._off), list(self._off.values()))
-        return tuple(past + now for past, now in zip(self._forgone, out, strict=True))  # type: ignore[return-value]
+        now = self._env.now
+        self._forgone = _sum(self._forgone, self._left_out(self._spans))
+        self._spans = []
+        return _sum(self._forgone, self._left_out([(node, since, now) for node, since in self._off.items()]))
 
     def awake_fraction(self, until: float) -> float:
         """The share of all nodes' time from 0 to `until`, which is now, that they were awake."""
@@ -98,10 +103,14 @@ class Rota:
         scheduled = float(self.profile(np.array([until]))[0][0]) - self.forgone()[0]
         return (scheduled + self._held_seconds + held) / (self._keys.size * until) if until else 0.0
 
-    def _left_out(self, nodes: list[int], since: list[float]) -> tuple[float, float, float]:
-        if not nodes:
+    def _left_out(self, spans: list[tuple[int, float, float]]) -> Totals:
+        """What (node, since, until) spans hold of the nodes' schedules."""
+        if not spans:
             return 0.0, 0.0, 0.0
-        ids, starts = np.array(nodes, dtype=np.int64), np.array(since)
-        passed = self._env.now * len(nodes) - float(starts.sum())
-        awake, switches = self.tally(ids, starts)
-        return float(awake.sum()), float(switches.sum()), passed
+        nodes, since, until = (np.array(column) for column in zip(*spans, strict=True))
+        awake, switches = self._schedule.tally(self._keys[nodes], since, until)
+        return float(awake.sum()), float(switches.sum()), float((until - since).sum())
+
+
+def _sum(some: Totals, more: Totals) -> Totals:
+    return some[0] + more[0], some[1] + more[1], some[2] + more[2]
