@@ -126,6 +126,6 @@ def test_many_spends_of_a_node_that_runs_dry_set_few_alarms():
     for i in range(2000):
         here.at(0.001 * i + 1e-6, lambda: here.fleet.spend(0, CPU, 1e-6))
     here.env.run(until=1.9999)
-    assert len(here.fleet.drain._alarms) < 60
+    assert len(here.fleet.drain.alarms) < 60
     here.env.run(until=10.0)
     assert {node: time for time, node in here.died}[0] == pytest.approx((0.3 - 0.002) / 0.06, rel=1e-9)

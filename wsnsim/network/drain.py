@@ -10,7 +10,6 @@ left out, as if nobody ever left its schedule: `scheduled_totals` gives it for m
 
 from __future__ import annotations
 
-import heapq
 import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, Final
@@ -21,6 +20,7 @@ import simpy
 from wsnsim.base.arrays import Floats, Ints, scalars
 from wsnsim.base.radio import Draws, Mode
 from wsnsim.base.tables import CAUSE, CAUSES
+from wsnsim.network.alarms import EVERYBODY, Alarms
 
 if TYPE_CHECKING:
     from wsnsim.network.fleet import Fleet
@@ -73,12 +73,10 @@ class Drain:
         """What a node can draw at most in the whole run, in J."""
         if fleet.rota is not None and self._change_over:
             self.most += fleet.rota.most_switches(horizon) * self._change_over
-        self._alarms: list[tuple[float, int]] = []
-        self._due: dict[int, float] = {}
-        self._rings_at = float("inf")
+        self.alarms = Alarms(env, self._look_at)
         resting = self._power_of_mode(int(fleet.rest))
         if resting > 0 and fleet.battery <= self.most:
-            self._ring(fleet.battery / resting / (2.0 if fleet.rota is not None else 1.0), -1)
+            self.alarms.set(fleet.battery / resting / (2.0 if fleet.rota is not None else 1.0), EVERYBODY)
 
     def _powers(self, mode: int) -> tuple[tuple[int, float], ...]:
         """(cause, W) of a mode that is no schedule."""
@@ -300,9 +298,8 @@ class Drain:
             return
         lasts = left / power
         due = now + (lasts if lasts < NEAR else lasts / 2)
-        if self._due.get(node, math.inf) > now + lasts or self._due[node] <= now:
-            self._due[node] = due = max(due, math.nextafter(now, math.inf))
-            self._ring(due, node)
+        if self.alarms.due(node) > now + lasts:
+            self.alarms.set(due, node)
 
     def _watch_schedule(self, node: int, left: float) -> None:
         """Look again when its schedule changes, or before that if it may not last so long."""
@@ -315,9 +312,8 @@ class Drain:
             due = now + (lasts if lasts < NEAR else lasts / 2)
         elif most > 0:
             due = max(due, now + left / (most + self._change_over / SHORTEST) / 2)
-        if due <= self._horizon and not now < self._due.get(node, -math.inf) <= due:
-            self._due[node] = due = max(due, math.nextafter(now, math.inf))
-            self._ring(due, node)
+        if due <= self._horizon and self.alarms.due(node) > due:
+            self.alarms.set(due, node)
 
     def _power_of(self, node: int) -> float:
         """W that a node draws now."""
@@ -334,27 +330,12 @@ class Drain:
         """The last of a dying node's charge is gone, booked as idle."""
         self._grand[IDLE] += joules
 
-    def _ring(self, time: float, node: int) -> None:
-        heapq.heappush(self._alarms, (time, node))
-        if time < self._rings_at:
-            self._rings_at = time
-            alarm = self._env.timeout(max(time - self._env.now, 0.0))
-            assert alarm.callbacks is not None
-            alarm.callbacks.append(lambda _: self._look(time))
-
-    def _look(self, time: float) -> None:
-        """Bury whose charge is gone by now, and set the next alarm. An alarm that an earlier one replaced is void."""
-        if time != self._rings_at:
-            return
-        self._rings_at = float("inf")
-        while self._alarms and self._alarms[0][0] <= self._env.now:
-            _, node = heapq.heappop(self._alarms)
-            for one in np.flatnonzero(self._fleet.living).tolist() if node < 0 else (node,):
-                self._look_at(one)
-        if self._alarms:
-            self._ring(*heapq.heappop(self._alarms))
-
     def _look_at(self, node: int) -> None:
+        """Bury a node whose charge is gone by now, or set its next alarm."""
+        if node == EVERYBODY:
+            for one in np.flatnonzero(self._fleet.living).tolist():
+                self._look_at(one)
+            return
         if not self._fleet.alive[node]:
             return
         self.settle(node)
