@@ -23,7 +23,7 @@ from wsnsim.base import metrics
 from wsnsim.base.arrays import Floats
 from wsnsim.base.bench import Bench
 from wsnsim.base.errors import RunError, UsageError
-from wsnsim.base.ports import Estimate, Recorder
+from wsnsim.base.ports import Continuous, Estimate, Recorder
 from wsnsim.base.problem import Beacons, Common, Parts, Problem
 from wsnsim.base.rng import Streams
 from wsnsim.base.rows import Issued, deviation_rmse, estimate_rows, late_steps, truth_rows
@@ -31,10 +31,12 @@ from wsnsim.base.tables import CAUSES, Memory
 from wsnsim.models.deploy import coverage
 from wsnsim.network.beacons import BeaconWorld
 from wsnsim.network.fleet import Fleet
-from wsnsim.network.rows import run_row, woken_rows, write_network, write_rows
+from wsnsim.network.rows import called_row, run_row, woken_rows, write_network, write_rows
 from wsnsim.network.world import World
 
 NAN = float("nan")
+UNCALLED = {"called": 0, "dismissed": 0}
+"""Without a network there is nobody to be called."""
 FIRST_STEPS = 20
 """Steps over which Li (2012) counts ineffective nodes."""
 Source = Any
@@ -109,13 +111,11 @@ def replicate_of(
     positions = _deployed(problem, problem.sensor.reach, streams, replicate)
     traits = problem.sensor.draw_traits(len(positions), streams("gains"))
     truth_stream, prior_stream = streams("truth"), streams("prior")
-    polls = problem.polls if isinstance(problem, Parts) else 1
-    paths = [motion.truth(problem.steps * polls, problem.dt / polls, truth_stream) for motion in problem.motions]
-    truths = [path[::polls] for path in paths]
+    truths = [motion.truth(problem.steps, problem.dt, truth_stream) for motion in problem.motions]
     priors = [problem.prior.draw(truth[0], prior_stream) for truth in truths]
     setting = _Setting(positions, traits, truths, priors, streams, recorder)
     if isinstance(problem, Parts):
-        played = _in_network(problem, replicate, setting, paths, progress)
+        played = _in_network(problem, replicate, setting, _paths(problem, truths, streams), progress)
     else:
         played = _on_bench(problem, replicate, setting, progress)
     summary = _summarise(played, problem, replicate, truths, recorder, started)
@@ -160,6 +160,21 @@ def _beaconing(problem: Beacons, replicate: int, recorder: Recorder, progress: T
     return Summary(run, (), np.empty((0, problem.steps)), np.empty((0, 0)), joules, 0)
 
 
+def _paths(parts: Parts, truths: list[Floats], streams: Streams) -> list[Floats]:
+    """The truths at the instants at which nodes look for a target, `parts.polls` a step; the truth itself is the same.
+
+    A way in continuous time is sampled more finely; between the states of other motions it goes straight.
+    """
+    polls, steps = parts.polls, parts.steps
+    if polls == 1:
+        return truths
+    if all(isinstance(motion, Continuous) for motion in parts.motions):
+        stream = streams("truth")
+        return [motion.truth(steps * polls, parts.dt / polls, stream) for motion in parts.motions]
+    fine, coarse = np.arange(steps * polls + 1) / polls, np.arange(steps + 1)
+    return [np.column_stack([np.interp(fine, coarse, column) for column in truth.T]) for truth in truths]
+
+
 class _Setting(NamedTuple):
     """What is drawn before the clock starts, and where rows go: the arguments of a world, and of a bench."""
 
@@ -178,6 +193,7 @@ class _Track(NamedTuple):
     heads: Sequence[int]
     columns: Mapping[str, Any]
     reacquired: int
+    called: Mapping[str, int]
 
 
 class _Played(NamedTuple):
@@ -194,7 +210,7 @@ def _in_network(parts: Parts, replicate: int, setting: _Setting, paths: Sequence
     """A run of the network. `paths` are the truths at the instants at which nodes look for a lost target, too."""
     outcome = World(parts, replicate, *setting, paths=paths).run(progress)
     write_rows(outcome, replicate, parts, setting.recorder)
-    tracks = [_Track(t.estimates, t.heads, woken_rows(outcome, t), t.reacquired) for t in outcome.tracks]
+    tracks = [_Track(t.estimates, t.heads, woken_rows(outcome, t), t.reacquired, called_row(t)) for t in outcome.tracks]
     joules = {cause: total for cause, total in zip(CAUSES, outcome.fleet.totals, strict=True) if total}
     row = {**run_row(outcome, outcome.tracks), "coverage": _coverage_left(outcome.fleet, parts)}
     return _Played(outcome.steps, tracks, row, joules, sum(len(track.clusters) for track in outcome.tracks))
@@ -202,7 +218,7 @@ def _in_network(parts: Parts, replicate: int, setting: _Setting, paths: Sequence
 
 def _on_bench(problem: Problem, replicate: int, setting: _Setting, progress: Tell) -> _Played:
     bench = Bench(problem, replicate, *setting)
-    tracks = [_Track(t.estimates, t.heads, {"woken": 0, "ineffective": 0}, 0) for t in bench.run(progress)]
+    tracks = [_Track(t.estimates, t.heads, {"woken": 0, "ineffective": 0}, 0, UNCALLED) for t in bench.run(progress)]
     if setting.recorder.wants("nodes"):
         setting.recorder.write("nodes", {"replicate": replicate, **bench.node_rows()})
     return _Played(problem.steps, tracks, bench.run_row(), {}, 0)
@@ -224,7 +240,9 @@ def _summarise(
         deviations.append(deviation_rmse(columns, motion, truth))
         whole = {**columns, **track.columns}
         row = _track_row(track, errors[target], problem, steps)
-        rows.append({**key, **row, **_delays(whole, problem), **_followed(whole, dt), **_woken(whole, steps)})
+        rows.append(
+            {**key, **row, **_delays(whole, problem), **_followed(whole, dt), **_woken(whole, steps), **track.called}
+        )
     run = {
         "replicate": replicate,
         "status": 0,

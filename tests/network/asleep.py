@@ -58,9 +58,9 @@ class Run:
         return self.memory.table(name)
 
     def events(self, *kinds: str, what: str | None = None) -> list[dict[str, Any]]:
-        """The events of these kinds in order, `what` in words."""
+        """The events of these kinds, or all, in order, `what` in words."""
         table = self.table("events")
-        chosen = np.isin(table["kind"], [KIND[kind] for kind in kinds])
+        chosen = np.isin(table["kind"], [KIND[kind] for kind in kinds or KIND])
         rows = [{name: column[i].item() for name, column in table.items()} for i in np.flatnonzero(chosen)]
         for row in rows:
             row["what"] = self.words[row["what"]]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import math
 
@@ -9,10 +10,16 @@ import numpy as np
 import pytest
 
 from tests.network.asleep import PAIRS, Run, scenario
+from wsnsim import experiment
 from wsnsim import scenario as scenarios
 from wsnsim.base.rng import Streams, derive_all
-from wsnsim.base.tables import Memory
+from wsnsim.base.tables import KIND, Memory
 from wsnsim.experiment import simulate
+from wsnsim.models.access import Csma
+from wsnsim.network.channel import Channel
+from wsnsim.network.search import Search
+from wsnsim.network.world import World
+from wsnsim.trackers.ekf import ExtendedKalman
 
 
 @pytest.fixture(scope="module")
@@ -65,7 +72,7 @@ def test_the_table_of_messages_counts_what_the_events_say(floods):
         wakeups = run.table("wakeups")
         relays = [row["sequence"] for row in run.events("relay", what="track")]
         for sequence, forwards in zip(wakeups["sequence"].tolist(), wakeups["forwards"].tolist(), strict=True):
-            assert relays.count(sequence) <= forwards
+            assert relays.count(sequence) == forwards
         assert wakeups["called"].sum() == len(run.events("called"))
 
 
@@ -122,9 +129,9 @@ def test_the_awake_share_is_that_of_the_schedules_and_of_what_the_events_say():
     keys = derive_all(Streams(5, 0).key("sleep"), np.arange(200))
     ticks = (np.arange(0, (steps + 1) * dt, 0.002) + 0.001).tolist()
     held: dict[int, list[tuple[float, float]]] = {}
-    for row in run.events("wake", "sleep"):
+    for row in run.events("wake", "stay", "sleep", "resume"):
         spells = held.setdefault(row["node"], [])
-        if row["kind"] == 0:
+        if row["kind"] in (KIND["wake"], KIND["stay"]):
             spells.append((row["time"], (steps + 1) * dt))
         else:
             spells[-1] = spells[-1][0], row["time"]
@@ -187,7 +194,9 @@ def test_who_is_called_pays_for_the_call_and_sleeps_again_when_nothing_comes():
     spells = 0
     for row in asleep:
         wakes = [
-            wake["time"] for wake in run.events("wake") if wake["node"] == row["node"] and wake["time"] <= row["time"]
+            wake["time"]
+            for wake in run.events("wake", "stay")
+            if wake["node"] == row["node"] and wake["time"] <= row["time"]
         ]
         if (row["node"], wakes[-1]) in woken:
             assert row["time"] - wakes[-1] >= 3.0 - 1e-9, "T_wait at least"
@@ -312,3 +321,131 @@ def test_beacons_are_heard_by_whoever_is_awake():
     assert 0.2 * 60 * 20 < run.summary.run["frames_sent"] < 0.4 * 60 * 20
     for a, b in itertools.pairwise(run.events("send")):
         assert a["time"] <= b["time"]
+
+
+def test_no_node_sends_in_its_sleep(monkeypatch):
+    """Half a second awake at a time: frames are often still waiting when the schedule ends."""
+    asleep, sent = [], []
+    transmit = Channel.transmit
+
+    def watched(self, source, message, *rest):
+        if message.bits > Csma().ack_bits:  # a radio that has just received a frame acknowledges it
+            sent.append(source)
+            asleep.extend([source] if not self._fleet.is_awake(source) else [])
+        return transmit(self, source, message, *rest)
+
+    monkeypatch.setattr(Channel, "transmit", watched)
+    for tracker in PAIRS:
+        Run(scenario(tracker, sleep={"kind": "ris", "period": 0.05, "probability": 0.4})).books()
+    assert len(sent) > 500 and not asleep
+
+
+@pytest.mark.parametrize("motion", [{"kind": "gauss_markov"}, {"kind": "random_waypoint"}])
+def test_how_often_nodes_look_for_a_target_changes_nothing_about_it(motion):
+    def truth(tracker="gmtt", **changes):
+        return Run(scenario(tracker, motion=motion, duration=12.0, sink={"kind": "none"}, **changes)).table("truth")
+
+    once = truth(acquire={"poll": 2.0})
+    standing = truth("ekf", clusters={"kind": "strongest_signal"}, acquire={}, wakeup={"kind": "none"})
+    for other in (truth(acquire={"poll": 1.0}), truth(acquire={"poll": 0.25}), standing):
+        assert all(np.array_equal(column, other[name]) for name, column in once.items())
+
+
+def test_all_four_are_given_the_same_readings_and_the_same_nodes_are_awake(monkeypatch):
+    seen: dict[str, list] = {}
+    sense, first = World._sense_awake, Search.first
+
+    def record_step(self, target, readings):
+        awake = [self._stage.fleet.rota.scheduled(node) for node in range(200)]
+        seen.setdefault(self.tag, []).append((self._stage.step, dict(readings), awake))
+        return sense(self, target, readings)
+
+    def record_look(self, target, part):
+        if self._between:
+            at = self._stage.step * self._polls + max(part, 1)
+            seen.setdefault("looks", []).append((at, dict(self._between[target].readings(at))))
+        return first(self, target, part)
+
+    monkeypatch.setattr(World, "_sense_awake", record_step)
+    monkeypatch.setattr(Search, "first", record_look)
+    for tracker in PAIRS:
+        monkeypatch.setattr(World, "tag", tracker, raising=False)
+        Run(scenario(tracker, duration=20.0))
+    reference = seen["gmtt"]
+    assert any(readings for _, readings, _ in reference)
+    for tracker in PAIRS:
+        assert seen[tracker] == reference
+    looks: dict[int, dict] = {}
+    for at, readings in seen["looks"]:
+        assert looks.setdefault(at, readings) == readings
+
+
+def test_looking_for_a_target_costs_a_reading_each_time_whether_or_not_a_poll_is_named():
+    named, unnamed = (Run(scenario("ris", acquire=acquire)).summary.joules["sense"] for acquire in ({"poll": 2.0}, {}))
+    assert named == pytest.approx(unnamed, rel=1e-12) and named > 0
+    twice = Run(scenario("ris", acquire={"poll": 1.0})).summary.joules["sense"]
+    assert twice == pytest.approx(2.0 * named, rel=0.05), "but for who is held awake"
+
+
+def test_a_node_that_only_its_switching_drains_dies_when_that_has_used_its_charge_up():
+    energy = {"kind": "first_order", "battery": 10.5e-3, "switch": 1e-3, "idle": 0.0, "sleep": 0.0}
+    far = {"kind": "waypoints", "points": [[0, 5000, 5000], [60, 5000, 5000]]}
+    sleep = {"kind": "duty_cycle", "period": 1.0, "awake_share": 0.5, "phases": "synchronous"}
+    run = Run(scenario("ris", motion=far, sink={"kind": "none"}, sleep=sleep, energy=energy, duration=20.0))
+    died = run.table("nodes")["died_at"]
+    assert np.allclose(died, 5.5), "the eleventh change, at 5.5 s, cannot be paid whole"
+    steps = run.table("energy_steps")
+    assert (steps["joules"] > -1e-12).all()
+    assert steps["joules"][steps["time"] < 5.0].sum() == pytest.approx(200 * 10e-3, rel=0.1)
+
+
+def test_costs_of_a_step_are_never_negative_and_never_of_the_dead():
+    energy = {"kind": "first_order", "battery": 0.03, "switch": 4e-3, "idle": 1e-3, "sleep": 1e-5, "sensing": 1e-5}
+    sleep = {"kind": "ris", "period": 1.0, "probability": 0.5}
+    run = Run(scenario(energy=energy, sleep=sleep, duration=40.0))
+    steps = run.table("energy_steps")
+    # a dying node's last charges are cut in proportion, those since it was last looked at: a millionth of its battery
+    assert (steps["joules"] > -1e-4 * 0.03).all() and run.summary.run["alive"] == 0
+    last = float(np.nanmax(run.table("nodes")["died_at"]))
+    assert (steps["time"][steps["joules"] > 1e-12] <= last + 1e-9).all()
+
+
+def test_a_call_that_takes_no_time_still_wakes():
+    run = Run(scenario("cluster", wakeup={"kind": "region", "call": 0.0}))
+    assert run.events("called") and run.summary.run["tracked"] > 0.5
+
+
+def test_nodes_woken_by_a_main_node_that_died_are_counted_too():
+    said = scenario(step=5.0, duration=60.0, sleep={"kind": "ris", "probability": 0.6},
+                    faults=[{"kind": "crash", "at": 30.5, "head": 0, "duration": 1.0}])  # fmt: skip
+    wakeups = Run(said).table("wakeups")
+    again = [step for step in np.unique(wakeups["step"]) if (wakeups["step"] == step).sum() > 1]
+    assert again, "the target was lost and found before the next step"
+    for step in again:
+        assert (wakeups["woken"][wakeups["step"] == step] > 0).all()
+
+
+def test_a_cluster_that_has_just_found_its_target_looks_about_it_as_far_as_it_may_have_come():
+    wakeups = Run(scenario("cluster")).table("wakeups")
+    early = wakeups["foreseen"] == 0
+    assert early.sum() >= 3 and (wakeups["radius"][~early] == 40.0).all()
+    assert (wakeups["radius"][early] > 40.0).all() and (wakeups["radius"][early] <= 80.0).all()
+    slow = Run(scenario("cluster", wakeup={"kind": "region", "speed": 0.0})).table("wakeups")
+    assert (slow["radius"] == 40.0).all()
+
+
+def test_a_target_found_between_two_steps_is_predicted_for_the_time_that_has_passed():
+    """A tracker that keeps what it was given as its step: the first after half a second, the others after two."""
+    asked: list[float] = []
+
+    class Curious(ExtendedKalman):
+        def step(self, belief, scene):
+            asked.append(scene.dt)
+            return super().step(belief, scene)
+
+    said = scenario("ekf", acquire={"poll": 0.5}, duration=20.0,
+                    motion={"kind": "waypoints", "points": [[0, -600, 0], [1.3, -600, 0], [1.4, 0, 0], [40, 40, 0]]},
+                    sleep={"kind": "always_on"})  # fmt: skip
+    parts = scenarios.build(scenarios.load(said))
+    experiment.replicate_of(dataclasses.replace(parts, tracker=Curious()), 0, Memory({}))
+    assert asked[0] == pytest.approx(0.5) and set(np.round(asked[1:], 9)) == {2.0}

@@ -150,7 +150,7 @@ def _followed_figures(report: Report, errors: Floats) -> dict[str, float]:
         figures[f"{name}_low"], figures[f"{name}_high"] = _interval(each, metrics.mean_error)
     for name in OF_THREE:
         figures[name] = metrics.median_error(np.array([track[name] for track in tracks]))
-    for name in ("due", "woken", "ineffective", "ineffective_twenty"):
+    for name in ("due", "woken", "ineffective", "ineffective_twenty", "called", "dismissed"):
         figures[name] = float(np.sum([track[name] for track in tracks])) / len(report.summaries)
     return figures
 
@@ -176,8 +176,11 @@ def _followed_rows(figures: Mapping[str, Any], unit: str) -> list[Row]:
     if figures["woken"]:
         steps = figures["steps"] * figures["targets"]
         woken, vain = figures["woken"] / steps, figures["ineffective"] / steps
-        rows.append(("nodes woken, ineffective", f"{woken:.3g} a step, {vain:.3g} a step", ""))
+        rows.append(("nodes told to track, ineffective", f"{woken:.3g} a step, {vain:.3g} a step", ""))
         rows.append(("  ineffective in the first 20 steps", f"{figures['ineffective_twenty']:.4g}", ""))
+    if figures["called"]:
+        called, vain = (figures[name] / (figures["steps"] * figures["targets"]) for name in ("called", "dismissed"))
+        rows.append(("nodes called, dismissed again", f"{called:.3g} a step, {vain:.3g} a step", ""))
     return rows
 
 

@@ -49,6 +49,8 @@ SPEECH: Final = {
         "went to sleep",
         {"frame": ", dismissed", "target": ", as the target had left", "schedule": ", as scheduled"},
     ),
+    "stay": ("stayed awake", {"frame": ", having something to do", "target": ", as the target is in range"}),
+    "resume": ("went back to the schedule, awake", {}),
     "compute": ("computed", {}),
     "sense": ("sensed", {"nothing": " nothing, though told to"}),
     "drop": ("dropped a message", {"expired": " that had expired"}),

@@ -160,6 +160,14 @@ class SensorModel(Protocol):
 
 
 @runtime_checkable
+class Continuous(Protocol):
+    """What a motion may be besides: a way in continuous time, the same truth however finely it is sampled."""
+
+    @property
+    def continuous(self) -> bool: ...
+
+
+@runtime_checkable
 class Informs(Protocol):
     """What a sensor may offer besides: what its readings can tell at best, for the bounds on every filter's error."""
 

@@ -54,7 +54,7 @@ class Plan(NamedTuple):
     """What a main node knows when it composes a message that wakes nodes for one step.
 
     `fix` is its last fix, `heading` the displacement between the last two, (0, 0) if there is one; `prediction` where
-    the target will be at `due`, in `ahead` s; `foreseen`: whether that is a prediction, rather than the last fix.
+    the target will be at `due`, `ahead` s after the last fix; `foreseen`: whether that is more than the last fix.
     `sensing` is the sensors' reach r, `reach` the radio's R. `payload_bits`: of the belief, where it rides along.
     """
 

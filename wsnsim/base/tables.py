@@ -16,7 +16,7 @@ import numpy as np
 KINDS: Final = (
     "wake", "sleep", "sense", "elect", "join", "announce", "allocate", "send", "receive", "drop", "collide", "compute",
     "estimate", "handover", "relay", "lost", "reacquire", "crash", "restart", "death", "overhear", "fault", "report",
-    "acquire", "call", "called", "leave", "return",
+    "acquire", "call", "called", "leave", "return", "stay", "resume",
 )  # fmt: skip
 CAUSES: Final = ("tx_electronics", "tx_amplifier", "rx", "overhear", "cpu", "sense", "idle", "sleep", "switch", "leak")
 EVENT_CAUSES: Final = ("none", "tx", "rx", "overhear", "cpu", "sense", "idle", "sleep", "switch", "leak")
@@ -123,9 +123,11 @@ TABLES: Final[dict[str, tuple[Column, ...]]] = {
         _error("mean_error_three", "the same over steps with three readings or more"),
         _error("rmse_three", "root mean square position error over steps with three readings or more"),
         _error("median_error_three", "median position error over steps with three readings or more"),
-        _c("woken", "u4", "1", "nodes that woke or were woken, step by step"),
-        _c("ineffective", "u4", "1", "of these, nodes woken though the target was out of their range"),
+        _c("woken", "u4", "1", "nodes that woke, or were told to track, step by step"),
+        _c("ineffective", "u4", "1", "of these, nodes told though the target was out of their range"),
         _c("ineffective_twenty", "u4", "1", "the same in the first twenty steps"),
+        _c("called", "u4", "1", "nodes called on the wake-up radio"),
+        _c("dismissed", "u4", "1", "of these, nodes that did not track then"),
     ),
     "nodes": (
         _REPLICATE,
@@ -153,8 +155,10 @@ TABLES: Final[dict[str, tuple[Column, ...]]] = {
         _c("readings", "u2", "1", "readings that entered this step's computation, on whichever node"),
         _c("received", "f8", "s", "when the sink had the estimate; NaN without a sink"),
         _c("late", "u1", "1", "1 if the estimate missed its step"),
-        _c("woken", "u2", "1", "nodes that woke at this step for this target, or had been woken for it"),
-        _c("ineffective", "u2", "1", "of these, nodes woken by others though the target was out of their range"),
+        _c("woken", "u2", "1", "nodes that woke at this step for this target, or had been told to track at it"),
+        _c(
+            "ineffective", "u2", "1", "of these, nodes woken or told by others though the target was out of their range"
+        ),
         _c(
             "effective_particles",
             "f8",
@@ -217,6 +221,7 @@ TABLES: Final[dict[str, tuple[Column, ...]]] = {
         _c("foreseen", "u1", "1", "1 if the centre is a prediction, 0 if it is the last fix"),
         _c("forwards", "u2", "1", "nodes that handed the message on"),
         _c("called", "u2", "1", "nodes called on the wake-up radio"),
+        _c("dismissed", "u2", "1", "of these, nodes that did not track"),
         _c("woken", "u2", "1", "nodes that track for the step"),
         _c("ineffective", "u2", "1", "of these, out of their sensors' range of the target"),
         _c("expired", "u2", "1", "nodes that dropped the message as expired"),

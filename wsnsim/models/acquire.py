@@ -21,6 +21,8 @@ from wsnsim.models.bounds import DEVIATION, STATE
 
 DEVIATIONS = (5.0, 3.0, 5.0, 3.0)
 FRAME = Quantity("", ge=1, le=1_000_000)
+MOST_LOOKS = 1_000_000
+"""Instants in a run at which nodes look for a target (our choice)."""
 LEVELS = 8
 """How often the lattice may shrink, by a factor of 3 or so each time."""
 
@@ -70,7 +72,7 @@ class FromReadings:
     floor: Annotated[float, Quantity("m", ge=1e-6, le=1e7), "least standard deviation of the position"] = 1.0
     poll: Annotated[
         float | None,
-        Quantity("s", gt=0.0, le=1e6),
+        Quantity("s", ge=1e-2, le=1e6),
         "how often who is awake looks for a target that nobody follows, where heads move; left out: at each step",
     ] = None
     detection_bits: Annotated[int, FRAME, "of the word that a target has been detected"] = PACKET_BITS
@@ -106,6 +108,11 @@ class FromReadings:
             yield Fault(("sensor",), "its reach must be finite in a network: a new track is looked for within it")
         if self.poll is not None and isinstance(parts, Parts) and parts.clusters.moves:
             times = parts.dt / self.poll
+            if times * parts.steps > MOST_LOOKS:
+                yield Fault(
+                    ("acquire", "poll"),
+                    f"{times * parts.steps:.3g} looks in a run are too many; {MOST_LOOKS:,} are allowed",
+                )
             if abs(times - round(times)) > 1e-9 * times or round(times) < 1:
                 yield Fault(
                     ("acquire", "poll"), f"a step of {parts.dt:g} s must be a whole number of times {self.poll:g} s"

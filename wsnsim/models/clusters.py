@@ -24,6 +24,7 @@ SAMPLED: Final = 64
 """Every how many nodes one is tried, to bound how far the nearest is."""
 ROUNDING: Final = 1e-9
 TIMES: Final = Quantity("s", ge=0.0, le=1e6)
+WAITS: Final = Quantity("s", ge=1e-6, le=1e6)
 
 
 @part
@@ -128,8 +129,8 @@ class MovingHead:
 
     main: Annotated[Literal["prediction", "detection"], "what decides who leads at the next step"] = "prediction"
     sampling: Annotated[float, TIMES, "to take a reading"] = 2e-3
-    quiet: Annotated[float, TIMES, "without a reading, after which the main node waits no longer"] = 12e-3
-    cap: Annotated[float, TIMES, "for which the main node waits at most"] = 50e-3
+    quiet: Annotated[float, WAITS, "without a reading, after which the main node waits no longer"] = 12e-3
+    cap: Annotated[float, WAITS, "for which the main node waits at most"] = 50e-3
     patience: Annotated[float, TIMES, "for which the main node coasts without a reading"] = 3.0
     threshold: Annotated[
         float | None, Quantity("J", ge=0, lt=inf), "charge a head must exceed; left out: one step's"

@@ -22,6 +22,8 @@ def read_columns(path: str, names: tuple[str, ...], what: str) -> list[Row]:
         RunError: the file cannot be read, lacks a column, or holds nothing, or a line holds no number: names file and
             line.
     """
+    if Path(path).exists() and not Path(path).is_file():
+        raise RunError(f"{path}: is no file that can be read to its end")
     try:
         with Path(path).open(newline="", encoding="utf-8-sig") as file:
             found = list(_rows(path, csv.reader(file), names))
@@ -46,7 +48,7 @@ def _rows(path: str, rows: Any, names: tuple[str, ...]) -> Iterator[Row]:
 
 def _numbers(place: str, row: dict[str, str], names: tuple[str, ...]) -> tuple[float, ...]:
     try:
-        return tuple(float(row.get(name, "")) for name in names)
+        return tuple(float(row.get(name, "").replace("_", "no digit")) for name in names)
     except ValueError:
         got = _listed([repr(row.get(name, "")) for name in names])
         raise RunError(f"{place}: {_listed(names)} must be numbers, got {got}") from None

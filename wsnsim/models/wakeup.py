@@ -27,6 +27,8 @@ CONE: Final = math.cos(math.radians(60.0))
 """Ahead is within so much of the heading."""
 EXPERIENCE: Final = {"low": (0.6, 0.3, 0.4, 0.1), "mid": (0.9, 0.5, 0.7, 0.2), "high": (1.0, 0.8, 0.9, 0.5)}
 """Inside r and ahead, inside r and not ahead, beyond it and ahead, beyond it and not ahead."""
+MOST_STEPS: Final = 128
+"""Steps that a message may be heeded for (our choice): half of what numbers there are."""
 SECONDS: Final = Quantity("s", ge=0.0, le=1e6)
 
 
@@ -54,9 +56,20 @@ class _Wakes:
 
     expiry: Annotated[float, SECONDS, "how long after the step's instant its message is heeded"] = 1.0
     wait: Annotated[
-        float, SECONDS, "T_wait: how long a woken node waits for the target before it falls back to its schedule"
+        float,
+        Quantity("s", ge=1e-3, le=1e6),
+        "T_wait: how long a woken node waits for the target before it falls back to its schedule",
     ] = 3.0
     call: Annotated[float, Quantity("s", ge=0.0, le=10.0), "of a call on the wake-up radio, at both ends"] = 5e-3
+
+    def faults(self, parts: Parts) -> Iterator[Fault]:
+        """Messages that are heeded for so long that their sequence number comes again."""
+        if self.expiry >= MOST_STEPS * parts.dt:
+            yield Fault(
+                ("wakeup", "expiry"),
+                f"{self.expiry:g} s are too many steps of {parts.dt:g} s: a sequence number of one byte would come "
+                f"again; less than {MOST_STEPS * parts.dt:g} s is allowed",
+            )
 
     def _message(self, plan: Plan, belief: Any, radius: float, bits: int) -> Message:
         return Message(
@@ -189,7 +202,8 @@ class ExperienceZones(_Wakes):
         return beyond_ahead if ahead else beyond
 
     def faults(self, parts: Parts) -> Iterator[Fault]:
-        """Probabilities that let nobody track."""
+        """Probabilities that let nobody track, or an expiry that is too long."""
+        yield from super().faults(parts)
         if self.probabilities is not None and not any(self.probabilities):
             yield Fault(("wakeup", "probabilities"), "all are 0: nobody would ever track; at least one must be more")
 

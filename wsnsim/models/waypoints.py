@@ -38,6 +38,7 @@ class _Straight:
     columns: ClassVar[tuple[str, ...]] = ("px", "vx", "py", "vy")
     units: ClassVar[tuple[str, ...]] = ("m", "m/s", "m", "m/s")
     position: ClassVar[tuple[int, ...]] = (0, 2)
+    continuous: ClassVar[bool] = True
     q: float
 
     def propagate(self, states: Floats, dt: float, keys: Keys, time: float = 0.0) -> Floats:

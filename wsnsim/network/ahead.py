@@ -17,13 +17,18 @@ from wsnsim.network.track import Track
 from wsnsim.network.waking import Waking
 
 
-def look_ahead(stage: Stage, track: Track, head: int, belief: Any, scene: Scene) -> Waking | None:
-    """Wake nodes for the next step, if the scenario has a way to; nobody waits for it. None where it has none."""
+def look_ahead(
+    stage: Stage, track: Track, head: int, belief: Any, scene: Scene, fixed_at: float | None = None
+) -> Waking | None:
+    """Wake nodes for the next step, if the scenario has a way to; nobody waits for it. None where it has none.
+
+    `fixed_at`: when the target was last sensed; left out: at the scene's time.
+    """
     waker = stage.waker
-    if waker is None or waker.idle:
+    if waker is None or waker.idle or stage.step >= stage.parts.steps:
         return None
     waker.sequence += 1
-    plan = _plan(stage, track, head, belief, scene)
+    plan = _plan(stage, track, head, belief, scene, scene.time if fixed_at is None else fixed_at)
     message = stage.parts.wakeup.compose(plan, belief if stage.parts.wakeup.carries_belief else None)
     return waker.start(track, head, message, plan.foreseen)
 
@@ -35,7 +40,7 @@ def predicted(stage: Stage, track: Track, belief: Any, scene: Scene) -> Floats:
     return planar(forecast.mean[list(parts.filter_motions[track.target].position)])
 
 
-def _plan(stage: Stage, track: Track, head: int, belief: Any, scene: Scene) -> Plan:
+def _plan(stage: Stage, track: Track, head: int, belief: Any, scene: Scene, fixed_at: float) -> Plan:
     parts, target = stage.parts, track.target
     motion = parts.filter_motions[target]
     mean = parts.tracker.estimate(belief).mean
@@ -52,7 +57,7 @@ def _plan(stage: Stage, track: Track, head: int, belief: Any, scene: Scene) -> P
         prediction=_point(predicted(stage, track, belief, scene)),
         foreseen=foreseen,
         due=due,
-        ahead=due - stage.env.now,
+        ahead=due - fixed_at,
         sensing=parts.sensor.reach,
         reach=stage.fleet.reach,
         payload_bits=parts.tracker.belief_bits(belief) if isinstance(parts.tracker, Portable) else 0,

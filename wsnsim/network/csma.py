@@ -156,6 +156,7 @@ class Csma:
     def _begin(self, station: _Station, message: Any) -> None:
         station.message = message
         station.received = False
+        self._fleet.begin_sending(station.node)
         self._contend(station)
 
     def _contend(self, station: _Station) -> None:
@@ -255,8 +256,11 @@ class Csma:
         station.free_at = self._env.now + self._part.spacing(message.bits)
         station.message = None
         message.done(heard)
-        if station.message is None and station.waiting and not station.gone:
-            self._begin(station, station.waiting.popleft())
+        if station.message is None and not station.gone:
+            if station.waiting:
+                self._begin(station, station.waiting.popleft())
+            else:
+                self._fleet.end_sending(station.node)
 
 
 def nothing_arrives(frame: Frame) -> None:

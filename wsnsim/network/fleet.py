@@ -25,6 +25,8 @@ from wsnsim.network.rota import Rota
 ELECTRONICS, AMPLIFIER = CAUSE["tx_electronics"], CAUSE["tx_amplifier"]
 RECEIVE, IDLE, SWITCH = CAUSE["rx"], CAUSE["idle"], CAUSE["switch"]
 SPENT: Final = len(CAUSES)
+LINGER: Final = 1.0
+"""s: whoever sends less than so long before its schedule ends is kept awake. Hardly a frame waits longer."""
 
 
 class Fleet:
@@ -64,6 +66,8 @@ class Fleet:
         self._spent = scalars(self.spent)
         self._ceiling = 0.0
         self._look_again_in = 0
+        self._tasked: set[int] = set()
+        self._sending: set[int] = set()
 
     def distance(self, a: int, b: int) -> float:
         """Metres between two nodes."""
@@ -226,14 +230,40 @@ class Fleet:
 
     def _fall_silent(self, node: int) -> None:
         self.living[node] = self.listening[node] = False
+        self._tasked.discard(node)
+        self._sending.discard(node)
         self.all_listen = False
         if self.drain is not None:
             self.drain.change(node, Mode.DOWN)
         if self.rota is not None:
             self.rota.note(node, Mode.DOWN)
 
+    def begin_sending(self, node: int) -> None:
+        """A node has a frame to send: it stays awake until that is done, though its schedule may end before."""
+        if self.rota is None or node in self._sending:
+            return
+        if node in self._tasked:
+            self._sending.add(node)
+        elif self.rota.may_fall_asleep(node, LINGER):
+            self._sending.add(node)
+            self._apply(node, Mode.AWAKE)
+
+    def end_sending(self, node: int) -> None:
+        """A node has nothing more to send."""
+        if node in self._sending:
+            self._sending.discard(node)
+            if node not in self._tasked:
+                self._apply(node, self.rest_of(node))
+
     def set_mode(self, node: int, mode: Mode) -> None:
-        """A node wakes, or goes to sleep; it pays for the change and may die of it."""
+        """A node has a task that keeps it awake, or has none; it pays for a change of mode and may die of it."""
+        if self.rota is not None:
+            (self._tasked.discard if mode is Mode.SCHEDULED else self._tasked.add)(node)
+            if node in self._sending:
+                return
+        self._apply(node, mode)
+
+    def _apply(self, node: int, mode: Mode) -> None:
         if not self.alive[node]:
             return
         if self.drain is None:
@@ -289,6 +319,9 @@ class Fleet:
 
     def able(self, threshold: float) -> Bools:
         """(N,) which nodes live and hold more than `threshold` joules."""
+        most = self.drain.most if self.drain is not None else 0.0
+        if bool((self.battery - self.spent - most > threshold).all()):
+            return self.living.copy()
         return self.living & (self.all_left() > threshold)
 
     def all_left(self) -> Floats:
@@ -345,10 +378,10 @@ def make_fleet(env: simpy.Environment, parts: Radio, positions: Floats, traits: 
 
 
 def _looking(parts: Radio) -> float:
-    """W that a node which is awake spends on looking for targets: a reading every `acquire.poll` s, on the average."""
-    if not isinstance(parts, Parts) or not parts.clusters.moves or parts.acquire.poll is None:
+    """W that a node which is awake spends on looking for targets: a reading each time, on the average."""
+    if not isinstance(parts, Parts) or not parts.clusters.moves:
         return 0.0
-    return parts.energy.sense() / parts.acquire.poll
+    return parts.energy.sense() / (parts.acquire.poll or parts.dt)
 
 
 def _time_costs(energy: Draws) -> bool:

@@ -97,11 +97,13 @@ class IdealMac:
     def _one_by_one(self, frames: Sequence[Frame], rate: float) -> Any:
         before = [self._silenced.get(frame.source) for frame in frames]
         for frame, silenced in zip(frames, before, strict=True):
+            self._medium.fleet.begin_sending(frame.source)
             yield self._env.timeout(frame.bits / rate)
             if self._silenced.get(frame.source) == silenced:
                 self._medium.carry(frame)
             else:
                 nothing_arrives(frame)
+            self._medium.fleet.end_sending(frame.source)
 
 
 def make_mac(

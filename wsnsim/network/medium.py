@@ -70,7 +70,7 @@ class Medium:
         rate: float | None = None,
     ) -> None:
         self._env = env
-        self._fleet = fleet
+        self.fleet = fleet
         self._journal = journal
         self._energy = energy
         self._wiring = wiring
@@ -81,7 +81,7 @@ class Medium:
 
     def carry(self, frame: Frame) -> None:
         """Perform a burst: charge, log, and leave in the frame what arrived. The dead send nothing."""
-        if not self._fleet.alive[frame.source]:
+        if not self.fleet.alive[frame.source]:
             frame.mask, frame.packets = np.zeros(frame.mask.size, dtype=np.bool_), 0
             return
         counts = self.counts
@@ -97,10 +97,10 @@ class Medium:
 
     def _unicast(self, frame: Frame, number: int, packets: int, code: int) -> None:
         to = frame.to
-        distance = self._fleet.distance(frame.source, to)
+        distance = self.fleet.distance(frame.source, to)
         if not self._transmit(frame, number, packets, code, distance):
             mask, got = frame.mask, 0
-        elif not self._fleet.is_awake(to):
+        elif not self.fleet.is_awake(to):
             mask, got = frame.mask, 0
             self._drop(frame, number, packets, code, to)
         else:
@@ -111,8 +111,8 @@ class Medium:
         self.counts.frames_lost += got < packets
 
     def _broadcast(self, frame: Frame, number: int, packets: int, code: int) -> None:
-        fleet = self._fleet
-        if not self._transmit(frame, number, packets, code, self._fleet.reach):
+        fleet = self.fleet
+        if not self._transmit(frame, number, packets, code, self.fleet.reach):
             self.counts.frames_lost += 1
             return
         least, counts = packets, self.counts
@@ -132,14 +132,14 @@ class Medium:
     def _listeners(self, source: int) -> list[int]:
         """Who may hear a node now, ascending; where nobody sleeps the dead included."""
         audience = self._wiring.audience(source)
-        if self._fleet.rota is None:
+        if self.fleet.rota is None:
             return audience.listed
-        awake: list[int] = audience.ids[self._fleet.hears(audience.ids, self._env.now)].tolist()
+        awake: list[int] = audience.ids[self.fleet.hears(audience.ids, self._env.now)].tolist()
         return awake
 
     def _transmit(self, frame: Frame, number: int, packets: int, code: int, distance: float) -> bool:
         """Charge and log the sending; whether the burst left whole."""
-        fleet, source = self._fleet, frame.source
+        fleet, source = self.fleet, frame.source
         bits = packets * frame.parcel.packet_bits
         electronics, amplifier = self._energy.transmit(bits, distance)
         joules = electronics + amplifier
@@ -159,7 +159,7 @@ class Medium:
             if expected:
                 self._drop(frame, number, packets, code, node)
             return mask, 0
-        fleet, bits = self._fleet, got * frame.parcel.packet_bits
+        fleet, bits = self.fleet, got * frame.parcel.packet_bits
         joules = self._energy.receive(bits)
         paid = fleet.spend_receive(node, joules, bits, seconds=bits * self._second)
         if fleet.alive[node]:
@@ -169,7 +169,7 @@ class Medium:
         return mask, 0
 
     def _arrivals(self, frame: Frame, node: int) -> tuple[Bools, int]:
-        fleet = self._fleet
+        fleet = self.fleet
         if self._wiring.sharp and not fleet.disturbed:
             return frame.mask, frame.packets
         chance = self._wiring.success(frame.source, node)

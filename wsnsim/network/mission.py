@@ -18,7 +18,8 @@ class Mission:
     acts in the present step, not at the next tick.
 
     Of heads that move: `detected`, {node: reading} of a target that nobody follows, which this head takes up;
-    `looks_ahead`: it has nodes woken before it does anything else; `fixed_at`: when the target was last sensed, in s.
+    `looks_ahead`: it has nodes woken before it does anything else; `fixed_at`: when the target was last sensed, in s;
+    `belief_time`: when the belief holds, None: at its step's instant.
     """
 
     belief_step: int
@@ -32,6 +33,7 @@ class Mission:
     detected: Mapping[int, float] | None = None
     looks_ahead: bool = False
     fixed_at: float = 0.0
+    belief_time: float | None = None
 
 
 @dataclass(slots=True)

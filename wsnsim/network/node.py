@@ -21,6 +21,8 @@ from wsnsim.network.stage import Stage
 from wsnsim.network.tenure import tenure
 from wsnsim.network.track import Election, Track
 
+TARGET, FRAME, CALL = "target", "frame", "call"
+"""What makes a node wake, or sleep again."""
 Life = Generator[simpy.Event, Any, None]
 Order = Callable[[], Any]
 
@@ -38,41 +40,41 @@ class Node:
         self._stage = stage
         self._crew = crew
         self._awake = False
-        self._orders: list[tuple[int, bool, Order]] = []
+        self._orders: list[tuple[int, str, Order]] = []
         self._call = stage.env.event()
         self._duties: list[simpy.Process] = []
         self._process = stage.env.process(self._life())
 
     def hear_target(self, target: int) -> None:
         """The target has come within sensing range."""
-        self._tell(target, False, lambda: self.senses.add(target))
+        self._tell(target, TARGET, lambda: self.senses.add(target))
 
     def lose_target(self, target: int) -> None:
         """The target has left the sensing range."""
-        self._tell(target, False, lambda: self.senses.discard(target))
+        self._tell(target, TARGET, lambda: self.senses.discard(target))
 
     def serve(self, target: int) -> None:
         """A frame has made the node a member, or head."""
-        self._tell(target, True, lambda: self.serves.add(target))
+        self._tell(target, FRAME, lambda: self.serves.add(target))
 
     def dismiss(self, target: int) -> None:
         """The cluster has dissolved."""
-        self._tell(target, True, lambda: self.serves.discard(target))
+        self._tell(target, FRAME, lambda: self.serves.discard(target))
 
-    def watch(self, target: int, until: float) -> None:
-        """Stay awake for a target until then, at least."""
+    def watch(self, target: int, until: float, why: str = FRAME) -> None:
+        """Stay awake for a target until then, at least, because of a frame or a call."""
         known = self.watches.get(target)
         if known is not None and known >= until:
             return
         self.watches[target] = until
         if known is None:
-            self._tell(target, True, _nothing)
+            self._tell(target, why, _nothing)
             self._look_again(target, until)
 
     def relax(self, target: int) -> None:
         """Need not stay awake for a target any longer."""
         if self.watches.pop(target, None) is not None:
-            self._tell(target, False, _nothing)
+            self._tell(target, TARGET, _nothing)
 
     def _look_again(self, target: int, until: float) -> None:
         """Fall back to the schedule, unless it has been told to stay for longer."""
@@ -105,10 +107,10 @@ class Node:
             if process.is_alive and process is not self._stage.env.active_process:
                 process.interrupt("death")
 
-    def _tell(self, target: int, by_frame: bool, order: Order) -> None:
+    def _tell(self, target: int, why: str, order: Order) -> None:
         if not self._stage.fleet.alive[self.index]:
             return
-        self._orders.append((target, by_frame, order))
+        self._orders.append((target, why, order))
         if not self._call.triggered:
             self._call.succeed()
 
@@ -130,17 +132,18 @@ class Node:
         except simpy.Interrupt:
             self._awake = False
 
-    def _wake_or_sleep(self, target: int, by_frame: bool) -> None:
+    def _wake_or_sleep(self, target: int, why: str) -> None:
         busy = bool(self.senses or self.serves or self.watches)
         if busy != self._awake:
             self._awake = busy
             fleet = self._stage.fleet
-            why = "frame" if by_frame else "target"
-            if fleet.rota is not None and not busy:
-                why = "schedule"
-            self._stage.log("wake" if busy else "sleep", target, self.index, why)
-            if busy:
-                self._crew.woke(self.index, target, by_frame)
+            if fleet.rota is not None and fleet.rota.scheduled(self.index) is Mode.AWAKE:
+                self._stage.log("stay" if busy else "resume", target, self.index, why if busy else "schedule")
+            else:
+                why = "schedule" if fleet.rota is not None and not busy else why
+                self._stage.log("wake" if busy else "sleep", target, self.index, why)
+                if busy:
+                    self._crew.woke(self.index, target, why != TARGET)
             fleet.set_mode(self.index, Mode.AWAKE if busy else fleet.rest_of(self.index))
 
     def _stand(self, track: Track, election: Election) -> Life:

@@ -23,7 +23,6 @@ import simpy
 
 from wsnsim.base.asks import Parcel
 from wsnsim.base.ports import MovingPolicy, Portable, Ranks, Scene
-from wsnsim.base.tables import CAUSE, EVENT_CAUSE, KIND
 from wsnsim.network.ahead import look_ahead, predicted
 from wsnsim.network.air import letter
 from wsnsim.network.cluster import Cluster
@@ -38,9 +37,9 @@ TINY = 1e-9
 
 @dataclass(slots=True)
 class _Office:
-    """A main node's time: its belief of step `last`, when it last had a reading, and what it works with.
+    """A main node's time: its belief, of step `last` and time `since`; when it last had a reading; what it works with.
 
-    `scene`: of the last step.
+    `scene`: of the last step. A target that was found between two steps has a first step shorter than others.
     """
 
     stage: Stage
@@ -50,6 +49,7 @@ class _Office:
     policy: MovingPolicy
     belief: Any
     last: int
+    since: float
     fixed_at: float
     scene: Scene | None = None
     heard: Mapping[int, float] | None = None
@@ -58,7 +58,8 @@ class _Office:
 def pursue(stage: Stage, crew: Crew, track: Track, head: int, mission: Mission) -> Waiting:
     """A main node's life for one target, from taking over until another does."""
     policy = cast(MovingPolicy, stage.parts.clusters)
-    office = _Office(stage, crew, track, head, policy, mission.belief, mission.belief_step, mission.fixed_at)
+    since = mission.belief_time if mission.belief_time is not None else mission.belief_step * stage.parts.dt
+    office = _Office(stage, crew, track, head, policy, mission.belief, mission.belief_step, since, mission.fixed_at)
     enter_office(stage, track, _cluster(stage, track, head, []), mission)
     if mission.detected is not None:
         yield from _take_up(office, mission.detected)
@@ -66,7 +67,8 @@ def pursue(stage: Stage, crew: Crew, track: Track, head: int, mission: Mission) 
             return
     elif mission.looks_ahead:
         office.scene = _cluster(stage, track, head, []).scene(0)
-        look_ahead(stage, track, head, office.belief, office.scene)
+        office.scene.time, office.scene.dt = office.since, (stage.step + 1) * stage.parts.dt - office.since
+        look_ahead(stage, track, head, office.belief, office.scene, office.fixed_at)
         yield track.tick
         if (yield from _give_way(office)):
             return
@@ -101,10 +103,10 @@ def _take_up(office: _Office, detected: Mapping[int, float]) -> Waiting:
         stage.parts.filter_sensor, stage.parts.filter_motions[track.target], track.prior,
     )  # fmt: skip
     office.scene = cluster.scene(0)
-    office.scene.time = began
+    office.scene.time, office.scene.dt = began, (step + 1) * stage.parts.dt - began
     office.belief = yield from driver.perform(stage.parts.tracker.start(prior, office.scene))
     driver.readings = len(readings)
-    office.heard, office.fixed_at, office.last = readings, began, step
+    office.heard, office.fixed_at, office.last, office.since = readings, began, step, began
     count_start(stage, track, head)
     if abs(began - step * stage.parts.dt) < TINY:
         issue(stage, track, step, office.scene, driver, stage.parts.tracker.estimate(office.belief))
@@ -113,7 +115,7 @@ def _take_up(office: _Office, detected: Mapping[int, float]) -> Waiting:
 def _step(office: _Office) -> Waiting:
     """One step at the main node: readings in, an estimate out."""
     stage, track, head = office.stage, office.track, office.head
-    began, step = stage.env.now, stage.step
+    began = stage.env.now
     told = _told(office)
     _sample(stage, track, [head, *told])
     yield stage.env.timeout(office.policy.sampling)
@@ -123,9 +125,12 @@ def _step(office: _Office) -> Waiting:
     cluster = track.cluster = _cluster(stage, track, head, told)
     track.clusters[-1].members = max(track.clusters[-1].members, cluster.size)
     driver = _driver(office, cluster)
-    office.scene = cluster.scene(stage.step - office.last)
-    office.belief = yield from driver.perform(stage.parts.tracker.step(office.belief, office.scene))
-    office.last, office.heard = step, driver.heard
+    step = stage.step
+    office.scene = scene = cluster.scene(step - office.last)
+    scene.dt = (scene.time - office.since) / scene.steps if scene.steps else scene.dt
+    office.belief = yield from driver.perform(stage.parts.tracker.step(office.belief, scene))
+    office.last, office.since, office.heard = step, scene.time, driver.heard
+    scene.dt = stage.parts.dt
     if driver.readings:
         office.fixed_at = began
         issue(stage, track, step, office.scene, driver, stage.parts.tracker.estimate(office.belief))
@@ -159,15 +164,10 @@ def _driver(office: _Office, cluster: Cluster) -> Driver:
 
 
 def _sample(stage: Stage, track: Track, nodes: list[int]) -> None:
-    """Who was told takes a reading. Where nodes look for targets all the time, that is paid for already."""
-    joules = stage.parts.energy.sense() if stage.parts.acquire.poll is None else 0.0
-    sensing, kind = stage.sensing[track.target], KIND["sense"]
+    """Who was told takes a reading. Nodes that are awake look for targets all the time: it is paid for already."""
     for node in nodes:
-        spent = stage.fleet.spend(node, CAUSE["sense"], joules) if joules else 0.0
-        if spent or node in sensing:
-            what = stage.journal.code("" if node in sensing else "nothing")
-            cause = EVENT_CAUSE["sense" if spent else "none"]
-            stage.journal.add((stage.env.now, stage.step, track.target, node, kind, what, 0, 0, -1, 0, 0, spent, cause))
+        if node in stage.sensing[track.target]:
+            stage.log("sense", track.target, node)
 
 
 def _move_on(office: _Office) -> Generator[simpy.Event, Any, bool]:
@@ -188,7 +188,7 @@ def _move_on(office: _Office) -> Generator[simpy.Event, Any, bool]:
     if successor != head:
         yield from _hand_over(office, successor, looks_ahead=True)
         return True
-    look_ahead(stage, track, head, office.belief, office.scene)
+    look_ahead(stage, track, head, office.belief, office.scene, office.fixed_at)
     yield track.tick
     return (yield from _give_way(office))
 
@@ -257,6 +257,6 @@ def _appoint(office: _Office, mission: Mission, successor: int) -> None:
     if stage.parts.wakeup.carries_belief and not mission.hops:
         stage.log("handover", track.target, office.head, "message", peer=successor)
     track.handovers += 1
-    mission.previous_head, mission.fixed_at = office.head, office.fixed_at
+    mission.previous_head, mission.fixed_at, mission.belief_time = office.head, office.fixed_at, office.since
     dissolve(stage, crew, track)
     crew.appoint(track, successor, mission)

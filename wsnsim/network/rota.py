@@ -61,6 +61,12 @@ class Rota:
         """What a node's schedule says now: AWAKE or ASLEEP."""
         return Mode.AWAKE if self._by_schedule(np.array([node]), self._env.now)[0] else Mode.ASLEEP
 
+    def may_fall_asleep(self, node: int, within: float) -> bool:
+        """Whether a node follows its schedule, and sleeps by it now, or may within so many seconds."""
+        if node in self._off:
+            return False
+        return self.scheduled(node) is Mode.ASLEEP or self._until[node] <= self._env.now + within
+
     def next_change(self, node: int) -> float:
         """When the schedule of a node may next say otherwise."""
         return float(self._schedule.state(self._keys[node : node + 1], self._env.now)[2][0])
@@ -75,12 +81,22 @@ class Rota:
                 self._held_seconds += now - since
         if mode is not Mode.SCHEDULED:
             self._off[node] = now
-        self._held[node] = mode in (Mode.AWAKE, Mode.DORMANT)
-        self._since[node] = now
+        held = mode in (Mode.AWAKE, Mode.DORMANT)
+        if held and not self._held[node]:
+            self._since[node] = now
+        self._held[node] = held
 
     def tally(self, nodes: Ints, since: Floats) -> tuple[Floats, Floats]:
         """(n,) seconds that nodes' schedules keep them awake from then until now, and how often they change."""
         return self._schedule.tally(self._keys[nodes], since, self._env.now)
+
+    def tally_one(self, node: int, since: float) -> tuple[float, float]:
+        """The same of one node: at once where nothing has changed since."""
+        now = self._env.now
+        if self._from[node] <= since and now < self._until[node]:
+            return (now - since if self._awake[node] else 0.0), 0.0
+        awake, switches = self.tally(np.array([node]), np.array([since]))
+        return float(awake[0]), float(switches[0])
 
     def most_switches(self, until: float) -> float:
         """How often a node changes at most until then."""

@@ -63,6 +63,11 @@ def woken_rows(outcome: Outcome, track: Track) -> dict[str, Any]:
     return {"woken": woken[:, 0], "ineffective": woken[:, 1], "received": np.array(received)}
 
 
+def called_row(track: Track) -> dict[str, int]:
+    """What the table `tracks` says of calls on the wake-up radio."""
+    return {name: sum(getattr(waking, name) for waking in track.wakings) for name in ("called", "dismissed")}
+
+
 def run_row(outcome: Left, tracks: Sequence[Track]) -> dict[str, Any]:
     """What the table `runs` says of the network."""
     fleet = outcome.fleet
@@ -126,7 +131,7 @@ def _clusters(clusters: Sequence[ClusterRecord]) -> dict[str, Any]:
 
 
 def _wakeups(wakings: Sequence[Waking]) -> dict[str, Any]:
-    own = ("time", "node", "sequence", "foreseen", "forwards", "called", "woken", "ineffective", "expired")
+    own = ("time", "node", "sequence", "foreseen", "forwards", "called", "dismissed", "woken", "ineffective", "expired")
     columns = {name: np.array([getattr(waking, name) for waking in wakings], dtype=np.float64) for name in own}
     for name in ("step", "radius", "expires"):
         columns[name] = np.array([getattr(waking.message, name) for waking in wakings], dtype=np.float64)

@@ -5,7 +5,7 @@ What stands here outlives heads. A belief does not: it lives in its head's proce
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -58,6 +58,14 @@ class Track:
     clusters: list[ClusterRecord] = field(default_factory=list)
     waking: Waking | None = None
     wakings: list[Waking] = field(default_factory=list)
+
+    def wakings_for(self, step: int) -> Iterator[Waking]:
+        """The messages that woke nodes for a step: several, where the target was lost and found again before it."""
+        for waking in reversed(self.wakings):
+            if waking.message.step < step:
+                return
+            if waking.message.step == step:
+                yield waking
 
 
 class Election:

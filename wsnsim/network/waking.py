@@ -34,7 +34,8 @@ class Waking:
     """One message that wakes nodes for a step, and what came of it.
 
     `tracking`: who tracks for that step, with the copy that it heeded. `asleep`: who slept in the region when it was
-    sent, and has not been called since; `hailed`: who has been. `sequence`: of its frames on the air.
+    sent, and has not been called since; `hailed`: who has been; `rung`: whom the call reached. `sequence`: the number
+    of its frames.
     """
 
     message: Message
@@ -44,25 +45,27 @@ class Waking:
     tracking: dict[int, Message] = field(default_factory=dict)
     asleep: set[int] = field(default_factory=set)
     hailed: set[int] = field(default_factory=set)
+    rung: set[int] = field(default_factory=set)
     sequence: int = 0
     forwards: int = 0
     called: int = 0
     expired: int = 0
+    dismissed: int = 0
     woken: int = 0
     ineffective: int = 0
 
 
 class Waker:
-    """The wake-up protocol of a run. `watch(node, target, until)` keeps a node awake; `relax(node, target)` lets it go.
+    """The wake-up protocol of a run.
 
-    `key`: of the draws that nodes make.
+    `watch(node, target, until, why)` keeps a node awake; `relax(node, target)` lets it go. `key`: of nodes' draws.
     """
 
     def __init__(
         self,
         stage: Stage,
         key: int,
-        watch: Callable[[int, int, float], None],
+        watch: Callable[[int, int, float, str], None],
         relax: Callable[[int, int], None],
     ) -> None:
         self._stage = stage
@@ -113,10 +116,10 @@ class Waker:
         copy = replace(message, sender=node, place=(stage.fleet.x[node], stage.fleet.y[node]))
         parcel = Parcel(copy, 1, copy.bits, WORDS[self._protocol.mechanism])
         event, (frame,) = stage.air.broadcast([node], [parcel], copy.target, waking.sequence if relayed else 0, relayed)
-        waking.forwards += relayed
 
         def heard(_: Any) -> None:
             waking.sequence = waking.sequence or frame.sequence
+            waking.forwards += relayed and frame.sent > 0
             for listener in sorted(frame.heard):
                 self._heed(waking, listener, copy)
 
@@ -149,7 +152,7 @@ class Waker:
 
     def _track(self, waking: Waking, node: int, message: Message) -> None:
         waking.tracking[node] = message
-        self._watch(node, message.target, message.due + self._protocol.wait)
+        self._watch(node, message.target, message.due + self._protocol.wait, "frame")
 
     def _sleepers(self, node: int, message: Message) -> set[int]:
         """Who sleeps in the message's region; where all neighbours are invited, which of them do."""
@@ -168,9 +171,10 @@ class Waker:
         sleepers = waking.asleep & self._stage.air.audience(node).members if waking.asleep else set()
         waking.asleep -= sleepers
         waking.hailed |= sleepers
-        waking.called += len(sleepers)
 
         def awake(woken: Sequence[int]) -> None:
+            waking.called += len(woken)
+            waking.rung.update(woken)
             for one in woken:
                 if self._protocol.mechanism != "invite":
                     self._heed(waking, one, replace(message, sender=node))
@@ -207,7 +211,7 @@ class Waker:
             paid = fleet.spend_receive(one, cost, bits)
             self._log(CALLED, one, target, "", node, 0, paid, cost * paid / bits, RX)
             if fleet.alive[one]:
-                self._watch(one, target, stage.env.now + self._protocol.wait)
+                self._watch(one, target, stage.env.now + self._protocol.wait, "call")
                 woken.append(one)
         return woken
 

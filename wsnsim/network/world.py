@@ -9,6 +9,7 @@ that nobody follows, between steps too. The cost follows what is awake and what 
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
@@ -220,15 +221,18 @@ class World:
 
     def _count_woken(self, track: Track) -> None:
         """Who was woken for this step, and who of them in vain, with the target beyond reach."""
-        waking, stage = track.waking, self._stage
-        if waking is None or waking.message.step != stage.step:
-            return
-        tracking = [node for node in waking.tracking if stage.fleet.alive[node]]
-        point = planar(self._points[track.target][stage.step])
-        apart = stage.fleet.positions[np.array(tracking, dtype=np.int64)] - point
-        waking.woken = len(tracking)
-        waking.ineffective = int((np.hypot(apart[:, 0], apart[:, 1]) > stage.parts.sensor.reach).sum())
-        self._woken[track.target, stage.step] += (waking.woken, waking.ineffective)
+        stage, point = self._stage, planar(self._points[track.target][self._stage.step])
+        woken: set[int] = set()
+        vain: set[int] = set()
+        for waking in track.wakings_for(stage.step):
+            tracking = [node for node in waking.tracking if stage.fleet.alive[node]]
+            apart = stage.fleet.positions[np.array(tracking, dtype=np.int64)] - point
+            beyond = np.hypot(apart[:, 0], apart[:, 1]) > stage.parts.sensor.reach
+            waking.woken, waking.ineffective = len(tracking), int(beyond.sum())
+            waking.dismissed = len(waking.rung.difference(waking.tracking))
+            woken.update(tracking)
+            vain.update(itertools.compress(tracking, beyond.tolist()))
+        self._woken[track.target, stage.step] += (len(woken), len(vain))
 
     def _look_for(self, track: Track, part: int) -> None:
         """Where nobody follows the target, let the first node that is awake and detects it take it up."""
@@ -264,10 +268,10 @@ class World:
         stage.waker = Waker(
             stage,
             streams.key("wakeup"),
-            lambda node, target, until: self._node(node).watch(target, until),
+            lambda node, target, until, why: self._node(node).watch(target, until, why),
             lambda node, target: self._node(node).relax(target) if node in self._nodes else None,
         )
-        if wakeup.mechanism != "none" and wakeup.call > 0:
+        if wakeup.mechanism != "none":
             air.rouse = stage.waker.rouse
         if stage.reports.node is not None and stage.fleet.rest is Mode.SCHEDULED:
             stage.fleet.sleepless.add(stage.reports.node)
@@ -333,7 +337,7 @@ class World:
                 track.cluster.forget(index)
 
     def _restart(self, index: int) -> None:
-        """A node that was down comes back dormant, without a role; a target that is in range by now wakes it."""
+        """A node that was down comes back at rest, without a role; a target that is in range by now wakes it."""
         stage = self._stage
         stage.fleet.restart(index)
         self._router.revive(index)

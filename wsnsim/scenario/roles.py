@@ -108,7 +108,7 @@ _ROLES: Final = (
             "the univariate non-stationary growth model, a benchmark of one column", WEI),
         Row("random_waypoint", "wsnsim.models.waypoints:RandomWaypoint",
             "straight legs between random points of an area, from a start that is stationary in time",
-            f"{LI}; Bettstetter, Resta, Santi (2003)"),
+            f"{LI}; Navidi, Camp (2004); Le Boudec, Vojnovic (2005)"),
         Row("waypoints", "wsnsim.models.waypoints:Waypoints",
             "straight legs between points with times, from a CSV file or the scenario"),
         Row("gauss_markov", "wsnsim.models.mobility:GaussMarkov",

@@ -36,6 +36,8 @@ UNKNOWN: Final = 1e6
 """m: the deviation of a fix where its ranges leave it open: it must not tell the filters what they said themselves."""
 MOMENTS_BITS: Final = 800
 """100 bytes: a mean and a covariance."""
+LEAST_FIXES: Final = 4
+"""Fewer give no prediction (Li 2012's page: initial and re-acquisition)."""
 TURN, RESAMPLE = 1, 2
 """Purposes of a head's draws at a step."""
 PREDICT_CYCLES: Final = 45.0
@@ -59,7 +61,8 @@ MIX_CYCLES: Final = 82.0
 class Mixture:
     """Kalman filters by the history of their modes: `counts` (K,) particles share each of `means` (K, 4), `covs`.
 
-    `log_weights` (K,) are of one particle each. `mean` and `cov` are of the whole mixture.
+    `log_weights` (K,) are of one particle each. `mean` and `cov` are of the whole mixture. `fixes`: how
+    often the target was sensed since the track began, its start included.
     """
 
     means: Floats
@@ -69,6 +72,7 @@ class Mixture:
     mean: Floats
     cov: Floats
     head: int
+    fixes: int = 1
     effective: float = float("nan")
 
 
@@ -106,10 +110,17 @@ class MixturePf(HeadFilter):
     reading_bits: Annotated[int, Quantity("", ge=1, le=100_000), "of a reading on the air"] = 88
 
     def start(self, prior: Estimate, scene: Scene) -> Flow[Mixture]:
-        """The prior's mean with P0, diag(25, 9, 25, 9). Raises RunError for another state than its own."""
+        """The prior's mean with P0, diag(25, 9, 25, 9), or the prior's covariance of the position where that is larger.
+
+        That is our choice: a target may be found by one range, which leaves it anywhere on a circle. Raises RunError
+        for another state than its own.
+        """
         if scene.motion.columns != COLUMNS:
             raise RunError(_other_state(scene.motion.columns))
-        return self._collapsed(prior.mean, np.diag(np.array(self.start_sd) ** 2), scene.head)
+        cov, place = np.diag(np.array(self.start_sd) ** 2), np.ix_(PLACE, PLACE)
+        if np.trace(prior.cov[place]) > np.trace(cov[place]):
+            cov[place] = prior.cov[place]
+        return self._collapsed(prior.mean, cov, scene.head, 1)
         yield  # a flow that asks for nothing
 
     def step(self, belief: Mixture, scene: Scene) -> Flow[Mixture]:
@@ -122,14 +133,14 @@ class MixturePf(HeadFilter):
         if not seen.ids:
             yield Compute(cycles)
             return self._summed(predicted, scene.head)
-        updated, used = self._updated(predicted, seen, scene)
+        updated, used = self._updated(replace(predicted, fixes=belief.fixes + 1), seen, scene)
         yield Compute(cycles + used + self.particles * MIX_CYCLES)
         return self._resampled(self._summed(updated, scene.head), scene)
 
     def hand_over(self, belief: Mixture, scene: Scene, successor: int) -> Flow[Mixture | None]:
         """100 bytes: the mixture's mean and covariance."""
         mask = yield Send(successor, Parcel((belief.mean, belief.cov), 1, MOMENTS_BITS, "handover"))
-        return self._collapsed(belief.mean, belief.cov, successor) if mask.all() else None
+        return self._collapsed(belief.mean, belief.cov, successor, belief.fixes) if mask.all() else None
 
     def forecast(self, belief: Mixture, scene: Scene, ahead: int) -> Estimate:
         """The mixture's two moments, so many steps on, turns included."""
@@ -153,9 +164,13 @@ class MixturePf(HeadFilter):
         """Of a turn within dt s."""
         return -math.expm1(-dt / self.turn_time)
 
-    def _collapsed(self, mean: Floats, cov: Floats, head: int) -> Mixture:
+    def foresees(self, belief: Mixture) -> bool:
+        """Once the target has been sensed four times, as in every protocol here: before, nobody knows its velocity."""
+        return belief.fixes >= LEAST_FIXES
+
+    def _collapsed(self, mean: Floats, cov: Floats, head: int, fixes: int) -> Mixture:
         """All particles alike."""
-        return Mixture(mean[None], cov[None], np.array([self.particles]), np.zeros(1), mean, cov, head)
+        return Mixture(mean[None], cov[None], np.array([self.particles]), np.zeros(1), mean, cov, head, fixes)
 
     def _predicted(self, belief: Mixture, scene: Scene, number: int) -> Mixture:
         """Each particle draws its mode; the filters of both are a step on."""

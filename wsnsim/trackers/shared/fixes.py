@@ -90,7 +90,7 @@ class RangeFix(HeadFilter):
     def forecast(self, belief: Fixes, scene: Scene, ahead: int) -> Estimate:
         """Where the target is expected at the step that is so many steps on; the spread is the motion model's."""
         moved = forecast(Estimate(belief.mean, belief.cov), scene, ahead)
-        return self._placed(moved, belief, (scene.step + ahead) * scene.dt, scene)
+        return self._placed(moved, belief, scene.time + ahead * scene.dt, scene)
 
     def faults(self, parts: Problem) -> Iterator[Fault]:
         """Circles cross in the plane."""
