@@ -28,7 +28,7 @@ class AwakeOnly(RangeFix):
 
     The search for the fix starts at the middle of the nodes whose readings came. So one range alone gives the place of
     its node, and two that cross give the middle of their crossings: nothing says which side. The velocity is unknown.
-    What nodes can do without a wake-up protocol: the floor under the others.
+    What nodes can do without a wake-up protocol, for the others to be measured against.
 
     Source: the random independent sleeping of Li, Jiang, Zhang, Zhang (2012), without its wake-up; our choice.
     """
