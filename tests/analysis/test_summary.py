@@ -55,6 +55,7 @@ def track_row(errors, **said):
         "lost": 0, "lost_at": NAN, "reacquired": 0, "late": len(errors) - reports, "reports": reports, "delay": 0.0,
         "received": 0, "report_delay": NAN, "due": 0, "in_time": NAN, "tracked": 1.0, "tracked_three": 0.5,
         "mean_error": 1.0, "mean_error_three": 1.0, "median_error_three": 1.0, "rmse_three": 1.0, "woken": 0,
+        "called": 0, "dismissed": 0,
         "ineffective": 0, "ineffective_twenty": 0,
     } | said  # fmt: skip
 
@@ -260,7 +261,7 @@ def with_tracks(report, rows):
     return Report(report.scenario, tuple(made), Path("x.h5"), 1.0, PLANE, (0, 2))
 
 
-FOLLOWED = ("steps tracked, by one reading or more", "mean error", "nodes awake", "nodes woken, ineffective")
+FOLLOWED = ("steps tracked, by one reading or more", "mean error", "nodes awake", "nodes told to track, ineffective")
 
 
 def test_where_nobody_sleeps_and_every_step_is_tracked_nothing_is_said_of_it():
@@ -279,7 +280,7 @@ def test_a_network_that_sleeps_has_its_tracking_probability_with_an_interval_and
     )  # fmt: skip
     three = [
         track_row(np.full(10, 2.0), mean_error_three=i, rmse_three=2.0 * i, median_error_three=3.0 * i, delay=0.03,
-                  woken=40 + i, ineffective=5 + i, ineffective_twenty=i)
+                  woken=40 + i, ineffective=5 + i, ineffective_twenty=i, called=20, dismissed=5)
         for i in range(7)
     ]  # fmt: skip
     report = with_tracks(report, three)
@@ -289,7 +290,8 @@ def test_a_network_that_sleeps_has_its_tracking_probability_with_an_interval_and
     assert said["steps tracked, by one reading or more"].startswith("70.0 %  [")
     assert said["of a run's steps with three readings"] == "RMSE 6.0000 m, mean 3.0000 m, median 9.0000 m"
     assert said["nodes awake"] == "25.0 % of the time"
-    assert said["nodes woken, ineffective"] == "4.3 a step, 0.8 a step"
+    assert said["nodes told to track, ineffective"] == "4.3 a step, 0.8 a step"
+    assert said["nodes called, dismissed again"] == "2 a step, 0.5 a step"
     assert said["ineffective in the first 20 steps"] == "3"
     assert said["delay to the head, median"] == "30 ms" and said["mean error"] == "2.0000 m"
 

@@ -1,6 +1,7 @@
 """Where nodes stand: uniform, on grids, from a file; and what cannot be."""
 
 import dataclasses
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -146,7 +147,10 @@ def test_a_faulty_file_is_named_with_its_line(tmp_path, text, said):
 def test_a_file_that_cannot_be_read_is_named(tmp_path):
     binary = tmp_path / "nodes.bin"
     binary.write_bytes(b"\xff\xfe\x00\x01")
-    for path, said in ((tmp_path / "none.csv", "No such file"), (tmp_path, "directory"), (binary, "no CSV text")):
+    endless = Path("/dev/zero")
+    for path, said in (
+        (tmp_path / "none.csv", "No such file"), (tmp_path, "directory"), (binary, "no CSV text"), (endless, "no end"),
+    ):  # fmt: skip
         with pytest.raises(RunError, match="cannot be read") as caught:
             FromFile(path=str(path)).draw(60.0, generator())
         assert str(path) in str(caught.value)

@@ -22,8 +22,8 @@ def read_columns(path: str, names: tuple[str, ...], what: str) -> list[Row]:
         RunError: the file cannot be read, lacks a column, or holds nothing, or a line holds no number: names file and
             line.
     """
-    if Path(path).exists() and not Path(path).is_file():
-        raise RunError(f"{path}: is no file that can be read to its end")
+    if Path(path).exists() and not (Path(path).is_file() or Path(path).is_dir()):
+        raise RunError(f"{path}: cannot be read: a device or a pipe, which has no end")
     try:
         with Path(path).open(newline="", encoding="utf-8-sig") as file:
             found = list(_rows(path, csv.reader(file), names))
