@@ -89,6 +89,8 @@ def _take_up(office: _Office, detected: Mapping[int, float]) -> Waiting:
     """
     stage, track, head = office.stage, office.track, office.head
     began, step, acquire = stage.env.now, stage.step, stage.parts.acquire
+    for node in detected:
+        stage.log("sense", track.target, node)
     yield stage.env.timeout(office.policy.sampling)
     listeners = yield from _ask(office, "detection")
     answers = [letter(node, head, Parcel(detected[node], 1, acquire.answer_bits, "reading"))
@@ -116,10 +118,10 @@ def _step(office: _Office) -> Waiting:
     """One step at the main node: readings in, an estimate out."""
     stage, track, head = office.stage, office.track, office.head
     began = stage.env.now
-    told = _told(office)
-    _sample(stage, track, [head, *told])
+    told, nobody_is_told = _told(office), stage.waker is None or stage.waker.idle
+    _sample(stage, track, list(stage.sensing[track.target]) if nobody_is_told else [head, *told])
     yield stage.env.timeout(office.policy.sampling)
-    if stage.waker is None or stage.waker.idle:
+    if nobody_is_told:
         listeners = yield from _ask(office, "request")
         told = [node for node in listeners if node in stage.sensing[track.target]]
     cluster = track.cluster = _cluster(stage, track, head, told)
@@ -164,7 +166,7 @@ def _driver(office: _Office, cluster: Cluster) -> Driver:
 
 
 def _sample(stage: Stage, track: Track, nodes: list[int]) -> None:
-    """Who was told takes a reading. Nodes that are awake look for targets all the time: it is paid for already."""
+    """Note who of the nodes that take a reading gets one. Who is awake looks all the time: it is paid for already."""
     for node in nodes:
         if node in stage.sensing[track.target]:
             stage.log("sense", track.target, node)
