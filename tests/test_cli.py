@@ -348,6 +348,11 @@ def test_a_terminal_without_the_letters_still_gets_its_answer() -> None:
     assert (done.returncode, done.stdout) == (0, "?.yaml: ok\n"), done.stderr
 
 
+def with_ctrl_c() -> None:
+    """A program that a script has started in the background ignores Ctrl-C, and so do its children."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 @pytest.mark.parametrize(
     ("number", "code", "message"),
     [(signal.SIGINT, 130, "wsnsim: error: interrupted"), (signal.SIGTERM, 143, "wsnsim: error: stopped by SIGTERM")],
@@ -356,8 +361,9 @@ def test_a_run_that_is_stopped_leaves_nothing_half_written(
     number: signal.Signals, code: int, message: str, result: Path
 ) -> None:
     arguments = ["run", "pso_mhpf", "--set", "duration=400 s", "--out", "x.h5", "--progress", "json"]
+    command = [sys.executable, "-m", "wsnsim", *arguments]
     process = subprocess.Popen(
-        [sys.executable, "-m", "wsnsim", *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=with_ctrl_c
     )
     assert process.stderr is not None
     first = json.loads(process.stderr.readline())

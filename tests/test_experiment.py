@@ -246,7 +246,8 @@ def test_a_killed_run_leaves_no_file_under_the_final_name(tmp_path):
 def test_an_interrupted_run_leaves_nothing_behind_and_no_traceback(tmp_path, number):
     out = tmp_path / "x.h5"
     command = [sys.executable, "-m", "wsnsim", "run", "pso_mhpf", "--replicates", "500", "--quiet", "--out", str(out)]
-    running = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    listens = {"preexec_fn": lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)}  # though started in the background
+    running = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **listens)
     deadline = time.monotonic() + 60
     while not list(tmp_path.glob("*.tmp")) and time.monotonic() < deadline:
         time.sleep(0.05)
