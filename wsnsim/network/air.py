@@ -67,7 +67,7 @@ class Air:
         for item in letters:
             if item.source == item.to:
                 item.arrived = True
-            elif self._wiring.connected(item.source, item.to) and not self._sleeps(item.to):
+            elif self._wiring.connected(item.source, item.to) and (self.rouse is None or not self._sleeps(item.to)):
                 direct.append(item)
             else:
                 far.append(item)
@@ -111,8 +111,7 @@ class Air:
             return
         sequence, mask, packets = 0, item.mask, item.parcel.packets
         for source, to in itertools.pairwise(path):
-            if to == item.to and self._sleeps(to):
-                assert self.rouse is not None, "nobody sleeps where nobody can be woken"
+            if self.rouse is not None and to == item.to and self._sleeps(to):
                 yield self.rouse(source, to, target)
             frame = Frame(source, to, item.parcel, target, mask, packets, sequence, relayed=source != item.source)
             yield self._mac.send([frame])
@@ -124,8 +123,8 @@ class Air:
         item.mask, item.arrived = mask, packets > 0
 
     def _sleeps(self, node: int) -> bool:
-        """Whether a node must be woken, and can be, before it hears anything."""
-        return self.rouse is not None and self._fleet.alive[node] and not self._fleet.is_awake(node)
+        """Whether a node must be woken before it hears anything."""
+        return bool(self._fleet.alive[node]) and not self._fleet.is_awake(node)
 
     def _no_path(self, item: Letter, target: int) -> None:
         item.mask = np.zeros(item.parcel.packets, dtype=np.bool_)

@@ -86,8 +86,8 @@ class Fleet:
         return heard
 
     def is_awake(self, node: int) -> bool:
-        """Whether a node lives, and listens now."""
-        return bool(self.listening[node]) and (self.rota is None or self.rota.is_awake(node))
+        """Whether a node is up, and listens now."""
+        return self.alive[node] and (self.rota is None or self.rota.is_awake(node))
 
     def spend(self, node: int, cause: int, joules: float) -> float:
         """Book joules on a living node; give what was spent: less if the charge did not suffice, and it died."""

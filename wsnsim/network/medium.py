@@ -100,7 +100,7 @@ class Medium:
         distance = self.fleet.distance(frame.source, to)
         if not self._transmit(frame, number, packets, code, distance):
             mask, got = frame.mask, 0
-        elif not self.fleet.is_awake(to):
+        elif not (self.fleet.alive[to] if self.fleet.rota is None else self.fleet.is_awake(to)):
             mask, got = frame.mask, 0
             self._drop(frame, number, packets, code, to)
         else:

@@ -113,7 +113,7 @@ class World:
         self._wake_up(air, streams)
         self._search = Search(self._stage, paths or truths, streams, sensed, imperfections)
         self._points = [truth[:, list(motion.position)] for truth, motion in zip(truths, parts.motions, strict=True)]
-        self._inside = [True] * len(truths)
+        self._inside = [parts.deploy.field.contains(planar(points)).tolist() for points in self._points]
         self._tracks = tuple(Track(target, prior, env.event()) for target, prior in enumerate(priors))
         self._crew = Crew(
             self._appoint, self._call_election, self._enlist, self._release, self._dismiss, self._woke, self._end_run
@@ -203,9 +203,8 @@ class World:
 
     def _watch_field(self, target: int, step: int) -> None:
         """Say when a target leaves the field, and when it is back."""
-        inside = bool(self._stage.field.contains(planar(self._points[target][step])))
-        if inside != self._inside[target]:
-            self._inside[target] = inside
+        inside, before = self._inside[target][step], self._inside[target][step - 1] if step else True
+        if inside != before:
             self._stage.log("return" if inside else "leave", target, -1)
 
     def _tick(self, track: Track) -> None:
