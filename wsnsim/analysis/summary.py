@@ -39,8 +39,6 @@ def as_json(report: Report, published: Mapping[str, float]) -> dict[str, Any]:
     runs = [summary.run for summary in report.summaries]
     each = np.array([run["rmse"] for run in runs], dtype=np.float64)
     median_low, median_high = _interval(each, metrics.median_error)
-    causes = sorted({cause for summary in report.summaries for cause in summary.joules})
-    bare = _without_network(report)
     return {
         "schema_version": SCHEMA_VERSION,
         "name": report.scenario.name,
@@ -59,14 +57,7 @@ def as_json(report: Report, published: Mapping[str, float]) -> dict[str, Any]:
         "median_error": metrics.median_error(errors),
         "lost_fraction": metrics.lost_fraction(np.array([run["lost"] for run in runs])),
         "rmse_of_kept": _rmse_of_kept(report),
-        "energy": _mean(runs, "energy"),
-        "joules": {cause: float(np.mean([s.joules.get(cause, 0.0) for s in report.summaries])) for cause in causes},
-        "clusters": NAN if bare else float(np.mean([summary.clusters for summary in report.summaries])),
-        "handovers": NAN if bare else _mean(runs, "handovers"),
-        "frames_sent": _mean(runs, "frames_sent"),
-        "frames_lost": NAN if bare else _mean(runs, "frames_lost"),
-        "packets_sent": _mean(runs, "packets_sent"),
-        "cycles": _mean(runs, "cycles"),
+        **_cost_figures(report, runs),
         "alive": _mean(runs, "alive"),
         "runs_with_deaths": sum(math.isfinite(run["first_death"]) for run in runs),
         "first_death": _median([run["first_death"] for run in runs]),
@@ -87,6 +78,22 @@ def as_json(report: Report, published: Mapping[str, float]) -> dict[str, Any]:
         "wall_seconds": report.wall,
         "fingerprints": [int(run["fingerprint"]) for run in runs],
         "published": dict(published),
+    }
+
+
+def _cost_figures(report: Report, runs: list[Mapping[str, Any]]) -> dict[str, Any]:
+    """What it took: energy by cause, clusters, frames, operations; NaN for what only a network has."""
+    causes = sorted({cause for summary in report.summaries for cause in summary.joules})
+    bare = _without_network(report)
+    return {
+        "energy": _mean(runs, "energy"),
+        "joules": {cause: float(np.mean([s.joules.get(cause, 0.0) for s in report.summaries])) for cause in causes},
+        "clusters": NAN if bare else float(np.mean([summary.clusters for summary in report.summaries])),
+        "handovers": NAN if bare else _mean(runs, "handovers"),
+        "frames_sent": _mean(runs, "frames_sent"),
+        "frames_lost": NAN if bare else _mean(runs, "frames_lost"),
+        "packets_sent": _mean(runs, "packets_sent"),
+        "cycles": _mean(runs, "cycles"),
     }
 
 
