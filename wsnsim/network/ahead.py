@@ -25,10 +25,10 @@ def look_ahead(
     `fixed_at`: when the target was last sensed; left out: at the scene's time.
     """
     waker = stage.waker
-    if waker is None or waker.idle or stage.step >= stage.parts.steps:
+    if waker is None or stage.step >= stage.parts.steps:
         return None
     waker.sequence += 1
-    plan = _plan(stage, track, head, belief, scene, scene.time if fixed_at is None else fixed_at)
+    plan = _plan(stage, track, head, belief, scene, scene.time if fixed_at is None else fixed_at, waker.sequence)
     message = stage.parts.wakeup.compose(plan, belief if stage.parts.wakeup.carries_belief else None)
     return waker.start(track, head, message, plan.foreseen)
 
@@ -40,7 +40,7 @@ def predicted(stage: Stage, track: Track, belief: Any, scene: Scene) -> Floats:
     return planar(forecast.mean[list(parts.filter_motions[track.target].position)])
 
 
-def _plan(stage: Stage, track: Track, head: int, belief: Any, scene: Scene, fixed_at: float) -> Plan:
+def _plan(stage: Stage, track: Track, head: int, belief: Any, scene: Scene, fixed_at: float, sequence: int) -> Plan:
     parts, target = stage.parts, track.target
     motion = parts.filter_motions[target]
     mean = parts.tracker.estimate(belief).mean
@@ -49,7 +49,7 @@ def _plan(stage: Stage, track: Track, head: int, belief: Any, scene: Scene, fixe
     return Plan(
         target=target,
         step=stage.step + 1,
-        sequence=stage.waker.sequence if stage.waker else 0,
+        sequence=sequence,
         sender=head,
         place=(stage.fleet.x[head], stage.fleet.y[head]),
         fix=_point(planar(mean[list(motion.position)])),

@@ -103,32 +103,24 @@ class Drain:
         rota = self._fleet.rota
         assert rota is not None, "only a rota puts a node on its schedule"
         awake, switches = rota.tally_one(node, self._since[node])
+        return self._by_schedule(awake, passed, switches, self._busy[node], self._computed[node]), awake
+
+    def _by_schedule(
+        self, awake: Any, passed: Any, switches: Any, busy: Any = 0.0, computed: Any = 0.0
+    ) -> list[tuple[int, Any]]:
+        """(cause, joules) of so many seconds by schedule, some of them awake, and of so many changes.
+
+        Of `busy` and `computed` of the seconds awake radio and processor are paid for elsewhere. Numbers, or arrays.
+        """
         asleep = passed - awake
         return [
-            (self._radio_cause[AWAKE], self._radio[AWAKE] * (awake - self._busy[node])),
-            (self._processor_cause[AWAKE], self._processor[AWAKE] * (awake - self._computed[node])),
+            (self._radio_cause[AWAKE], self._radio[AWAKE] * (awake - busy)),
+            (self._processor_cause[AWAKE], self._processor[AWAKE] * (awake - computed)),
             (SENSE, self._sensor[AWAKE] * awake),
             (self._radio_cause[ASLEEP], self._radio[ASLEEP] * asleep),
             (self._processor_cause[ASLEEP], self._processor[ASLEEP] * asleep),
             (SWITCH, self._change_over * switches),
-        ], awake
-
-    def _by_schedule(self, nodes: Ints, since: Floats) -> list[tuple[int, Floats]]:
-        """(cause, joules (n,)) of nodes that follow their schedules."""
-        rota = self._fleet.rota
-        assert rota is not None, "only a rota puts a node on its schedule"
-        awake, switches = rota.tally(nodes, since)
-        asleep = self._env.now - since - awake
-        pieces = [
-            (self._radio_cause[AWAKE], self._radio[AWAKE] * (awake - self._busies[nodes])),
-            (self._processor_cause[AWAKE], self._processor[AWAKE] * (awake - self._computes[nodes])),
-            (SENSE, self._sensor[AWAKE] * awake),
-            (self._radio_cause[ASLEEP], self._radio[ASLEEP] * asleep),
-            (self._processor_cause[ASLEEP], self._processor[ASLEEP] * asleep),
         ]
-        if self._change_over:
-            pieces.append((SWITCH, self._change_over * switches))
-        return pieces
 
     def pending(self, node: int) -> float:
         """Joules drawn since the node was last settled. Changes nothing."""
@@ -146,13 +138,16 @@ class Drain:
         modes = self._modes[nodes]
         for mode in np.unique(modes).tolist():
             chosen = nodes[modes == mode]
+            passed, busy, computed = self._env.now - self._sinces[chosen], self._busies[chosen], self._computes[chosen]
             if mode == SCHEDULED:
-                for cause, joules in self._by_schedule(chosen, self._sinces[chosen]):
+                rota = self._fleet.rota
+                assert rota is not None, "only a rota puts a node on its schedule"
+                awake, switches = rota.tally(chosen, self._sinces[chosen])
+                for cause, joules in self._by_schedule(awake, passed, switches, busy, computed):
                     yield chosen, cause, joules
                 continue
-            passed = self._env.now - self._sinces[chosen]
-            yield chosen, self._radio_cause[mode], self._radio[mode] * (passed - self._busies[chosen])
-            yield chosen, self._processor_cause[mode], self._processor[mode] * (passed - self._computes[chosen])
+            yield chosen, self._radio_cause[mode], self._radio[mode] * (passed - busy)
+            yield chosen, self._processor_cause[mode], self._processor[mode] * (passed - computed)
             if self._sensor[mode]:
                 yield chosen, SENSE, self._sensor[mode] * passed
 
@@ -269,7 +264,7 @@ class Drain:
             result[cause] = booked + self._grand[cause] + self._power[cause] * self._env.now
         if self._fleet.rota is not None:
             awake, switches, passed = self._fleet.rota.forgone()
-            for cause, joules in self._of_schedules(awake, passed - awake, switches):
+            for cause, joules in self._by_schedule(awake, passed, switches):
                 result[cause] -= joules
         return result
 
@@ -278,17 +273,9 @@ class Drain:
         totals = np.zeros((times.size, len(CAUSES)))
         if self._fleet.rota is not None:
             awake, switches = self._fleet.rota.profile(times)
-            for cause, joules in self._of_schedules(awake, self._fleet.size * times - awake, switches):
+            for cause, joules in self._by_schedule(awake, self._fleet.size * times, switches):
                 totals[:, cause] += joules
         return totals
-
-    def _of_schedules(self, awake: Any, asleep: Any, switches: Any) -> tuple[tuple[int, Any], ...]:
-        """(cause, joules) of so many seconds awake and asleep, and of so many changes."""
-        return (
-            *((cause, power * awake) for cause, power in self._powers(AWAKE)),
-            *((cause, power * asleep) for cause, power in self._powers(ASLEEP)),
-            (SWITCH, self._change_over * switches),
-        )
 
     def watch(self, node: int) -> None:
         """Set an alarm for a node that may run dry before the end."""

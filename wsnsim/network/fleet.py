@@ -233,10 +233,14 @@ class Fleet:
         self._tasked.discard(node)
         self._sending.discard(node)
         self.all_listen = False
+        self._enter(node, Mode.DOWN)
+
+    def _enter(self, node: int, mode: Mode) -> None:
+        """A settled node is in another mode from now on."""
         if self.drain is not None:
-            self.drain.change(node, Mode.DOWN)
+            self.drain.change(node, mode)
         if self.rota is not None:
-            self.rota.note(node, Mode.DOWN)
+            self.rota.note(node, mode)
 
     def begin_sending(self, node: int) -> None:
         """A node has a frame to send: it stays awake until that is done, though its schedule may end before."""
@@ -257,6 +261,8 @@ class Fleet:
 
     def set_mode(self, node: int, mode: Mode) -> None:
         """A node has a task that keeps it awake, or has none; it pays for a change of mode and may die of it."""
+        if not self.alive[node]:
+            return
         if self.rota is not None:
             (self._tasked.discard if mode is Mode.SCHEDULED else self._tasked.add)(node)
             if node in self._sending:
@@ -264,19 +270,14 @@ class Fleet:
         self._apply(node, mode)
 
     def _apply(self, node: int, mode: Mode) -> None:
-        if not self.alive[node]:
-            return
         if self.drain is None:
-            if self.rota is not None:
-                self.rota.note(node, mode)
+            self._enter(node, mode)
             return
         joules = self.drain.switching(node, mode)
         self.drain.settle(node)
         if not self.alive[node]:
             return
-        self.drain.change(node, mode)
-        if self.rota is not None:
-            self.rota.note(node, mode)
+        self._enter(node, mode)
         if joules:
             self.spend(node, SWITCH, joules)
         else:
@@ -297,9 +298,7 @@ class Fleet:
         self.all_listen = self.rota is None and bool(self.listening.all())
         if self.drain is not None:
             self.drain.settle(node)
-            self.drain.change(node, self.rest_of(node))
-        if self.rota is not None:
-            self.rota.note(node, self.rest_of(node))
+        self._enter(node, self.rest_of(node))
         if self.drain is not None:
             self.drain.watch(node)
 

@@ -118,7 +118,7 @@ def _step(office: _Office) -> Waiting:
     """One step at the main node: readings in, an estimate out."""
     stage, track, head = office.stage, office.track, office.head
     began = stage.env.now
-    told, nobody_is_told = _told(office), stage.waker is None or stage.waker.idle
+    told, nobody_is_told = _told(office), stage.waker is None
     _sample(stage, track, list(stage.sensing[track.target]) if nobody_is_told else [head, *told])
     yield stage.env.timeout(office.policy.sampling)
     if nobody_is_told:
@@ -210,6 +210,7 @@ def _give_way(office: _Office) -> Generator[simpy.Event, Any, bool]:
     if successor == office.head:
         return False
     if stage.parts.wakeup.carries_belief and isinstance(stage.parts.tracker, Portable):
+        stage.log("handover", track.target, office.head, "message", peer=successor)
         _appoint(office, Mission(office.last, waking.tracking[successor].belief, at_once=True), successor)
     else:
         yield from _hand_over(office, successor, looks_ahead=False)
@@ -256,8 +257,6 @@ def _appoint(office: _Office, mission: Mission, successor: int) -> None:
     if until is not None and len(track.clusters) >= until:
         crew.end_run()
         return
-    if stage.parts.wakeup.carries_belief and not mission.hops:
-        stage.log("handover", track.target, office.head, "message", peer=successor)
     track.handovers += 1
     mission.previous_head, mission.fixed_at, mission.belief_time = office.head, office.fixed_at, office.since
     dissolve(stage, crew, track)

@@ -69,7 +69,8 @@ class Rota:
 
     def next_change(self, node: int) -> float:
         """When the schedule of a node may next say otherwise."""
-        return float(self._schedule.state(self._keys[node : node + 1], self._env.now)[2][0])
+        self._by_schedule(np.array([node]), self._env.now)
+        return float(self._until[node])
 
     def note(self, node: int, mode: Mode) -> None:
         """A node leaves its schedule (held awake, or down), or follows it again."""

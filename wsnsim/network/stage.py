@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 class Stage:
     """The shared services. `step` is the clock; `sensing[target]` is {node: reading} of the living in range now.
 
-    `cycles`: operations that trackers have stated so far. `waker` wakes nodes ahead of a target.
+    `cycles`: operations that trackers have stated so far. `waker` wakes nodes ahead of a target; None where nobody is.
     """
 
     env: simpy.Environment

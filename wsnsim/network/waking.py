@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import simpy
 
-from wsnsim.base.asks import Parcel
+from wsnsim.base.asks import PACKET_BITS, Parcel
 from wsnsim.base.rng import derive, derive_all, uniforms
 from wsnsim.base.sleeping import Decision, Message
 from wsnsim.base.tables import EVENT_CAUSE, KIND
@@ -78,11 +78,6 @@ class Waker:
         self._call_bits = None if rate is None else max(1, round(rate * self._protocol.call))
         self.sequence = 0
 
-    @property
-    def idle(self) -> bool:
-        """Whether nobody is ever woken."""
-        return self._protocol.mechanism == "none"
-
     def start(self, track: Track, node: int, message: Message, foreseen: bool) -> Waking:
         """Send a message on its way; it goes on by itself."""
         waking = Waking(message, node, self._stage.env.now, foreseen)
@@ -105,7 +100,7 @@ class Waker:
         def awake(_: Sequence[int]) -> None:
             done.succeed()
 
-        self._ring(node, [to], target, 1, awake)
+        self._ring(node, [to], target, PACKET_BITS, awake)
         return done
 
     def _broadcast(self, waking: Waking, node: int, message: Message, relayed: bool = False) -> None:
@@ -233,21 +228,6 @@ class Waker:
         joules: float = 0.0, cause: int = NONE,
     ) -> None:  # fmt: skip
         stage = self._stage
-        code = stage.journal.code(what)
-        stage.journal.add(
-            (
-                stage.env.now,
-                stage.step,
-                target,
-                node,
-                kind,
-                code,
-                0,
-                sequence,
-                peer,
-                1 if bits else 0,
-                bits,
-                joules,
-                cause,
-            )
-        )
+        code, packets = stage.journal.code(what), int(bits > 0)
+        row = stage.env.now, stage.step, target, node, kind, code, 0, sequence, peer, packets, bits, joules, cause
+        stage.journal.add(row)

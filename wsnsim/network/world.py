@@ -262,15 +262,15 @@ class World:
         return node
 
     def _wake_up(self, air: Air, streams: Streams) -> None:
-        """Make what wakes nodes, and keep the sink awake."""
-        stage, wakeup = self._stage, self._stage.parts.wakeup
-        stage.waker = Waker(
-            stage,
-            streams.key("wakeup"),
-            lambda node, target, until, why: self._node(node).watch(target, until, why),
-            lambda node, target: self._node(node).relax(target) if node in self._nodes else None,
-        )
-        if wakeup.mechanism != "none":
+        """Make what wakes nodes, if anything does, and keep the sink awake."""
+        stage = self._stage
+        if stage.parts.wakeup.mechanism != "none":
+            stage.waker = Waker(
+                stage,
+                streams.key("wakeup"),
+                lambda node, target, until, why: self._node(node).watch(target, until, why),
+                lambda node, target: self._node(node).relax(target) if node in self._nodes else None,
+            )
             air.rouse = stage.waker.rouse
         if stage.reports.node is not None and stage.fleet.rest is Mode.SCHEDULED:
             stage.fleet.sleepless.add(stage.reports.node)
@@ -306,7 +306,7 @@ class World:
 
         Where nodes are woken for the next step, they are counted there: see `_count_woken`.
         """
-        if self._stage.waker is not None and not self._stage.waker.idle:
+        if self._stage.waker is not None:
             return
         in_vain = by_frame and index not in self._stage.sensing[target]
         self._woken[target, self._stage.step] += (1, in_vain)
