@@ -4,4 +4,5 @@ import sys
 
 from wsnsim.cli import main
 
-sys.exit(main())
+if __name__ == "__main__":  # a worker process of a campaign imports this file, and must not run it
+    sys.exit(main())

@@ -62,7 +62,10 @@ class Summary:
 
 @dataclass(frozen=True)
 class Progress:
-    """How far a run is: simulated `time` of `duration` seconds in one of the replicates, after `wall` seconds."""
+    """How far a run is: simulated `time` of `duration` seconds in one of the replicates, after `wall` seconds.
+
+    `replicate` counts those of this run, from 0.
+    """
 
     replicate: int
     replicates: int
@@ -324,18 +327,23 @@ def _coverage_left(fleet: Fleet, parts: Parts) -> float:
 def run(
     scenario: Source,
     *,
-    replicates: int | None = None,
+    replicates: int | range | None = None,
     out: Path,
     command_line: str = "",
     progress: Callable[[Progress], None] | None = None,
 ) -> Report:
-    """Run replicates 0 … n − 1 of a scenario into one HDF5 file, which has its name only once it is complete."""
+    """Run replicates of a scenario into one HDF5 file, which has its name only once it is complete.
+
+    `replicates`: 0 … n − 1, or those of a range; as many as the scenario says where it is None.
+    """
     began = time.monotonic()
     loaded = scenarios.load(scenario)
     parts = scenarios.build(loaded)
-    count = loaded.replicates if replicates is None else replicates
+    wanted = loaded.replicates if replicates is None else replicates
+    chosen = range(wanted) if isinstance(wanted, int) else wanted
+    count = len(chosen)
     if count < 1:
-        raise UsageError(f"replicates: must be at least 1, is {count}")
+        raise UsageError(f"replicates: must be at least 1, is {wanted}")
     motions = parts.motions if isinstance(parts, Problem) else ()
     states = tuple(zip(motions[0].columns, motions[0].units, strict=True)) if motions else ()
     position = motions[0].position if motions else ()
@@ -345,8 +353,8 @@ def run(
         file.set_text("scenario/resolved_json", json.dumps({**scenarios.resolved(loaded), "replicates": count}))
         made_by = recording.provenance(command_line, parts.seed, scenarios.plugins(loaded))
         file.set_text("provenance_json", json.dumps(made_by))
-        for replicate in range(count):
-            tell = _teller(progress, replicate, count, parts.steps * parts.dt, began)
+        for number, replicate in enumerate(chosen):
+            tell = _teller(progress, number, count, parts.steps * parts.dt, began)
             summaries.append(replicate_of(parts, replicate, file, tell))
     wall = time.monotonic() - began
     return Report(loaded, tuple(summaries), Path(out), wall, states, position)

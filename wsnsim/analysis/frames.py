@@ -40,26 +40,36 @@ OF_NETWORK: Final = ("handovers", "frames_lost", "alive")
 
 
 def read(path: str | Path, table: str, columns: Sequence[str] | None = None) -> pd.DataFrame:
-    """A table of a result file, or of all files that a pattern such as 'results/*.h5' names, one below the other.
+    """A table of a result file, of a campaign's folder, or of all files that a pattern such as 'results/*.h5' names.
 
-    Categories come as pandas Categoricals. With a pattern there is a further column `file`.
+    Categories come as pandas Categoricals. With a pattern there is a further column `file`. Of a campaign the rows are
+    in the order of its points and replicates, with a column for each swept parameter in front, in its own type.
 
     Raises:
         ResultError: there is no such file, table or column (the nearest name is given), or a file cannot be read.
     """
     path = Path(path)
+    if path.is_dir():
+        from wsnsim.analysis import campaigns
+
+        return campaigns.read(path, table, columns)
     if path.exists() or not set("*?[") & set(str(path)):
-        return _read_one(path, table, columns)
+        return read_one(path, table, columns)
     files = sorted(Path(path.anchor).glob(str(path.relative_to(path.anchor))))
     if not files:
         raise ResultError(f"{path}: no file has such a name")
-    frames = [_read_one(file, table, columns) for file in files]
+    frames = [read_one(file, table, columns) for file in files]
+    joined = stacked(files, frames, table)
+    joined["file"] = _file_column(files, frames)
+    return joined
+
+
+def stacked(files: Sequence[Path], frames: Sequence[pd.DataFrame], table: str) -> pd.DataFrame:
+    """Frames of one table, one below the other. Raises ResultError if they have not the same columns."""
     for file, frame in zip(files, frames, strict=True):
         if list(frame) != list(frames[0]):
             raise ResultError(f"{file}: table {table} has other columns than in {files[0]}; say which ones to read")
-    joined = pd.DataFrame({name: _joined([frame[name] for frame in frames]) for name in frames[0]})
-    joined["file"] = _file_column(files, frames)
-    return joined
+    return pd.DataFrame({name: _joined([frame[name] for frame in frames]) for name in frames[0]})
 
 
 def info(path: str | Path) -> dict[str, Any]:
@@ -112,11 +122,10 @@ def info_text(path: str | Path) -> str:
     return "\n".join(lines)
 
 
-def _read_one(path: str | Path, table: str, columns: Sequence[str] | None) -> pd.DataFrame:
-    arrays = recording.read_table(path, table, columns)
-    return pd.DataFrame(
-        {name: _series(values, recording.meanings(path, table, name)) for name, values in arrays.items()}
-    )
+def read_one(path: str | Path, table: str, columns: Sequence[str] | None = None) -> pd.DataFrame:
+    """A table of one result file."""
+    arrays, words = recording.read_with_meanings(path, table, columns)
+    return pd.DataFrame({name: _series(values, words.get(name, ())) for name, values in arrays.items()})
 
 
 def _series(values: np.ndarray, words: tuple[str, ...]) -> Any:

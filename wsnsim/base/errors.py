@@ -4,6 +4,7 @@ WsnsimError                    exit code
 ├── UsageError                 2   the command line asks for what is not there
 ├── ScenarioError              2   a scenario says what cannot be: carries every Fault of the file at once
 ├── ResultError                1   a result file cannot be read, written or trusted
+│   └── StorageError           1   it cannot be written: nor could any other beside it
 └── RunError                   1   a simulation could not go on: names seed, replicate and simulated time
 """
 
@@ -57,6 +58,10 @@ class ScenarioError(WsnsimError):
 
 class ResultError(WsnsimError):
     """A result file cannot be read, written or trusted."""
+
+
+class StorageError(ResultError):
+    """A result cannot be written: the disk is full, the folder is gone or takes nothing."""
 
 
 class RunError(WsnsimError):

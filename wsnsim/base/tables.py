@@ -240,6 +240,10 @@ TABLES: Final[dict[str, tuple[Column, ...]]] = {
 }
 STATE_AFTER: Final = {"truth": "time", "estimates": "issued", "particles": "node"}
 """Tables that carry the motion model's state columns, and after which column."""
+METRICS: Final = tuple(
+    column.name for column in TABLES["runs"] if column.name not in ("replicate", "status", "fingerprint", "cpu_seconds")
+)
+"""The columns of `runs` that are figures of a run, the same each time that it is repeated."""
 RECORDED_BY_DEFAULT: Final = {name: name not in ("links", "particles") for name in TABLES}
 
 

@@ -1,38 +1,31 @@
 """The command line: what a user types becomes calls, and what went wrong becomes one message and an exit code.
 
-    wsnsim run | check | list | schema | new | info | trace | diff | plot | verify | recover
+    wsnsim run | sweep | compare | collect | check | list | schema | new | info | export | trace | diff | plot |
+           verify | recover
 
 Only click is imported here; everything else when it is used, so that `wsnsim --help` and `wsnsim list` answer at once.
-stdout is the answer, stderr progress and log. Exit codes: 0 ok; 1 a run failed; 2 usage or scenario; 130 Ctrl-C; 141
-broken pipe; 143 SIGTERM.
+stdout is the answer, stderr progress and log. Exit codes: 0 ok; 1 a run failed; 2 usage or scenario; 3 a
+campaign is incomplete; 130 Ctrl-C; 141 broken pipe; 143 SIGTERM.
 """
 
 from __future__ import annotations
 
 import os
-import signal
 import sys
-import threading
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import click
 
 from wsnsim.base.errors import ScenarioError, WsnsimError
-from wsnsim.cli.commands import group
+from wsnsim.cli import campaigns, commands
+from wsnsim.cli.interrupts import Interrupts
+from wsnsim.cli.shared import group
 
-__all__ = ["main"]
+__all__ = ["campaigns", "commands", "main"]
 
 THREADS: Final = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS")
-
-
-class _Terminated(KeyboardInterrupt):
-    """SIGTERM, which ends a run as Ctrl-C does."""
-
-
-def _terminate(number: int, frame: Any) -> None:
-    raise _Terminated
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -44,24 +37,33 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="replace")  # a terminal that has no × still gets its answer
-    before = (
-        signal.signal(signal.SIGTERM, _terminate) if threading.current_thread() is threading.main_thread() else None
-    )
+    interrupts = Interrupts()
     try:
-        return _perform(list(sys.argv[1:] if arguments is None else arguments))
-    finally:
-        if before is not None:
-            signal.signal(signal.SIGTERM, before)
+        with interrupts.raising():
+            return _perform(list(sys.argv[1:] if arguments is None else arguments), interrupts)
+    except KeyboardInterrupt:  # while the answer was on its way
+        return interrupts.code
 
 
-def _perform(arguments: list[str]) -> int:
+def _perform(arguments: list[str], interrupts: Interrupts) -> int:
+    """Run the command. Whatever comes after a signal came is the signal's: compiled code may give it another name."""
     try:
-        with group.make_context("wsnsim", arguments or ["--help"]) as context:
+        with group.make_context("wsnsim", arguments or ["--help"], obj=interrupts) as context:
             code = group.invoke(context)
         sys.stdout.flush()
         return code if isinstance(code, int) else 0
     except click.exceptions.Exit as end:
         return end.exit_code
+    except BaseException as error:
+        if interrupts.number:
+            return _complain(interrupts.words, interrupts.code)
+        return _failed(error)
+
+
+def _failed(error: BaseException) -> int:
+    """The message of what went wrong, and its exit code."""
+    try:
+        raise error
     except click.ClickException as error:
         return _complain(f"{error.format_message()}{_hint(error)}", 2)
     except ScenarioError as error:
@@ -69,8 +71,6 @@ def _perform(arguments: list[str]) -> int:
     except WsnsimError as error:
         _trace()
         return _complain(str(error), error.exit_code)
-    except _Terminated:
-        return _complain("stopped by SIGTERM", 143)
     except (KeyboardInterrupt, click.Abort):
         return _complain("interrupted", 130)
     except BrokenPipeError:

@@ -1,70 +1,42 @@
-"""The commands: each reads its arguments, calls the room that does the work, and prints the answer."""
+"""The commands of scenarios and results: each reads its arguments, calls the room that does the work, and answers."""
 
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from wsnsim import __version__
-from wsnsim.base.errors import ResultError, ScenarioError, UsageError, did_you_mean
+from wsnsim.base.errors import ResultError, ScenarioError, UsageError
 from wsnsim.cli.progress import MODES, shown
+from wsnsim.cli.shared import (
+    command_line,
+    echo_json,
+    group,
+    json_option,
+    overrides_option,
+    result_argument,
+    writable,
+)
 
 if TYPE_CHECKING:
     from wsnsim.scenario.schema import Scenario
 
 HDF5_MARK: Final = b"\x89HDF\r\n\x1a\n"
-SCHEMA_VERSION: Final = 1
 PICTURES: Final = ("all", "track", "states", "error", "energy", "particles")
-
-
-class _Commands(click.Group):
-    """A group that names the nearest command when it has none of the name."""
-
-    def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
-        if args and self.get_command(ctx, args[0]) is None and not args[0].startswith("-"):
-            raise click.UsageError(f"no such command '{args[0]}' ({did_you_mean(args[0], self.commands)})", ctx)
-        return super().resolve_command(ctx, args)
-
-
-def _version(ctx: click.Context, option: click.Parameter, wanted: bool) -> None:
-    if wanted:
-        click.echo(f"wsnsim {__version__}")
-        ctx.exit()
-
-
-@click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
-@click.option("--version", is_flag=True, is_eager=True, expose_value=False, callback=_version, help="Show the version.")
-def group() -> None:
-    """Simulate wireless sensor networks that track moving targets, joule by joule.
-
-    SCENARIO is a YAML file, the name of a shipped scenario (`wsnsim list scenarios`), or a result whose scenario is run
-    again.
-    """
-
-
-_overrides = click.option(
-    "--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Change a value: link.reach='80 m'."
-)
-_json = click.option(
-    "--json", "as_json", is_flag=True, help="Answer with one JSON object (SI units; NaN and infinity are null)."
-)
-_result = click.argument("result", metavar="FILE", type=click.Path(path_type=Path))
 
 
 @group.command()
 @click.argument("source", metavar="SCENARIO")
-@_overrides
+@overrides_option
 @click.option("--replicates", type=click.IntRange(min=1), metavar="N", help="Runs with other draws, into one file.")
 @click.option("--seed", type=click.IntRange(min=0), metavar="S", help="Seed of every random stream.")
 @click.option(
     "--out", "-o", type=click.Path(path_type=Path), metavar="FILE.h5", help="Result; default results/NAME.h5."
 )
-@_json
+@json_option
 @click.option("--quiet", "-q", is_flag=True, help="No progress and no log.")
 @click.option("--progress", type=click.Choice(MODES), default="auto", show_default=True, help="How to show progress.")
 def run(
@@ -80,7 +52,7 @@ def run(
     """Run a scenario and write its result."""
     seeded = overrides if seed is None else (*overrides, f"seed={seed}")
     scenario = _loaded(source, seeded)
-    place = _writable(out, Path("results") / f"{scenario.name}.h5")
+    place = writable(out, Path("results") / f"{scenario.name}.h5")
     from wsnsim import experiment
     from wsnsim.analysis import beaconing, summary
     from wsnsim.papers.published import published
@@ -92,7 +64,7 @@ def run(
             scenario,
             replicates=replicates,
             out=place,
-            command_line=_command_line(),
+            command_line=command_line(),
             progress=show.step if show else None,
         )
     finally:
@@ -101,18 +73,18 @@ def run(
     printed, paper = published(resolved(scenario))
     if not report.states:
         if as_json:
-            _echo_json(beaconing.as_json(report))
+            echo_json(beaconing.as_json(report))
         else:
             click.echo(beaconing.text(report))
     elif as_json:
-        _echo_json(summary.as_json(report, printed))
+        echo_json(summary.as_json(report, printed))
     else:
         click.echo(summary.text(report, printed, paper))
 
 
 @group.command()
 @click.argument("sources", metavar="SCENARIO...", nargs=-1, required=True)
-@_overrides
+@overrides_option
 def check(sources: tuple[str, ...], overrides: tuple[str, ...]) -> int:
     """Find every fault of scenarios, running none."""
     from wsnsim import scenario
@@ -131,14 +103,14 @@ def check(sources: tuple[str, ...], overrides: tuple[str, ...]) -> int:
 
 @group.command("list")
 @click.argument("role", required=False)
-@_json
+@json_option
 def list_(role: str | None, as_json: bool) -> None:
     """Show the kinds of every role, or of one: trackers, motions, faults ...; or the shipped scenarios, or parts."""
     from wsnsim.cli import listing
 
     answer = listing.listed(role, as_json)
     if isinstance(answer, dict):
-        _echo_json(answer)
+        echo_json(answer)
     else:
         click.echo(answer)
 
@@ -175,7 +147,7 @@ def new(name: str, bench: bool) -> None:
 
 @group.command()
 @click.argument("source", metavar="FILE|NAME")
-@_json
+@json_option
 def info(source: str, as_json: bool) -> None:
     """Say what a result holds, a data sheet (`wsnsim list parts`), or a scenario's energy model, MAC and link."""
     if source.endswith(".h5") or _is_result(source):
@@ -188,13 +160,13 @@ def info(source: str, as_json: bool) -> None:
         profile = profiles.profile(source)
         told = profile.as_json() if as_json else profile.text()
     if as_json:
-        _echo_json(told)
+        echo_json(told)
     else:
         click.echo(told)
 
 
 @group.command()
-@_result
+@result_argument
 @click.option("--what", type=click.Choice(PICTURES), default="all", show_default=True, help="What to draw.")
 @click.option("--column", metavar="NAME", help="State column, of the states or of the particles.")
 @click.option("--step", type=click.IntRange(min=0), metavar="K", help="Step of the particles; default the last.")
@@ -223,7 +195,7 @@ def plot(
     picture = out or result.with_suffix(".png")
     figures.suffix_of(picture)
     recording.attributes(result)
-    place = _writable(picture, Path(picture.name))
+    place = writable(picture, Path(picture.name))
     if place.exists() and place.samefile(result):
         raise UsageError(f"{place} is the result itself; say with --out where the picture goes")
     drawn = figures.draw(result, place, what, figures.Choice(column, step, replicate or 0, target or 0))
@@ -233,22 +205,22 @@ def plot(
 
 
 @group.command()
-@_result
-@_json
+@result_argument
+@json_option
 def verify(result: Path, as_json: bool) -> int:
     """Run a result's scenario again and compare the fingerprints."""
     from wsnsim.analysis import verification
 
     answer = verification.verify(result)
     if as_json:
-        _echo_json({"ok": answer.ok, "rows": answer.rows})
+        echo_json({"ok": answer.ok, "rows": answer.rows})
     else:
         click.echo(answer.text)
     return 0 if answer.ok else 1
 
 
 @group.command()
-@_result
+@result_argument
 @click.option("--step", type=click.IntRange(min=0), required=True, metavar="K", help="Step to tell.")
 @click.option(
     "--replicate", type=click.IntRange(min=0), default=0, show_default=True, metavar="R", help="Of which run."
@@ -262,14 +234,14 @@ def verify(result: Path, as_json: bool) -> int:
     metavar="N",
     help="Similar messages told one by one; more are summed.",
 )
-@_json
+@json_option
 def trace(result: Path, step: int, replicate: int, target: int | None, limit: int, as_json: bool) -> None:
     """Tell one step of a run: who sensed, who sent what to whom, what was lost, and what it cost."""
     from wsnsim.analysis import trace as tracing
 
     picked = tracing.trace(result, step, replicate, target, limit)
     if as_json:
-        _echo_json(tracing.as_json(picked))
+        echo_json(tracing.as_json(picked))
     else:
         click.echo(tracing.text(picked))
 
@@ -277,7 +249,7 @@ def trace(result: Path, step: int, replicate: int, target: int | None, limit: in
 @group.command()
 @click.argument("a", metavar="A", type=click.Path(path_type=Path))
 @click.argument("b", metavar="B", type=click.Path(path_type=Path))
-@_json
+@json_option
 def diff(a: Path, b: Path, as_json: bool) -> int:
     """Say where two results part; exit code 1 if they do, 2 if one cannot be read."""
     from wsnsim.analysis import difference, difference_text
@@ -287,7 +259,7 @@ def diff(a: Path, b: Path, as_json: bool) -> int:
     except ResultError as error:
         raise UsageError(str(error)) from error
     if as_json:
-        _echo_json(difference.as_json(found))
+        echo_json(difference.as_json(found))
     else:
         click.echo(difference_text.text(found))
     return 0 if found.same else 1
@@ -320,45 +292,3 @@ def _is_result(source: str) -> bool:
             return file.read(len(HDF5_MARK)) == HDF5_MARK
     except (OSError, ValueError):
         return source.endswith(".h5")
-
-
-def _writable(out: Path | None, default: Path) -> Path:
-    """Where the answer goes. Raises UsageError, before anything runs, if it cannot be written there."""
-    import tempfile
-
-    path = out or default
-    try:
-        if out is None:
-            path.parent.mkdir(parents=True, exist_ok=True)
-        if path.is_dir():
-            raise UsageError(f"--out {path} is a folder; give a file such as {path / default.name}")
-        if path.exists() and not path.is_file():
-            raise UsageError(f"--out {path} is no regular file")
-        if not path.parent.exists():
-            raise UsageError(f"--out {path}: there is no folder {path.parent}; make it first")
-        with tempfile.TemporaryFile(dir=path.parent):
-            pass
-    except (OSError, ValueError) as error:
-        raise UsageError(f"cannot write {path}: {getattr(error, 'strerror', None) or error}") from None
-    return path
-
-
-def _echo_json(answer: dict[str, Any]) -> None:
-    click.echo(json.dumps(_finite({"schema_version": SCHEMA_VERSION} | answer), ensure_ascii=False, allow_nan=False))
-
-
-def _finite(value: Any) -> Any:
-    """JSON has no NaN and no infinity: they are null."""
-    if isinstance(value, dict):
-        return {str(key): _finite(inner) for key, inner in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(inner) for inner in value]
-    if hasattr(value, "tolist"):
-        return _finite(value.tolist())
-    return None if isinstance(value, float) and value - value != 0 else value
-
-
-def _command_line() -> str:
-    import shlex
-
-    return shlex.join(["wsnsim", *sys.argv[1:]])

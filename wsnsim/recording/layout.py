@@ -14,7 +14,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Final
 
-from wsnsim.base.errors import ResultError
+from wsnsim.base.errors import StorageError
 
 SCHEMA_VERSION: Final = 1
 CHUNK: Final = 65_536
@@ -51,6 +51,6 @@ def reason(error: BaseException) -> str:
     return (bracketed and bracketed[1]) or text or type(error).__name__
 
 
-def cannot_write(path: Path, error: BaseException) -> ResultError:
+def cannot_write(path: Path, error: BaseException) -> StorageError:
     """The error of a result that could not be written, with its reason."""
-    return ResultError(f"{path}: cannot be written: {reason(error)}")
+    return StorageError(f"{path}: cannot be written: {reason(error)}")

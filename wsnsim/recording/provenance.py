@@ -5,10 +5,11 @@ provenance(command_line, seed, plugins) -> dict that JSON can hold
 
 from __future__ import annotations
 
+import functools
 import os
 import platform
 import subprocess
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -35,26 +36,34 @@ def provenance(command_line: str, seed: int, plugins: Sequence[str] = ()) -> dic
         "plugins": list(plugins),
         "python": platform.python_version(),
         "packages": {name: _version(name) for name in PACKAGES} | {"hdf5": h5py.version.hdf5_version},
-        "git": _checkout(Path(__file__).resolve().parents[2]),
+        "git": _own_checkout(),
         "platform": platform.platform(),
         "machine": platform.machine(),
-        "cpu_features": cpu_features(),
+        "cpu_features": list(cpu_features()),
         "start": datetime.now(UTC).isoformat(timespec="seconds"),
     }
 
 
-def cpu_features() -> list[str]:
+@functools.cache
+def cpu_features() -> tuple[str, ...]:
     """The instruction sets that NumPy dispatches on, found on this machine."""
     config = np.show_config(mode="dicts")
     extensions = config.get("SIMD Extensions", {}) if config else {}
-    return [*extensions.get("baseline", []), *extensions.get("found", [])]
+    return (*extensions.get("baseline", []), *extensions.get("found", []))
 
 
+@functools.cache
 def _version(package: str) -> str | None:
     try:
         return version(package)
     except PackageNotFoundError:
         return None
+
+
+@functools.cache
+def _own_checkout() -> Mapping[str, Any] | None:
+    """The checkout of this package, asked for once a process: its modules are those of that moment."""
+    return _checkout(Path(__file__).resolve().parents[2])
 
 
 def _checkout(root: Path) -> dict[str, Any] | None:

@@ -44,6 +44,17 @@ def read_table(
         return {name: _column(group, path, name)[... if rows is None else rows] for name in names}
 
 
+def read_with_meanings(
+    path: str | Path, table: str, columns: Sequence[str] | None = None
+) -> tuple[dict[str, np.ndarray], dict[str, tuple[str, ...]]]:
+    """The table's columns as `read_table` gives them, and the words of those that are categories, in one opening."""
+    with opened(path) as file:
+        group = _group(file, path, table)
+        datasets = {name: _column(group, path, name) for name in (column_names(group) if columns is None else columns)}
+        words = {name: words_of(dataset) for name, dataset in datasets.items()}
+        return {name: dataset[...] for name, dataset in datasets.items()}, {n: w for n, w in words.items() if w}
+
+
 def tables(path: str | Path) -> dict[str, TableSize]:
     """What tables the file holds, and how much of each. Reads no values."""
     with opened(path) as file:

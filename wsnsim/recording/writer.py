@@ -23,7 +23,7 @@ from typing import Any, final
 
 import h5py
 
-from wsnsim.base.errors import ResultError
+from wsnsim.base.errors import StorageError
 from wsnsim.base.tables import TABLES, Words, columns_of
 from wsnsim.recording.buffer import TableBuffer, write_meanings
 from wsnsim.recording.layout import (
@@ -45,7 +45,7 @@ class ResultFile:
     which tables are kept, rows of the others are dropped; `status` is what the root says once the file is whole.
 
     Raises:
-        ResultError: the file cannot be written (no such folder, disk full ...); the temporary file is removed.
+        StorageError: the file cannot be written (no such folder, disk full ...); the temporary file is removed.
     """
 
     def __init__(
@@ -72,9 +72,9 @@ class ResultFile:
 
     def __enter__(self) -> ResultFile:
         if not self.path.parent.is_dir():
-            raise ResultError(f"{self.path}: cannot be written: there is no folder {self.path.parent}")
+            raise StorageError(f"{self.path}: cannot be written: there is no folder {self.path.parent}")
         if self.path.is_dir():
-            raise ResultError(f"{self.path}: cannot be written: it is a folder")
+            raise StorageError(f"{self.path}: cannot be written: it is a folder")
         try:
             self._tmp = _claim_beside(self.path)
         except OSError as error:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias
 
 from wsnsim.base.errors import Fault, ScenarioError, did_you_mean
 from wsnsim.scenario.build import resolved
@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from wsnsim.scenario.schema import Scenario
     from wsnsim.scenario.tree import Node, Text
 
+Assignment: TypeAlias = "tuple[tuple[str | int, ...], Node]"
+"""A path of keys, and what is laid there."""
 LARGEST_FILE: Final = 10_000_000
 SUFFIXES: Final = (".yaml", ".yml")
 
@@ -30,24 +32,46 @@ def load(source: str | Path | Mapping[str, Any] | Scenario, overrides: Iterable[
     Raises:
         ScenarioError: with every fault found, each at its place.
     """
-    from wsnsim.scenario.check import validate
     from wsnsim.scenario.schema import Scenario
-    from wsnsim.scenario.tree import in_order
 
     if isinstance(source, Scenario):
         return source if not overrides else load(resolved(source), overrides)
-    if isinstance(source, Mapping):
-        tree, faults, origin = _from_dict(source)
-    else:
-        tree, faults, origin = _from_file(source)
-    if tree is None:
-        raise ScenarioError(faults)
-    changed, wrong = _overridden(tree, overrides)
+    text = gathered(source)
+    if text.tree is None:
+        raise ScenarioError(text.faults)
+    assignments, wrong = assignments_of(overrides)
+    return finished(text, assignments, wrong)
+
+
+class Gathered(NamedTuple):
+    """A scenario's text before it is checked: its tree (None if it cannot be read), and where it comes from."""
+
+    tree: Node | None
+    faults: list[Fault]
+    origin: tuple[str, str]
+
+
+def gathered(source: str | Path | Mapping[str, Any]) -> Gathered:
+    """The text of a scenario, laid on what it extends; nothing is checked yet."""
+    return Gathered(*(_from_dict(source) if isinstance(source, Mapping) else _from_file(source)))
+
+
+def finished(text: Gathered, assignments: Iterable[Assignment], wrong: Iterable[Fault] = ()) -> Scenario:
+    """The scenario that a text says once values are laid on it. Many may be made of one text.
+
+    Raises:
+        ScenarioError: with every fault found, those in `wrong` among them.
+    """
+    from wsnsim.scenario.check import validate
+    from wsnsim.scenario.tree import in_order
+
+    assert text.tree is not None
+    changed, unfit = _laid(text.tree, assignments)
     scenario, found = validate(changed)
-    faults = [*faults, *wrong, *found]
+    faults = [*text.faults, *wrong, *unfit, *found]
     if scenario is None or faults:
         raise ScenarioError(in_order(faults))
-    scenario._source = origin
+    scenario._source = text.origin
     return scenario
 
 
@@ -59,6 +83,11 @@ def shipped() -> dict[str, Path]:
 def shipped_parts() -> dict[str, Path]:
     """The data sheets that come with wsnsim, by name."""
     return _shipped("parts/*.yaml")
+
+
+def shipped_sweeps() -> dict[str, Path]:
+    """The sweeps that come with wsnsim, by name."""
+    return _shipped("sweeps/*.yaml")
 
 
 def find(source: str | Path, folder: Path | None = None) -> Path | None:
@@ -177,16 +206,22 @@ def _from_dict(source: Mapping[str, Any]) -> tuple[Node | None, list[Fault], tup
     return *_extended(tree, faults, Path.cwd(), ()), ("", written)
 
 
-def _overridden(tree: Node, overrides: Iterable[str]) -> tuple[Node, list[Fault]]:
-    """The tree with each 'a.b.c=value' laid on it; kinds first, since a new kind replaces its role."""
+def assignments_of(overrides: Iterable[str]) -> tuple[list[Assignment], list[Fault]]:
+    """What 'a.b.c=value' assigns, for each that can be read, and what is wrong with the others."""
+    read = [_assignment(override) for override in overrides]
+    return [(keys, node) for keys, node, _ in read if node is not None], [
+        fault for *_, wrong in read for fault in wrong
+    ]
+
+
+def _laid(tree: Node, assignments: Iterable[Assignment]) -> tuple[Node, list[Fault]]:
+    """The tree with each value laid on it: whole roles and kinds first, since they replace what a role said before."""
     from wsnsim.scenario.check import with_sheets
     from wsnsim.scenario.tree import assigned
 
     faults: list[Fault] = []
-    for override in sorted(overrides, key=lambda text: not text.partition("=")[0].strip().endswith(".kind")):
-        keys, node, wrong = _assignment(override)
-        faults += wrong
-        if node is None or not isinstance(tree.value, dict):
+    for keys, node in sorted(assignments, key=lambda pair: len(pair[0]) > 1 and pair[0][-1] != "kind"):
+        if not isinstance(tree.value, dict):
             continue
         if len(keys) > 2:  # it may reach into a data sheet
             tree = with_sheets(tree)
@@ -199,14 +234,21 @@ def _overridden(tree: Node, overrides: Iterable[str]) -> tuple[Node, list[Fault]
 
 def _assignment(override: str) -> tuple[tuple[str | int, ...], Node | None, list[Fault]]:
     from wsnsim.scenario.reader import read
-    from wsnsim.scenario.tree import Text
+    from wsnsim.scenario.tree import Text, dotted
 
     written, sign, value = override.partition("=")
-    pieces = [piece.strip() for piece in written.split(".")]
-    if not sign or not all(pieces) or not value.strip():
+    keys = keys_of(written)
+    if not sign or not keys or not value.strip():
         return (), None, [Fault((), "expected KEY=VALUE, such as link.reach='80 m'", f"--set {override}")]
-    keys = tuple(int(piece) if piece.isascii() and piece.isdigit() and len(piece) < 10 else piece for piece in pieces)
     if keys[0] == "extends":
         return (), None, [Fault((), "'extends' can be written in a file only", f"--set {written}")]
-    node, faults = read(value, Text(f"--set {'.'.join(pieces)}", Path.cwd(), (), keys))
+    node, faults = read(value, Text(f"--set {dotted(keys)}", Path.cwd(), (), keys))
     return keys, node, faults
+
+
+def keys_of(written: str) -> tuple[str | int, ...]:
+    """The path that 'targets.0.bound' names; () if it names none."""
+    pieces = [piece.strip() for piece in written.split(".")]
+    if not all(pieces):
+        return ()
+    return tuple(int(piece) if piece.isascii() and piece.isdigit() and len(piece) < 10 else piece for piece in pieces)

@@ -1,0 +1,109 @@
+"""A campaign's results as one DataFrame: its points' settings beside what was measured.
+
+read(folder, table, columns=None) -> DataFrame          as `wsnsim.read` of a folder
+metric(folder, point, name, replicates) -> (replicates,)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from wsnsim import recording
+from wsnsim.analysis import frames
+from wsnsim.base.arrays import Floats
+from wsnsim.base.errors import ResultError
+from wsnsim.recording.folder import Folder, Manifest, PointOnDisk
+
+POINT = "point"
+
+
+def read(path: str | Path, table: str, columns: Sequence[str] | None = None) -> pd.DataFrame:
+    """A table of a campaign: rows by point, then by replicate, then as they were written.
+
+    In front stand `point` (its number in the manifest) and a column for each swept parameter, named by its key, in SI
+    units and its own type: integers, floats, booleans or text; where a point lacks it, it is missing. A key that is
+    also a column of the table, such as `step`, is named `set.step`.
+
+    Raises:
+        ResultError: no campaign, none of its replicates is there, or a file cannot be read.
+    """
+    folder = Folder(path)
+    manifest = folder.manifest()
+    wanted = None if columns is None else list(dict.fromkeys(["replicate", *columns]))
+    files, pieces, numbers = [], [], []
+    for number, point in enumerate(manifest.points):
+        for batch, frame in _frames_of(folder, point, table, wanted):
+            files.append(batch)
+            pieces.append(frame)
+            numbers.append(number)
+    if not pieces:
+        raise ResultError(f"{folder.path}: holds no results yet")
+    owners = np.repeat(numbers, [len(piece) for piece in pieces])
+    together = frames.stacked(files, pieces, table)
+    order = np.lexsort((together["replicate"].to_numpy(), owners))
+    together, owners = together.iloc[order].reset_index(drop=True), owners[order]
+    if columns is not None:
+        together = together[list(columns)]
+    front = {POINT: owners.astype(np.int64)} | {
+        key if key not in together else f"set.{key}": _typed(
+            [point.settings.get(key) for point in manifest.points], owners
+        )
+        for key in manifest.keys
+    }
+    return pd.concat([pd.DataFrame(front), together], axis=1)
+
+
+def metric(folder: Folder, point: str, name: str, replicates: int) -> Floats:
+    """(replicates,) a column of `runs` at one point; NaN where a replicate is missing."""
+    values = np.full(replicates, np.nan)
+    for batch in folder.batches(point):
+        rows = recording.read_table(batch.path, "runs", ["replicate", name])
+        here = rows["replicate"] < replicates
+        values[rows["replicate"][here]] = rows[name][here]
+    return values
+
+
+def scenarios(folder: Folder, manifest: Manifest) -> list[Mapping[str, Any]]:
+    """The resolved scenario of each point."""
+    import json
+
+    return [json.loads(folder.scenario(point.id)) for point in manifest.points]
+
+
+def _frames_of(
+    folder: Folder, point: PointOnDisk, table: str, columns: Sequence[str] | None
+) -> list[tuple[Path, pd.DataFrame]]:
+    """The point's files with their rows, each replicate once, and only those that the campaign asks for."""
+    found, seen = [], np.zeros(0, dtype=np.int64)
+    for batch in folder.batches(point.id):
+        if batch.first >= point.replicates:
+            continue
+        frame = frames.read_one(batch.path, table, columns)
+        numbers = frame["replicate"].to_numpy().astype(np.int64)
+        fresh = (numbers < point.replicates) & ~np.isin(numbers, seen)
+        found.append((batch.path, frame if fresh.all() else frame[fresh]))
+        seen = np.union1d(seen, numbers)
+    return found
+
+
+def _typed(values: Sequence[Any], owners: np.ndarray) -> Any:
+    """One row's setting each, as a column of the values' common type."""
+    column = pd.Series(list(values), dtype=_type_of(values))
+    return column.iloc[owners].reset_index(drop=True)
+
+
+def _type_of(values: Sequence[Any]) -> Any:
+    known = [value for value in values if value is not None]
+    complete = len(known) == len(values)
+    if known and all(isinstance(value, bool) for value in known):
+        return "bool" if complete else "boolean"
+    if known and all(isinstance(value, int) and not isinstance(value, bool) for value in known):
+        return "int64" if complete else "Int64"
+    if known and all(isinstance(value, int | float) and not isinstance(value, bool) for value in known):
+        return "float64"
+    return pd.CategoricalDtype(list(dict.fromkeys(str(value) for value in known)))

@@ -1,0 +1,185 @@
+"""What a campaign says, a row a point: how well, how often lost, for how many joules, and against whom.
+
+    found = compared(folder, metric="rmse", by=("tracker.kind",), baseline="pf")
+    found.table: a DataFrame;  as_json(found);  `comparison_text.text(found)` for a terminal
+
+Differences are paired: two points that share a world (seed, deployment, motion, sensor, prior) have the same truth and
+the same readings in the same replicate, so that the difference of each replicate is that of the strategies.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+import pandas as pd
+
+from wsnsim.analysis import campaigns, statistics
+from wsnsim.base.arrays import Floats
+from wsnsim.base.errors import UsageError, did_you_mean
+from wsnsim.base.tables import METRICS
+from wsnsim.recording.folder import Folder, Manifest
+
+SCHEMA_VERSION: Final = 1
+ENERGY: Final = "energy"
+MEASURED: Final = ("replicate", "lost", ENERGY)
+
+
+@dataclass(frozen=True)
+class Compared:
+    """A campaign in figures. `table` has a row for each point that has results, in the campaign's order.
+
+    Its columns: `point`, the swept keys, `replicates`, `known` (with an error), of the metric `median` and `mean` with
+    `_low` and `_high`, `lost_fraction`, of `energy` the median [J], `error_per_joule` (the median of metric / energy),
+    `front` (no other of its group has less of both medians), and against the baseline of its group `difference`,
+    `effect`, `p` and `pairs`. What cannot be said is NaN. `unpaired`: why rows have no difference.
+    """
+
+    name: str
+    metric: str
+    keys: tuple[str, ...]
+    by: tuple[str, ...]
+    baseline: str | None
+    table: pd.DataFrame
+    unpaired: str
+
+
+def compared(
+    folder: Folder, metric: str = "rmse", by: Sequence[str] | None = None, baseline: str | None = None
+) -> Compared:
+    """The figures of a campaign. `by`: the keys that are compared, within each combination of the others.
+
+    By default a comparison is by what it compares, and a sweep over one key by that key; the baseline is the first.
+
+    Raises:
+        UsageError: the metric, a key or the baseline is not there. ResultError: nothing is, or cannot be read.
+    """
+    manifest = folder.manifest()
+    if metric not in METRICS:
+        raise UsageError(f"table runs has no figure '{metric}' ({did_you_mean(metric, METRICS)})")
+    chosen = _chosen(manifest, by)
+    runs = campaigns.read(folder.path, "runs", sorted({*MEASURED, metric}))
+    rows, values = [], {}
+    for number, frame in runs.groupby(campaigns.POINT, sort=True):
+        point = manifest.points[int(number)]
+        values[int(number)] = frame.set_index("replicate")[metric].astype(np.float64)
+        rows.append({campaigns.POINT: int(number), **_settings(manifest, point.settings), **_figures(frame, metric)})
+    table = pd.DataFrame(rows)
+    groups = _groups(manifest, table, chosen)
+    table["front"] = _fronts(table, groups)
+    first = _baselines(manifest, groups, chosen, baseline or (manifest.baseline if by is None else None))
+    unpaired = _pair(table, manifest, values, first) if chosen else ""
+    return Compared(manifest.name, metric, manifest.keys, chosen, baseline, table, unpaired)
+
+
+def as_json(found: Compared) -> dict[str, Any]:
+    """The figures as plain values; what cannot be said is NaN."""
+    rows = found.table.astype(object).where(found.table.notna(), np.nan).to_dict("records")
+    return {
+        "name": found.name,
+        "metric": found.metric,
+        "keys": list(found.keys),
+        "by": list(found.by),
+        "points": rows,
+        "unpaired": found.unpaired,
+    }
+
+
+def label(values: Iterable[Any]) -> str:
+    """Settings in a word or two."""
+    return ", ".join(f"{value:g}" if isinstance(value, float) else str(value) for value in values)
+
+
+def _chosen(manifest: Manifest, by: Sequence[str] | None) -> tuple[str, ...]:
+    if by is None:
+        return manifest.by or (manifest.keys if len(manifest.keys) == 1 else ())
+    for key in by:
+        if key not in manifest.keys:
+            raise UsageError(f"{manifest.name} varies no '{key}' ({did_you_mean(key, manifest.keys)})")
+    return tuple(by)
+
+
+def _settings(manifest: Manifest, settings: Mapping[str, Any]) -> dict[str, Any]:
+    return {key: settings.get(key) for key in manifest.keys}
+
+
+def _figures(frame: pd.DataFrame, metric: str) -> dict[str, Any]:
+    values, energy = (frame[name].to_numpy(dtype=np.float64) for name in (metric, ENERGY))
+    middle, average = statistics.median(values), statistics.mean(values)
+    lost, joules = statistics.share(frame["lost"].to_numpy() > 0), statistics.median(energy)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        rate = statistics.median(np.where(energy > 0.0, values / energy, np.nan))
+    return {
+        "replicates": len(frame),
+        "known": middle.known,
+        **_spread("median", middle),
+        **_spread("mean", average),
+        **_spread("lost_fraction", lost),
+        **_spread("energy", joules),
+        **_spread("error_per_joule", rate),
+    }
+
+
+def _spread(name: str, found: statistics.Estimate) -> dict[str, float]:
+    return {name: found.value, f"{name}_low": found.low, f"{name}_high": found.high}
+
+
+def _groups(manifest: Manifest, table: pd.DataFrame, by: Sequence[str]) -> dict[tuple[str, ...], list[int]]:
+    """Row numbers of the points that differ in `by` alone; all in one group where nothing is compared."""
+    others = [key for key in manifest.keys if key not in by] if by else []
+    groups: dict[tuple[str, ...], list[int]] = {}
+    for row in range(len(table)):
+        groups.setdefault(tuple(repr(table[key].iloc[row]) for key in others), []).append(row)
+    return groups
+
+
+def _fronts(table: pd.DataFrame, groups: Mapping[Any, list[int]]) -> list[bool]:
+    """Which rows no other of their group beats in both error and energy."""
+    flags = np.zeros(len(table), dtype=np.bool_)
+    for rows in groups.values():
+        flags[rows] = statistics.front(table["median"].iloc[rows].tolist(), table["energy"].iloc[rows].tolist())
+    return flags.tolist()
+
+
+def _baselines(
+    manifest: Manifest, groups: Mapping[Any, list[int]], by: Sequence[str], baseline: str | None
+) -> list[tuple[int, list[int]]]:
+    """(row of the baseline, rows of its group) of every group that has one: the first, or the one that is named."""
+    if baseline is None or not by:
+        return [(rows[0], rows) for rows in groups.values()]
+    names = [label(point.settings.get(key) for key in by) for point in manifest.points]
+    if baseline not in names:
+        raise UsageError(f"no point of {manifest.name} is '{baseline}' ({did_you_mean(baseline, set(names))})")
+    return [(row, rows) for rows in groups.values() for row in rows if names[row] == baseline]
+
+
+def _pair(
+    table: pd.DataFrame, manifest: Manifest, values: Mapping[int, pd.Series], first: Sequence[tuple[int, list[int]]]
+) -> str:
+    """Fill in the differences from the baseline of each group; why some have none, or ''."""
+    columns = ("difference", "difference_low", "difference_high", "effect", "p", "pairs")
+    filled = np.full((len(table), len(columns)), np.nan)
+    unpaired = ""
+    for start, rows in first:
+        for row in rows:
+            here, there = (manifest.points[int(table[campaigns.POINT].iloc[i])] for i in (row, start))
+            if row == start:
+                continue
+            if here.world != there.world:
+                unpaired = unpaired or (
+                    f"{label(here.settings.values())} and {label(there.settings.values())} are not in the same world"
+                    " (seed, deployment, motion, sensor, prior): their replicates are no pairs"
+                )
+                continue
+            filled[row] = _difference(values, table, row, start)
+    for i, name in enumerate(columns):
+        table[name] = filled[:, i]
+    return unpaired
+
+
+def _difference(values: Mapping[int, pd.Series], table: pd.DataFrame, row: int, start: int) -> Floats:
+    one, other = (values[int(table[campaigns.POINT].iloc[i])] for i in (row, start))
+    common = one.index.intersection(other.index)
+    return np.array(statistics.paired(one[common].to_numpy(), other[common].to_numpy()), dtype=np.float64)

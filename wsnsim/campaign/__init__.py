@@ -1,0 +1,157 @@
+"""Many points, many replicates: begun, gone on with, divided, and brought together; on disk exactly once.
+
+    folder = begin(load_sweep("particles"), "results/particles")     the manifest and the scenarios are on disk
+    ended = drive(folder, LocalPool(2))                              what is missing is run
+    collect([Folder("a"), Folder("b")], Folder("all"))               the parts of other machines
+
+What a campaign needs to go on after any death of any process is on disk; see `recording.folder`.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from wsnsim import __version__, recording
+from wsnsim.base.errors import UsageError
+from wsnsim.campaign.drive import ALL, Ended, Part, Progress, drive, missing_words
+from wsnsim.recording.folder import Folder, Manifest, PointOnDisk
+from wsnsim.recording.layout import reason
+from wsnsim.scenario.sweep_schema import Plan
+
+__all__ = ["ALL", "Ended", "Part", "Progress", "begin", "collect", "drive", "go_on", "missing_words"]
+
+
+def begin(
+    plan: Plan, path: str | Path, *, by: Sequence[str] = (), baseline: str | None = None, command_line: str = ""
+) -> Folder:
+    """The folder of a campaign, its manifest and scenarios in place. What an earlier campaign left in it is kept.
+
+    Raises:
+        UsageError: the folder cannot be written, holds something else, or was begun by another wsnsim.
+    """
+    folder = Folder(path)
+    before = _earlier(folder, plan.name)
+    _demand_writable(folder.path)
+    points = tuple(PointOnDisk(point.id, point.settings, point.world, _at_first(plan)) for point in plan.points)
+    manifest = Manifest(
+        name=plan.name,
+        keys=plan.keys,
+        points=points,
+        block=before.block if before else plan.block,
+        wsnsim_version=__version__,
+        by=tuple(by),
+        baseline=baseline,
+        until=plan.until.model_dump() if plan.until else None,
+        timeout=plan.timeout,
+        source=plan.source,
+        provenance=recording.provenance(command_line, 0),
+    )
+    for point in plan.points:
+        folder.write_scenario(point.id, point.resolved)
+    folder.write_manifest(manifest)
+    return folder
+
+
+def go_on(path: str | Path) -> Folder:
+    """The folder of a campaign that was begun.
+
+    Raises:
+        ResultError: it holds none. UsageError: it was begun by another wsnsim, or cannot be written.
+    """
+    folder = Folder(path)
+    _demand_version(folder, folder.manifest())
+    _demand_writable(folder.path)
+    return folder
+
+
+def collect(parts: Sequence[Folder], into: Folder) -> Manifest:
+    """Bring the results of campaigns' folders together in one; what is there already is not touched.
+
+    Raises:
+        UsageError: a folder holds another campaign, or its results are of another wsnsim.
+        StorageError: they cannot be written.
+    """
+    manifests = [part.manifest() for part in parts]
+    first = into.manifest() if into.holds_campaign() else manifests[0]
+    for part, manifest in zip(parts, manifests, strict=True):
+        for what, one, other in _identity(first, manifest):
+            if one != other:
+                raise UsageError(
+                    f"{part.path} holds another campaign: its {what} differ ({_short(other)}, not {_short(one)})"
+                )
+    _demand_writable(into.path)
+    counts = {point.id: point.replicates for point in first.points}
+    for part, manifest in zip(parts, manifests, strict=True):
+        for point in manifest.points:
+            if any(part.batches(point.id)):
+                counts[point.id] = max(counts[point.id], point.replicates)
+            _take_over(part, into, point.id)
+    points = tuple(replace(point, replicates=counts[point.id]) for point in first.points)
+    merged = replace(first, points=points)
+    into.write_manifest(merged)
+    return merged
+
+
+def _at_first(plan: Plan) -> int:
+    return plan.until.at_least if plan.until else plan.replicates
+
+
+def _earlier(folder: Folder, name: str) -> Manifest | None:
+    """The manifest of the campaign that is gone on with; None for a new one."""
+    path = folder.path
+    if path.exists() and not path.is_dir():
+        raise UsageError(f"{path} is a file; a campaign needs a folder")
+    if not folder.holds_campaign():
+        if path.is_dir() and any(path.iterdir()):
+            raise UsageError(f"{path} is not empty, and holds no campaign; give a new folder with --out")
+        return None
+    manifest = folder.manifest()
+    if manifest.name != name:
+        raise UsageError(f"{path} holds the campaign '{manifest.name}', not '{name}'; give another folder with --out")
+    _demand_version(folder, manifest)
+    return manifest
+
+
+def _demand_version(folder: Folder, manifest: Manifest) -> None:
+    if manifest.wsnsim_version != __version__:
+        raise UsageError(
+            f"{folder.path} was begun by wsnsim {manifest.wsnsim_version}, and this is {__version__}: their results are"
+            " not to be mixed; give another folder with --out"
+        )
+
+
+def _demand_writable(path: Path) -> None:
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=path):
+            pass
+    except OSError as error:
+        raise UsageError(f"cannot write {path}: {reason(error)}") from None
+
+
+def _identity(one: Manifest, other: Manifest) -> list[tuple[str, object, object]]:
+    """What must be equal for two folders to hold parts of one campaign."""
+    names = ("name", "block", "until", "wsnsim_version")
+    pairs: list[tuple[str, object, object]] = [(name, getattr(one, name), getattr(other, name)) for name in names]
+    points: tuple[object, ...] = tuple([point.id for point in manifest.points] for manifest in (one, other))
+    return [*pairs, ("points", *points)]  # type: ignore[list-item]
+
+
+def _short(value: object) -> str:
+    text = str(value)
+    return text if len(text) < 60 else f"{text[:56]} ..."
+
+
+def _take_over(part: Folder, into: Folder, point: str) -> None:
+    """Copy a point's files that are not there yet, each whole or not at all."""
+    if part.path.resolve() == into.path.resolve():
+        return
+    into.write_scenario(point, part.scenario(point))
+    done = into.done(point)
+    for batch in part.batches(point):
+        if done >= set(range(batch.first, batch.last + 1)):
+            continue
+        into.copy_in(batch, point)

@@ -1,0 +1,279 @@
+"""The driver: which tasks are left, who is tried again, when a point has replicates enough, and when all is over.
+
+    drive(folder, engine, part=ALL, watch=None, stop=...) -> Ended
+
+Nothing that is decided here depends on the engine, on the number of workers, or on the order in which tasks end.
+"""
+
+from __future__ import annotations
+
+import os
+import socket
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Final, NamedTuple, final
+
+from wsnsim import __version__
+from wsnsim.campaign.engines import Ending, Engine, EngineError, Vanished
+from wsnsim.campaign.rule import Rule
+from wsnsim.campaign.task import Outcome, Task, timed_out
+from wsnsim.recording.folder import Folder, Manifest, runs_of
+
+GRACE: Final = 10.0
+"""s: what a task that runs is given to end, once the campaign is told to stop."""
+TICK: Final = 0.25
+"""s: how long the driver waits for workers before it looks up."""
+MOST_OF_A_MARK: Final = 4000
+
+
+class Part(NamedTuple):
+    """The share of a campaign that a driver takes: the `number`-th (from 1) of `of`."""
+
+    number: int
+    of: int
+
+
+ALL: Final = Part(1, 1)
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """How far a campaign is, in replicates; `left` is an estimate of the seconds to come, None before there is one."""
+
+    done: int
+    failed: int
+    total: int
+    wall: float
+    left: float | None
+
+
+@dataclass(frozen=True)
+class Ended:
+    """How a driver ended: replicates done and found done before, tasks that failed and why, and what is missing.
+
+    `stopped`: why it ended before everything was tried; '' if it was.
+    """
+
+    done: int
+    found: int
+    failed: Mapping[str, str]
+    missing: Mapping[str, list[int]]
+    stopped: str
+    seconds: float
+
+    @property
+    def complete(self) -> bool:
+        """Whether every replicate of this part is on disk."""
+        return not self.missing
+
+
+def drive(
+    folder: Folder,
+    engine: Engine,
+    part: Part = ALL,
+    watch: Callable[[Progress], None] | None = None,
+    stop: Callable[[], bool] = lambda: False,
+) -> Ended:
+    """Run what is missing of a campaign. Its manifest and scenarios are on disk; so are its results as they come."""
+    driver = _Driver(folder, folder.manifest(), engine, part, watch)
+    try:
+        driver.run(stop)
+    finally:
+        engine.close()
+        folder.clear()
+    return driver.ended()
+
+
+@final
+@dataclass
+class _Driver:
+    """One session's books."""
+
+    folder: Folder
+    manifest: Manifest
+    engine: Engine
+    part: Part
+    watch: Callable[[Progress], None] | None
+    pending: deque[Task] = field(default_factory=deque)
+    suspects: deque[Task] = field(default_factory=deque)
+    running: dict[str, Task] = field(default_factory=dict)
+    failed: dict[str, str] = field(default_factory=dict)
+    left: dict[str, int] = field(default_factory=dict)
+    alone: str = ""
+    stopped: str = ""
+    done: int = 0
+    found: int = 0
+
+    def __post_init__(self) -> None:
+        self.began = time.monotonic()
+        self.session = f"{socket.gethostname().split('.')[0]}-{os.getpid()}-{time.time_ns():x}"
+        self.rule = Rule(self.folder, self.manifest)
+        self.targets = {point.id: self.rule.first(point) for point in self.manifest.points}
+        self.places = {point.id: i for i, point in enumerate(self.manifest.points)}
+
+    def run(self, stop: Callable[[], bool]) -> None:
+        """Until nothing is left, or somebody says stop."""
+        self.folder.clear()
+        for point in self.targets:
+            self.plan(point, 0)
+        try:
+            while not self.stopped and (self.pending or self.suspects or self.running):
+                if stop():
+                    self.stopped = "interrupted"
+                    break
+                self.fill()
+                for ending in self.engine.ended(TICK):
+                    self.settle(ending)
+                self.tell()
+            self.wind_up()
+        except EngineError as error:
+            self.stopped = str(error)
+        self.tell()
+
+    def plan(self, point: str, first: int) -> None:
+        """Tasks for the replicates of a point from `first` to its target that are not on disk; then ask the rule."""
+        wanted = [number for number in range(first, self.targets[point]) if self.is_ours(point, number)]
+        done = self.folder.done(point)
+        missing = [number for number in wanted if number not in done]
+        self.found += len(wanted) - len(missing)
+        self.left[point] = self.left.get(point, 0) + len(missing)
+        for begin, end in runs_of(missing, self.manifest.block):
+            self.pending.append(self.task(point, begin, end))
+        if not missing:
+            self.grow(point)
+
+    def is_ours(self, point: str, replicate: int) -> bool:
+        """Whether this part of the campaign has the replicate. With a stopping rule, a point is not shared."""
+        block = 0 if self.manifest.until else replicate // self.manifest.block
+        return (self.places[point] + block) % self.part.of == self.part.number - 1
+
+    def task(self, point: str, first: int, last: int) -> Task:
+        """A task of this session."""
+        where = str(self.folder.path.resolve())
+        return Task(where, point, first, last, self.session, __version__, self.manifest.timeout)
+
+    def fill(self) -> None:
+        """Give the engine what it can take; what killed a worker is run when nothing else is, and alone."""
+        while self.pending and not self.alone and len(self.running) < self.engine.window:
+            self.submit(self.pending.popleft())
+        if self.suspects and not self.pending and not self.running:
+            task = self.suspects.popleft()
+            self.alone = task.name
+            self.submit(task)
+
+    def submit(self, task: Task) -> None:
+        """Under way."""
+        self.running[task.name] = task
+        self.engine.submit(task)
+
+    def settle(self, ending: Ending) -> None:
+        """What follows from the end of a task."""
+        task, outcome = ending
+        del self.running[task.name]
+        was_alone, self.alone = self.alone == task.name, "" if self.alone == task.name else self.alone
+        if isinstance(outcome, Vanished):
+            self.look_into(task, was_alone)
+        elif outcome.status in ("storage", "version"):
+            self.stopped = outcome.words
+        elif outcome.status == "failed":
+            self.give_up(task, outcome.words)
+        else:
+            self.finish(task, outcome)
+
+    def finish(self, task: Task, outcome: Outcome) -> None:
+        """The task's file is there."""
+        self.done += task.replicates
+        self.folder.forget_failure(task.name)
+        self.left[task.point] -= task.replicates
+        if not self.left[task.point]:
+            self.grow(task.point)
+
+    def grow(self, point: str) -> None:
+        """Ask the rule whether the point, of which nothing is left to do, has replicates enough."""
+        before = self.targets[point]
+        if self.is_ours(point, 0) or not self.manifest.until:
+            self.targets[point] = self.rule.next(point, before)
+        if self.targets[point] > before:
+            self.plan(point, before)
+
+    def look_into(self, task: Task, was_alone: bool) -> None:
+        """A worker died: was it running this task, and why did it die?"""
+        marks = self.folder.marks(self.session, task.name)
+        words = "\n".join(place.read_text(encoding="utf-8")[:MOST_OF_A_MARK] for place in marks)
+        for place in marks:
+            place.unlink(missing_ok=True)
+        if timed_out(words):
+            self.give_up(task, f"took more than {task.timeout:g} s", words)
+        elif not marks and not was_alone:
+            self.pending.appendleft(task)
+        elif not was_alone:
+            self.suspects.append(task)
+        else:
+            self.give_up(task, f"killed its worker twice ({_cause(words)})", words, alone=True)
+
+    def give_up(self, task: Task, words: str, more: str = "", alone: bool = False) -> None:
+        """Of a task of several replicates, each is tried by itself; one that fails by itself has failed."""
+        if task.replicates > 1:
+            (self.suspects if alone else self.pending).extend(task.singly())
+            return
+        self.failed[task.name] = words
+        settings = self.manifest.point(task.point).settings
+        said = ", ".join(f"{key} = {value}" for key, value in settings.items())
+        self.folder.write_failure(task.name, "\n".join([words, f"replicate {task.first}, {said}", more]).strip() + "\n")
+
+    def wind_up(self) -> None:
+        """Told to stop: nothing new is begun, and what runs has ten seconds."""
+        if self.stopped:
+            for task in self.engine.withdraw():
+                self.running.pop(task.name, None)
+        until = time.monotonic() + GRACE
+        while self.running and time.monotonic() < until:
+            for ending in self.engine.ended(TICK):
+                self.settle(ending)
+            self.tell()
+
+    def tell(self) -> None:
+        """Say how far it is."""
+        if self.watch is None:
+            return
+        wall, left = time.monotonic() - self.began, sum(self.left.values())
+        total = self.found + self.done + left
+        rest = wall / self.done * (left - len(self.failed)) if self.done else None
+        self.watch(Progress(self.found + self.done, len(self.failed), total, wall, rest))
+
+    def ended(self) -> Ended:
+        """The books, compared with the disk."""
+        missing: dict[str, list[int]] = {}
+        for point, target in self.targets.items():
+            numbers = [n for n in self.folder.missing(point, target) if self.is_ours(point, n)]
+            if numbers:
+                missing[point] = numbers
+        if self.manifest.until:
+            self.write_targets()
+        seconds = time.monotonic() - self.began
+        return Ended(self.done, self.found, self.failed, missing, self.stopped, seconds)
+
+    def write_targets(self) -> None:
+        """With a stopping rule, the manifest says how many replicates each point came to have."""
+        points = tuple(replace(point, replicates=self.targets[point.id]) for point in self.manifest.points)
+        self.folder.write_manifest(replace(self.manifest, points=points))
+
+
+def _cause(mark: str) -> str:
+    """Why a worker died, from what it left: the first line, or what an empty mark means."""
+    lines = [line for line in mark.splitlines() if line.strip()]
+    return lines[0].removeprefix("Fatal Python error: ") if lines else "killed from outside, as where memory runs out"
+
+
+def missing_words(missing: Mapping[str, Iterable[int]], manifest: Manifest, most: int = 10) -> list[str]:
+    """A line a point: which of its replicates are missing."""
+    lines = []
+    for point, numbers in list(missing.items())[:most]:
+        said = ", ".join(f"{key} = {value}" for key, value in manifest.point(point).settings.items())
+        spans = ", ".join(f"{a}" if a == b else f"{a}-{b}" for a, b in runs_of(sorted(numbers), 10**9))
+        lines.append(f"  {said or point}: replicates {spans}")
+    if len(missing) > most:
+        lines.append(f"  and {len(missing) - most} points more")
+    return lines

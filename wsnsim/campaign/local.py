@@ -1,0 +1,99 @@
+"""Processes of this machine: a pool of spawned workers, made anew after one of them has died.
+
+LocalPool(workers) is an `engines.Engine`
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from multiprocessing.process import BaseProcess
+from typing import Final, final
+
+from wsnsim.campaign.engines import Ending, EngineError, Vanished
+from wsnsim.campaign.task import Outcome, Task, perform, start_worker
+
+MOST_BROKEN: Final = 5
+"""Pools in a row that break before any task has ended: then it is not a task that kills them."""
+THREADS: Final = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS")
+
+
+@final
+class LocalPool:
+    """`workers` processes, one task each."""
+
+    def __init__(self, workers: int) -> None:
+        self.workers = workers
+        self._pool: ProcessPoolExecutor | None = None
+        self._running: dict[Future[Outcome], Task] = {}
+        self._broken = 0
+        self._before: set[BaseProcess] = set()
+
+    @property
+    def window(self) -> int:
+        """Twice as many as there are workers: the next task of each is already with it."""
+        return 2 * self.workers
+
+    def submit(self, task: Task) -> None:
+        """Give a task to the pool."""
+        try:
+            future = self._opened().submit(perform, task)
+        except BrokenProcessPool:  # it broke while nothing was asked of it
+            self._drop()
+            future = self._opened().submit(perform, task)
+        self._running[future] = task
+
+    def ended(self, wait_for: float) -> list[Ending]:
+        """What has ended; with a pool that broke, all that was under way has."""
+        done, _ = wait(self._running, timeout=wait_for, return_when=FIRST_COMPLETED)
+        endings = [Ending(self._running.pop(future), _outcome(future)) for future in done]
+        if any(isinstance(ending.outcome, Vanished) for ending in endings):
+            endings += [Ending(task, _outcome(future)) for future, task in self._running.items()]
+            self._running.clear()
+            self._drop()
+        if any(isinstance(ending.outcome, Outcome) for ending in endings):
+            self._broken = 0
+        return endings
+
+    def withdraw(self) -> list[Task]:
+        """Take back the tasks that no worker has been given."""
+        return [self._running.pop(future) for future in list(self._running) if future.cancel()]
+
+    def close(self) -> None:
+        """End the workers, whatever they do."""
+        if self._pool is not None:
+            self._drop()
+
+    def _opened(self) -> ProcessPoolExecutor:
+        if self._pool is None:
+            if self._broken >= MOST_BROKEN:
+                raise EngineError(
+                    f"{self._broken} times in a row workers died before any task ended: is there enough memory? In a"
+                    " script, campaigns must be started under: if __name__ == '__main__':"
+                )
+            for name in THREADS:
+                os.environ.setdefault(name, "1")  # workers read them before they import NumPy
+            self._before = set(multiprocessing.active_children())
+            self._pool = ProcessPoolExecutor(
+                self.workers, mp_context=multiprocessing.get_context("spawn"), initializer=start_worker
+            )
+        return self._pool
+
+    def _drop(self) -> None:
+        """Kill what is left of the pool; the next task gets another."""
+        assert self._pool is not None
+        self._broken += 1
+        pool, self._pool = self._pool, None
+        for process in set(multiprocessing.active_children()) - self._before:
+            process.kill()
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _outcome(future: Future[Outcome]) -> Outcome | Vanished:
+    """How a future ended; one of a pool that broke ends with it."""
+    try:
+        return future.result(timeout=5.0)
+    except Exception as error:
+        return Vanished(str(error) or type(error).__name__)

@@ -1,0 +1,91 @@
+"""The points of a sweep: values laid on scenarios, every point checked, each with a name of its own.
+
+points_of(bases, common, settings) -> [Point, ...]
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, Final
+
+from wsnsim.base.errors import Fault, ScenarioError
+from wsnsim.scenario.axes import Settings
+from wsnsim.scenario.build import build, resolved
+from wsnsim.scenario.load import Assignment, Gathered, finished
+from wsnsim.scenario.schema import Scenario
+from wsnsim.scenario.sweep_schema import Point
+from wsnsim.scenario.tree import Keys, Node, dotted, in_order, plain
+
+LEFT_OUT: Final = ("name", "replicates")
+"""What a scenario says that changes no replicate of it."""
+WORLD: Final = ("seed", "step", "duration", "deploy", "motion", "targets", "sensor", "prior")
+"""What two points must share to chase the same truth over the same places, from the same prior."""
+SCENARIO: Final = "scenario"
+MOST_FAULTS: Final = 20
+
+
+def points_of(bases: Sequence[Gathered], common: Sequence[Assignment], settings: Iterable[Settings]) -> list[Point]:
+    """One point for each base and each of the settings; with several bases, their names are a column of their own.
+
+    Raises:
+        ScenarioError: with the faults of every point, as far as they differ, or two points that are one.
+    """
+    faults: dict[str, Fault] = {}
+    points: dict[str, Point] = {}
+    chosen = list(settings)
+    for base in bases:
+        for laid in chosen:
+            try:
+                scenario = finished(base, [*common, *laid])
+                build(scenario)
+            except ScenarioError as error:
+                faults.update((str(fault), fault) for fault in error.faults)
+                if len(faults) >= MOST_FAULTS:
+                    raise ScenarioError(in_order(faults.values())) from None
+                continue
+            point = _point(scenario, laid, {SCENARIO: scenario.name} if len(bases) > 1 else {})
+            twin = points.setdefault(point.id, point)
+            if twin is not point:
+                said = f"{_words(twin)} and {_words(point)} are the same point: nothing that they say differs"
+                faults.setdefault(said, laid[-1][1].spot.fault((), said) if laid else Fault((), said))
+    if faults:
+        raise ScenarioError(in_order(faults.values()))
+    return list(points.values())
+
+
+def keys_of_points(points: Iterable[Point]) -> tuple[str, ...]:
+    """The columns that tell points apart, in the order in which they are first written."""
+    return tuple(dict.fromkeys(key for point in points for key in point.settings))
+
+
+def _point(scenario: Scenario, laid: Settings, first: Mapping[str, Any]) -> Point:
+    said = resolved(scenario)
+    decides = {key: value for key, value in said.items() if key not in LEFT_OUT}
+    world = {key: said.get(key) for key in WORLD}
+    values = {name: value for keys, node in laid for name, value in _leaves(keys, node, said)}
+    return Point(_digest(decides), {**first, **values}, json.dumps(said), _digest(world))
+
+
+def _leaves(keys: Keys, node: Node, said: Mapping[str, Any]) -> list[tuple[str, Any]]:
+    """(column, value in SI units) of everything that one setting writes: of a whole role, each of its keys."""
+    if isinstance(node.value, dict):
+        return [leaf for key, entry in node.value.items() for leaf in _leaves((*keys, key), entry.node, said)]
+    value: Any = said
+    for key in keys:
+        try:
+            value = value[key]
+        except (KeyError, IndexError, TypeError):  # a short form, which the scenario writes elsewhere
+            value = plain(node)
+            break
+    return [(dotted(keys), json.dumps(value) if isinstance(value, list | dict) else value)]
+
+
+def _words(point: Point) -> str:
+    return ", ".join(f"{key} = {value}" for key, value in point.settings.items()) or "(the scenario as it is)"
+
+
+def _digest(values: Mapping[str, Any]) -> str:
+    text = json.dumps(values, sort_keys=True)
+    return hashlib.blake2b(text.encode(), digest_size=6).hexdigest()

@@ -1,0 +1,250 @@
+"""A sweep: a scenario, axes, replicates. A file or the command line becomes a list of points, every one checked.
+
+    plan = load_sweep("scenarios/sweeps/particles.yaml")           a file, or a shipped sweep's name
+    plan = load_sweep("pso_mhpf", vary=["tracker.particles=100,200"])   a scenario, and axes from the command line
+
+    name: particles
+    scenario: ../pso_mhpf.yaml              # a file or a shipped name; several in a list are an axis of their own
+    set: {link.reach: 80 m}                 # laid on the scenario at every point
+    grid: {tracker.particles: [100, 200], link.reach: {range: [60 m, 120 m], count: 4}}
+    zip: {...}                              # axes that go together;  points: [{...}, ...] points one by one
+    random: {points: 20, seed: 1, over: {sensor.decay: {range: [2, 3]}}}     # latin_hypercube: the same
+    replicates: 30
+    until: {metric: rmse, half_width: 5 %, at_least: 10, at_most: 200}
+
+Blocks are combined with each other. A campaign records the tables `runs` and `tracks`; `set: {record.estimates: true}`
+adds others.
+"""
+
+from __future__ import annotations
+
+import itertools
+import json
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+from pydantic import ValidationError
+
+from wsnsim.base.errors import Fault, ScenarioError
+from wsnsim.base.tables import TABLES
+from wsnsim.scenario import axes as shapes
+from wsnsim.scenario.axes import Draw, Refused, Settings
+from wsnsim.scenario.load import (
+    Assignment,
+    Gathered,
+    assignments_of,
+    content_of,
+    find_or_none,
+    gathered,
+    keys_of,
+    shipped_sweeps,
+)
+from wsnsim.scenario.messages import faults_of
+from wsnsim.scenario.points import LEFT_OUT, SCENARIO, keys_of_points, points_of
+from wsnsim.scenario.reader import of_dict, read
+from wsnsim.scenario.sweep_schema import Plan, Written
+from wsnsim.scenario.tree import Entry, Keys, Node, Spot, Text, at, child, dotted, in_order, mapping, plain, sequence
+
+KEPT: Final = ("runs", "tracks")
+"""What a campaign records where nobody asks for more."""
+
+
+def is_sweep(source: str | Path) -> bool:
+    """Whether a name is that of a sweep's file, or of a shipped sweep, rather than of a scenario."""
+    path = _sweep_file(source)
+    content = content_of(path)[0] if path else None
+    tree = read(content, Text(str(path), Path()))[0] if content else None
+    return tree is not None and isinstance(tree.value, dict) and "scenario" in tree.value
+
+
+def load_sweep(
+    source: str | Path | Mapping[str, Any] | Sequence[str],
+    vary: Iterable[str] = (),
+    overrides: Iterable[str] = (),
+    **given: Any,
+) -> Plan:
+    """The plan of a sweep's file, of a dict that says the same, or of one or several scenarios.
+
+    `vary`, such as 'tracker.particles=100,200', are further axes of the grid; `overrides` are as `--set` takes them;
+    `given` may replace `name`, `replicates` and `timeout`.
+
+    Raises:
+        ScenarioError: with the faults of the sweep, or those of its points.
+    """
+    tree, name, text = _read(source)
+    tree = _with_given(_with_vary(tree, vary), given)
+    try:
+        written = Written.model_validate(plain(tree))
+    except ValidationError as error:
+        raise ScenarioError(faults_of(error, Written, tree)) from None
+    assignments, wrong = assignments_of(overrides)
+    if wrong:
+        raise ScenarioError(wrong)
+    try:
+        common = [*_record(tree.spot), *_assigned(child(tree, "set")), *assignments]
+        settings = _combined(tree, written)
+    except Refused as refused:
+        raise ScenarioError([_fault(tree, refused)]) from None
+    points = points_of(_bases(tree), common, settings)
+    most = written.until.at_most if written.until else written.replicates
+    if most is None:
+        most = max(json.loads(point.resolved)["replicates"] for point in points)
+    return Plan(
+        name=written.name or name,
+        keys=keys_of_points(points),
+        points=tuple(points),
+        replicates=most,
+        until=written.until,
+        block=written.block,
+        timeout=written.timeout,
+        source=text,
+    )
+
+
+def _bases(tree: Node) -> list[Gathered]:
+    """The scenarios that the sweep names: files from its folder, or shipped ones."""
+    node = tree.value["scenario"].node
+    found = []
+    for item in node.value if isinstance(node.value, list) else [node]:
+        path = find_or_none(item.value, item.spot.text.folder)
+        text = gathered(path or item.value)
+        if text.tree is None:
+            place = item.spot.text.lines and path is None
+            raise ScenarioError(
+                [item.spot.fault(("scenario",), fault.message) for fault in text.faults] if place else text.faults
+            )
+        found.append(text)
+    return found
+
+
+def _read(source: str | Path | Mapping[str, Any] | Sequence[str]) -> tuple[Node, str, str]:
+    """(tree, name that the sweep has where it gives none, text)."""
+    if isinstance(source, Mapping):
+        tree, faults = of_dict(source, Text("", Path.cwd()))
+        if faults:
+            raise ScenarioError(in_order(faults))
+        return tree, "sweep", json.dumps(plain(tree), indent=1, default=str)
+    if isinstance(source, str | Path) and is_sweep(source):
+        path = _sweep_file(source)
+        assert path is not None
+        content, faults = content_of(path)
+        node, found = (None, faults) if content is None else read(content, _text(path, content))
+        if node is None or found:
+            raise ScenarioError(in_order(found))
+        return node, path.stem, content or ""
+    names = [str(source)] if isinstance(source, str | Path) else [str(name) for name in source]
+    spot = Spot(Text("", Path.cwd()))
+    nodes = [Node(name, spot) for name in names]
+    given = nodes[0] if len(nodes) == 1 else sequence(nodes, spot)
+    return mapping({"scenario": Entry(spot, given)}, spot), "_".join(Path(name).stem for name in names[:4]), ""
+
+
+def _text(path: Path, content: str) -> Text:
+    return Text(str(path), path.parent, tuple(content.splitlines()) or ("",))
+
+
+def _sweep_file(source: str | Path) -> Path | None:
+    """The file of this name, or else the shipped sweep; None where a scenario has the name."""
+    start = Path(source)
+    for path in (start, start.with_name(f"{start.name}.yaml") if start.name else start):
+        if path.is_file():
+            return path
+    return shipped_sweeps().get(str(source).removesuffix(".yaml"))
+
+
+def _with_vary(tree: Node, vary: Iterable[str]) -> Node:
+    """The tree with the axes of the command line in its grid, in place of what the file says of the same key."""
+    added: dict[str, Entry] = {}
+    for text in vary:
+        key, sign, values = text.partition("=")
+        keys = keys_of(key)
+        spot = Spot(Text(f"--vary {key.strip()}", Path.cwd(), (), keys))
+        if not sign or not keys or not values.strip():
+            example = "--vary tracker.particles=100,200 or --vary 'link.reach={range: [60 m, 80 m], count: 3}'"
+            raise ScenarioError([spot.fault(keys, f"expected KEY=VALUES, such as {example}")])
+        node, faults = read(f"[{values}]", spot.text)
+        if node is None or faults:
+            raise ScenarioError(faults)
+        alone = node.value[0] if len(node.value) == 1 else None
+        is_range = alone is not None and isinstance(alone.value, dict) and any(n in alone.value for n in shapes.RANGES)
+        added[dotted(keys)] = Entry(spot, alone if is_range and alone is not None else node)
+    if not added:
+        return tree
+    old = child(tree, "grid")
+    grid = mapping({**(old.value if old and isinstance(old.value, dict) else {}), **added}, tree.spot)
+    return mapping({**tree.value, "grid": Entry(tree.spot, grid)}, tree.spot)
+
+
+def _with_given(tree: Node, given: Mapping[str, Any]) -> Node:
+    """The tree with what the command line says laid over it; --replicates ends a stopping rule, too."""
+    said = {key: Entry(tree.spot, Node(value, tree.spot)) for key, value in given.items() if value is not None}
+    kept = {key: entry for key, entry in tree.value.items() if not ("replicates" in said and key == "until")}
+    return mapping({**kept, **said}, tree.spot)
+
+
+def _record(spot: Spot) -> list[Assignment]:
+    return [(("record", table), Node(table in KEPT, spot)) for table in TABLES]
+
+
+def _assigned(node: Node | None) -> list[Assignment]:
+    """What a mapping of dotted keys lays on a scenario."""
+    if node is None:
+        return []
+    return [(_keys(key, entry), entry.node) for key, entry in node.value.items()]
+
+
+def _keys(key: str, entry: Entry) -> Keys:
+    keys = keys_of(key)
+    if not keys or keys[0] in ("extends", SCENARIO, *LEFT_OUT) or "=" in key:
+        raise Refused(entry.node, f"'{key}' is no key of a scenario that can be varied")
+    return keys
+
+
+def _combined(tree: Node, written: Written) -> list[Settings]:
+    """Every point: one of each block, combined with each other."""
+    blocks: list[list[Settings]] = []
+    for name in ("grid", "zip"):
+        node = child(tree, name)
+        if node is not None and node.value:
+            blocks.append(getattr(shapes, "grid" if name == "grid" else "zipped")(dict(_assigned(node))))
+    several = child(tree, "points")
+    if several is not None:
+        if not several.value:
+            raise Refused(several, "is an empty list: a sweep needs a point")
+        blocks.append([tuple(_assigned(item)) for item in several.value])
+    for name, place in (("random", shapes.random), ("latin_hypercube", shapes.latin_hypercube)):
+        drawn, over = getattr(written, name), at(tree, (name, "over"))
+        if drawn is not None and over is not None:
+            if not over.value:
+                raise Refused(over, "is empty: say over which axes points are drawn")
+            blocks.append(place(Draw(drawn.points, drawn.seed, dict(_assigned(over)))))
+    shapes.demand_few(math.prod(len(block) for block in blocks), tree)
+    return [_joined(chosen) for chosen in itertools.product(*blocks)]
+
+
+def _joined(chosen: Iterable[Settings]) -> Settings:
+    together = tuple(itertools.chain.from_iterable(chosen))
+    seen: set[Keys] = set()
+    for keys, node in together:
+        if keys in seen:
+            raise Refused(node, f"'{dotted(keys)}' is an axis twice")
+        seen.add(keys)
+    return together
+
+
+def _fault(tree: Node, refused: Refused) -> Fault:
+    """The refusal at its place, with the path under which it is written."""
+    path = next((path for path, node in _walk(tree, ()) if node is refused.node), ())
+    return refused.node.spot.fault(path, str(refused))
+
+
+def _walk(node: Node, path: Keys) -> Iterator[tuple[Keys, Node]]:
+    yield path, node
+    if isinstance(node.value, dict):
+        for key, entry in node.value.items():
+            yield from _walk(entry.node, (*path, key))
+    elif isinstance(node.value, list):
+        for i, item in enumerate(node.value):
+            yield from _walk(item, (*path, i))
