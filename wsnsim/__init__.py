@@ -14,10 +14,12 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from wsnsim.analysis.comparison import compared
     from wsnsim.analysis.frames import read
     from wsnsim.base.asks import Broadcast, Compute, Gather, Local, Member, Parcel, Scatter, Send
     from wsnsim.base.part import Quantity, part
     from wsnsim.base.ports import Estimate, Scene, Tracker
+    from wsnsim.campaign import sweep
     from wsnsim.experiment import run, simulate
     from wsnsim.scenario import load
 
@@ -28,6 +30,8 @@ _HOMES = {
     "simulate": "wsnsim.experiment",
     "load": "wsnsim.scenario",
     "read": "wsnsim.analysis.frames",
+    "sweep": "wsnsim.campaign",
+    "compared": "wsnsim.analysis.comparison",
     "part": "wsnsim.base.part",
     "Quantity": "wsnsim.base.part",
     "Tracker": "wsnsim.base.ports",
@@ -44,7 +48,7 @@ _HOMES = {
 }
 __all__ = [
     "Broadcast", "Compute", "Estimate", "Gather", "Local", "Member", "Parcel", "Quantity", "Scatter", "Scene", "Send",
-    "Tracker", "load", "part", "read", "run", "simulate",
+    "Tracker", "compared", "load", "part", "read", "run", "simulate", "sweep",
 ]  # fmt: skip
 
 

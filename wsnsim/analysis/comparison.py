@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -47,7 +48,7 @@ class Compared:
 
 
 def compared(
-    folder: Folder, metric: str = "rmse", by: Sequence[str] | None = None, baseline: str | None = None
+    folder: Folder | str | Path, metric: str = "rmse", by: Sequence[str] | None = None, baseline: str | None = None
 ) -> Compared:
     """The figures of a campaign. `by`: the keys that are compared, within each combination of the others.
 
@@ -56,6 +57,7 @@ def compared(
     Raises:
         UsageError: the metric, a key or the baseline is not there. ResultError: nothing is, or cannot be read.
     """
+    folder = folder if isinstance(folder, Folder) else Folder(folder)
     manifest = folder.manifest()
     if metric not in METRICS:
         raise UsageError(f"table runs has no figure '{metric}' ({did_you_mean(metric, METRICS)})")

@@ -62,8 +62,8 @@ def _notes(found: Compared) -> list[str]:
         notes.append(f"  *: no other point has both a smaller median {found.metric} and less energy")
     if "difference" in table and table["pairs"].notna().any():
         notes.append(
-            "  difference: median over replicates of the difference from the first of the group, on the same truth and"
-            " readings; effect: rank-biserial correlation, from -1 (always less) to 1 (always more)"
+            "  difference: median over replicates of that from the first of the group, on the same truth and readings;\n"
+            "  effect: rank-biserial correlation, from -1 (always less) to 1 (always more)"
         )
     unknown = int((table["replicates"] - table["known"]).sum())
     if unknown:

@@ -9,10 +9,12 @@ What a campaign needs to go on after any death of any process is on disk; see `r
 
 from __future__ import annotations
 
+import os
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from wsnsim import __version__, recording
 from wsnsim.base.errors import UsageError
@@ -21,7 +23,7 @@ from wsnsim.recording.folder import Folder, Manifest, PointOnDisk
 from wsnsim.recording.layout import reason
 from wsnsim.scenario.sweep_schema import Plan
 
-__all__ = ["ALL", "Ended", "Part", "Progress", "begin", "collect", "drive", "go_on", "missing_words"]
+__all__ = ["ALL", "Ended", "Part", "Progress", "begin", "collect", "drive", "go_on", "missing_words", "sweep"]
 
 
 def begin(
@@ -65,6 +67,36 @@ def go_on(path: str | Path) -> Folder:
     _demand_version(folder, folder.manifest())
     _demand_writable(folder.path)
     return folder
+
+
+def sweep(
+    source: str | Path | Mapping[str, Any] | Sequence[str],
+    *,
+    out: str | Path,
+    vary: Sequence[str] = (),
+    overrides: Sequence[str] = (),
+    replicates: int | None = None,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    progress: Callable[[Progress], None] | None = None,
+) -> Ended:
+    """Run a sweep, or go on with it, from Python; `wsnsim.read(out, "runs")` and `wsnsim.compared(out)` give results.
+
+    `source` is a sweep's file or shipped name, a dict that says the same ({"scenario": "pso_mhpf", "grid":
+    {"tracker.particles": [100, 200]}}), or scenarios, with axes in `vary`. In a script, call it under
+    `if __name__ == "__main__":`, as worker processes import the script.
+
+    Raises:
+        ScenarioError, UsageError: nothing was run. What fails later is in what is returned.
+    """
+    from wsnsim.campaign.cluster import DaskCluster
+    from wsnsim.campaign.local import LocalPool
+    from wsnsim.scenario.sweep import load_sweep
+
+    plan = load_sweep(source, vary, overrides, replicates=replicates)
+    folder = begin(plan, out, command_line="wsnsim.sweep")
+    engine = DaskCluster(folder.path, scheduler) if scheduler else LocalPool(workers or os.cpu_count() or 1)
+    return drive(folder, engine, watch=progress)
 
 
 def collect(parts: Sequence[Folder], into: Folder) -> Manifest:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+from collections.abc import Callable
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing.process import BaseProcess
@@ -22,10 +23,11 @@ THREADS: Final = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", 
 
 @final
 class LocalPool:
-    """`workers` processes, one task each."""
+    """`workers` processes, one task each; `perform` is what they do with it."""
 
-    def __init__(self, workers: int) -> None:
+    def __init__(self, workers: int, perform: Callable[[Task], Outcome] = perform) -> None:
         self.workers = workers
+        self._perform = perform
         self._pool: ProcessPoolExecutor | None = None
         self._running: dict[Future[Outcome], Task] = {}
         self._broken = 0
@@ -39,10 +41,10 @@ class LocalPool:
     def submit(self, task: Task) -> None:
         """Give a task to the pool."""
         try:
-            future = self._opened().submit(perform, task)
+            future = self._opened().submit(self._perform, task)
         except BrokenProcessPool:  # it broke while nothing was asked of it
             self._drop()
-            future = self._opened().submit(perform, task)
+            future = self._opened().submit(self._perform, task)
         self._running[future] = task
 
     def ended(self, wait_for: float) -> list[Ending]:

@@ -12,7 +12,7 @@ from wsnsim.base.errors import UsageError
 from wsnsim.cli.interrupts import Interrupts
 from wsnsim.cli.progress import MODES
 from wsnsim.cli.session import INCOMPLETE, Choices, Said, answer, carried_out, gone_on_with, say
-from wsnsim.cli.shared import group, json_option, overrides_option
+from wsnsim.cli.shared import group, is_campaign, json_option, overrides_option
 
 FEW: Final = 5
 
@@ -71,7 +71,7 @@ def sweep(
     --vary; DIR is the folder of a campaign, which is gone on with.
     """
     chosen = _choices(choices)
-    if _is_campaign(source):
+    if is_campaign(source):
         if vary or overrides or replicates or seed is not None or chosen.out or timeout:
             raise UsageError(
                 f"{source} is a campaign, which says itself what is to be run: give the sweep to change it"
@@ -107,7 +107,7 @@ def compare(
 ) -> int:
     """Compare trackers, or scenarios, replicate by replicate on the same truth and the same readings."""
     chosen = _choices(choices)
-    if len(sources) == 1 and _is_campaign(sources[0]):
+    if len(sources) == 1 and is_campaign(sources[0]):
         if trackers or vary or overrides or replicates or seed is not None or timeout:
             raise UsageError(f"{sources[0]} is a campaign, which says itself what is compared")
         return gone_on_with(sources[0], chosen, interrupts)
@@ -158,15 +158,6 @@ def export(result: Path, place: Path, tables: tuple[str, ...]) -> None:
 def _choices(given: Mapping[str, Any]) -> Choices:
     said = Said(**{name: given[name] for name in Said._fields})
     return Choices(said=said, **{name: value for name, value in given.items() if name not in Said._fields})
-
-
-def _is_campaign(source: str) -> bool:
-    from wsnsim.recording.folder import Folder
-
-    try:
-        return Folder(source).holds_campaign()
-    except (OSError, ValueError):
-        return False
 
 
 def _seeded(overrides: tuple[str, ...], seed: int | None) -> tuple[str, ...]:

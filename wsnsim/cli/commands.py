@@ -15,6 +15,7 @@ from wsnsim.cli.shared import (
     command_line,
     echo_json,
     group,
+    is_campaign,
     json_option,
     overrides_option,
     result_argument,
@@ -149,11 +150,15 @@ def new(name: str, bench: bool) -> None:
 @click.argument("source", metavar="FILE|NAME")
 @json_option
 def info(source: str, as_json: bool) -> None:
-    """Say what a result holds, a data sheet (`wsnsim list parts`), or a scenario's energy model, MAC and link."""
-    if source.endswith(".h5") or _is_result(source):
+    """Say what a result or a campaign's folder holds, a data sheet (`wsnsim list parts`), or a scenario's radio."""
+    if is_campaign(source):
+        from wsnsim.analysis import campaign_info
+
+        told: Any = campaign_info.info(source) if as_json else campaign_info.info_text(source)
+    elif source.endswith(".h5") or _is_result(source):
         from wsnsim.analysis import frames
 
-        told: Any = frames.info(Path(source)) if as_json else frames.info_text(Path(source))
+        told = frames.info(Path(source)) if as_json else frames.info_text(Path(source))
     else:
         from wsnsim.cli import profiles
 

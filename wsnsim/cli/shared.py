@@ -49,6 +49,14 @@ json_option = click.option(
 result_argument = click.argument("result", metavar="FILE", type=click.Path(path_type=Path))
 
 
+def is_campaign(source: str) -> bool:
+    """Whether a name is that of a campaign's folder."""
+    try:
+        return (Path(source) / "campaign.json").is_file()
+    except (OSError, ValueError):
+        return False
+
+
 def writable(out: Path | None, default: Path) -> Path:
     """Where the answer goes. Raises UsageError, before anything runs, if it cannot be written there."""
     import tempfile

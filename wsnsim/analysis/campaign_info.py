@@ -1,0 +1,75 @@
+"""What a campaign's folder is about, and how far it is; no result file is opened.
+
+info(path) -> dict,  info_text(path) -> str                 as `wsnsim info` of a folder
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Final
+
+from wsnsim.analysis.comparison import label
+from wsnsim.recording.folder import Folder
+
+MOST: Final = 20
+
+
+def info(path: str | Path) -> dict[str, Any]:
+    """How far a campaign is, as plain values.
+
+    Keys: folder, name, keys, by, points (settings, id, replicates, done), replicates, done, failed ({task: why}),
+    files, bytes, block, until, timeout, wsnsim_version, provenance.
+    """
+    folder = Folder(path)
+    manifest = folder.manifest()
+    points, files, size = [], 0, 0
+    for point in manifest.points:
+        batches = folder.batches(point.id)
+        files += len(batches)
+        size += sum(batch.path.stat().st_size for batch in batches)
+        done = point.replicates - len(folder.missing(point.id, point.replicates))
+        points.append({"settings": point.settings, "id": point.id, "replicates": point.replicates, "done": done})
+    return {
+        "folder": str(folder.path),
+        "name": manifest.name,
+        "keys": list(manifest.keys),
+        "by": list(manifest.by),
+        "points": points,
+        "replicates": sum(point["replicates"] for point in points),
+        "done": sum(point["done"] for point in points),
+        "failed": folder.failures(),
+        "files": files,
+        "bytes": size,
+        "block": manifest.block,
+        "until": manifest.until,
+        "timeout": manifest.timeout,
+        "wsnsim_version": manifest.wsnsim_version,
+        "provenance": dict(manifest.provenance),
+    }
+
+
+def info_text(path: str | Path) -> str:
+    """The same for a terminal."""
+    about = info(path)
+    made, points = about["provenance"], about["points"]
+    state = "complete" if about["done"] == about["replicates"] else "incomplete"
+    lines = [
+        f"{about['folder']}: the campaign {about['name']}, {state}",
+        f"replicates   {about['done']} of {about['replicates']} done, at {len(points)} points, {about['files']} files,"
+        f" {about['bytes'] / 1e6:.1f} MB",
+        f"axes         {', '.join(about['keys']) or 'none'}",
+        f"made by      wsnsim {about['wsnsim_version']}, Python {made.get('python')}",
+        f"command      {made.get('command_line')}",
+        "",
+    ]
+    lines += [_point_line(point) for point in points[:MOST]]
+    if len(points) > MOST:
+        lines.append(f"  and {len(points) - MOST} points more")
+    failed = list(about["failed"].items())
+    lines += [f"  failed: {task}: {why.splitlines()[0] if why else ''}" for task, why in failed[:MOST]]
+    return "\n".join(lines)
+
+
+def _point_line(point: dict[str, Any]) -> str:
+    said = ", ".join(f"{key} = {label([value])}" for key, value in point["settings"].items()) or "the scenario as it is"
+    return f"  {point['id']}  {point['done']:>5} of {point['replicates']:<5}  {said}"
