@@ -35,7 +35,8 @@ class Compared:
     Its columns: `point`, the swept keys, `replicates`, `known` (with an error), of the metric `median` and `mean` with
     `_low` and `_high`, `lost_fraction`, of `energy` the median [J], `error_per_joule` (the median of metric / energy),
     `front` (no other of its group has less of both medians), and against the baseline of its group `difference`,
-    `effect`, `p` and `pairs`. What cannot be said is NaN. `unpaired`: why rows have no difference.
+    `effect`, `p` and `pairs`. What cannot be said is NaN. `unpaired`: why rows have no difference;
+    `unbounded`: why `comparison_bounds.with_bounds` has found no bound for some.
     """
 
     name: str
@@ -45,6 +46,7 @@ class Compared:
     baseline: str | None
     table: pd.DataFrame
     unpaired: str
+    unbounded: str = ""
 
 
 def compared(
@@ -86,6 +88,7 @@ def as_json(found: Compared) -> dict[str, Any]:
         "by": list(found.by),
         "points": rows,
         "unpaired": found.unpaired,
+        "unbounded": found.unbounded,
     }
 
 

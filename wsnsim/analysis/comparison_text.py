@@ -42,6 +42,8 @@ def _columns(found: Compared) -> tuple[list[str], list[list[str]]]:
         columns.append(("runs", [str(count) for count in table["replicates"]]))
     columns.append((f"median {said}", [_spread(row, "median") for _, row in table.iterrows()]))
     columns.append(("mean", [_number(value) for value in table["mean"]]))
+    if "bound" in table and table["bound"].notna().any():
+        columns.append(("bound", [_number(value) for value in table["bound"]]))
     if found.metric != "lost":
         columns.append(("lost", [_share(row) for _, row in table.iterrows()]))
     if table["energy"].notna().any() and (table["energy"] > 0).any():
@@ -62,8 +64,12 @@ def _notes(found: Compared) -> list[str]:
         notes.append(f"  *: no other point has both a smaller median {found.metric} and less energy")
     if "difference" in table and table["pairs"].notna().any():
         notes.append(
-            "  difference: median over replicates of that from the first of the group, on the same truth and readings;\n"
+            "  difference: median over replicates of that from the group's first, on the same truth and readings;\n"
             "  effect: rank-biserial correlation, from -1 (always less) to 1 (always more)"
+        )
+    if "bound" in table and table["bound"].notna().any():
+        notes.append(
+            "  bound: what no filter does much better than, given all readings in range (Cramer-Rao along each truth)"
         )
     unknown = int((table["replicates"] - table["known"]).sum())
     if unknown:

@@ -41,6 +41,9 @@ def _shared(command: Callable[..., Any]) -> Callable[..., Any]:
         ),
         click.option("--baseline", metavar="VALUE", help="Differences are from this one; default the first."),
         click.option("--csv", type=path, metavar="FILE", help="Write the table to a file, too."),
+        click.option(
+            "--bound/--no-bound", default=None, help="The bound beside the errors; compare shows it by default."
+        ),
         json_option,
         click.option("--quiet", "-q", is_flag=True, help="No progress and no log."),
         click.option("--progress", type=click.Choice(MODES), default="auto", show_default=True, help="How to show it."),
@@ -106,7 +109,7 @@ def compare(
     **choices: Any,
 ) -> int:
     """Compare trackers, or scenarios, replicate by replicate on the same truth and the same readings."""
-    chosen = _choices(choices)
+    chosen = _choices({**choices, "bound": choices["bound"] is not False})
     if len(sources) == 1 and is_campaign(sources[0]):
         if trackers or vary or overrides or replicates or seed is not None or timeout:
             raise UsageError(f"{sources[0]} is a campaign, which says itself what is compared")
@@ -137,7 +140,7 @@ def collect(parts: tuple[Path, ...], out: Path | None, metric: str, as_json: boo
     manifest = campaign.collect([Folder(part) for part in parts], into)
     missing = {point.id: into.missing(point.id, point.replicates) for point in manifest.points}
     missing = {point: numbers for point, numbers in missing.items() if numbers}
-    answer(into, Said(metric, (), None, None, as_json))
+    answer(into, Said(metric, (), None, None, as_json, bound=False))
     if missing:
         say([f"{into.path} is incomplete:", *campaign.missing_words(missing, manifest)])
     return INCOMPLETE if missing else 0

@@ -32,6 +32,7 @@ class Said(NamedTuple):
     baseline: str | None
     csv: Path | None
     as_json: bool
+    bound: bool
 
 
 class Choices(NamedTuple):
@@ -122,6 +123,10 @@ def answer(folder: Folder, chosen: Said) -> None:
     except ResultError as error:
         say([str(error)])
         return
+    if chosen.bound:
+        from wsnsim.analysis import comparison_bounds
+
+        found = comparison_bounds.with_bounds(found, folder)
     if chosen.csv:
         _write_csv(found.table, chosen.csv)
     if chosen.as_json:

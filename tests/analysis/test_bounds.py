@@ -1,0 +1,209 @@
+"""Bounds on the tracking error: of whom they are one, where there is none, and that no tracker is below."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from wsnsim import read
+from wsnsim.analysis import bounds
+from wsnsim.analysis.bounding.drawn import drawn
+from wsnsim.analysis.bounding.recorded import Recorded
+from wsnsim.analysis.bounds import bound, bound_of_run
+from wsnsim.base.errors import ResultError, UsageError
+from wsnsim.experiment import run, simulate
+from wsnsim.scenario import build, load, resolved, shipped
+
+ON_THE_LINE = {
+    "name": "line", "seed": 3, "network": "none", "step": 0.5, "duration": 20,
+    "prior": {"sd": [2.0, 1.0, 0.1]},
+    "deploy": {"kind": "anchors", "places": [[-1000, 0], [2000, 0]]},
+    "motion": {"kind": "constant_acceleration", "q": 1e-3, "start": [1, 0.5, 0.01]},
+    "sensor": {"kind": "range", "sd": 0.7, "reach": ".inf"},
+    "tracker": {"kind": "ekf"},
+}  # fmt: skip
+JIANG = {"extends": "scenarios/central_pf.yaml", "duration": "2 s"}
+
+
+def test_on_a_line_the_bound_is_what_the_kalman_filter_claims_at_every_step(tmp_path):
+    result = run(ON_THE_LINE, replicates=3, out=tmp_path / "x.h5").out
+    claimed = read(result, "estimates").sd_x.to_numpy().reshape(3, 40)
+    for kind in bounds.KINDS:
+        assert bound(ON_THE_LINE, range(3), kind).rmse == pytest.approx(claimed[0], rel=1e-9)
+        assert bound_of_run(result, "arrived", kind).columns[:, 0] == pytest.approx(claimed[2], rel=1e-9)
+
+
+def test_unknown_gains_never_lower_the_bound_and_matter_where_they_differ():
+    known, unknown = (bound(JIANG, range(3), "per_trajectory", gains) for gains in bounds.GAINS)
+    assert np.all(unknown.each >= known.each * (1 - 1e-9)) and unknown.time_mean > 1.05 * known.time_mean
+    alike = {**JIANG, "sensor": {"gain_spread": 1e-9}}
+    same = [bound(alike, range(2), "per_trajectory", gains).each for gains in bounds.GAINS]
+    assert same[0] == pytest.approx(same[1], rel=1e-6)
+    loose = [bound(JIANG, range(3), gains=gains).rmse for gains in bounds.GAINS]
+    assert np.array_equal(*loose), "the bound for known gains bounds both"
+
+
+def test_more_sensors_never_raise_the_bound_and_fewer_readings_never_lower_it():
+    some = [[-1000, 0]]
+    before = np.inf
+    for more in ([2000, 5], [50, 30], [0, 1]):
+        scenario = {**ON_THE_LINE, "deploy": {"kind": "anchors", "places": some}}
+        now = bound(scenario, range(2)).rmse
+        assert np.all(now <= before)
+        before, some = now, [*some, more]
+    missing = {**JIANG, "detection": {"kind": "imperfect", "missed": 0.5}}
+    for kind in bounds.KINDS:
+        assert np.all(bound(missing, range(2), kind).rmse > bound(JIANG, range(2), kind).rmse)
+
+
+def test_the_unconditional_bound_is_below_the_mean_along_trajectories():
+    for scenario in ({**JIANG, "duration": "12 s"}, "scenarios/ungm_grid.yaml", "scenarios/liu_network.yaml"):
+        over, along = (bound(scenario, range(6), kind) for kind in bounds.KINDS)
+        assert np.all(over.rmse <= along.rmse * (1 + 1e-9)) and over.time_mean < 0.999 * along.time_mean
+        assert along.of_replicates.shape == (6,) and along.each.shape == (6, 1, over.rmse.size)
+
+
+@pytest.mark.parametrize(
+    ("scenario", "kinds", "words"),
+    [
+        ("scenarios/gmtt.yaml", bounds.KINDS, "no density"),
+        ("scenarios/beacons.yaml", bounds.KINDS, "no target"),
+        ("scenarios/indoor_pf.yaml", ("unconditional",), "room"),
+        ({"extends": "scenarios/indoor_pf.yaml", "motion": {"course": "turn"}}, ("unconditional",), "turn"),
+        ({**JIANG, "duration": "12 s", "motion": {"noise": "g_only"}}, ("unconditional",), "singular"),
+    ],
+)
+def test_where_there_is_no_bound_it_says_why(scenario, kinds, words):
+    for kind in bounds.KINDS:
+        found = bound(scenario, range(2), kind)
+        assert (words in found.reason) == (kind in kinds)
+        assert np.isnan(found.time_mean) == (found.rmse.size == 0) == bool(found.reason)
+
+
+def test_a_truth_that_moves_without_noise_is_bounded_as_one():
+    calm = {**ON_THE_LINE, "motion": {**ON_THE_LINE["motion"], "truth_noise": False}}
+    slope = np.array([[1.0, 0.5, 0.125], [0.0, 1.0, 0.5], [0.0, 0.0, 1.0]])
+    cov, expected = np.diag([4.0, 1.0, 0.01]), []
+    for _ in range(40):
+        cov = slope @ cov @ slope.T
+        cov = cov - np.outer(cov[0], cov[0]) / (cov[0, 0] + 0.7**2 / 2.0)
+        expected.append(np.sqrt(cov[0, 0]))
+    for kind in bounds.KINDS:
+        assert bound(calm, range(2), kind).rmse == pytest.approx(expected, rel=1e-9)
+
+
+def test_what_makes_a_bound_less_than_strict_is_said():
+    assert not bound("scenarios/range_anchors.yaml", range(2)).cautions
+    assert "fixed prior" in bound("scenarios/range_pf.yaml", range(2)).cautions[0]
+    assert "room" in " ".join(bound("scenarios/indoor_pf.yaml", range(2), "per_trajectory").cautions)
+    assert (
+        "turned back" in bound({**JIANG, "duration": "12 s"}, range(2)).cautions[0] and not bound(JIANG, [0]).cautions
+    )
+
+
+def test_of_two_targets_each_has_its_own_and_both_are_in_the_mean():
+    two = {"extends": "scenarios/two_targets.yaml", "duration": "1 s"}
+    for kind, count in zip(bounds.KINDS, (1, 2), strict=True):
+        found = bound(two, range(2), kind)
+        assert found.each.shape == (count, 2, 25) and found.columns.shape == (25, 4)
+        assert found.rmse == pytest.approx(np.sqrt((found.each**2).mean(axis=(0, 1))))
+        assert found.rmse**2 == pytest.approx((found.columns[:, [0, 2]] ** 2).sum(axis=1))
+
+
+def test_a_wrong_word_and_no_replicates_are_usage_errors():
+    for wrong in ({"kind": "uncoditional"}, {"gains": "some"}, {"replicates": ()}):
+        with pytest.raises(UsageError):
+            bound(ON_THE_LINE, **wrong)
+
+
+SMALL = {"duration": "2 s", "record": {"events": True}}
+
+
+@pytest.mark.parametrize(
+    "scenario",
+    [
+        {"extends": "scenarios/pso_mhpf.yaml", **SMALL},
+        {"extends": "scenarios/ekf_real.yaml", **SMALL},
+        {"extends": "scenarios/central_pf.yaml", **SMALL, "tracker": {"kind": "ekf"}},
+    ],
+)
+def test_of_a_recorded_run_as_many_readings_count_as_the_tracker_used(tmp_path, scenario):
+    result = run(scenario, replicates=2, out=tmp_path / "x.h5").out
+    estimates, recorded = read(result, "estimates"), Recorded(result, build(load(scenario)))
+    for replicate, rows in estimates[estimates.issued.notna()].groupby("replicate"):
+        for readings, column in (("active", "active"), ("arrived", "readings")):
+            steps = recorded.heard(replicate, 0, readings).steps
+            assert np.array_equal(np.bincount(steps, minlength=51)[rows.step], rows[column])
+    every, active, arrived = (bound_of_run(result, readings).each for readings in bounds.READINGS)
+    assert np.all(every <= active * (1 + 1e-9)) and np.all(active <= arrived * (1 + 1e-9))
+    assert np.array_equal(every, bound(scenario, range(2), "per_trajectory").each)
+
+
+def test_readings_that_were_lost_raise_the_bound_of_a_run(tmp_path):
+    faulty = {"kind": "link_loss", "at": 0.5, "duration": 1.0, "loss": 0.7, "fraction": 1.0}
+    scenario = {"extends": "scenarios/central_pf.yaml", **SMALL, "tracker": {"kind": "ekf"}, "faults": [faulty]}
+    result = run(scenario, replicates=1, out=tmp_path / "x.h5").out
+    active, arrived = (bound_of_run(result, readings).rmse for readings in ("active", "arrived"))
+    assert arrived[:12] == pytest.approx(active[:12], rel=1e-12) and arrived[35] > 1.2 * active[35]
+
+
+def test_a_run_without_events_or_with_other_truths_says_so(tmp_path, monkeypatch):
+    result = run(
+        {**JIANG, "record": {"events": False}, "tracker": {"kind": "ekf"}}, replicates=1, out=tmp_path / "x.h5"
+    ).out
+    assert "not all recorded" in bound_of_run(result).reason and not bound_of_run(result, "in_range").reason
+    monkeypatch.setattr(bounds, "drawn", lambda problem, replicate: drawn(problem, replicate + 1))
+    with pytest.raises(ResultError, match="another truth"):
+        bound_of_run(result, "in_range")
+
+
+def test_steps_without_an_estimate_do_not_count_beside_a_tracker_that_skips_them():
+    found = bound(ON_THE_LINE, range(2), "per_trajectory")
+    errors = np.full((2, 1, 40), np.nan)
+    errors[:, :, 10:12] = 1.0
+    assert found.time_mean_at(errors) == pytest.approx(found.rmse[10:12].mean())
+    assert found.time_mean_at(np.zeros((2, 1, 40))) == pytest.approx(found.time_mean)
+
+
+EKF, GRID = {"kind": "ekf"}, {"kind": "grid", "cells": 600}
+SHIPPED = {
+    "central_pf": ("4 s", EKF), "pso_mhpf": ("3 s", EKF), "pso_mhpf_packed": ("2 s", EKF), "two_targets": ("2 s", EKF),
+    "rkf": ("40 s", {"kind": "pf"}), "liu_network": ("40 s", EKF), "range_pf": ("30 s", EKF),
+    "range_anchors": ("30 s", EKF), "ungm_grid": ("30 s", GRID),
+}  # fmt: skip
+
+
+def set_up(name):
+    """What a bound is made of: the targets, the sensors, and what filters are told of the start."""
+    said = resolved(load(name))
+    return repr([said.get(role) for role in ("prior", "motion", "targets", "sensor", "step")])
+
+
+def test_every_shipped_scenario_has_a_set_up_that_is_compared_or_has_no_bound():
+    compared = {set_up(name) for name in SHIPPED}
+    for name in shipped():
+        if set_up(name) not in compared:
+            assert bound(name, range(1)).reason, name
+
+
+def squares(scenario, count):
+    """(count,) each replicate's mean square error over targets and steps."""
+    return np.array([np.nanmean(simulate(scenario, replicate).errors ** 2) for replicate in range(count)])
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_no_tracker_is_significantly_better_than_the_unconditional_bound(name):
+    duration, tracker = SHIPPED[name]
+    scenario = {"extends": f"scenarios/{name}.yaml", "duration": duration, "tracker": tracker}
+    found, count = bound(scenario, range(8)), 8
+    errors = squares(scenario, count)
+    most = errors.mean() + 3.0 * errors.std(ddof=1) / np.sqrt(count)
+    assert not found.reason and (found.rmse**2).mean() <= most
+
+
+def test_the_comparison_would_notice_a_bound_that_is_too_high():
+    scenario = {**ON_THE_LINE, "tracker": EKF}
+    errors, low = squares(scenario, 20), bound(scenario, range(20))
+    wrong = dataclasses.replace(low, covariances=2.0 * low.covariances)
+    most = errors.mean() + 3.0 * errors.std(ddof=1) / np.sqrt(20)
+    assert (low.rmse**2).mean() <= most < (wrong.rmse**2).mean()

@@ -1,0 +1,66 @@
+"""The bound beside the errors of a campaign: how small they could be, on the truths that were simulated.
+
+with_bounds(compared, folder) -> compared, with the columns `bound` and `bound_unconditional`
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from wsnsim.analysis import bounds, campaigns
+from wsnsim.analysis.comparison import Compared
+from wsnsim.base.errors import WsnsimError
+from wsnsim.recording.folder import Folder
+
+MOST: Final = 100
+"""Replicates whose truths are looked at: more change the third digit."""
+BOUNDED: Final = ("rmse", "median_error")
+
+
+class Limits(NamedTuple):
+    """Of a world: the median over truths of the bound along each, the unconditional one, and why there is none."""
+
+    each: float
+    unconditional: float
+    reason: str
+
+
+def with_bounds(found: Compared, folder: Folder) -> Compared:
+    """The same figures with the bound for all readings in range, where the metric is the error of a run.
+
+    `bound` is the median over the first replicates (100 at most) of the bound along each truth, as a root mean square
+    over time: tight, and not strict. `bound_unconditional` is strict for the mean over truths, and often loose. A point
+    without a bound has NaN, and `unbounded` says why.
+    """
+    if found.metric not in BOUNDED:
+        return found
+    manifest, known = folder.manifest(), {}
+    limits = []
+    for number, count in zip(found.table[campaigns.POINT], found.table["replicates"], strict=True):
+        point = manifest.points[int(number)]
+        if point.world not in known:
+            known[point.world] = _limits(json.loads(folder.scenario(point.id)), min(int(count), MOST))
+        limits.append(known[point.world])
+    table = found.table.assign(
+        bound=np.array([limit.each for limit in limits], dtype=np.float64),
+        bound_unconditional=np.array([limit.unconditional for limit in limits], dtype=np.float64),
+    )
+    reasons = dict.fromkeys(limit.reason for limit in limits if limit.reason)
+    return dataclasses.replace(found, table=table, unbounded="; ".join(reasons))
+
+
+def _limits(scenario: dict[str, object], replicates: int) -> Limits:
+    nothing = float("nan")
+    try:
+        each, whole = (bounds.bound(scenario, range(replicates), kind) for kind in ("per_trajectory", "unconditional"))
+    except WsnsimError as error:  # a point of which no replicate can be run has no bound either
+        return Limits(nothing, nothing, str(error))
+    return Limits(
+        float(np.median(each.of_replicates)) if not each.reason else nothing,
+        float(whole.of_replicates[0]) if not whole.reason else nothing,
+        each.reason,
+    )
