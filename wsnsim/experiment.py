@@ -26,8 +26,9 @@ from wsnsim.base.errors import RunError, UsageError
 from wsnsim.base.ports import Continuous, Estimate, Recorder
 from wsnsim.base.problem import Beacons, Common, Parts, Problem
 from wsnsim.base.rng import Streams
-from wsnsim.base.rows import Issued, deviation_rmse, estimate_rows, late_steps, truth_rows
+from wsnsim.base.rows import Issued, deviation_rmse, estimate_rows, truth_rows
 from wsnsim.base.tables import CAUSES, Memory
+from wsnsim.base.tracking import Rule, track_row
 from wsnsim.models.deploy import coverage
 from wsnsim.network.beacons import BeaconWorld
 from wsnsim.network.fleet import Fleet
@@ -37,8 +38,6 @@ from wsnsim.network.world import World
 NAN = float("nan")
 UNCALLED = {"called": 0, "dismissed": 0}
 """Without a network there is nobody to be called."""
-FIRST_STEPS = 20
-"""Steps over which Li (2012) counts ineffective nodes."""
 Source = Any
 """What `scenario.load` takes, or the Scenario that it gives."""
 Tell = Callable[[float], None] | None
@@ -231,6 +230,7 @@ def _summarise(
     played: _Played, problem: Problem, replicate: int, truths: Sequence[Floats], recorder: Recorder, started: float
 ) -> Summary:
     steps, dt = played.steps, problem.dt
+    rule = Rule(problem.lost_window, problem.lost_limit, dt, _due(problem, steps))
     errors, deviations, rows = np.empty((len(truths), steps)), [], []
     for target, (track, motion, truth) in enumerate(zip(played.tracks, problem.motions, truths, strict=True)):
         columns = estimate_rows(track.estimates, track.heads, motion, truth, steps, dt)
@@ -241,11 +241,8 @@ def _summarise(
             recorder.write("estimates", {**key, **columns, **track.columns})
         errors[target] = columns["error"]
         deviations.append(deviation_rmse(columns, motion, truth))
-        whole = {**columns, **track.columns}
-        row = _track_row(track, errors[target], problem, steps)
-        rows.append(
-            {**key, **row, **_delays(whole, problem), **_followed(whole, dt), **_woken(whole, steps), **track.called}
-        )
+        row = track_row(track.estimates, {**columns, **track.columns}, rule)
+        rows.append({**key, **row, "reacquired": track.reacquired, **track.called})
     run = {
         "replicate": replicate,
         "status": 0,
@@ -260,56 +257,12 @@ def _summarise(
     return Summary(run, tuple(rows), errors, np.array(deviations), played.joules, played.clusters)
 
 
-def _track_row(track: _Track, errors: Floats, problem: Problem, steps: int) -> dict[str, Any]:
-    rule = problem.lost_window, problem.lost_limit
-    return {
-        "rmse": metrics.rmse(errors),
-        "median_error": metrics.median_error(errors),
-        "lost": int(metrics.is_lost(errors, *rule)),
-        "lost_at": metrics.first_lost(errors, *rule) * problem.dt,
-        "reacquired": track.reacquired,
-        "late": late_steps(track.estimates, steps, problem.dt),
-        "reports": len(track.estimates),
-    }
-
-
-def _delays(columns: Mapping[str, Any], problem: Problem) -> dict[str, Any]:
-    """How long estimates took to be made, and to reach the sink: times in s, NaN for what never happened."""
-    steps, issued, received = (columns[name] for name in ("time", "issued", "received"))
-    due = 0
-    if isinstance(problem, Parts) and problem.sink.point is not None:
-        every = 1 if problem.sink.every is None else max(1, round(problem.sink.every / problem.dt))
-        due = len(steps) // every
-    in_time = int((received <= steps + problem.dt).sum())
-    return {
-        "delay": metrics.median_error(issued - steps),
-        "received": int(np.isfinite(received).sum()),
-        "report_delay": metrics.median_error(received - steps),
-        "due": due,
-        "in_time": in_time / due if due else NAN,
-    }
-
-
-def _followed(columns: Mapping[str, Any], dt: float) -> dict[str, Any]:
-    """Whether the target was followed at all, and how well where three readings or more said where it was."""
-    times, issued, readings = (np.asarray(columns[name]) for name in ("time", "issued", "readings"))
-    errors = np.asarray(columns["error"])
-    sure = errors[readings >= metrics.ENOUGH_READINGS]
-    return {
-        "tracked": metrics.tracked_share(issued, times, readings, dt, 1),
-        "tracked_three": metrics.tracked_share(issued, times, readings, dt, metrics.ENOUGH_READINGS),
-        "mean_error": metrics.mean_error(errors),
-        "mean_error_three": metrics.mean_error(sure),
-        "rmse_three": metrics.rmse(sure),
-        "median_error_three": metrics.median_error(sure),
-    }
-
-
-def _woken(columns: Mapping[str, Any], steps: int) -> dict[str, int]:
-    """How many nodes woke, and how many in vain."""
-    woken, ineffective = (np.broadcast_to(columns[name], steps) for name in ("woken", "ineffective"))
-    twenty = int(ineffective[:FIRST_STEPS].sum())
-    return {"woken": int(woken.sum()), "ineffective": int(ineffective.sum()), "ineffective_twenty": twenty}
+def _due(problem: Problem, steps: int) -> int:
+    """How many reports a track owes the sink in so many steps."""
+    if not isinstance(problem, Parts) or problem.sink.point is None:
+        return 0
+    every = 1 if problem.sink.every is None else max(1, round(problem.sink.every / problem.dt))
+    return steps // every
 
 
 def _coverage_left(fleet: Fleet, parts: Parts) -> float:

@@ -1,0 +1,78 @@
+"""A track in figures: its row of the table `tracks`, from the columns of its estimates.
+
+track_row(estimates, columns, rule, due, dt) -> {column: value}
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from wsnsim.base import metrics
+from wsnsim.base.rows import Issued, late_steps
+
+NAN: Final = float("nan")
+FIRST_STEPS: Final = 20
+"""Steps over which Li (2012) counts ineffective nodes."""
+
+
+class Rule(NamedTuple):
+    """When a track is lost (window in steps, limit in m), how long a step is (s), and how many reports are due."""
+
+    window: int
+    limit: float
+    dt: float
+    due: int
+
+
+def track_row(estimates: Mapping[int, Issued], columns: Mapping[str, Any], rule: Rule) -> dict[str, Any]:
+    """The figures of one track, from the columns of its rows in the table `estimates`."""
+    errors, steps = np.asarray(columns["error"]), len(columns["time"])
+    return {
+        "rmse": metrics.rmse(errors),
+        "median_error": metrics.median_error(errors),
+        "lost": int(metrics.is_lost(errors, rule.window, rule.limit)),
+        "lost_at": metrics.first_lost(errors, rule.window, rule.limit) * rule.dt,
+        "late": late_steps(estimates, steps, rule.dt),
+        "reports": len(estimates),
+        **_delays(columns, rule),
+        **_followed(columns, rule.dt),
+        **_woken(columns, steps),
+    }
+
+
+def _delays(columns: Mapping[str, Any], rule: Rule) -> dict[str, Any]:
+    """How long estimates took to be made, and to reach the sink: times in s, NaN for what never happened."""
+    steps, issued, received = (columns[name] for name in ("time", "issued", "received"))
+    in_time = int((received <= steps + rule.dt).sum())
+    return {
+        "delay": metrics.median_error(issued - steps),
+        "received": int(np.isfinite(received).sum()),
+        "report_delay": metrics.median_error(received - steps),
+        "due": rule.due,
+        "in_time": in_time / rule.due if rule.due else NAN,
+    }
+
+
+def _followed(columns: Mapping[str, Any], dt: float) -> dict[str, Any]:
+    """Whether the target was followed at all, and how well where three readings or more said where it was."""
+    times, issued, readings = (np.asarray(columns[name]) for name in ("time", "issued", "readings"))
+    errors = np.asarray(columns["error"])
+    sure = errors[readings >= metrics.ENOUGH_READINGS]
+    return {
+        "tracked": metrics.tracked_share(issued, times, readings, dt, 1),
+        "tracked_three": metrics.tracked_share(issued, times, readings, dt, metrics.ENOUGH_READINGS),
+        "mean_error": metrics.mean_error(errors),
+        "mean_error_three": metrics.mean_error(sure),
+        "rmse_three": metrics.rmse(sure),
+        "median_error_three": metrics.median_error(sure),
+    }
+
+
+def _woken(columns: Mapping[str, Any], steps: int) -> dict[str, int]:
+    """How many nodes woke, and how many in vain."""
+    woken, ineffective = (np.broadcast_to(columns[name], steps) for name in ("woken", "ineffective"))
+    twenty = int(ineffective[:FIRST_STEPS].sum())
+    return {"woken": int(woken.sum()), "ineffective": int(ineffective.sum()), "ineffective_twenty": twenty}
