@@ -10,17 +10,21 @@ READY    := $(VENV)/.ready
 # A clone that was moved or copied along with its .venv: what is installed there points to the old place.
 MOVED    := $(shell test -e $(READY) && ! grep -qxF "$(CURDIR)" $(READY) && echo moved)
 
-# The four trackers of Li (2012) over sleeping networks: TRACKER_NODES_STEP, a hundred steps each.
-SLEEPERS   := $(foreach step,2 10,$(foreach nodes,200 250 300 350 400,$(foreach tracker,gmtt tsstp cluster ris,\
-                  results/sleeping/$(tracker)_$(nodes)_$(step).h5)))
-REPLICATES ?= 40
+# A shipped sweep is a campaign in results/NAME, whose table is there once it is complete, and a picture.
+SWEEP      ?= scenarios/sweeps/particles.yaml
+TRACKERS   ?= pso_mhpf,ipf,ppf
+REPLICATES ?=
+SWEEPS     := $(patsubst scenarios/sweeps/%.yaml,%,$(wildcard scenarios/sweeps/*.yaml))
+TABLES     := $(SWEEPS:%=results/%/table.csv)
+FIGURES    := $(SWEEPS:%=results/figures/%.png)
+CHOSEN      = $(if $(REPLICATES),--replicates $(REPLICATES)) $(ARGS)
 
 .DEFAULT_GOAL := help
-.PHONY: help run test check interpreted format lint types imports bench sleeping lock clean moved
+.PHONY: help run test check interpreted format lint types imports bench sweep compare figures lock clean moved asked
 .DELETE_ON_ERROR:
 
 help:  ## this list
-	@echo "make TARGET [SCENARIO=scenarios/pso_mhpf.yaml] [ARGS='further arguments'] [PYTHON=python3.12]"
+	@echo "make TARGET [SCENARIO=scenarios/pso_mhpf.yaml] [REPLICATES=30] [ARGS='further arguments'] [PYTHON=python3.12]"
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/\1|\2/p' $(firstword $(MAKEFILE_LIST)) | while IFS='|' read -r name what; do \
 	    printf '  %-13s%s\n' "$$name" "$$what"; done
 
@@ -50,13 +54,25 @@ imports: $(READY)  ## whether every import goes down the floors of the house
 bench: $(READY)  ## processor time of each tracker and of the seam; also results/bench.json
 	@$(PY) -m tests.bench --json results/bench.json $(ARGS)
 
-sleeping: $(SLEEPERS)  ## gmtt, tsstp, cluster, ris over 200 to 400 nodes, located every 2 s and 10 s; REPLICATES=40
+sweep: $(READY)  ## run a sweep, or go on with it; SWEEP=scenarios/sweeps/particles.yaml REPLICATES=100
+	@$(PY) -m wsnsim sweep "$(SWEEP)" $(CHOSEN)
 
-# A result has its name only once it is complete: make goes on where it stopped.
-results/sleeping/%.h5: $(READY)
-	@mkdir -p results/sleeping; IFS=_ read -r tracker nodes step <<< "$*"; \
-	$(PY) -m wsnsim run "scenarios/$$tracker.yaml" --set "deploy.nodes=$$nodes" --set "step=$$step s" \
-	    --set "duration=$$((100 * step)) s" --set record.events=false --replicates $(REPLICATES) --out $@ $(ARGS)
+compare: $(READY)  ## compare trackers in one scenario; SCENARIO=... TRACKERS=pso_mhpf,ipf,ppf REPLICATES=100
+	@$(PY) -m wsnsim compare "$(SCENARIO)" --trackers "$(TRACKERS)" $(CHOSEN)
+
+figures: $(FIGURES)  ## results/figures/NAME.png of every shipped sweep; runs what is not complete
+
+# What is on disk is not run again, whatever make thinks: a campaign that was stopped is gone on with. Scenarios that
+# changed, or other REPLICATES, only let it look.
+$(TABLES): results/%/table.csv: scenarios/sweeps/%.yaml $(wildcard scenarios/*.yaml scenarios/bases/*.yaml) \
+        $(if $(REPLICATES)$(ARGS),asked) | $(READY)
+	@mkdir -p $(@D)
+	@$(PY) -m wsnsim sweep $< $(CHOSEN) --csv $@.part
+	@mv $@.part $@
+
+$(FIGURES): results/figures/%.png: results/%/table.csv
+	@mkdir -p $(@D)
+	@$(PY) -m wsnsim plot results/$* --out $@
 
 lock:  ## write requirements.lock anew from pyproject.toml (needs uv)
 	@command -v uv >/dev/null || { echo "make lock needs uv: pip install uv, or https://docs.astral.sh/uv/" >&2; exit 1; }

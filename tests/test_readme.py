@@ -10,13 +10,14 @@ import pytest
 
 import wsnsim
 from wsnsim.base.errors import ScenarioError
-from wsnsim.cli.commands import group
+from wsnsim.cli.shared import group
 from wsnsim.scenario import resolved
+from wsnsim.scenario.sweep import load_sweep
 from wsnsim.testing import check_tracker
 
 README = (Path(__file__).parents[1] / "README.md").read_text()
 PYTHON = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
-SCENARIO, RADIO, SLEEP = re.findall(r"```yaml\n(.*?)```", README, re.DOTALL)
+SCENARIO, RADIO, SLEEP, SWEEP = re.findall(r"```yaml\n(.*?)```", README, re.DOTALL)
 READS, PLAIN, TRACKER = PYTHON
 
 
@@ -95,3 +96,12 @@ def test_the_tracker_keeps_the_rules_and_runs_from_a_scenario(folder, monkeypatc
     (folder / "loudest.yaml").write_text(text)
     report = wsnsim.run(folder / "loudest.yaml", out=folder / "loudest.h5")
     assert report.summaries[0].run["rmse"] < 60.0
+
+
+def test_the_sweep_is_one_and_its_blocks_are_combined(tmp_path):
+    (tmp_path / "mine.yaml").write_text(SWEEP)
+    plan = load_sweep(tmp_path / "mine.yaml")
+    assert plan.name == "mine"
+    assert len(plan.points) == 3 * 4 * 2 * 20
+    assert plan.until is not None
+    assert plan.replicates == plan.until.at_most == 200

@@ -7,7 +7,7 @@ from click.testing import CliRunner
 
 from wsnsim import read
 from wsnsim.analysis import beaconing
-from wsnsim.cli.commands import group
+from wsnsim.cli.shared import group
 from wsnsim.experiment import run
 
 SMALL = {

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from wsnsim.analysis import figures, plots, sources
 from wsnsim.base.errors import ResultError, UsageError
 from wsnsim.base.tables import CAUSE, CAUSES, TABLES, columns_of
-from wsnsim.cli.commands import PICTURES
+from wsnsim.cli.plotting import PICTURES
 from wsnsim.recording import ResultFile, read_table
 
 DT = 0.5

@@ -16,6 +16,7 @@ from typing import Any
 import simpy
 
 from tests.bench.air import radio_rows
+from tests.bench.campaigns import campaign_rows
 from tests.bench.kernels import Tape
 from tests.bench.ratios import compile_rows, filter_rows, kernel_rows
 from tests.bench.scale import scale_rows
@@ -127,4 +128,5 @@ GROUPS: dict[str, Callable[[int], Iterator[dict[str, Any]]]] = {
     "radio": radio_rows,
     "scale": scale_rows,
     "sleeping": sleeping_rows,
+    "campaigns": campaign_rows,
 }

@@ -17,6 +17,7 @@ from wsnsim import recording
 from wsnsim.analysis import frames
 from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import ResultError
+from wsnsim.base.tables import TABLES
 from wsnsim.recording.folder import Folder, Manifest, PointOnDisk
 
 POINT = "point"
@@ -49,8 +50,9 @@ def read(path: str | Path, table: str, columns: Sequence[str] | None = None) -> 
     together, owners = together.iloc[order].reset_index(drop=True), owners[order]
     if columns is not None:
         together = together[list(columns)]
+    taken = {column.name for column in TABLES[table]}
     front = {POINT: owners.astype(np.int64)} | {
-        key if key not in together else f"set.{key}": _typed(
+        key if key not in taken else f"set.{key}": _typed(
             [point.settings.get(key) for point in manifest.points], owners
         )
         for key in manifest.keys
@@ -93,7 +95,10 @@ def _frames_of(
 
 def _typed(values: Sequence[Any], owners: np.ndarray) -> Any:
     """One row's setting each, as a column of the values' common type."""
-    column = pd.Series(list(values), dtype=_type_of(values))
+    dtype = _type_of(values)
+    if isinstance(dtype, pd.CategoricalDtype):
+        values = [None if value is None else str(value) for value in values]
+    column = pd.Series(list(values), dtype=dtype)
     return column.iloc[owners].reset_index(drop=True)
 
 

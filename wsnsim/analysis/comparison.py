@@ -17,10 +17,11 @@ from typing import Any, Final
 import numpy as np
 import pandas as pd
 
+from wsnsim import recording
 from wsnsim.analysis import campaigns, statistics
 from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import UsageError, did_you_mean
-from wsnsim.base.tables import METRICS
+from wsnsim.base.tables import METRICS, TABLES
 from wsnsim.recording.folder import Folder, Manifest
 
 SCHEMA_VERSION: Final = 1
@@ -35,8 +36,8 @@ class Compared:
     Its columns: `point`, the swept keys, `replicates`, `known` (with an error), of the metric `median` and `mean` with
     `_low` and `_high`, `lost_fraction`, of `energy` the median [J], `error_per_joule` (the median of metric / energy),
     `front` (no other of its group has less of both medians), and against the baseline of its group `difference`,
-    `effect`, `p` and `pairs`. What cannot be said is NaN. `unpaired`: why rows have no difference;
-    `unbounded`: why `comparison_bounds.with_bounds` has found no bound for some.
+    `effect`, `p` and `pairs`. What cannot be said is NaN. `unit`: the metric's; `unpaired`: why rows have no
+    difference; `unbounded`: why `comparison_bounds.with_bounds` has found no bound for some.
     """
 
     name: str
@@ -47,6 +48,7 @@ class Compared:
     table: pd.DataFrame
     unpaired: str
     unbounded: str = ""
+    unit: str = "m"
 
 
 def compared(
@@ -73,9 +75,21 @@ def compared(
     table = pd.DataFrame(rows)
     groups = _groups(manifest, table, chosen)
     table["front"] = _fronts(table, groups)
-    first = _baselines(manifest, groups, chosen, baseline or (manifest.baseline if by is None else None))
+    first = _baselines(manifest, table, groups, chosen, baseline or (manifest.baseline if by is None else None))
     unpaired = _pair(table, manifest, values, first) if chosen else ""
-    return Compared(manifest.name, metric, manifest.keys, chosen, baseline, table, unpaired)
+    unit = _unit(folder, manifest, metric)
+    return Compared(manifest.name, metric, manifest.keys, chosen, baseline, table, unpaired, unit=unit)
+
+
+def _unit(folder: Folder, manifest: Manifest, metric: str) -> str:
+    """The metric's unit: of errors that of the motion model's position, which the result files say."""
+    column = next(column for column in TABLES["runs"] if column.name == metric)
+    for batch in (batch for point in manifest.points for batch in folder.batches(point.id)):
+        about = recording.attributes(batch.path)
+        if column.of_position and about["position"]:
+            return str(about["states"][about["position"][0]][1])
+        break
+    return column.units
 
 
 def as_json(found: Compared) -> dict[str, Any]:
@@ -84,6 +98,7 @@ def as_json(found: Compared) -> dict[str, Any]:
     return {
         "name": found.name,
         "metric": found.metric,
+        "unit": found.unit,
         "keys": list(found.keys),
         "by": list(found.by),
         "points": rows,
@@ -149,7 +164,11 @@ def _fronts(table: pd.DataFrame, groups: Mapping[Any, list[int]]) -> list[bool]:
 
 
 def _baselines(
-    manifest: Manifest, groups: Mapping[Any, list[int]], by: Sequence[str], baseline: str | None
+    manifest: Manifest,
+    table: pd.DataFrame,
+    groups: Mapping[Any, list[int]],
+    by: Sequence[str],
+    baseline: str | None,
 ) -> list[tuple[int, list[int]]]:
     """(row of the baseline, rows of its group) of every group that has one: the first, or the one that is named."""
     if baseline is None or not by:
@@ -157,7 +176,8 @@ def _baselines(
     names = [label(point.settings.get(key) for key in by) for point in manifest.points]
     if baseline not in names:
         raise UsageError(f"no point of {manifest.name} is '{baseline}' ({did_you_mean(baseline, set(names))})")
-    return [(row, rows) for rows in groups.values() for row in rows if names[row] == baseline]
+    number = table[campaigns.POINT]
+    return [(row, rows) for rows in groups.values() for row in rows if names[number.iloc[row]] == baseline]
 
 
 def _pair(

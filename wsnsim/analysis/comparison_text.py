@@ -6,14 +6,11 @@ text(compared) -> str
 from __future__ import annotations
 
 import math
-from typing import Any, Final
+from typing import Any
 
 import pandas as pd
 
 from wsnsim.analysis.comparison import Compared, label
-from wsnsim.base.tables import TABLES
-
-UNITS: Final = {column.name: column.units for column in TABLES["runs"]}
 
 
 def text(found: Compared) -> str:
@@ -30,12 +27,12 @@ def text(found: Compared) -> str:
     ]
     counts = table["replicates"]
     many = f"{counts.min()}" if counts.min() == counts.max() else f"{counts.min()} to {counts.max()}"
-    title = f"{found.name}: {len(table)} point{'s' * (len(table) != 1)}, {many} replicates each"
+    title = f"{found.name}: {len(table)} point{'s' * (len(table) != 1)}, {many} replicate{'s' * (many != '1')} each"
     return "\n".join([title, *(f"  {line}".rstrip() for line in lines), *_notes(found)])
 
 
 def _columns(found: Compared) -> tuple[list[str], list[list[str]]]:
-    table, unit = found.table, UNITS.get(found.metric, "")
+    table, unit = found.table, found.unit
     said = f"{found.metric}{f' [{unit}]' if unit not in ('', '1') else ''}"
     columns: list[tuple[str, list[str]]] = [(key, [_setting(value) for value in table[key]]) for key in found.keys]
     if table["replicates"].nunique() > 1:

@@ -1,6 +1,7 @@
-"""One figure of all that a result can show, or of one thing, written as a picture.
+"""One figure of all that a result, or a campaign, can show, or of one thing, written as a picture.
 
-draw(path, out, what, column, step, replicate, target) -> Drawn        as `wsnsim plot`
+draw(path, out, what, choice) -> Drawn              as `wsnsim plot FILE`
+draw_campaign(folder, out, metric, key) -> Drawn    as `wsnsim plot DIR`
 
 No display is used, and the same result gives the same bytes.
 """
@@ -20,8 +21,9 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from wsnsim.analysis import plots, sources
+from wsnsim.analysis import plots, sources, sweep_plots
 from wsnsim.base.errors import ResultError, UsageError, did_you_mean
+from wsnsim.recording.folder import Folder
 
 TAKES: Final = {
     "all": ("column", "step", "replicate", "target"),
@@ -47,6 +49,8 @@ STYLE: Final = {
     "grid.linewidth": 0.6,
     "savefig.dpi": 150,
 }
+SWEPT: Final = ("median", "energy", "differences", "lost")
+"""What can be drawn of a campaign: differences stand beneath what they are of, where there is energy beside it."""
 Draws = Callable[[Axes], Axes]
 
 
@@ -91,6 +95,27 @@ def draw(path: Path, out: Path, what: str = "all", choice: Choice | None = None)
         figure.suptitle(sources.heading(path), x=0.01, ha="left", fontweight="bold")
         save(figure, out)
     return Drawn(out, tuple(name for name, _ in panels), left_out)
+
+
+def draw_campaign(folder: Folder, out: Path, metric: str = "rmse", key: str | None = None) -> Drawn:
+    """Draw what a campaign shows over one of its keys: a metric, energy, lost runs, and paired differences.
+
+    Raises:
+        UsageError: the campaign varies no such key, the metric is none, or the suffix is another.
+        ResultError: there are no results yet, or the picture cannot be written.
+    """
+    suffix_of(out)
+    lines = sweep_plots.lines_of(folder, metric, key)
+    left_out = sweep_plots.lacking(lines)
+    panels = {name: getattr(sweep_plots, name) for name in SWEPT if name not in left_out}
+    with style.context(["default", STYLE]):
+        figure = figure_of([partial(panel, lines=lines, legend=False) for panel in panels.values()])
+        figure.suptitle(f"{lines.found.name}, {lines.runs} a point", x=0.01, ha="left", fontweight="bold")
+        handles, labels = figure.axes[0].get_legend_handles_labels()
+        if handles:
+            figure.legend(handles, labels, loc="outside lower left", ncols=min(4, len(handles)), frameon=False)
+        save(figure, out)
+    return Drawn(out, tuple(panels), left_out)
 
 
 def figure_of(panels: list[Draws]) -> Figure:

@@ -5,6 +5,7 @@ export(source, folder, tables=()) -> [(file, rows), ...]
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -39,7 +40,8 @@ def export(source: Path, folder: Path, tables: Sequence[str] = ()) -> list[tuple
             frame.to_parquet(tmp, index=False)
             tmp.replace(place)
         except OSError as error:
-            tmp.unlink(missing_ok=True)
+            with contextlib.suppress(OSError):
+                tmp.unlink()
             raise StorageError(f"{place}: cannot be written: {reason(error)}") from error
         written.append((place, len(frame)))
     return written

@@ -12,10 +12,12 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from scipy import stats
 
-from wsnsim.base.arrays import Bools, Floats
+from wsnsim.base.arrays import Bools, Floats, Ints
 
 DRAWS: Final = 2000
 LEAST: Final = 5
+EXACT: Final = 50
+"""Pairs up to which Wilcoxon's p is exact, those of equal size included; for more, the normal law is close enough."""
 CONFIDENCE: Final = 0.95
 NAN: Final = float("nan")
 
@@ -76,7 +78,9 @@ def share(flags: Bools) -> Estimate:
 
 def paired(values: Floats, baseline: Floats) -> Paired:
     """What `values` have more than `baseline`, pair by pair: both (n,) of the same replicates, NaN where unknown."""
-    differences = _known(np.asarray(values, dtype=np.float64) - np.asarray(baseline, dtype=np.float64))
+    pairs = np.column_stack([np.asarray(values, dtype=np.float64), np.asarray(baseline, dtype=np.float64)])
+    pairs = pairs[np.isfinite(pairs).all(axis=1)]
+    differences = pairs[:, 0] - pairs[:, 1]
     if not differences.size:
         return Paired(NAN, NAN, NAN, NAN, NAN, 0)
     low, high = _bootstrapped(differences, np.median)
@@ -105,7 +109,19 @@ def _ranked(differences: Floats) -> tuple[float, float]:
         return 0.0, 1.0
     ranks = stats.rankdata(np.abs(moved))
     effect = float((ranks[moved > 0.0].sum() - ranks[moved < 0.0].sum()) / ranks.sum())
-    return effect, float(stats.wilcoxon(moved).pvalue)
+    if moved.size > EXACT:
+        return effect, float(stats.wilcoxon(moved).pvalue)
+    return effect, _exact_p(np.rint(2.0 * ranks).astype(np.int64), moved > 0.0)
+
+
+def _exact_p(ranks: Ints, positive: Bools) -> float:
+    """The p-value over all choices of signs, each as likely; ranks are doubled, so that shared ones are whole."""
+    ways = np.zeros(ranks.sum() + 1)
+    ways[0] = 1.0
+    for rank in ranks:  # in how many ways positive ranks make up each sum
+        ways[rank:] += ways[:-rank].copy()
+    seen, many = ranks[positive].sum(), 2.0**ranks.size
+    return float(min(1.0, 2.0 * min(ways[: seen + 1].sum(), ways[seen:].sum()) / many))
 
 
 def _bootstrapped(known: Floats, statistic: Any) -> tuple[float, float]:

@@ -11,15 +11,15 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from wsnsim import __version__, recording
 from wsnsim.base.errors import UsageError
-from wsnsim.campaign.drive import ALL, Ended, Part, Progress, drive, missing_words
-from wsnsim.recording.folder import Folder, Manifest, PointOnDisk
+from wsnsim.campaign.drive import ALL, Ended, Part, Progress, drive
+from wsnsim.recording.folder import Folder, Manifest, PointOnDisk, runs_of
 from wsnsim.recording.layout import reason
 from wsnsim.scenario.sweep_schema import Plan
 
@@ -114,6 +114,8 @@ def collect(parts: Sequence[Folder], into: Folder) -> Manifest:
                 raise UsageError(
                     f"{part.path} holds another campaign: its {what} differ ({_short(other)}, not {_short(one)})"
                 )
+    if not into.holds_campaign():
+        _demand_free(into)
     _demand_writable(into.path)
     counts = {point.id: point.replicates for point in first.points}
     for part, manifest in zip(parts, manifests, strict=True):
@@ -127,24 +129,43 @@ def collect(parts: Sequence[Folder], into: Folder) -> Manifest:
     return merged
 
 
+def missing_words(missing: Mapping[str, Iterable[int]], manifest: Manifest, most: int = 10) -> list[str]:
+    """A line a point: which of its replicates are missing."""
+    lines = []
+    for point, numbers in list(missing.items())[:most]:
+        said = ", ".join(f"{key} = {value}" for key, value in manifest.point(point).settings.items())
+        spans = ", ".join(f"{a}" if a == b else f"{a}-{b}" for a, b in runs_of(sorted(numbers), 10**9))
+        lines.append(f"  {said or point}: replicates {spans}")
+    if len(missing) > most:
+        lines.append(f"  and {len(missing) - most} points more")
+    return lines
+
+
 def _at_first(plan: Plan) -> int:
     return plan.until.at_least if plan.until else plan.replicates
 
 
 def _earlier(folder: Folder, name: str) -> Manifest | None:
     """The manifest of the campaign that is gone on with; None for a new one."""
-    path = folder.path
-    if path.exists() and not path.is_dir():
-        raise UsageError(f"{path} is a file; a campaign needs a folder")
     if not folder.holds_campaign():
-        if path.is_dir() and any(path.iterdir()):
-            raise UsageError(f"{path} is not empty, and holds no campaign; give a new folder with --out")
+        _demand_free(folder)
         return None
     manifest = folder.manifest()
     if manifest.name != name:
-        raise UsageError(f"{path} holds the campaign '{manifest.name}', not '{name}'; give another folder with --out")
+        raise UsageError(
+            f"{folder.path} holds the campaign '{manifest.name}', not '{name}'; give another folder with --out"
+        )
     _demand_version(folder, manifest)
     return manifest
+
+
+def _demand_free(folder: Folder) -> None:
+    """The folder holds nothing; or scenarios alone, of a campaign that was killed before it had a manifest."""
+    path = folder.path
+    if path.exists() and not path.is_dir():
+        raise UsageError(f"{path} is a file; a campaign needs a folder")
+    if path.is_dir() and not folder.is_bare():
+        raise UsageError(f"{path} is not empty, and holds no campaign; give a new folder with --out")
 
 
 def _demand_version(folder: Folder, manifest: Manifest) -> None:

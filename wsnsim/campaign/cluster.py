@@ -3,15 +3,22 @@
 DaskCluster(address=... or scheduler_file=..., folder=...) is an `engines.Engine`
 
 Distributed is imported here only (extra `cluster`). Results stay on the workers' disk, which is the driver's; what
-crosses the network is a task and an outcome, each less than a kilobyte.
+crosses the network is a task and an outcome, each less than a kilobyte. The scheduler reads what it passes on, so it
+needs this wsnsim, too.
 """
 
 from __future__ import annotations
 
 import contextlib
+import functools
+import itertools
+import json
 import logging
 import queue
+import tempfile
+import threading
 import time
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, Final, NamedTuple, final
 
@@ -19,24 +26,29 @@ from wsnsim import __version__
 from wsnsim.base.errors import UsageError
 from wsnsim.campaign.engines import Ending, EngineError, Vanished
 from wsnsim.campaign.task import Outcome, Task, perform, words_of
+from wsnsim.recording.folder import Folder
+from wsnsim.recording.layout import reason
 
-CONNECTING: Final = 20.0
+CONNECTING: Final = 10.0
 """s: to reach the scheduler."""
+ANSWERING: Final = 60.0
+"""s: for an answer of the scheduler, or of the workers through it."""
+FETCHING: Final = 5.0
+"""s: for outcomes, before it is seen whether their workers live."""
 PATIENCE: Final = 300.0
 """s: without any worker, before nobody waits any longer."""
+REFRESH: Final = 2.0
+"""s: between two questions of how many workers there are; 0.1 s while there is none."""
 PER_WORKER: Final = 4
 RETRIES: Final = 2
-REFRESH: Final = 2.0
-"""s: between two questions of how many workers there are."""
 
 
-class Told(NamedTuple):
-    """What a worker says of itself."""
+class Need(NamedTuple):
+    """What a worker must have: these versions, and sight of the mark that the driver keeps in the campaign's folder."""
 
     wsnsim: str
     numpy: str
-    sees_folder: bool
-    can_write: bool
+    mark: str
 
 
 @final
@@ -51,14 +63,18 @@ class DaskCluster:
     def __init__(
         self, folder: Path, address: str | None = None, scheduler_file: Path | None = None, wait_for: float = PATIENCE
     ) -> None:
-        self._folder = folder
+        self._folder = Folder(folder.resolve())
         self._wait_for = wait_for
-        self._client = _connected(address, scheduler_file)
         self._name = address or str(scheduler_file)
+        self._client = _connected(address or _address_in(scheduler_file))
+        self._mark = self._folder.mark("driver", self._client.id)
         self._done: queue.SimpleQueue[Any] = queue.SimpleQueue()
-        self._running: dict[str, tuple[Any, Task]] = {}
+        self._running: dict[Any, tuple[Any, Task]] = {}
+        self._taken: list[Task] = []
+        self._numbers = itertools.count()
         self._asked, self._workers, self._seen = 0.0, 0, time.monotonic()
         try:
+            self._need = self._marked()
             self._demand_workers()
         except BaseException:
             self.close()
@@ -72,55 +88,91 @@ class DaskCluster:
         return PER_WORKER * max(1, self._workers)
 
     def submit(self, task: Task) -> None:
-        """Give a task to the scheduler."""
-        key = f"{task.session}/{task.name}"
-        with self._reachable():
-            future = self._client.submit(perform, task, key=key, pure=False, retries=RETRIES)
-            self._running[key] = future, task
-            future.add_done_callback(self._done.put)
+        """Take a task: those that were taken go out together when somebody asks what has ended."""
+        self._taken.append(task)
 
     def ended(self, wait: float) -> list[Ending]:
         """What has ended, each released as it comes."""
-        endings = []
-        with contextlib.suppress(queue.Empty):
-            endings.append(self._ending(self._done.get(timeout=wait)))
-            while True:
-                endings.append(self._ending(self._done.get_nowait()))
-        if not endings:
-            self._demand_life()
-        return [ending for ending in endings if ending is not None]
+        with self._reachable():
+            self._send()
+            futures = [future for future in self._drained(wait) if future.key in self._running]
+            if not futures:
+                self._demand_life()
+            pairs = self._outcomes(futures)
+            for future, _ in pairs:
+                future.release()
+        return [Ending(self._running.pop(future.key)[1], outcome) for future, outcome in pairs]
 
     def withdraw(self) -> list[Task]:
-        """Take back what is on no worker."""
+        """Take back what no worker has begun: there is no mark of it."""
+        taken, self._taken = self._taken, []
+        waiting = [key for key, (_, task) in self._running.items() if not self._folder.marks(task.session, task.name)]
+        dropped = [self._running.pop(key) for key in waiting]
         with self._reachable():
-            begun = {str(key) for keys in self._client.processing().values() for key in keys}
-            waiting = [key for key in self._running if key not in begun]
-            taken = [self._running.pop(key) for key in waiting]
-            self._client.cancel([future for future, _ in taken], force=True)
-            return [task for _, task in taken]
+            self._client.cancel([future for future, _ in dropped], force=True)
+        return taken + [task for _, task in dropped]
 
     def close(self) -> None:
         """Let go: what still runs is cancelled, which ends no task that a worker has begun."""
-        with contextlib.suppress(Exception):
-            self._client.cancel([future for future, _ in self._running.values()], force=True)
+        futures = [future for future, _ in self._running.values()]
         self._running.clear()
+        with contextlib.suppress(OSError):
+            self._mark.unlink(missing_ok=True)
+        with contextlib.suppress(Exception):
+            self._client.cancel(futures, force=True)
         with contextlib.suppress(Exception):
             self._client.close(timeout=5)
 
-    def _ending(self, future: Any) -> Ending | None:
-        """How a task ended; None for one that was taken back."""
-        if future.key not in self._running:
-            return None
-        if future.status == "cancelled":
+    def _send(self) -> None:
+        """Give the scheduler what was taken, each task under a key that none had before."""
+        if not self._taken:
+            return
+        tasks, self._taken = self._taken, []
+        keys = [(f"wsnsim-{task.session}", task.name, next(self._numbers)) for task in tasks]
+        futures = self._client.map(_perform, tasks, need=self._need, key=keys, pure=False, retries=RETRIES)
+        self._running.update(zip(keys, zip(futures, tasks, strict=True), strict=True))
+        self._listen(futures)
+
+    def _listen(self, futures: Iterable[Any]) -> None:
+        for future in futures:
+            future.add_done_callback(self._done.put)
+
+    def _drained(self, wait: float) -> list[Any]:
+        """The futures that are done."""
+        futures = []
+        with contextlib.suppress(queue.Empty):
+            futures.append(self._done.get(timeout=wait))
+            while True:
+                futures.append(self._done.get_nowait())
+        return futures
+
+    def _outcomes(self, futures: list[Any]) -> list[tuple[Any, Outcome | Vanished]]:
+        """What each future holds; one whose worker died with the outcome is listened to again: another repeats it."""
+        if any(future.status == "cancelled" for future in futures):
             raise EngineError(f"the scheduler {self._name} is gone")
-        _, task = self._running.pop(future.key)
-        outcome: Outcome | Vanished
-        if future.status == "finished":
-            outcome = future.result(timeout=CONNECTING)
-        else:
-            outcome = Vanished(words_of(future.exception(timeout=CONNECTING)))
-        future.release()
-        return Ending(task, outcome)
+        finished = [future for future in futures if future.status == "finished"]
+        pairs = list(zip(finished, self._fetched(finished), strict=False))
+        pairs += [(future, self._failure(future)) for future in futures if future.status == "error"]
+        known = {future.key for future, _ in pairs}
+        self._listen(future for future in futures if future.key not in known)
+        return pairs
+
+    def _fetched(self, futures: list[Any]) -> list[Outcome | Vanished]:
+        """The outcomes, all or none, in one question."""
+        gather = functools.partial(self._client.gather, futures, errors="skip", asynchronous=True)
+        with contextlib.suppress(TimeoutError):
+            outcomes = self._client.sync(gather, callback_timeout=FETCHING) if futures else []
+            return outcomes if len(outcomes) == len(futures) else []
+        return []
+
+    def _failure(self, future: Any) -> Vanished:
+        """Workers died. Raises EngineError if a worker cannot even read the task; `perform` itself never raises."""
+        from distributed import KilledWorker
+
+        error = future.exception(timeout=FETCHING)
+        if not isinstance(error, KilledWorker):
+            raise EngineError(_unable(f"a worker of {self._name}", error))
+        return Vanished("workers died")
 
     def _demand_life(self) -> None:
         """Raise EngineError if the scheduler is gone, or has had no worker for minutes."""
@@ -133,73 +185,144 @@ class DaskCluster:
 
     def _count(self) -> None:
         with self._reachable():
-            self._workers = len(self._client.nthreads())
+            self._workers = len(self._client.nthreads(callback_timeout=ANSWERING))
         self._asked = time.monotonic()
         if self._workers:
             self._seen = self._asked
 
-    def _demand_workers(self) -> None:
-        """Every worker that is there can do the work; one that comes later says so task by task."""
+    def _marked(self) -> Need:
+        """What workers need, the driver's mark being in place."""
+        import numpy
+
         try:
-            self._client.wait_for_workers(1, timeout=self._wait_for)
-            threads = self._client.nthreads()
-            told = self._client.run(_tell, str(self._folder.resolve()))
-        except TimeoutError:
-            raise UsageError(f"the scheduler {self._name} has no worker, after {self._wait_for:g} s") from None
+            self._mark.parent.mkdir(exist_ok=True)
+            self._mark.touch()
+        except OSError as error:
+            raise UsageError(f"cannot write {self._mark.parent}: {reason(error)}") from None
+        return Need(__version__, numpy.__version__, str(self._mark))
+
+    def _demand_workers(self) -> None:
+        """Scheduler and workers can do the work; a worker that comes later is asked when it is given its first task."""
+        try:
+            there = self._client.run_on_scheduler(_version, callback_timeout=ANSWERING)
+            if there != __version__:
+                raise EngineError(f"the scheduler {self._name} has wsnsim {there}, and this is {__version__}")
+            self._wait_for_one()
+            lacks = self._client.run(_lacks, self._need, on_error="return", callback_timeout=ANSWERING)
+        except (EngineError, TimeoutError) as error:
+            raise UsageError(str(error) or f"the scheduler {self._name} does not answer") from None
         except Exception as error:
-            raise UsageError(
-                f"the workers of {self._name} cannot be asked ({words_of(error)}): is this wsnsim installed there?"
-            ) from None
-        here = _tell(str(self._folder))
-        for worker, said in told.items():
-            if fault := _fault(said, here, threads.get(worker, 1), self._folder):
-                raise UsageError(f"worker {worker} {fault}")
+            raise UsageError(_unable(f"the scheduler {self._name}", error)) from None
+        for worker, said in lacks.items():
+            if said:
+                raise UsageError(
+                    _unable(f"worker {worker}", said) if isinstance(said, Exception) else f"worker {worker} {said}"
+                )
+
+    def _wait_for_one(self) -> None:
+        """Until there is a worker."""
+        self._count()
+        while not self._workers:
+            if time.monotonic() - self._seen > self._wait_for:
+                raise EngineError(f"the scheduler {self._name} has no worker, after {self._wait_for:g} s")
+            time.sleep(0.1)
+            self._count()
 
     @contextlib.contextmanager
-    def _reachable(self) -> Any:
+    def _reachable(self) -> Iterator[None]:
+        """Whatever a question to the scheduler raises means that it is gone, or hangs."""
         try:
             yield
+        except EngineError:
+            raise
+        except TimeoutError:
+            raise EngineError(f"the scheduler {self._name} does not answer") from None
         except Exception as error:
             raise EngineError(f"the scheduler {self._name} is gone ({words_of(error)})") from error
 
 
-def _connected(address: str | None, scheduler_file: Path | None) -> Any:
+def _connected(address: str) -> Any:
+    """A client of the scheduler. It is made in a thread: where a stranger listens, Dask would wait for ever."""
     try:
         import distributed
     except ImportError:
         raise UsageError("--scheduler needs Dask: pip install 'wsnsim[cluster]'") from None
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what it would say, we say
-    if scheduler_file is not None and not scheduler_file.is_file():
-        raise UsageError(f"there is no scheduler file {scheduler_file}")
-    where: dict[str, Any] = {"scheduler_file": str(scheduler_file)} if scheduler_file else {"address": address}
+    for name in ("distributed", "distributed.client"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)  # what it would say, we say
+    found: queue.SimpleQueue[Any] = queue.SimpleQueue()
+
+    def connect() -> None:
+        try:
+            found.put(distributed.Client(address, timeout=CONNECTING, set_as_default=False))
+        except Exception as error:
+            found.put(error)
+
+    threading.Thread(target=connect, daemon=True).start()
     try:
-        return distributed.Client(**where, timeout=CONNECTING, set_as_default=False)
-    except (OSError, ValueError, ImportError) as error:
-        raise UsageError(f"the scheduler {address or scheduler_file} cannot be reached: {words_of(error)}") from None
+        client = found.get(timeout=1.5 * CONNECTING)
+    except queue.Empty:
+        raise UsageError(f"{address} does not answer: is a Dask scheduler there?") from None
+    if isinstance(client, Exception):
+        raise UsageError(f"the scheduler {address} cannot be reached: {words_of(client)}")
+    return client
 
 
-def _tell(folder: str) -> Told:
-    """What a worker says of itself; run in its process."""
-    import tempfile
+def _address_in(scheduler_file: Path | None) -> str:
+    """Where the scheduler is that wrote the file."""
+    assert scheduler_file is not None, "a scheduler is known by its address or by its file"
+    try:
+        return str(json.loads(scheduler_file.read_text(encoding="utf-8"))["address"])
+    except FileNotFoundError:
+        raise UsageError(f"there is no scheduler file {scheduler_file}") from None
+    except OSError as error:
+        raise UsageError(f"cannot read {scheduler_file}: {reason(error)}") from None
+    except (ValueError, KeyError, TypeError):
+        raise UsageError(f"{scheduler_file} is no scheduler file: it names no address") from None
 
+
+def _unable(who: str, error: Exception) -> str:
+    return f"{who} cannot read what it is sent: is wsnsim {__version__} installed there? ({words_of(error)})"
+
+
+def _version() -> str:
+    """Run in the scheduler's process."""
+    return __version__
+
+
+def _lacks(need: Need, dask_worker: Any) -> str:
+    """What keeps this worker from doing the work; '' if nothing does. Run in its process."""
     import numpy
 
-    try:
-        with tempfile.TemporaryFile(dir=folder):
-            can_write = True
-    except OSError:
-        can_write = False
-    return Told(__version__, numpy.__version__, (Path(folder) / "campaign.json").is_file(), can_write)
-
-
-def _fault(said: Told, here: Told, threads: int, folder: Path) -> str:
-    """Why a worker cannot do the work; '' if it can."""
-    if said.wsnsim != here.wsnsim:
-        return f"has wsnsim {said.wsnsim}, and this is {here.wsnsim}"
-    if said.numpy != here.numpy:
-        return f"has NumPy {said.numpy}, and here it is {here.numpy}: results would differ in the last bit"
+    mark, threads = Path(need.mark), dask_worker.state.nthreads
+    if __version__ != need.wsnsim:
+        return f"has wsnsim {__version__}, and the campaign is run by {need.wsnsim}"
+    if numpy.__version__ != need.numpy:
+        return f"has NumPy {numpy.__version__}, and the driver {need.numpy}: results would differ in the last bit"
     if threads != 1:
         return f"has {threads} threads: start workers with --nthreads 1"
-    if not said.sees_folder:
-        return f"does not see {folder}: it must be on a file system that all share"
-    return "" if said.can_write else f"cannot write to {folder}"
+    if not mark.is_file():
+        return f"does not see {mark.parents[1]}: it must be on a file system that all share"
+    try:
+        with tempfile.TemporaryFile(dir=mark.parent):
+            return ""
+    except OSError as error:
+        return f"cannot write to {mark.parents[1]}: {reason(error)}"
+
+
+@functools.lru_cache(maxsize=8)
+def _demand(need: Need) -> None:
+    """Raise UsageError if this worker cannot do the work; one that can is asked once."""
+    from distributed import get_worker
+
+    worker = get_worker()
+    if words := _lacks(need, worker):
+        raise UsageError(f"worker {worker.address} {words}")
+
+
+def _perform(task: Task, need: Need) -> Outcome:
+    """`perform`, on a worker that may have come after the others had been asked."""
+    try:
+        _demand(need)
+    except UsageError as error:
+        return Outcome("version", str(error))
+    return perform(task)

@@ -10,12 +10,13 @@ from __future__ import annotations
 import os
 import socket
 import time
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Final, NamedTuple, final
 
 from wsnsim import __version__
+from wsnsim.base.errors import StorageError
 from wsnsim.campaign.engines import Ending, Engine, EngineError, Vanished
 from wsnsim.campaign.rule import Rule
 from wsnsim.campaign.task import Outcome, Task, timed_out
@@ -26,6 +27,8 @@ GRACE: Final = 10.0
 TICK: Final = 0.25
 """s: how long the driver waits for workers before it looks up."""
 MOST_OF_A_MARK: Final = 4000
+MOST_LOST: Final = 20
+"""Times that a task may be lost with its worker before it began: others are at fault, but there is an end to it."""
 
 
 class Part(NamedTuple):
@@ -33,6 +36,10 @@ class Part(NamedTuple):
 
     number: int
     of: int
+
+    def has(self, place: int, block: int) -> bool:
+        """Whether this part has a block (from 0) of the point that is the `place`-th (from 0)."""
+        return (place + block) % self.of == self.number - 1
 
 
 ALL: Final = Part(1, 1)
@@ -101,6 +108,7 @@ class _Driver:
     running: dict[str, Task] = field(default_factory=dict)
     failed: dict[str, str] = field(default_factory=dict)
     left: dict[str, int] = field(default_factory=dict)
+    lost: Counter[str] = field(default_factory=Counter)
     alone: str = ""
     stopped: str = ""
     done: int = 0
@@ -112,6 +120,7 @@ class _Driver:
         self.rule = Rule(self.folder, self.manifest)
         self.targets = {point.id: self.rule.first(point) for point in self.manifest.points}
         self.places = {point.id: i for i, point in enumerate(self.manifest.points)}
+        self.failed_before = set(self.folder.failures())
 
     def run(self, stop: Callable[[], bool]) -> None:
         """Until nothing is left, or somebody says stop."""
@@ -124,8 +133,7 @@ class _Driver:
                     self.stopped = "interrupted"
                     break
                 self.fill()
-                for ending in self.engine.ended(TICK):
-                    self.settle(ending)
+                self.settle(self.engine.ended(TICK))
                 self.tell()
             self.wind_up()
         except EngineError as error:
@@ -147,7 +155,7 @@ class _Driver:
     def is_ours(self, point: str, replicate: int) -> bool:
         """Whether this part of the campaign has the replicate. With a stopping rule, a point is not shared."""
         block = 0 if self.manifest.until else replicate // self.manifest.block
-        return (self.places[point] + block) % self.part.of == self.part.number - 1
+        return self.part.has(self.places[point], block)
 
     def task(self, point: str, first: int, last: int) -> Task:
         """A task of this session."""
@@ -168,14 +176,22 @@ class _Driver:
         self.running[task.name] = task
         self.engine.submit(task)
 
-    def settle(self, ending: Ending) -> None:
-        """What follows from the end of a task."""
-        task, outcome = ending
-        del self.running[task.name]
-        was_alone, self.alone = self.alone == task.name, "" if self.alone == task.name else self.alone
-        if isinstance(outcome, Vanished):
-            self.look_into(task, was_alone)
-        elif outcome.status in ("storage", "version"):
+    def settle(self, endings: Iterable[Ending]) -> None:
+        """What follows from the ends of tasks."""
+        vanished = []
+        for task, outcome in endings:
+            del self.running[task.name]
+            if isinstance(outcome, Vanished):
+                vanished.append(task)
+            else:
+                self.alone = "" if self.alone == task.name else self.alone
+                self.judge(task, outcome)
+        if vanished:
+            self.look_into(vanished)
+
+    def judge(self, task: Task, outcome: Outcome) -> None:
+        """A worker said how a task ended."""
+        if outcome.status in ("storage", "version"):
             self.stopped = outcome.words
         elif outcome.status == "failed":
             self.give_up(task, outcome.words)
@@ -185,7 +201,9 @@ class _Driver:
     def finish(self, task: Task, outcome: Outcome) -> None:
         """The task's file is there."""
         self.done += task.replicates
-        self.folder.forget_failure(task.name)
+        for one in task.singly():
+            if one.name in self.failed_before:
+                self.folder.forget_failure(one.name)
         self.left[task.point] -= task.replicates
         if not self.left[task.point]:
             self.grow(task.point)
@@ -198,20 +216,30 @@ class _Driver:
         if self.targets[point] > before:
             self.plan(point, before)
 
-    def look_into(self, task: Task, was_alone: bool) -> None:
-        """A worker died: was it running this task, and why did it die?"""
-        marks = self.folder.marks(self.session, task.name)
-        words = "\n".join(place.read_text(encoding="utf-8")[:MOST_OF_A_MARK] for place in marks)
-        for place in marks:
-            place.unlink(missing_ok=True)
-        if timed_out(words):
-            self.give_up(task, f"took more than {task.timeout:g} s", words)
-        elif not marks and not was_alone:
-            self.pending.appendleft(task)
-        elif not was_alone:
-            self.suspects.append(task)
+    def look_into(self, tasks: Iterable[Task]) -> None:
+        """Workers died: which tasks were they running, and does what one of them left explain why?"""
+        left = [(task, self.folder.left_by(self.session, task.name)) for task in tasks]
+        is_known = any("".join(marks) for _, marks in left)
+        for task, marks in left:
+            self.folder.remove_marks(self.session, task.name)
+            was_alone, self.alone = self.alone == task.name, "" if self.alone == task.name else self.alone
+            words = "\n".join(mark[:MOST_OF_A_MARK] for mark in marks)
+            if timed_out(words):
+                self.give_up(task, f"took more than {task.timeout:g} s", words)
+            elif not marks or (is_known and not words):  # it had not begun, or died with its neighbour
+                self.try_again(task, was_alone)
+            elif not was_alone:
+                self.suspects.append(task)
+            else:
+                self.give_up(task, f"killed its worker twice ({_cause(words)})", words, alone=True)
+
+    def try_again(self, task: Task, alone: bool) -> None:
+        """A task that is not to blame is next, unless that has been said of it too often."""
+        self.lost[task.name] += 1
+        if self.lost[task.name] >= MOST_LOST:
+            self.give_up(task, f"was lost with its worker {MOST_LOST} times", alone=alone)
         else:
-            self.give_up(task, f"killed its worker twice ({_cause(words)})", words, alone=True)
+            (self.suspects if alone else self.pending).appendleft(task)
 
     def give_up(self, task: Task, words: str, more: str = "", alone: bool = False) -> None:
         """Of a task of several replicates, each is tried by itself; one that fails by itself has failed."""
@@ -230,8 +258,7 @@ class _Driver:
                 self.running.pop(task.name, None)
         until = time.monotonic() + GRACE
         while self.running and time.monotonic() < until:
-            for ending in self.engine.ended(TICK):
-                self.settle(ending)
+            self.settle(self.engine.ended(TICK))
             self.tell()
 
     def tell(self) -> None:
@@ -251,7 +278,10 @@ class _Driver:
             if numbers:
                 missing[point] = numbers
         if self.manifest.until:
-            self.write_targets()
+            try:
+                self.write_targets()
+            except StorageError as error:
+                self.stopped = self.stopped or str(error)
         seconds = time.monotonic() - self.began
         return Ended(self.done, self.found, self.failed, missing, self.stopped, seconds)
 
@@ -265,15 +295,3 @@ def _cause(mark: str) -> str:
     """Why a worker died, from what it left: the first line, or what an empty mark means."""
     lines = [line for line in mark.splitlines() if line.strip()]
     return lines[0].removeprefix("Fatal Python error: ") if lines else "killed from outside, as where memory runs out"
-
-
-def missing_words(missing: Mapping[str, Iterable[int]], manifest: Manifest, most: int = 10) -> list[str]:
-    """A line a point: which of its replicates are missing."""
-    lines = []
-    for point, numbers in list(missing.items())[:most]:
-        said = ", ".join(f"{key} = {value}" for key, value in manifest.point(point).settings.items())
-        spans = ", ".join(f"{a}" if a == b else f"{a}-{b}" for a, b in runs_of(sorted(numbers), 10**9))
-        lines.append(f"  {said or point}: replicates {spans}")
-    if len(missing) > most:
-        lines.append(f"  and {len(missing) - most} points more")
-    return lines

@@ -11,17 +11,21 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from statistics import fmean
 from typing import Any, Final
 
 import numpy as np
 
 from wsnsim import experiment, recording, scenario
+from wsnsim.campaign.drive import ALL, Part
 from wsnsim.recording.folder import Folder, runs_of
 from wsnsim.scenario.sweep_schema import Plan, Point
 
 TRIALS: Final = 3
 PATIENCE: Final = 10.0
 """s: after which a trial is cut short, and the rest reckoned from how far it came."""
+QUICK: Final = 10.0
+"""s: what a block may take that is run whole, so that what only the first replicate pays counts for little."""
 
 
 @dataclass(frozen=True)
@@ -39,23 +43,30 @@ class Estimate:
     source: str
 
 
-class _Enough(Exception):
+class _Enough(BaseException):  # an Exception would be taken for a failed run's
     """The trial has run long enough; `share` of it is done."""
 
     def __init__(self, share: float) -> None:
-        super().__init__()
+        super().__init__(share)
         self.share = share
 
 
-def estimate(plan: Plan, folder: Folder, workers: int) -> Estimate:
-    """What is left of a campaign, and what it would take. Writes nothing where the campaign is."""
-    wanted = plan.until.at_least if plan.until else plan.replicates
+def estimate(plan: Plan, folder: Folder, workers: int, part: Part = ALL) -> Estimate:
+    """What is left of a part of a campaign, and what it would take. Writes nothing where the campaign is.
+
+    With a stopping rule, of the replicates before it is asked first.
+    """
+    count = plan.until.at_least if plan.until else plan.replicates
     block = folder.manifest().block if folder.holds_campaign() else plan.block
-    missing = {point.id: folder.missing(point.id, wanted) for point in plan.points}
+    wanted = {
+        point.id: [n for n in range(count) if part.has(place, 0 if plan.until else n // block)]
+        for place, point in enumerate(plan.points)
+    }
+    missing = {point: sorted(set(numbers) - folder.done(point)) for point, numbers in wanted.items()}
     left = sum(map(len, missing.values()))
     tasks = sum(1 for numbers in missing.values() for _ in runs_of(numbers, block))
     seconds, size, source = _measured(plan, folder) if left else (0.0, 0.0, "nothing is left")
-    total = wanted * len(plan.points)
+    total = sum(map(len, wanted.values()))
     cpu = seconds * left
     return Estimate(
         points=len(plan.points),
@@ -90,7 +101,7 @@ def _spread_over(points: Sequence[Point]) -> list[Point]:
 
 
 def _trial(point: Point, block: int) -> tuple[float, float]:
-    """(seconds, bytes) of one replicate, run here and thrown away."""
+    """(seconds, bytes) of one replicate, run here and thrown away; of a whole block, if that is quickly done."""
     loaded: Any = scenario.load(json.loads(point.resolved))
     began = time.monotonic()
 
@@ -104,4 +115,7 @@ def _trial(point: Point, block: int) -> tuple[float, float]:
             report = experiment.run(loaded, replicates=1, out=file, progress=watch)
         except _Enough as cut:
             return (time.monotonic() - began) / cut.share, float("nan")
-        return float(report.summaries[0].run["cpu_seconds"]), file.stat().st_size / block
+        if report.summaries[0].run["cpu_seconds"] < QUICK / block:
+            report = experiment.run(loaded, replicates=block, out=file)
+        count = len(report.summaries)
+        return fmean(summary.run["cpu_seconds"] for summary in report.summaries), file.stat().st_size / count

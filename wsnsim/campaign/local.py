@@ -5,19 +5,21 @@ LocalPool(workers) is an `engines.Engine`
 
 from __future__ import annotations
 
+import contextlib
 import multiprocessing
 import os
-from collections.abc import Callable
+import signal
+from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing.process import BaseProcess
-from typing import Final, final
+from typing import Any, Final, final
 
 from wsnsim.campaign.engines import Ending, EngineError, Vanished
 from wsnsim.campaign.task import Outcome, Task, perform, start_worker
 
 MOST_BROKEN: Final = 5
-"""Pools in a row that break before any task has ended: then it is not a task that kills them."""
+"""Pools in a row of which no worker got as far as to begin: then it is not a task that kills them."""
 THREADS: Final = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS")
 
 
@@ -32,6 +34,7 @@ class LocalPool:
         self._running: dict[Future[Outcome], Task] = {}
         self._broken = 0
         self._before: set[BaseProcess] = set()
+        self._began: Any = None
 
     @property
     def window(self) -> int:
@@ -40,11 +43,13 @@ class LocalPool:
 
     def submit(self, task: Task) -> None:
         """Give a task to the pool."""
+        future: Future[Outcome]
         try:
-            future = self._opened().submit(self._perform, task)
-        except BrokenProcessPool:  # it broke while nothing was asked of it
-            self._drop()
-            future = self._opened().submit(self._perform, task)
+            with _deaf_to_interrupts():
+                future = self._opened().submit(self._perform, task)
+        except BrokenProcessPool as error:  # since it was asked last: what ran in it has ended, and this with it
+            future = Future()
+            future.set_exception(error)
         self._running[future] = task
 
     def ended(self, wait_for: float) -> list[Ending]:
@@ -55,8 +60,6 @@ class LocalPool:
             endings += [Ending(task, _outcome(future)) for future, task in self._running.items()]
             self._running.clear()
             self._drop()
-        if any(isinstance(ending.outcome, Outcome) for ending in endings):
-            self._broken = 0
         return endings
 
     def withdraw(self) -> list[Task]:
@@ -72,25 +75,40 @@ class LocalPool:
         if self._pool is None:
             if self._broken >= MOST_BROKEN:
                 raise EngineError(
-                    f"{self._broken} times in a row workers died before any task ended: is there enough memory? In a"
+                    f"{self._broken} times in a row workers died before they began: is there enough memory? In a"
                     " script, campaigns must be started under: if __name__ == '__main__':"
                 )
             for name in THREADS:
                 os.environ.setdefault(name, "1")  # workers read them before they import NumPy
             self._before = set(multiprocessing.active_children())
+            context = multiprocessing.get_context("spawn")
+            self._began = context.RawValue("b", 0)  # no lock that a worker could be killed with
             self._pool = ProcessPoolExecutor(
-                self.workers, mp_context=multiprocessing.get_context("spawn"), initializer=start_worker
+                self.workers, mp_context=context, initializer=start_worker, initargs=(self._began,)
             )
         return self._pool
 
     def _drop(self) -> None:
         """Kill what is left of the pool; the next task gets another."""
         assert self._pool is not None
-        self._broken += 1
+        self._broken = 0 if self._began.value else self._broken + 1
         pool, self._pool = self._pool, None
         for process in set(multiprocessing.active_children()) - self._before:
             process.kill()
         pool.shutdown(wait=True, cancel_futures=True)
+
+
+@contextlib.contextmanager
+def _deaf_to_interrupts() -> Iterator[None]:
+    """Processes started here do not hear Ctrl-C, from their first instruction on; this one hears it afterwards."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _outcome(future: Future[Outcome]) -> Outcome | Vanished:

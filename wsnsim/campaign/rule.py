@@ -6,7 +6,6 @@ from typing import final
 
 import numpy as np
 
-from wsnsim.analysis import campaigns, statistics
 from wsnsim.recording.folder import Folder, Manifest, PointOnDisk
 from wsnsim.scenario.sweep_schema import StoppingRule
 
@@ -27,6 +26,8 @@ class Rule:
         """How many replicates the point is to have, now that it has this many: as many if that is enough."""
         if self._rule is None or replicates >= self._rule.at_most:
             return replicates
+        from wsnsim.analysis import campaigns, statistics  # pandas, which workers do without
+
         values = campaigns.metric(self._folder, point, self._rule.metric, replicates)
         middle = float(np.nanmedian(values)) if np.isfinite(values).any() else float("nan")
         low, high = statistics.interval_of_median(values)

@@ -8,13 +8,14 @@ in the campaign's folder; one that takes too long ends its worker itself, and sa
 
 from __future__ import annotations
 
+import contextlib
 import faulthandler
 import functools
 import json
 import os
+import shutil
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Literal, TextIO
@@ -28,6 +29,10 @@ Status = Literal["done", "there", "failed", "storage", "version"]
 MOST_WORDS: Final = 600
 TIMEOUT_MARK: Final = "Timeout ("
 """How faulthandler begins what it writes when the time is up."""
+START: Final = 60.0
+"""s: what a worker that has just started may take to import what the scenario needs, beside its time for replicates."""
+ROOM: Final = 4_000_000
+"""bytes: what must be free before a task begins; the file of a block takes some 50 kB."""
 KILLS: Final = 2
 """Workers that a task may kill before nobody takes it up again."""
 
@@ -74,7 +79,7 @@ class Outcome:
 
 
 def perform(task: Task) -> Outcome:
-    """Run a task, unless its file is there. Never raises: what went wrong is in the outcome.
+    """Run a task, unless its file is there. Never raises: what went wrong is in the outcome, a plug-in's exit, too.
 
     Statuses: done; there (the file was); failed (the simulation, or the task has killed workers before); storage (the
     file cannot be written: no other could be); version (this worker has another wsnsim than the driver).
@@ -89,18 +94,23 @@ def perform(task: Task) -> Outcome:
             return Outcome("version", f"the worker has wsnsim {__version__}, the campaign is run by {task.version}")
         if reason := _given_up(folder, task):
             return Outcome("failed", reason)
+        _demand_room(path)
         with _marked(folder, task) as mark:
             _run(folder, task, path, mark)
         return Outcome("done", seconds=time.monotonic() - began, size=path.stat().st_size)
     except StorageError as error:
         return Outcome("storage", words_of(error))
-    except Exception as error:
+    except BaseException as error:
         return Outcome("failed", words_of(error), time.monotonic() - began)
 
 
 def words_of(error: BaseException) -> str:
-    """What went wrong, in less than a kilobyte."""
-    said = str(error) if isinstance(error, WsnsimError) else f"{type(error).__name__}: {error}"
+    """What went wrong, in less than a kilobyte that can be written down."""
+    try:
+        said = str(error) if isinstance(error, WsnsimError) else f"{type(error).__name__}: {error}"
+    except Exception:
+        said = f"{type(error).__name__}, which cannot say what it is about"
+    said = said.encode("utf-8", "backslashreplace").decode("utf-8")
     return said if len(said) <= MOST_WORDS else f"{said[: MOST_WORDS - 2]} …"
 
 
@@ -110,8 +120,10 @@ def timed_out(mark: str) -> bool:
 
 
 def _run(folder: Folder, task: Task, path: Path, mark: TextIO) -> None:
+    _arm(task, mark, START)
     from wsnsim import experiment
 
+    scenario = _scenario(folder.scenario(task.point))
     reached = [-1]
 
     def watch(progress: experiment.Progress) -> None:
@@ -121,7 +133,7 @@ def _run(folder: Folder, task: Task, path: Path, mark: TextIO) -> None:
 
     _arm(task, mark)
     experiment.run(
-        _scenario(folder.scenario(task.point)),
+        scenario,
         replicates=range(task.first, task.last + 1),
         out=path,
         command_line="a campaign's worker",
@@ -129,13 +141,20 @@ def _run(folder: Folder, task: Task, path: Path, mark: TextIO) -> None:
     )
 
 
-def _arm(task: Task, mark: TextIO) -> None:
+def _demand_room(path: Path) -> None:
+    """Raise StorageError where the disk is all but full: HDF5 may crash when it runs out of space."""
+    with contextlib.suppress(OSError):
+        if shutil.disk_usage(path.parent).free < ROOM:
+            raise StorageError(f"{path}: cannot be written: less than {ROOM / 1e6:.0f} MB are left on the disk")
+
+
+def _arm(task: Task, mark: TextIO, more: float = 0.0) -> None:
     """From now on the process ends once the time is up, even where it is in compiled code."""
     if task.timeout:
-        faulthandler.dump_traceback_later(task.timeout, exit=True, file=mark)
+        faulthandler.dump_traceback_later(task.timeout + more, exit=True, file=mark)
 
 
-@contextmanager
+@contextlib.contextmanager
 def _marked(folder: Folder, task: Task) -> Iterator[TextIO]:
     """A mark while the task runs. If the process dies, it stays, with the place in the code if that can be said."""
     place = folder.mark(task.session, task.name)
@@ -151,13 +170,16 @@ def _marked(folder: Folder, task: Task) -> Iterator[TextIO]:
             yield mark
         finally:
             faulthandler.cancel_dump_traceback_later()
-            faulthandler.enable() if before else faulthandler.disable()
+            faulthandler.disable()
+            if before:
+                with contextlib.suppress(OSError, RuntimeError):  # where stderr is no file, as in a notebook
+                    faulthandler.enable()
             place.unlink(missing_ok=True)
 
 
 def _given_up(folder: Folder, task: Task) -> str:
     """Why nobody should take the task up again: its marks of this session; '' if there is no reason."""
-    marks = [place.read_text(encoding="utf-8") for place in folder.marks(task.session, task.name)]
+    marks = folder.left_by(task.session, task.name)
     if any(timed_out(mark) for mark in marks):
         return f"took more than {task.timeout:g} s"
     return f"killed {len(marks)} workers" if len(marks) >= KILLS else ""
@@ -165,19 +187,23 @@ def _given_up(folder: Folder, task: Task) -> str:
 
 @functools.lru_cache(maxsize=8)
 def _scenario(resolved: str) -> Any:
-    """A point's scenario, checked once a process."""
+    """A point's scenario, checked once a process, and its parts imported."""
     from wsnsim import scenario
 
-    return scenario.load(json.loads(resolved))
+    loaded = scenario.load(json.loads(resolved))
+    scenario.build(loaded)
+    return loaded
 
 
-def start_worker() -> None:
-    """What a worker's process does first: leave Ctrl-C to the driver, one thread, and end when the driver does."""
+def start_worker(began: Any = None) -> None:
+    """What a worker's process does first: leave Ctrl-C to the driver, end when it does, and say that it has begun."""
     import multiprocessing
     import signal
     import threading
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if began is not None:
+        began.value = 1
     parent = multiprocessing.parent_process()
     if parent is not None:
         threading.Thread(target=_follow, args=(parent,), daemon=True).start()

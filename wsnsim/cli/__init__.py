@@ -19,11 +19,11 @@ from typing import Final
 import click
 
 from wsnsim.base.errors import ScenarioError, WsnsimError
-from wsnsim.cli import campaigns, commands
+from wsnsim.cli import campaigns, commands, plotting
 from wsnsim.cli.interrupts import Interrupts
 from wsnsim.cli.shared import group
 
-__all__ = ["campaigns", "commands", "main"]
+__all__ = ["campaigns", "commands", "main", "plotting"]
 
 THREADS: Final = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS")
 

@@ -8,10 +8,10 @@ from typing import Any, Final
 
 import click
 
-from wsnsim.base.errors import UsageError
+from wsnsim.base.errors import UsageError, did_you_mean
 from wsnsim.cli.interrupts import Interrupts
 from wsnsim.cli.progress import MODES
-from wsnsim.cli.session import INCOMPLETE, Choices, Said, answer, carried_out, gone_on_with, say
+from wsnsim.cli.session import INCOMPLETE, METRIC, Choices, Said, answer, carried_out, gone_on_with, say
 from wsnsim.cli.shared import group, is_campaign, json_option, overrides_option
 
 FEW: Final = 5
@@ -35,7 +35,7 @@ def _shared(command: Callable[..., Any]) -> Callable[..., Any]:
         click.option(
             "--dry-run", is_flag=True, help="Say what would be run, how long it would take, and how large it is."
         ),
-        click.option("--metric", default="rmse", show_default=True, metavar="NAME", help="Column of runs to compare."),
+        click.option("--metric", default=METRIC, show_default=True, metavar="NAME", help="Column of runs to compare."),
         click.option(
             "--by", multiple=True, metavar="KEY", help="Compare by this key, within each value of the others."
         ),
@@ -85,7 +85,7 @@ def sweep(
     given = {"replicates": replicates, "timeout": timeout}
     if not is_sweep(source):
         if not vary:
-            raise UsageError(f"{source} is no sweep: give axes with --vary KEY=VALUES, or a sweep (wsnsim list sweeps)")
+            raise UsageError(_no_sweep(source))
         given["name"] = _named(source, vary)
     plan = load_sweep(source, vary, _seeded(overrides, seed), **given)
     return carried_out(plan, chosen, interrupts, chosen.said.by)
@@ -129,7 +129,7 @@ def compare(
 @group.command()
 @click.argument("parts", metavar="DIR...", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option("--out", "-o", type=click.Path(path_type=Path), metavar="DIR", help="Where; default the first.")
-@click.option("--metric", default="rmse", show_default=True, metavar="NAME", help="Column of runs to show.")
+@click.option("--metric", default=METRIC, show_default=True, metavar="NAME", help="Column of runs to show.")
 @json_option
 def collect(parts: tuple[Path, ...], out: Path | None, metric: str, as_json: bool) -> int:
     """Bring the parts of a campaign together, and say what is missing."""
@@ -140,10 +140,10 @@ def collect(parts: tuple[Path, ...], out: Path | None, metric: str, as_json: boo
     manifest = campaign.collect([Folder(part) for part in parts], into)
     missing = {point.id: into.missing(point.id, point.replicates) for point in manifest.points}
     missing = {point: numbers for point, numbers in missing.items() if numbers}
-    answer(into, Said(metric, (), None, None, as_json, bound=False))
+    code = answer(into, Said(metric, (), None, None, as_json, bound=False))
     if missing:
-        say([f"{into.path} is incomplete:", *campaign.missing_words(missing, manifest)])
-    return INCOMPLETE if missing else 0
+        say([f"wsnsim: {into.path} is incomplete:", *campaign.missing_words(missing, manifest)])
+    return INCOMPLETE if missing else code
 
 
 @group.command()
@@ -156,6 +156,14 @@ def export(result: Path, place: Path, tables: tuple[str, ...]) -> None:
 
     for file, rows in parquet.export(result, place, tables):
         click.echo(f"{file}: {rows:,} rows")
+
+
+def _no_sweep(source: str) -> str:
+    from wsnsim.scenario.load import find_or_none, shipped_sweeps
+
+    if find_or_none(source) is not None:
+        return f"{source} is a scenario: say with --vary KEY=VALUES over which axes to run it"
+    return f"there is no sweep, scenario or campaign '{source}' ({did_you_mean(source, shipped_sweeps())})"
 
 
 def _choices(given: Mapping[str, Any]) -> Choices:

@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from wsnsim.scenario.schema import Scenario
 
 HDF5_MARK: Final = b"\x89HDF\r\n\x1a\n"
-PICTURES: Final = ("all", "track", "states", "error", "energy", "particles")
 
 
 @group.command()
@@ -106,7 +105,7 @@ def check(sources: tuple[str, ...], overrides: tuple[str, ...]) -> int:
 @click.argument("role", required=False)
 @json_option
 def list_(role: str | None, as_json: bool) -> None:
-    """Show the kinds of every role, or of one: trackers, motions, faults ...; or the shipped scenarios, or parts."""
+    """Show the kinds of every role, or of one: trackers, motions ...; or shipped scenarios, sweeps, or parts."""
     from wsnsim.cli import listing
 
     answer = listing.listed(role, as_json)
@@ -168,45 +167,6 @@ def info(source: str, as_json: bool) -> None:
         echo_json(told)
     else:
         click.echo(told)
-
-
-@group.command()
-@result_argument
-@click.option("--what", type=click.Choice(PICTURES), default="all", show_default=True, help="What to draw.")
-@click.option("--column", metavar="NAME", help="State column, of the states or of the particles.")
-@click.option("--step", type=click.IntRange(min=0), metavar="K", help="Step of the particles; default the last.")
-@click.option("--replicate", type=click.IntRange(min=0), metavar="R", help="Run to draw; default 0.")
-@click.option("--target", type=click.IntRange(min=0), metavar="T", help="Target to draw; default 0.")
-@click.option(
-    "--out", "-o", type=click.Path(path_type=Path), metavar="PICTURE", help="A .png, .svg or .pdf; default FILE.png."
-)
-def plot(
-    result: Path,
-    what: str,
-    column: str | None,
-    step: int | None,
-    replicate: int | None,
-    target: int | None,
-    out: Path | None,
-) -> None:
-    """Draw what a result shows, in one picture."""
-    from wsnsim import recording
-    from wsnsim.analysis import figures
-
-    for name, value in (("column", column), ("step", step), ("replicate", replicate), ("target", target)):
-        if value is not None and name not in figures.TAKES[what]:
-            takes = ", ".join(other for other, names in figures.TAKES.items() if name in names)
-            raise UsageError(f"--{name} has no meaning for --what {what}; it has for {takes}")
-    picture = out or result.with_suffix(".png")
-    figures.suffix_of(picture)
-    recording.attributes(result)
-    place = writable(picture, Path(picture.name))
-    if place.exists() and place.samefile(result):
-        raise UsageError(f"{place} is the result itself; say with --out where the picture goes")
-    drawn = figures.draw(result, place, what, figures.Choice(column, step, replicate or 0, target or 0))
-    click.echo(f"{drawn.out}: {', '.join(drawn.shown)}")
-    for name, reason in drawn.left_out.items():
-        click.echo(f"  without {name}: {reason}")
 
 
 @group.command()

@@ -1,4 +1,4 @@
-"""What `wsnsim list` shows: the kinds of a role, the shipped scenarios and data sheets, importing none of them.
+"""What `wsnsim list` shows: the kinds of a role, the shipped scenarios, sweeps and data sheets, importing none of them.
 
 listed(word, as_json) -> text or dict
 """
@@ -14,7 +14,7 @@ from typing import Any, Final
 
 from wsnsim.scenario import shipped
 from wsnsim.scenario.catalog import ROLES, Role, Row, kinds, role_named
-from wsnsim.scenario.load import shipped_parts
+from wsnsim.scenario.load import shipped_parts, shipped_sweeps
 from wsnsim.scenario.sheets import sheet_of
 
 COLUMNS: Final = ("kind", "idea", "paper")
@@ -22,9 +22,11 @@ TRACKER_COLUMNS: Final = ("kind", "paper", "idea", "state", "messages", "variant
 
 
 def listed(word: str | None, as_json: bool) -> str | dict[str, Any]:
-    """What a word asks for: the kinds of a role, 'scenarios', 'parts', or with no word every role."""
+    """What a word asks for: the kinds of a role, 'scenarios', 'sweeps', 'parts', or with no word every role."""
     if word in ("scenario", "scenarios"):
         return scenarios_json() if as_json else scenarios_text()
+    if word in ("sweep", "sweeps"):
+        return sweeps_json() if as_json else sweeps_text()
     if word in ("part", "parts"):
         return parts_json() if as_json else parts_text()
     roles = [role_named(word)] if word else list(ROLES.values())
@@ -51,6 +53,17 @@ def scenarios_json() -> dict[str, Any]:
     texts = {name: path.read_text(encoding="utf-8") for name, path in shipped().items()}
     named = {name: text for name, text in texts.items() if re.search(r"^name:", text, re.MULTILINE)}
     return {"scenarios": {name: _first_sentence(text) for name, text in named.items()}}
+
+
+def sweeps_text() -> str:
+    """A table of the shipped sweeps."""
+    return table(["sweep", "what it asks"], [[name, words] for name, words in sweeps_json()["sweeps"].items()])
+
+
+def sweeps_json() -> dict[str, Any]:
+    """The same as plain values."""
+    texts = {name: path.read_text(encoding="utf-8") for name, path in shipped_sweeps().items()}
+    return {"sweeps": {name: _first_sentence(text) for name, text in texts.items()}}
 
 
 def parts_text() -> str:

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from wsnsim.scenario.sweep_schema import Plan
 
 INCOMPLETE: Final = 3
+METRIC: Final = "rmse"
+"""The figure that is compared where nobody asks for another."""
 FEW: Final = 5
 
 
@@ -55,12 +57,13 @@ def carried_out(plan: Plan, chosen: Choices, interrupts: Interrupts, by: tuple[s
     from wsnsim.recording.folder import Folder
 
     place = chosen.out or Path("results") / plan.name
+    part = _part(chosen.shard)
+    _demand_answerable(chosen.said, plan.keys)
     if chosen.dry_run:
         from wsnsim.campaign.estimate import estimate
 
-        _tell_estimate(plan.name, estimate(plan, Folder(place), _workers(chosen)), chosen)
+        _tell_estimate(plan.name, estimate(plan, Folder(place), _workers(chosen), part), chosen)
         return 0
-    part = _part(chosen.shard)
     folder = campaign.begin(plan, place, by=by, baseline=chosen.said.baseline, command_line=command_line())
     return _run(folder, part, chosen, interrupts)
 
@@ -72,7 +75,9 @@ def gone_on_with(source: str, chosen: Choices, interrupts: Interrupts) -> int:
     if chosen.dry_run:
         raise UsageError("--dry-run takes a sweep; `wsnsim info DIR` says how far a campaign is")
     part = _part(chosen.shard)
-    return _run(campaign.go_on(source), part, chosen, interrupts)
+    folder = campaign.go_on(source)
+    _demand_answerable(chosen.said, folder.manifest().keys)
+    return _run(folder, part, chosen, interrupts)
 
 
 def _run(folder: Folder, part: Part, chosen: Choices, interrupts: Interrupts) -> int:
@@ -83,12 +88,16 @@ def _run(folder: Folder, part: Part, chosen: Choices, interrupts: Interrupts) ->
     with interrupts.noted() as stop:
         try:
             ended = campaign.drive(folder, _engine(folder, chosen), part, show.step if show else None, stop)
+        except KeyboardInterrupt:
+            say([f"wsnsim: go on with: {_resume(folder, part, chosen)}"])
+            raise
         finally:
             if show:
                 show.close()
+    code = 0
     if part == campaign.ALL and not interrupts.number:
-        answer(folder, chosen.said)
-    return _last_words(folder, ended, part, chosen, interrupts)
+        code = answer(folder, chosen.said)
+    return _last_words(folder, ended, part, chosen, interrupts) or code
 
 
 def _engine(folder: Folder, chosen: Choices) -> Engine:
@@ -113,16 +122,16 @@ def _workers(chosen: Choices) -> int:
     )
 
 
-def answer(folder: Folder, chosen: Said) -> None:
-    """The figures of what is there."""
+def answer(folder: Folder, chosen: Said) -> int:
+    """Print the figures of what is there; the exit code, 1 if there are none or a file cannot be read."""
     from wsnsim.analysis import comparison, comparison_text
     from wsnsim.base.errors import ResultError
 
     try:
         found = comparison.compared(folder, chosen.metric, chosen.by or None, chosen.baseline)
     except ResultError as error:
-        say([str(error)])
-        return
+        say([f"wsnsim: error: {error}"])
+        return error.exit_code
     if chosen.bound:
         from wsnsim.analysis import comparison_bounds
 
@@ -133,6 +142,21 @@ def answer(folder: Folder, chosen: Said) -> None:
         echo_json({**comparison.as_json(found), "folder": str(folder.path)})
     else:
         click.echo(comparison_text.text(found))
+    return 0
+
+
+def _demand_answerable(said: Said, keys: Sequence[str]) -> None:
+    """Raise UsageError, before anything runs, if what is asked of the results cannot be answered, or not written."""
+    from wsnsim.base.errors import did_you_mean
+    from wsnsim.base.tables import METRICS
+
+    if said.metric not in METRICS:
+        raise UsageError(f"--metric: table runs has no figure '{said.metric}' ({did_you_mean(said.metric, METRICS)})")
+    for key in said.by:
+        if key not in keys:
+            raise UsageError(f"--by: the campaign varies no '{key}' ({did_you_mean(key, keys)})")
+    if said.csv and (said.csv.is_dir() or not said.csv.parent.is_dir()):
+        raise UsageError(f"--csv {said.csv}: give a file in a folder that there is")
 
 
 def _write_csv(table: Any, place: Path) -> None:
@@ -165,7 +189,7 @@ def _last_words(folder: Folder, ended: Ended, part: Part, chosen: Choices, inter
     if interrupts.number:
         say([f"wsnsim: {interrupts.words}"])
         return interrupts.code
-    return INCOMPLETE if ended.missing else 0
+    return INCOMPLETE if ended.missing or ended.stopped else 0
 
 
 def _resume(folder: Folder, part: Part, chosen: Choices) -> str:
@@ -176,6 +200,13 @@ def _resume(folder: Folder, part: Part, chosen: Choices) -> str:
     for name in ("jobs", "scheduler", "scheduler_file"):
         if (value := getattr(chosen, name)) is not None:
             words += [f"--{name.replace('_', '-')}", str(value)]
+    said = chosen.said
+    words += ["--metric", said.metric] if said.metric != METRIC else []
+    words += [word for key in said.by for word in ("--by", key)]
+    for name in ("baseline", "csv"):
+        if (value := getattr(said, name)) is not None:
+            words += [f"--{name}", str(value)]
+    words += [f"--{name}" for name, wanted in (("bound", said.bound), ("json", said.as_json)) if wanted]
     return shlex.join(words)
 
 

@@ -26,6 +26,7 @@ from wsnsim.base.errors import ResultError
 from wsnsim.recording.layout import cannot_write, reason
 
 MANIFEST: Final = "campaign.json"
+SCENARIO: Final = "scenario.json"
 SCHEMA_VERSION: Final = 1
 BATCH: Final = re.compile(r"r(\d{5,})-(\d{5,})\.h5")
 LEFT: Final = re.compile(r".*\.(?P<host>[^.]+)\.(?P<pid>\d+)(-\d+)?\.tmp")
@@ -81,6 +82,11 @@ class Folder:
         """Whether there is a manifest."""
         return (self.path / MANIFEST).is_file()
 
+    def is_bare(self) -> bool:
+        """Whether there is nothing but what a campaign puts in place before its manifest."""
+        files = [place for place in self.path.rglob("*") if not place.is_dir()]
+        return all(place.name == SCENARIO or LEFT.fullmatch(place.name) for place in files)
+
     def manifest(self) -> Manifest:
         """What the campaign is about.
 
@@ -95,13 +101,15 @@ class Folder:
                 raise ResultError(f"{place}: was written by a newer wsnsim ({said.get('wsnsim_version')})")
             points = tuple(PointOnDisk(**point) for point in said.pop("points"))
             keys, by = (tuple(said.pop(name, ())) for name in ("keys", "by"))
+            if min(said["block"], *(point.replicates for point in points)) < 1:
+                raise ValueError("block and replicates are at least 1")
             return Manifest(points=points, keys=keys, by=by, **said)
         except FileNotFoundError:
             raise ResultError(f"{self.path}: holds no campaign (there is no {MANIFEST})") from None
         except OSError as error:
             raise ResultError(f"{place}: cannot be read: {reason(error)}") from error
-        except (ValueError, KeyError, TypeError) as error:
-            raise ResultError(f"{place}: is damaged: {error}") from error
+        except (ValueError, KeyError, TypeError, AttributeError) as error:
+            raise ResultError(f"{place}: is damaged: {type(error).__name__}: {error}") from error
 
     def write_manifest(self, manifest: Manifest) -> None:
         """Put the manifest in place, whole."""
@@ -110,13 +118,13 @@ class Folder:
 
     def write_scenario(self, point: str, resolved: str) -> None:
         """Put a point's scenario in place, if it is not there."""
-        place = self.path / point / "scenario.json"
+        place = self.path / point / SCENARIO
         if not place.exists():
             self._put(place, resolved)
 
     def scenario(self, point: str) -> str:
         """A point's scenario, as JSON."""
-        place = self.path / point / "scenario.json"
+        place = self.path / point / SCENARIO
         try:
             return place.read_text(encoding="utf-8")
         except OSError as error:
@@ -156,7 +164,8 @@ class Folder:
             shutil.copyfile(batch.path, tmp)
             self._settle(tmp, place)
         except OSError as error:
-            tmp.unlink(missing_ok=True)
+            with contextlib.suppress(OSError):
+                tmp.unlink(missing_ok=True)
             raise cannot_write(place, error) from error
 
     def write_failure(self, task: str, words: str) -> None:
@@ -179,6 +188,19 @@ class Folder:
     def marks(self, session: str, task: str = "*") -> list[Path]:
         """What workers that were killed left behind in this session."""
         return sorted(self.path.glob(f"running/{session}.{task}.*.log"))
+
+    def left_by(self, session: str, task: str) -> list[str]:
+        """What the marks of a task say."""
+        found = []
+        for place in self.marks(session, task):
+            with contextlib.suppress(FileNotFoundError):  # another worker has just ended it
+                found.append(place.read_text(encoding="utf-8", errors="replace"))
+        return found
+
+    def remove_marks(self, session: str, task: str) -> None:
+        """The task is to begin anew."""
+        for place in self.marks(session, task):
+            place.unlink(missing_ok=True)
 
     def clear(self) -> None:
         """Remove what killed processes of this machine left: temporary files, and marks of tasks."""
@@ -233,10 +255,14 @@ def _host() -> str:
 
 
 def _lives(pid: int) -> bool:
+    """Whether a process of this machine runs; one that has ended does not, though nobody has asked how it ended."""
     try:
         os.kill(pid, 0)
     except ProcessLookupError:
         return False
     except OSError:
         return True
-    return True
+    try:
+        return Path(f"/proc/{pid}/stat").read_text(errors="replace").rpartition(")")[2].split()[0] != "Z"
+    except (OSError, IndexError):  # no Linux
+        return True

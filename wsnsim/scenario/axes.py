@@ -11,20 +11,23 @@ from __future__ import annotations
 import itertools
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from decimal import Decimal
 from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
 
+from wsnsim.base.errors import Fault
 from wsnsim.scenario.fields import described
-from wsnsim.scenario.tree import Keys, Node, child, dotted, plain
+from wsnsim.scenario.tree import Keys, Node, assigned, child, dotted, plain, sequence
 from wsnsim.scenario.units import NUMBER, shown
 
 Settings: TypeAlias = tuple[tuple[Keys, Node], ...]
 """What one point lays on the scenario."""
 Axes: TypeAlias = Mapping[Keys, Node]
 MOST_POINTS: Final = 20_000
+LARGEST: Final = sys.float_info.max
 RANGES: Final = ("range", "log_range")
 SPACING: Final = ("count", "step")
 WRITTEN: Final = re.compile(rf"({NUMBER})\s*(.*)", re.ASCII)
@@ -37,6 +40,11 @@ class Refused(Exception):
         super().__init__(message)
         self.node = node
 
+    def within(self, tree: Node) -> Fault:
+        """The fault at its place, with the path under which it is written in the tree."""
+        path = next((path for path, node in _walk(tree, ()) if node is self.node), ())
+        return self.node.spot.fault(path, str(self))
+
 
 class Span(NamedTuple):
     """Both ends of a range, the unit that both are written in, and how values between them are placed and written."""
@@ -48,14 +56,17 @@ class Span(NamedTuple):
     whole: bool
 
     def at(self, share: float) -> str | float | int:
-        """The value at a share of the way from low to high, as a scenario would write it."""
-        if self.logarithmic:
+        """The value at a share of the way from low to high, as a scenario would write it; both ends are exact."""
+        value: float
+        if share <= 0.0 or share >= 1.0:
+            value = self.low if share <= 0.0 else self.high
+        elif self.logarithmic:
             value = math.exp((1.0 - share) * math.log(self.low) + share * math.log(self.high))
         else:
             value = (1.0 - share) * self.low + share * self.high
         if self.whole:
             return round(value)
-        short = float(f"{value:.12g}")
+        short = float(min(max(float(f"{value:.12g}"), self.low), self.high)) if 0.0 < share < 1.0 else float(value)
         return f"{short!r} {self.unit}" if self.unit else short
 
     def drawn(self, uniform: float) -> str | float | int:
@@ -95,6 +106,16 @@ def values_of(node: Node, path: Keys) -> list[Node]:
     raise Refused(node, f"expected values such as {example}, got {described(plain(node))}")
 
 
+def of_reals(node: Node) -> Node:
+    """The axis with the ends of its range as real numbers, so that the values between are not rounded."""
+    changed = node
+    for name in RANGES:
+        ends = child(node, name)
+        if ends is not None and isinstance(ends.value, list):
+            changed = assigned(changed, (name,), sequence([_real(end) for end in ends.value], ends.spot))
+    return changed
+
+
 def count_of(node: Node) -> int:
     """How many values an axis has, before they are listed."""
     if isinstance(node.value, dict) and any(name in node.value for name in RANGES):
@@ -117,13 +138,11 @@ def zipped(axes: Axes) -> list[Settings]:
     Raises:
         Refused: axes of unequal length, with the length of each.
     """
-    lengths = {dotted(keys): count_of(node) for keys, node in axes.items()}
-    if len(set(lengths.values())) > 1:
-        said = ", ".join(f"{name} has {length}" for name, length in lengths.items())
+    columns = {keys: values_of(node, keys) for keys, node in axes.items()}
+    if len({len(column) for column in columns.values()}) > 1:
+        said = ", ".join(f"{dotted(keys)} has {len(column)}" for keys, column in columns.items())
         raise Refused(next(iter(axes.values())), f"axes that go together must be of one length: {said}")
-    demand_few(max(lengths.values()), next(iter(axes.values())))
-    columns = [values_of(node, keys) for keys, node in axes.items()]
-    return [tuple(zip(axes, row, strict=True)) for row in zip(*columns, strict=True)]
+    return [tuple(zip(axes, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
 
 def random(draw: Draw) -> list[Settings]:
@@ -207,7 +226,10 @@ def _count(node: Node, span: Span) -> int:
     pace, unit, _ = _number(step, "a step")
     if unit != span.unit or not pace > 0.0:
         raise Refused(step, f"a step must be positive, and in the unit of the range ('{span.unit or 'none'}')")
-    return math.floor((span.high - span.low) / pace * (1 + 1e-12) + 1e-9) + 1
+    steps = (float(span.high) - float(span.low)) / pace
+    if not math.isfinite(steps):
+        raise Refused(step, "is too small for a range that wide")
+    return math.floor(steps * (1 + 1e-12) + 1e-9) + 1
 
 
 def _span(node: Node) -> Span:
@@ -231,12 +253,28 @@ def _span(node: Node) -> Span:
 def _number(node: Node, what: str) -> tuple[float, str, bool]:
     """A number, the unit it is written in, and whether it is written as a whole number without one."""
     value = node.value
-    if isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value):
-        return float(value), "", isinstance(value, int)
+    if isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= LARGEST:
+        return value, "", isinstance(value, int)
     match = WRITTEN.fullmatch(value.strip()) if isinstance(value, str) else None
-    if match is None or not math.isfinite(float(match[1])):
+    number = float(match[1].replace(".inf", "inf")) if match else math.nan
+    if match is None or not abs(number) <= LARGEST:
         raise Refused(node, f"{what} is a finite number, with a unit or without, not {described(plain(node))}")
-    return float(match[1]), match[2], False
+    return number, match[2], False
+
+
+def _real(end: Node) -> Node:
+    whole = isinstance(end.value, int) and not isinstance(end.value, bool) and abs(end.value) <= LARGEST
+    return Node(float(end.value), end.spot) if whole else end
+
+
+def _walk(node: Node, path: Keys) -> Iterator[tuple[Keys, Node]]:
+    yield path, node
+    if isinstance(node.value, dict):
+        for key, entry in node.value.items():
+            yield from _walk(entry.node, (*path, key))
+    elif isinstance(node.value, list):
+        for i, item in enumerate(node.value):
+            yield from _walk(item, (*path, i))
 
 
 def _refuse_twins(nodes: Sequence[Node]) -> None:

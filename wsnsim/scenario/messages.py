@@ -24,6 +24,7 @@ EXPECTED: Final = {
     "bool_type": "true or false",
     "string_type": "text",
     "model_type": "a mapping",
+    "dict_type": "a mapping",
     "tuple_type": "a list",
 }
 

@@ -5,9 +5,10 @@ points_of(bases, common, settings) -> [Point, ...]
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Final
 
 from wsnsim.base.errors import Fault, ScenarioError
@@ -32,7 +33,7 @@ def points_of(bases: Sequence[Gathered], common: Sequence[Assignment], settings:
     Raises:
         ScenarioError: with the faults of every point, as far as they differ, or two points that are one.
     """
-    faults: dict[str, Fault] = {}
+    faults: dict[Keys, Fault] = {}
     points: dict[str, Point] = {}
     chosen = list(settings)
     for base in bases:
@@ -41,7 +42,8 @@ def points_of(bases: Sequence[Gathered], common: Sequence[Assignment], settings:
                 scenario = finished(base, [*common, *laid])
                 build(scenario)
             except ScenarioError as error:
-                faults.update((str(fault), fault) for fault in error.faults)
+                for fault in error.faults:  # of an axis whose every value has the same fault, the first is told
+                    faults.setdefault((fault.place.rsplit(":", 2)[0], *fault.path, fault.message), fault)
                 if len(faults) >= MOST_FAULTS:
                     raise ScenarioError(in_order(faults.values())) from None
                 continue
@@ -49,10 +51,33 @@ def points_of(bases: Sequence[Gathered], common: Sequence[Assignment], settings:
             twin = points.setdefault(point.id, point)
             if twin is not point:
                 said = f"{_words(twin)} and {_words(point)} are the same point: nothing that they say differs"
-                faults.setdefault(said, laid[-1][1].spot.fault((), said) if laid else Fault((), said))
+                keys, node = laid[-1] if laid else ((), None)
+                faults.setdefault((said,), node.spot.fault(keys, said) if node else Fault((), said))
     if faults:
         raise ScenarioError(in_order(faults.values()))
     return list(points.values())
+
+
+def reals_of(bases: Iterable[Gathered], common: Sequence[Assignment]) -> Callable[[Keys], bool]:
+    """Which keys hold a real number in every one of the scenarios that can be read without the axes."""
+    said = []
+    for base in bases:
+        with contextlib.suppress(ScenarioError):  # it may lack what an axis gives it
+            said.append(resolved(finished(base, common)))
+    return lambda keys: bool(said) and all(isinstance(_value_at(values, keys), float) for values in said)
+
+
+def demand_no_axis(assignments: Iterable[Assignment], settings: Iterable[Settings]) -> None:
+    """Refuse a --set that every point would replace.
+
+    Raises:
+        ScenarioError: with a fault for each.
+    """
+    varied = {keys for laid in settings for keys, _ in laid}
+    said = "is an axis of this sweep; --vary takes other values for it"
+    faults = [node.spot.fault(keys, said) for keys, node in assignments if keys in varied]
+    if faults:
+        raise ScenarioError(faults)
 
 
 def keys_of_points(points: Iterable[Point]) -> tuple[str, ...]:
@@ -72,14 +97,18 @@ def _leaves(keys: Keys, node: Node, said: Mapping[str, Any]) -> list[tuple[str, 
     """(column, value in SI units) of everything that one setting writes: of a whole role, each of its keys."""
     if isinstance(node.value, dict):
         return [leaf for key, entry in node.value.items() for leaf in _leaves((*keys, key), entry.node, said)]
-    value: Any = said
+    value = _value_at(said, keys, plain(node))  # a short form stands elsewhere in the scenario
+    return [(dotted(keys), json.dumps(value) if isinstance(value, list | dict) else value)]
+
+
+def _value_at(said: Any, keys: Keys, default: Any = None) -> Any:
+    """What a resolved scenario says at a path."""
     for key in keys:
         try:
-            value = value[key]
-        except (KeyError, IndexError, TypeError):  # a short form, which the scenario writes elsewhere
-            value = plain(node)
-            break
-    return [(dotted(keys), json.dumps(value) if isinstance(value, list | dict) else value)]
+            said = said[key]
+        except (KeyError, IndexError, TypeError):
+            return default
+    return said
 
 
 def _words(point: Point) -> str:

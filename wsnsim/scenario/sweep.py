@@ -21,13 +21,14 @@ from __future__ import annotations
 import itertools
 import json
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+import re
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
 from pydantic import ValidationError
 
-from wsnsim.base.errors import Fault, ScenarioError
+from wsnsim.base.errors import ScenarioError
 from wsnsim.base.tables import TABLES
 from wsnsim.scenario import axes as shapes
 from wsnsim.scenario.axes import Draw, Refused, Settings
@@ -42,21 +43,44 @@ from wsnsim.scenario.load import (
     shipped_sweeps,
 )
 from wsnsim.scenario.messages import faults_of
-from wsnsim.scenario.points import LEFT_OUT, SCENARIO, keys_of_points, points_of
+from wsnsim.scenario.points import LEFT_OUT, SCENARIO, demand_no_axis, keys_of_points, points_of, reals_of
 from wsnsim.scenario.reader import of_dict, read
 from wsnsim.scenario.sweep_schema import Plan, Written
-from wsnsim.scenario.tree import Entry, Keys, Node, Spot, Text, at, child, dotted, in_order, mapping, plain, sequence
+from wsnsim.scenario.tree import (
+    Entry,
+    Keys,
+    Node,
+    Spot,
+    Text,
+    assigned,
+    at,
+    child,
+    dotted,
+    in_order,
+    mapping,
+    plain,
+    sequence,
+)
 
 KEPT: Final = ("runs", "tracks")
 """What a campaign records where nobody asks for more."""
+BLOCKS: Final = (("grid",), ("zip",), ("random", "over"), ("latin_hypercube", "over"))
+"""Where axes stand in a sweep."""
+SIGNS: Final = ("scenario", "points", *(block[0] for block in BLOCKS))
+"""What a sweep says, and a scenario never."""
 
 
 def is_sweep(source: str | Path) -> bool:
-    """Whether a name is that of a sweep's file, or of a shipped sweep, rather than of a scenario."""
+    """Whether a name is that of a sweep's file, or of a shipped sweep, rather than of a scenario.
+
+    A file that cannot be read is taken for one, so that `load_sweep` says what is wrong with it.
+    """
     path = _sweep_file(source)
-    content = content_of(path)[0] if path else None
-    tree = read(content, Text(str(path), Path()))[0] if content else None
-    return tree is not None and isinstance(tree.value, dict) and "scenario" in tree.value
+    if path is None:
+        return False
+    content = content_of(path)[0]
+    tree = read(content, Text(str(path), Path()))[0] if content is not None else None
+    return tree is None or (isinstance(tree.value, dict) and any(sign in tree.value for sign in SIGNS))
 
 
 def load_sweep(
@@ -68,13 +92,14 @@ def load_sweep(
     """The plan of a sweep's file, of a dict that says the same, or of one or several scenarios.
 
     `vary`, such as 'tracker.particles=100,200', are further axes of the grid; `overrides` are as `--set` takes them;
-    `given` may replace `name`, `replicates` and `timeout`.
+    `given` may replace `name`, `replicates` and `timeout`. A range between whole numbers holds whole numbers only,
+    except where the scenario has a real number under its key.
 
     Raises:
         ScenarioError: with the faults of the sweep, or those of its points.
     """
     tree, name, text = _read(source)
-    tree = _with_given(_with_vary(tree, vary), given)
+    tree = _with_given(_with_vary(tree, vary), given, name)
     try:
         written = Written.model_validate(plain(tree))
     except ValidationError as error:
@@ -82,12 +107,16 @@ def load_sweep(
     assignments, wrong = assignments_of(overrides)
     if wrong:
         raise ScenarioError(wrong)
+    bases = _bases(tree)
     try:
         common = [*_record(tree.spot), *_assigned(child(tree, "set")), *assignments]
+        tree = _with_reals(tree, bases, common)
         settings = _combined(tree, written)
+        shapes.demand_few(len(bases) * len(settings), tree)
     except Refused as refused:
-        raise ScenarioError([_fault(tree, refused)]) from None
-    points = points_of(_bases(tree), common, settings)
+        raise ScenarioError([refused.within(tree)]) from None
+    demand_no_axis(assignments, settings)
+    points = points_of(bases, common, settings)
     most = written.until.at_most if written.until else written.replicates
     if most is None:
         most = max(json.loads(point.resolved)["replicates"] for point in points)
@@ -106,6 +135,8 @@ def load_sweep(
 def _bases(tree: Node) -> list[Gathered]:
     """The scenarios that the sweep names: files from its folder, or shipped ones."""
     node = tree.value["scenario"].node
+    if node.value == []:
+        raise ScenarioError([node.spot.fault(("scenario",), "is an empty list: a sweep needs a scenario")])
     found = []
     for item in node.value if isinstance(node.value, list) else [node]:
         path = find_or_none(item.value, item.spot.text.folder)
@@ -138,7 +169,8 @@ def _read(source: str | Path | Mapping[str, Any] | Sequence[str]) -> tuple[Node,
     spot = Spot(Text("", Path.cwd()))
     nodes = [Node(name, spot) for name in names]
     given = nodes[0] if len(nodes) == 1 else sequence(nodes, spot)
-    return mapping({"scenario": Entry(spot, given)}, spot), "_".join(Path(name).stem for name in names[:4]), ""
+    stems = "_".join(Path(name).stem for name in names[:4])
+    return mapping({"scenario": Entry(spot, given)}, spot), re.sub(r"^\W|[^\w.\-]", "_", stems)[:100] or "sweep", ""
 
 
 def _text(path: Path, content: str) -> Text:
@@ -148,9 +180,12 @@ def _text(path: Path, content: str) -> Text:
 def _sweep_file(source: str | Path) -> Path | None:
     """The file of this name, or else the shipped sweep; None where a scenario has the name."""
     start = Path(source)
-    for path in (start, start.with_name(f"{start.name}.yaml") if start.name else start):
-        if path.is_file():
-            return path
+    try:
+        for path in (start, start.with_name(f"{start.name}.yaml") if start.name else start):
+            if path.is_file():
+                return path
+    except (OSError, ValueError):  # a name that no file can have
+        return None
     return shipped_sweeps().get(str(source).removesuffix(".yaml"))
 
 
@@ -160,10 +195,12 @@ def _with_vary(tree: Node, vary: Iterable[str]) -> Node:
     for text in vary:
         key, sign, values = text.partition("=")
         keys = keys_of(key)
-        spot = Spot(Text(f"--vary {key.strip()}", Path.cwd(), (), keys))
+        spot = Spot(Text(f"--vary {key.strip()}".strip(), Path.cwd(), (), keys))
         if not sign or not keys or not values.strip():
             example = "--vary tracker.particles=100,200 or --vary 'link.reach={range: [60 m, 80 m], count: 3}'"
             raise ScenarioError([spot.fault(keys, f"expected KEY=VALUES, such as {example}")])
+        if dotted(keys) in added:
+            raise ScenarioError([spot.fault(keys, "is given twice: write all of its values in one --vary")])
         node, faults = read(f"[{values}]", spot.text)
         if node is None or faults:
             raise ScenarioError(faults)
@@ -177,11 +214,13 @@ def _with_vary(tree: Node, vary: Iterable[str]) -> Node:
     return mapping({**tree.value, "grid": Entry(tree.spot, grid)}, tree.spot)
 
 
-def _with_given(tree: Node, given: Mapping[str, Any]) -> Node:
+def _with_given(tree: Node, given: Mapping[str, Any], name: str) -> Node:
     """The tree with what the command line says laid over it; --replicates ends a stopping rule, too."""
-    said = {key: Entry(tree.spot, Node(value, tree.spot)) for key, value in given.items() if value is not None}
+    default = {"name": Entry(tree.spot, Node(name, tree.spot))}
+    spots = {key: Spot(Text(f"--{key}", Path.cwd(), (), (key,))) for key in given}
+    said = {key: Entry(spots[key], Node(value, spots[key])) for key, value in given.items() if value is not None}
     kept = {key: entry for key, entry in tree.value.items() if not ("replicates" in said and key == "until")}
-    return mapping({**kept, **said}, tree.spot)
+    return mapping({**default, **kept, **said}, tree.spot)
 
 
 def _record(spot: Spot) -> list[Assignment]:
@@ -202,24 +241,45 @@ def _keys(key: str, entry: Entry) -> Keys:
     return keys
 
 
+def _axes(node: Node) -> shapes.Axes:
+    """The axes of a block, each under its path."""
+    axes: dict[Keys, Node] = {}
+    for keys, values in _assigned(node):
+        if keys in axes:
+            raise Refused(values, f"'{dotted(keys)}' is an axis twice")
+        axes[keys] = values
+    return axes
+
+
+def _with_reals(tree: Node, bases: Iterable[Gathered], common: Sequence[Assignment]) -> Node:
+    """The tree in which ranges between whole numbers are of real numbers, where the scenarios have one at their key."""
+    is_real = reals_of(bases, common)
+    for block in BLOCKS:
+        axes = at(tree, block)
+        for key, entry in axes.value.items() if axes is not None else ():
+            if is_real(keys_of(key)):
+                tree = assigned(tree, (*block, key), shapes.of_reals(entry.node))
+    return tree
+
+
 def _combined(tree: Node, written: Written) -> list[Settings]:
     """Every point: one of each block, combined with each other."""
     blocks: list[list[Settings]] = []
     for name in ("grid", "zip"):
         node = child(tree, name)
         if node is not None and node.value:
-            blocks.append(getattr(shapes, "grid" if name == "grid" else "zipped")(dict(_assigned(node))))
+            blocks.append(getattr(shapes, "grid" if name == "grid" else "zipped")(_axes(node)))
     several = child(tree, "points")
     if several is not None:
         if not several.value:
             raise Refused(several, "is an empty list: a sweep needs a point")
-        blocks.append([tuple(_assigned(item)) for item in several.value])
+        blocks.append([tuple(_axes(item).items()) for item in several.value])
     for name, place in (("random", shapes.random), ("latin_hypercube", shapes.latin_hypercube)):
         drawn, over = getattr(written, name), at(tree, (name, "over"))
         if drawn is not None and over is not None:
             if not over.value:
                 raise Refused(over, "is empty: say over which axes points are drawn")
-            blocks.append(place(Draw(drawn.points, drawn.seed, dict(_assigned(over)))))
+            blocks.append(place(Draw(drawn.points, drawn.seed, _axes(over))))
     shapes.demand_few(math.prod(len(block) for block in blocks), tree)
     return [_joined(chosen) for chosen in itertools.product(*blocks)]
 
@@ -232,19 +292,3 @@ def _joined(chosen: Iterable[Settings]) -> Settings:
             raise Refused(node, f"'{dotted(keys)}' is an axis twice")
         seen.add(keys)
     return together
-
-
-def _fault(tree: Node, refused: Refused) -> Fault:
-    """The refusal at its place, with the path under which it is written."""
-    path = next((path for path, node in _walk(tree, ()) if node is refused.node), ())
-    return refused.node.spot.fault(path, str(refused))
-
-
-def _walk(node: Node, path: Keys) -> Iterator[tuple[Keys, Node]]:
-    yield path, node
-    if isinstance(node.value, dict):
-        for key, entry in node.value.items():
-            yield from _walk(entry.node, (*path, key))
-    elif isinstance(node.value, list):
-        for i, item in enumerate(node.value):
-            yield from _walk(item, (*path, i))

@@ -1,0 +1,365 @@
+"""`wsnsim sweep` and `collect`: what they print, write and refuse, and the exit code with which they end.
+
+Where the pool is not what is tested, tasks are run in this process.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shlex
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import pytest
+
+import wsnsim
+from wsnsim.campaign import estimate, local
+from wsnsim.campaign.engines import Ending
+from wsnsim.cli import main
+
+from .places import (
+    Inline,
+    assert_same,
+    children,
+    environment,
+    files_of,
+    lives,
+    sweep_of,
+    tables_of,
+    wait_for,
+    write_sweep,
+)
+
+CALM = [{"pause": 0.0}, {"pause": 0.001}]
+
+
+@pytest.fixture(autouse=True)
+def _inline(lab: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(local, "LocalPool", Inline)
+
+
+@pytest.fixture
+def sweep(lab: Path) -> str:
+    return write_sweep(lab / "moods.yaml", sweep_of(CALM, 4))
+
+
+@pytest.fixture
+def poisoned(lab: Path) -> str:
+    return write_sweep(lab / "poisoned.yaml", sweep_of([{"mood": "calm"}, {"mood": "raises", "at": 2}], 4))
+
+
+def resume_of(said: str) -> list[str]:
+    """The command that is printed for going on."""
+    line = next(line for line in said.splitlines() if line.startswith("wsnsim: go on with: "))
+    words = shlex.split(line.partition("with: ")[2])
+    assert words[0] == "wsnsim"
+    return words[1:]
+
+
+# what it answers
+
+
+def test_a_sweep_fills_its_folder_and_prints_a_table_and_again_runs_nothing(
+    sweep: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["sweep", sweep]) == 0
+    first = capsys.readouterr()
+    before = files_of(Path("results/moods"))
+    assert "moods: 2 points, 4 replicates each" in first.out and "tracker.pause" in first.out
+    assert first.err.splitlines()[-1].startswith("wsnsim: 100 % (8 of 8 replicates done, 0 failed")
+    assert len(before) == 4
+    for again in (["sweep", sweep], ["sweep", "results/moods"]):
+        assert main([*again, "--quiet"]) == 0
+        assert capsys.readouterr() == (first.out, "")
+        assert files_of(Path("results/moods")) == before
+
+
+def test_more_replicates_leave_the_files_that_there_are_as_they_are(sweep: str) -> None:
+    assert main(["sweep", sweep, "-q"]) == 0
+    before, rows = files_of(Path("results/moods")), wsnsim.read("results/moods", "runs")
+    assert main(["sweep", sweep, "--replicates", "7", "-q"]) == 0
+    after, more = files_of(Path("results/moods")), wsnsim.read("results/moods", "runs")
+    assert before.items() < after.items() and len(more) == 14
+    pd.testing.assert_frame_equal(more[more["replicate"] < 4].reset_index(drop=True), rows)
+
+
+def test_json_is_one_object_and_csv_the_same_table(sweep: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["sweep", sweep, "--json", "--csv", "table.csv", "--progress", "json"]) == 0
+    said = capsys.readouterr()
+    answer = json.loads(said.out, parse_constant=lambda word: pytest.fail(f"{word} is no JSON"))
+    assert (answer["schema_version"], answer["name"], answer["folder"]) == (1, "moods", "results/moods")
+    assert [point["replicates"] for point in answer["points"]] == [4, 4]
+    told = [json.loads(line) for line in said.err.splitlines()]
+    assert told[-1]["done"] == told[-1]["total"] == 8 and told[-1]["failed"] == 0 and told[-1]["share"] == 1.0
+    table = pd.read_csv("table.csv")
+    assert table["median"].tolist() == pytest.approx([point["median"] for point in answer["points"]])
+
+
+def test_a_dry_run_says_what_it_would_take_and_writes_nothing(
+    sweep: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = sorted(Path().rglob("*"))
+    assert main(["sweep", sweep, "--dry-run"]) == 0
+    assert capsys.readouterr().out.startswith(
+        "moods: 2 points, 8 replicates, of which 0 are there\n  left   8 replicates"
+    )
+    assert main(["sweep", sweep, "--dry-run", "--json", "--shard", "1/2"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert (answer["replicates"], answer["left"], answer["tasks"]) == (4, 4, 2) and answer["cpu_seconds"] > 0
+    monkeypatch.setattr(estimate, "PATIENCE", -1.0)  # a trial is cut short at once
+    assert main(["sweep", sweep, "--dry-run", "--json"]) == 0
+    cut = json.loads(capsys.readouterr().out)
+    assert cut["size"] is None and cut["cpu_seconds"] > 0
+    assert [place for place in sorted(Path().rglob("*")) if "__pycache__" not in place.parts] == before
+
+
+def test_a_dry_run_of_a_campaign_that_is_begun_counts_what_is_there(
+    sweep: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["sweep", sweep, "-q"]) == 0
+    capsys.readouterr()
+    assert main(["sweep", sweep, "--dry-run", "--json", "--replicates", "5"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert (answer["done"], answer["left"], answer["tasks"]) == (8, 2, 2)
+    assert answer["source"] == "4 files that are there"
+
+
+def test_parts_collected_are_the_campaign(sweep: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["sweep", sweep, "-q", "-o", "whole"]) == 0
+    whole = capsys.readouterr().out
+    for number in (1, 2):
+        assert main(["sweep", sweep, "--shard", f"{number}/2", "-o", f"part{number}"]) == 0
+        said = capsys.readouterr()
+        assert said.out == "" and f"part {number} of 2 is done: 4 replicates, 0 were there" in said.err
+    assert main(["collect", "part1", "-o", "all"]) == 3
+    said = capsys.readouterr()
+    assert said.err.splitlines() == [
+        "wsnsim: all is incomplete:",
+        "  tracker.pause = 0.0: replicates 2-3",
+        "  tracker.pause = 0.001: replicates 0-1",
+    ]
+    assert main(["collect", "part1", "part2", "-o", "all"]) == 0
+    assert capsys.readouterr() == (whole, "")
+    assert_same(tables_of(Path("all")), tables_of(Path("whole")))
+
+
+# what goes wrong
+
+
+def test_what_fails_is_named_and_kept_and_the_rest_is_done(poisoned: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["sweep", poisoned, "-o", "c", "-q"]) == 3
+    said = capsys.readouterr()
+    assert "2 points" in said.out
+    lines = said.err.splitlines()
+    assert "failed: the run failed at 1 s of simulated time" in lines[0] and "out of sorts" in lines[0]
+    assert lines[1:] == [
+        "wsnsim: c is incomplete, 1 replicates are missing:",
+        "  tracker.mood = raises, tracker.at = 2: replicates 2",
+        "wsnsim: go on with: wsnsim sweep c",
+    ]
+    [note] = Path("c/failed").iterdir()
+    assert "replicate 2, tracker.mood = raises" in note.read_text()
+    Path("cured").touch()
+    assert main(resume_of(said.err)) == 0
+    assert not list(Path("c/failed").iterdir())
+
+
+@pytest.mark.parametrize("shard", ["0/2", "3/2", "1/0", "2", "a/b", "1/2/3", "-1/2"])
+def test_a_shard_that_is_none_is_refused(sweep: str, shard: str, capsys: pytest.CaptureFixture[str]) -> None:
+    for more in ([], ["--dry-run"]):
+        assert main(["sweep", sweep, f"--shard={shard}", *more]) == 2
+        assert f"--shard takes I/N with 1 <= I <= N, such as 1/2, not '{shard}'" in capsys.readouterr().err
+    assert not Path("results").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--metric", "rsme"], "--metric: table runs has no figure 'rsme' (did you mean 'rmse'?)"),
+        (["--by", "tracker.pauses"], "--by: the campaign varies no 'tracker.pauses' (did you mean 'tracker.pause'?)"),
+        (["--csv", "nowhere/x.csv"], "--csv nowhere/x.csv: give a file in a folder that there is"),
+        (["-o", "moody.py"], "moody.py is a file; a campaign needs a folder"),
+        (["-o", "."], ". is not empty, and holds no campaign; give a new folder with --out"),
+        (["-o", "moody.py/c"], "cannot write moody.py/c: Not a directory"),
+        (["--scheduler", "tcp://x:1", "--scheduler-file", "f"], "give either --scheduler or --scheduler-file"),
+    ],
+)
+def test_what_could_not_be_answered_is_refused_before_anything_runs(
+    sweep: str, words: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["sweep", sweep, *words]) == 2
+    assert capsys.readouterr().err == f"wsnsim: error: {message}\n"
+    assert not list(Path().rglob("r0*.h5"))
+
+
+def test_a_damaged_manifest_or_result_and_another_version_are_named(
+    sweep: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["sweep", sweep, "-q", "-o", "c"]) == 0
+    manifest = Path("c/campaign.json").read_text()
+    result = sorted(Path("c").glob("*/r*.h5"))[0]
+    capsys.readouterr()
+    for text, code, words in (
+        (manifest[:99], 1, "c/campaign.json: is damaged"),
+        (manifest.replace('"wsnsim_version": "', '"wsnsim_version": "9'), 2, "their results are not to be mixed"),
+    ):
+        Path("c/campaign.json").write_text(text)
+        for source in (["c"], [sweep, "-o", "c"]):
+            assert main(["sweep", *source]) == code
+            said = capsys.readouterr()
+            assert words in said.err and said.out == "" and "internal" not in said.err
+    Path("c/campaign.json").write_text(manifest)
+    result.write_bytes(result.read_bytes()[:2000])
+    assert main(["sweep", "c", "-q"]) == 1
+    said = capsys.readouterr()
+    assert said.err.startswith(f"wsnsim: error: {result}: ") and said.out == ""
+    result.unlink()
+    assert main(["sweep", "c", "-q"]) == 0
+
+
+# signals
+
+
+@pytest.mark.parametrize(
+    ("numbers", "code", "words"),
+    [
+        ([signal.SIGINT], 130, "wsnsim: interrupted"),
+        ([signal.SIGTERM], 143, "wsnsim: stopped by SIGTERM"),
+        ([signal.SIGINT, signal.SIGINT], 130, "wsnsim: error: interrupted"),
+    ],
+)
+def test_a_signal_ends_what_runs_and_prints_the_command_that_goes_on(
+    sweep: str,
+    numbers: list[int],
+    code: int,
+    words: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    class Signalled(Inline):
+        def ended(self, wait: float) -> list[Ending]:
+            endings = super().ended(wait)
+            for number in numbers:
+                os.kill(os.getpid(), number)
+            return endings
+
+    monkeypatch.setattr(local, "LocalPool", Signalled)
+    assert main(["sweep", sweep, "-o", "a campaign", "-j", "3", "--metric", "median_error", "--json"]) == code
+    said = capsys.readouterr()
+    assert said.out == "" and said.err.splitlines()[-1] == words
+    monkeypatch.setattr(local, "LocalPool", Inline)
+    command = resume_of(said.err)
+    assert command == ["sweep", "a campaign", "--jobs", "3", "--metric", "median_error", "--json"]
+    before = files_of(Path("a campaign"))
+    assert len(before) == 1
+    assert main(command) == 0
+    assert before.items() < files_of(Path("a campaign")).items()
+    assert json.loads(capsys.readouterr().out)["metric"] == "median_error"
+
+
+def test_ctrl_c_in_a_terminal_lets_workers_end_their_tasks(lab: Path) -> None:
+    """The terminal sends the signal to the workers, too."""
+    sweep = write_sweep(lab / "moods.yaml", sweep_of([{"pause": 0.2}], 100, block=1))
+    command = [sys.executable, "-m", "wsnsim", "sweep", sweep, "-o", "c", "-j", "1"]
+    driver = subprocess.Popen(command, env=environment(), stderr=subprocess.PIPE, text=True, start_new_session=True)
+    wait_for(lambda: files_of(Path("c")), 120)
+    workers, before = children(driver.pid), len(files_of(Path("c")))
+    os.killpg(driver.pid, signal.SIGINT)
+    _, said = driver.communicate(timeout=60)
+    assert driver.returncode == 130
+    assert "Traceback" not in said and resume_of(said) == ["sweep", "c", "--jobs", "1"]
+    assert len(files_of(Path("c"))) > before and not list(Path("c").rglob("*.tmp"))
+    wait_for(lambda: not any(map(lives, workers)))
+
+
+def test_a_reader_of_progress_that_goes_away_is_no_error(sweep: str) -> None:
+    reader, writer = os.pipe()
+    os.close(reader)
+    script = (
+        "import sys; from wsnsim.campaign import local; from tests.campaign.places import Inline;"
+        "local.LocalPool = Inline; from wsnsim.cli import main; sys.exit(main(sys.argv[1:]))"
+    )
+    command = [sys.executable, "-c", script, "sweep", sweep, "--progress", "json"]
+    done = subprocess.run(command, env=environment(), text=True, check=False, stdout=subprocess.PIPE, stderr=writer)
+    os.close(writer)
+    assert done.returncode == 141 and not done.stdout
+
+
+# disks
+
+
+Mount = Callable[[str], None]
+
+
+@pytest.fixture
+def disk(lab: Path) -> Iterator[tuple[Path, Mount]]:
+    """A small file system of its own, and a function that mounts it anew with other options."""
+    place = lab / "disk"
+    place.mkdir()
+
+    def mount(options: str) -> None:
+        done = subprocess.run(
+            ["mount", "-t", "tmpfs", "-o", options, "tmpfs", str(place)], capture_output=True, text=True
+        )
+        if done.returncode:
+            pytest.skip(f"no file system can be mounted here: {done.stderr.strip()}")
+
+    def again(options: str) -> None:
+        subprocess.run(["mount", "-o", f"remount,{options}", str(place)], check=True)
+
+    if not hasattr(os, "geteuid") or os.geteuid() != 0:
+        pytest.skip("only root mounts file systems")
+    mount("size=4300k")
+    try:
+        yield place, again
+    finally:
+        subprocess.run(["umount", "-l", str(place)], check=True)
+
+
+def test_a_full_disk_ends_the_campaign_which_goes_on_when_there_is_room(
+    sweep: str, disk: tuple[Path, Mount], capsys: pytest.CaptureFixture[str]
+) -> None:
+    place, mount = disk
+    assert main(["sweep", sweep, "--replicates", "20", "-q", "-o", str(place / "c")]) == 3
+    said = capsys.readouterr().err
+    assert "error: the campaign was stopped: " in said and "less than 4 MB are left on the disk" in said
+    before = files_of(place / "c")
+    assert before and not list(place.rglob("*.tmp"))
+    mount("size=20m")
+    assert main([*resume_of(said), "-q"]) == 0
+    assert before.items() < files_of(place / "c").items()
+
+
+def test_a_folder_that_takes_nothing_is_refused(
+    sweep: str, disk: tuple[Path, Mount], capsys: pytest.CaptureFixture[str]
+) -> None:
+    place, mount = disk
+    mount("size=10m")
+    assert main(["sweep", sweep, "-q", "-o", str(place / "c")]) == 0
+    mount("ro")
+    capsys.readouterr()
+    for source in ([str(place / "c")], [sweep, "-o", str(place / "c")], [sweep, "-o", str(place / "d")]):
+        assert main(["sweep", *source]) == 2
+        assert f"wsnsim: error: cannot write {source[-1]}: Read-only file system\n" == capsys.readouterr().err
+    assert main(["collect", str(place / "c"), "-o", "copy"]) == 0
+
+
+def test_a_rule_that_cannot_note_what_it_decided_says_so(sweep: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    from wsnsim.base.errors import StorageError
+    from wsnsim.recording.folder import Folder
+
+    rule: dict[str, Any] = {"metric": "rmse", "half_width": 9.0, "at_least": 2, "at_most": 4}
+    ruled = write_sweep(Path("ruled.yaml"), sweep_of(CALM, until=rule))
+    assert main(["sweep", ruled, "-q", "-o", "c"]) == 0
+
+    def full(self: Folder, manifest: Any) -> None:
+        raise StorageError("campaign.json: cannot be written: No space left on device")
+
+    monkeypatch.setattr(Folder, "write_manifest", full)
+    assert main(["sweep", "c", "-q"]) == 3

@@ -1,0 +1,122 @@
+"""kill -9 at any moment: nothing is lost, nothing written is run again, and no part of a file is taken for one.
+
+WSNSIM_KILLS=50 pytest tests/campaign/test_killed.py      fifty campaigns; a few where it is not set
+"""
+
+from __future__ import annotations
+
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from wsnsim.campaign import Ended, Progress, begin, drive
+from wsnsim.campaign.local import LocalPool
+from wsnsim.scenario.sweep import load_sweep
+
+from .places import (
+    Inline,
+    assert_same,
+    children,
+    environment,
+    files_of,
+    lives,
+    sweep_of,
+    tables_of,
+    wait_for,
+    write_sweep,
+)
+
+KILLS = int(os.environ.get("WSNSIM_KILLS", "2"))
+WORKERS = 1 if KILLS <= 2 else 2
+POINTS: list[Mapping[str, Any]] = [{"pause": pause} for pause in (0.02, 0.021, 0.022)]
+FILES = 9
+"""Of three points with five replicates each, in blocks of two."""
+
+
+@pytest.fixture
+def sweep(lab: Path) -> str:
+    return write_sweep(lab / "moods.yaml", sweep_of(POINTS, 5))
+
+
+@pytest.fixture
+def truth(sweep: str, lab: Path) -> Any:
+    """The tables of a campaign that nobody kills."""
+    folder = begin(load_sweep(sweep), lab / "truth")
+    assert drive(folder, Inline()).complete
+    assert len(files_of(folder.path)) == FILES
+    return tables_of(folder.path)
+
+
+def gone_on_with(sweep: str, place: Path, truth: Any) -> None:
+    """What is missing is run; what there was stays as it is; the tables are those of a campaign that nobody killed."""
+    before = files_of(place)
+    folder = begin(load_sweep(sweep), place)
+    ended: Ended = drive(folder, LocalPool(WORKERS) if KILLS > 2 else Inline())
+    assert ended.complete and not ended.failed
+    after = files_of(place)
+    assert {name: after[name] for name in before} == before and len(after) == FILES
+    assert not list(place.rglob("*.tmp")) and not list(place.glob("running/*"))
+    assert_same(tables_of(place), truth)
+
+
+@pytest.mark.parametrize("seed", range(KILLS // 2))
+def test_a_campaign_whose_driver_is_killed_goes_on_and_its_workers_end(
+    lab: Path, sweep: str, truth: Any, seed: int
+) -> None:
+    chance = random.Random(seed)
+    place, wanted = lab / "killed", chance.randrange(FILES)
+    command = [sys.executable, "-m", "wsnsim", "sweep", sweep, "-o", str(place), "-j", str(WORKERS), "-q"]
+    driver = subprocess.Popen(command, env=environment(), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    if wanted:
+        wait_for(lambda: len(files_of(place)) >= wanted or driver.poll() is not None, 300)
+        time.sleep(chance.uniform(0.0, 0.1))
+    else:
+        time.sleep(chance.uniform(0.0, 3.0))
+    workers = children(driver.pid)
+    driver.kill()
+    driver.wait()
+    wait_for(lambda: not any(map(lives, workers)), 60)
+    gone_on_with(sweep, place, truth)
+
+
+@pytest.mark.parametrize("seed", range(KILLS - KILLS // 2))
+def test_a_campaign_whose_worker_is_killed_is_completed_all_the_same(
+    lab: Path, sweep: str, truth: Any, seed: int
+) -> None:
+    chance = random.Random(seed)
+    wanted, killed = chance.randrange(10), []
+    later = time.monotonic() + (chance.uniform(0.0, 3.0) if not wanted else 0.0)
+
+    def watch(progress: Progress) -> None:
+        """Told now and then; kills one worker, once, when enough is done."""
+        workers = [pid for pid in children(os.getpid()) if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()]
+        if not killed and progress.done >= wanted and time.monotonic() > later and workers:
+            killed.append(chance.choice(workers))
+            time.sleep(chance.uniform(0.0, 0.1))
+            os.kill(killed[0], signal.SIGKILL)
+
+    folder = begin(load_sweep(sweep), lab / "killed")
+    ended = drive(folder, LocalPool(WORKERS), watch=watch)
+    assert killed and ended.complete and not ended.failed
+    gone_on_with(sweep, folder.path, truth)
+
+
+def test_a_file_that_was_not_finished_is_not_taken_for_one(lab: Path, sweep: str, truth: Any) -> None:
+    """What a writer leaves at each moment of its life, laid down by hand."""
+    folder = begin(load_sweep(sweep), lab / "killed")
+    whole = next((lab / "truth").glob("*/r00000-00001.h5"))
+    dead = subprocess.Popen(["true"])
+    dead.wait()
+    host = folder.mark("s", "t").name.split(".")[-3]
+    for share in (0.0, 0.5, 1.0):
+        text = whole.read_bytes()[: int(share * whole.stat().st_size)]
+        (folder.path / whole.parent.name / f"r00000-00001.{host}.{dead.pid}-{int(9 * share)}.tmp").write_bytes(text)
+    gone_on_with(sweep, folder.path, truth)

@@ -1,0 +1,177 @@
+"""Worker processes of this machine: the same tables however many there are, and what becomes of tasks that kill."""
+
+from __future__ import annotations
+
+import importlib
+import multiprocessing
+import os
+import pickle
+import signal
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from wsnsim.campaign import Part, begin, collect, drive
+from wsnsim.campaign import local as pools
+from wsnsim.campaign.engines import Ending
+from wsnsim.campaign.local import LocalPool
+from wsnsim.campaign.task import Outcome, Task, perform, words_of
+from wsnsim.recording.folder import Folder
+from wsnsim.scenario.sweep import load_sweep
+
+from .places import Inline, assert_same, lives, sweep_of, tables_of, wait_for
+
+
+def first_task(folder: Folder, **said: Any) -> Task:
+    point = folder.manifest().points[0].id
+    return Task(str(folder.path), point, **{"first": 0, "last": 1, "session": "s", "version": "0.1.0", **said})
+
+
+def all_ended(pool: LocalPool, count: int) -> list[Ending]:
+    endings: list[Ending] = []
+    wait_for(lambda: endings.extend(pool.ended(0.1)) or len(endings) >= count)
+    return endings
+
+
+def test_the_tables_do_not_depend_on_workers_or_parts(lab: Path) -> None:
+    plan = load_sweep(sweep_of([{"pause": pause} for pause in (0.0, 0.001, 0.002)], 5))
+    for workers in (1, 2):
+        assert drive(begin(plan, lab / f"{workers}"), LocalPool(workers)).complete
+    for number in (1, 2):
+        assert drive(begin(plan, lab / f"part{number}"), Inline(), Part(number, 2)).complete
+    collect([Folder(lab / "part1"), Folder(lab / "part2")], Folder(lab / "all"))
+    one = tables_of(lab / "1")
+    assert len(one["runs"]) == 3 * 5 and one["runs"]["rmse"].nunique() == 5
+    assert_same(one, tables_of(lab / "2"))
+    assert_same(one, tables_of(lab / "all"))
+
+
+def test_tasks_that_raise_exit_crash_or_never_end_are_named_and_the_rest_is_done(lab: Path) -> None:
+    moods = {"raises": 0, "exits": 1, "killed": 2, "crashes": 0, "hangs": 1, "sleeps": 2}
+    sweep = sweep_of([{"mood": "calm"}, *({"mood": m, "at": at} for m, at in moods.items())], 3, block=1, timeout=3)
+    folder = begin(load_sweep(sweep), lab / "c")
+    ended = drive(folder, LocalPool(1))
+    ids = {point.settings["tracker.mood"]: point.id for point in folder.manifest().points}
+    assert ended.missing == {ids[mood]: [at] for mood, at in moods.items()}
+    words = {mood: ended.failed[f"{ids[mood]}.r{at:05d}-{at:05d}"] for mood, at in moods.items()}
+    assert words == {
+        "raises": "the run failed at 1 s of simulated time (seed 20220101, replicate 0): ValueError: out of sorts",
+        "exits": "SystemExit: 7",
+        "killed": "killed its worker twice (killed from outside, as where memory runs out)",
+        "crashes": "killed its worker twice (Segmentation fault)",
+        "hangs": "took more than 3 s",
+        "sleeps": "took more than 3 s",
+    }
+    said = folder.failures()[f"{ids['hangs']}.r00001-00001"]
+    assert "tracker.mood = hangs" in said and "in misbehave" in said
+    assert not list(folder.path.rglob("*.tmp")) and not list(folder.path.glob("running/*"))
+
+
+def test_a_worker_that_cannot_begin_is_not_the_tasks_fault(lab: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(pools, "start_worker", importlib.import_module("moody").die_at_once)
+    monkeypatch.setattr(pools, "MOST_BROKEN", 2)
+    folder = begin(load_sweep(sweep_of([{"mood": "calm"}])), lab / "c")
+    ended = drive(folder, LocalPool(1))
+    assert ended.stopped.startswith("2 times in a row workers died before they began: is there enough memory?")
+    assert not ended.failed and not ended.complete
+
+
+def test_workers_do_not_hear_ctrl_c_even_while_they_start_and_end_with_the_pool(lab: Path) -> None:
+    folder = begin(load_sweep(sweep_of([{"mood": "calm"}])), lab / "c")
+    pool = LocalPool(1)
+    pool.submit(first_task(folder))
+    workers = [process.pid for process in multiprocessing.active_children()]
+    for worker in workers:
+        os.kill(worker, signal.SIGINT)
+    assert [ending.outcome.status for ending in all_ended(pool, 1)] == ["done"]
+    for worker in workers:
+        os.kill(worker, signal.SIGINT)
+    pool.submit(first_task(folder, first=2, last=3))
+    assert [ending.outcome.status for ending in all_ended(pool, 1)] == ["done"]
+    pool.close()
+    assert workers and not any(map(lives, workers))
+
+
+def test_a_pool_that_broke_while_nobody_looked_gives_its_tasks_back_and_is_made_anew(lab: Path) -> None:
+    folder = begin(load_sweep(sweep_of([{"mood": "calm", "pause": 30.0}, {"mood": "calm"}])), lab / "c")
+    pool = LocalPool(1)
+    pool.submit(first_task(folder))
+    wait_for(lambda: list(folder.path.glob("running/*")))
+    for process in multiprocessing.active_children():
+        os.kill(process.pid or 0, signal.SIGKILL)
+        process.join()
+    wait_for(lambda: all(future.done() for future in pool._running))
+    pool.submit(first_task(folder, first=2, last=3))
+    gone = all_ended(pool, 2)
+    assert [type(ending.outcome).__name__ for ending in gone] == ["Vanished", "Vanished"]
+    point = folder.manifest().points[1].id
+    pool.submit(Task(str(folder.path), point, 0, 1, "s", "0.1.0"))
+    assert all_ended(pool, 1)[0].outcome.status == "done"
+    pool.close()
+
+
+# a task by itself
+
+
+def performed(lab: Path, mood: str, **said: Any) -> tuple[Folder, Outcome]:
+    folder = begin(load_sweep(sweep_of([{"mood": mood}])), lab / "c")
+    return folder, perform(first_task(folder, **said))
+
+
+def test_a_task_leaves_its_file_and_nothing_else(lab: Path) -> None:
+    folder, outcome = performed(lab, "calm")
+    place = folder.batch(folder.manifest().points[0].id, 0, 1)
+    assert (outcome.status, outcome.size) == ("done", place.stat().st_size) and outcome.seconds > 0
+    assert {p.name for p in lab.glob("c/*/*")} == {"scenario.json", "r00000-00001.h5"}
+    written = place.stat().st_mtime_ns
+    assert perform(first_task(folder)).status == "there" and place.stat().st_mtime_ns == written
+
+
+@pytest.mark.parametrize(("mood", "words"), [("raises", "ValueError: out of sorts"), ("exits", "SystemExit: 7")])
+def test_what_a_tracker_raises_is_the_outcome(lab: Path, mood: str, words: str) -> None:
+    folder, outcome = performed(lab, mood)
+    assert outcome.status == "failed" and words in outcome.words
+    assert not list(folder.path.glob("*/r*")) and not list(folder.path.glob("running/*"))
+
+
+def test_a_task_of_another_version_is_not_run(lab: Path) -> None:
+    folder, outcome = performed(lab, "calm", version="9.9")
+    assert outcome == Outcome("version", "the worker has wsnsim 0.1.0, the campaign is run by 9.9")
+    assert not list(folder.path.glob("*/r*"))
+
+
+@pytest.mark.parametrize(
+    ("marks", "words"), [(["", ""], "killed 2 workers"), (["Timeout (0:00:03)!"], "took more than 3 s")]
+)
+def test_a_task_that_has_killed_before_is_not_taken_up(lab: Path, marks: list[str], words: str) -> None:
+    folder = begin(load_sweep(sweep_of([{"mood": "calm"}])), lab / "c")
+    task = first_task(folder, timeout=3.0)
+    (folder.path / "running").mkdir()
+    for number, text in enumerate(marks):
+        (folder.path / "running" / f"s.{task.name}.host.{number}.log").write_text(text)
+    assert perform(task) == Outcome("failed", words)
+    assert perform(first_task(folder, session="another")).status == "done"
+
+
+class _Mute(Exception):
+    def __str__(self) -> str:
+        raise RuntimeError
+
+
+@pytest.mark.parametrize(
+    ("error", "words"),
+    [
+        (_Mute(), "_Mute, which cannot say what it is about"),
+        (ValueError("\udcff"), "ValueError: \\udcff"),
+        (ValueError("x" * 9999), "ValueError: " + "x" * 586 + " …"),
+        (KeyboardInterrupt(), "KeyboardInterrupt: "),
+    ],
+)
+def test_what_went_wrong_can_always_be_said_and_written(error: BaseException, words: str) -> None:
+    assert words_of(error) == words and len(words.encode()) < 1000
+
+
+def test_an_outcome_is_small(lab: Path) -> None:
+    folder, outcome = performed(lab, "raises")
+    assert max(len(pickle.dumps(thing)) for thing in (outcome, first_task(folder))) < 1000

@@ -1,0 +1,71 @@
+"""One scheduler with two workers for all tests of this folder, and campaigns for them."""
+
+from __future__ import annotations
+
+import socket
+import subprocess
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from wsnsim import campaign
+from wsnsim.campaign.cluster import DaskCluster
+from wsnsim.recording.folder import Folder
+from wsnsim.scenario.sweep import load_sweep
+
+from .processes import Lab, lab, until
+
+ODD = {"tracker": {"kind": "mylab_odd:Odd"}, "duration": "5 s"}
+Begun = Callable[..., Folder]
+
+
+@pytest.fixture(scope="package")
+def place(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Lab]:
+    with lab(tmp_path_factory.mktemp("lab")) as found:
+        yield found
+
+
+@pytest.fixture(scope="package")
+def nobody(place: Lab) -> subprocess.Popen[bytes]:
+    """A command line that is told of a scheduler that is not there: it takes its time, so it is started first."""
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        address = f"tcp://127.0.0.1:{taken.getsockname()[1]}"
+    return place.wsnsim("sweep", "ungm_pf", "--vary", "motion.q=1,2", "--scheduler", address)
+
+
+@pytest.fixture(scope="package")
+def scheduler(place: Lab, nobody: subprocess.Popen[bytes]) -> Path:
+    """The file of a scheduler with two workers, each with its nanny."""
+    file = place.scheduler("two")
+    place.worker(file, "--nworkers", "2")
+    return file
+
+
+@pytest.fixture
+def begun(tmp_path: Path) -> Begun:
+    """begun(what a sweep file says): a campaign on disk, of the odd tracker unless `set` says otherwise."""
+
+    def begin(**written: Any) -> Folder:
+        plan = load_sweep({"name": "odd", "scenario": "ungm_pf", "set": ODD, "block": 1, **written})
+        return campaign.begin(plan, tmp_path / plan.name)
+
+    return begin
+
+
+@pytest.fixture
+def engine_of(scheduler: Path) -> Iterator[Callable[[Folder], DaskCluster]]:
+    """An engine for a folder, of which both workers are there."""
+    engines: list[DaskCluster] = []
+
+    def make(folder: Folder) -> DaskCluster:
+        engine = DaskCluster(folder.path, scheduler_file=scheduler, wait_for=60.0)
+        engines.append(engine)
+        until(lambda: len(engine._client.nthreads()) == 2)
+        return engine
+
+    yield make
+    for engine in engines:
+        engine.close()

@@ -1,0 +1,191 @@
+"""Campaigns on a real Dask scheduler and real workers, some of which die."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import shlex
+import signal
+import subprocess
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+import wsnsim
+from wsnsim import campaign
+from wsnsim.campaign import cluster
+from wsnsim.campaign.cluster import DaskCluster
+from wsnsim.campaign.engines import Ending
+from wsnsim.campaign.local import LocalPool
+from wsnsim.campaign.task import Outcome, Task
+from wsnsim.recording.folder import Folder
+
+from .processes import Lab, files, stop, until
+
+Begun = Callable[..., Folder]
+
+
+def rows(folder: Folder) -> pd.DataFrame:
+    return wsnsim.read(folder.path, "runs").drop(columns="cpu_seconds")
+
+
+def marks(folder: Folder) -> int:
+    """How many tasks are being run."""
+    return sum(not mark.name.startswith("driver.") for mark in folder.path.glob("running/*.log"))
+
+
+def task_of(folder: Folder, number: int = 0) -> Task:
+    return Task(str(folder.path), folder.manifest().points[0].id, number, number, "vm-1-abc", wsnsim.__version__)
+
+
+def endings_of(engine: DaskCluster, count: int = 1) -> list[Ending]:
+    """The next `count` endings."""
+    found: list[Ending] = []
+    end = time.monotonic() + 60.0
+    while len(found) < count:
+        assert time.monotonic() < end, "waited in vain"
+        found += engine.ended(0.1)
+    return found
+
+
+def workers_of(engine: DaskCluster) -> Mapping[str, int]:
+    """The process of each worker."""
+    return dict(engine._client.run(os.getpid))
+
+
+def said(process: subprocess.Popen[bytes]) -> tuple[int, str, str]:
+    """How a command ended: exit code, stdout, stderr."""
+    out, err = process.communicate(timeout=60.0)
+    return process.returncode, out.decode(), err.decode()
+
+
+def test_a_campaign_has_the_same_rows_as_on_this_machine(begun: Begun, engine_of: Any) -> None:
+    written = {"set": {"duration": "20 s"}, "grid": {"tracker.particles": [20, 40]}, "replicates": 12, "block": 5}
+    here, there = (begun(**written, name=name) for name in ("here", "there"))
+    assert campaign.drive(here, LocalPool(1)).complete
+    ended = campaign.drive(there, engine_of(there))
+    assert ended.complete and ended.done == 24
+    pd.testing.assert_frame_equal(rows(there), rows(here), check_exact=True)
+    assert rows(there)["rmse"].nunique() == 24
+    assert [path.relative_to(there.path) for path in sorted(files(there))] == [
+        path.relative_to(here.path) for path in sorted(files(here))
+    ]
+
+
+def test_a_task_and_its_outcome_are_small_and_nothing_of_them_stays(begun: Begun, engine_of: Any) -> None:
+    folder = begun(replicates=8)
+    engine = engine_of(folder)
+    assert len(pickle.dumps((cluster._perform, task_of(folder), engine._need))) < 1000
+    assert len(pickle.dumps(Outcome("failed", "x" * 600, 1.0, 1))) < 1000
+    for number in range(8):
+        engine.submit(task_of(folder, number))
+    endings = endings_of(engine, 8)
+    assert sorted(ending.task.first for ending in endings) == list(range(8))
+    until(lambda: not engine._client.futures)
+    assert not engine._running and engine.ended(0.0) == []
+    assert campaign.drive(folder, engine).found == 8
+    assert not list(folder.path.glob("running/*"))
+
+
+def reasons_of(ended: campaign.Ended, folder: Folder) -> list[str]:
+    """Why each point failed; '' for one that did not."""
+    assert sorted(folder.failures()) == sorted(ended.failed) and not ended.stopped
+    failed = {task.partition(".")[0]: words for task, words in ended.failed.items()}
+    return [failed.get(point.id, "") for point in folder.manifest().points]
+
+
+def test_tasks_that_crash_or_raise_are_named_and_the_rest_is_done(begun: Begun, engine_of: Any) -> None:
+    points = [{}, {"tracker.crash": 1}, {"tracker.fail": 1}, {"tracker.sleep": 0.1}]
+    folder = begun(points=points, replicates=1)
+    ended = campaign.drive(folder, engine_of(folder))
+    reasons = reasons_of(ended, folder)
+    assert reasons[:2] == ["", "killed 2 workers"] and reasons[3] == ""
+    assert reasons[2].endswith("ArithmeticError: told to fail")
+    assert ended.done == 2 and len(files(folder)) == 2
+
+
+def test_a_task_that_hangs_is_given_up_when_its_time_is_up(begun: Begun, engine_of: Any) -> None:
+    warm = begun(name="warm", replicates=4, grid={"tracker.sleep": [0.5]})
+    assert campaign.drive(warm, engine_of(warm)).complete  # to import all that it takes is in a worker's first time
+    folder = begun(points=[{}, {"tracker.sleep": 0.1}, {"tracker.sleep": 100}], replicates=1, timeout=3)
+    ended = campaign.drive(folder, engine_of(folder))
+    assert reasons_of(ended, folder) == ["", "", "took more than 3 s"] and ended.seconds < 50
+
+
+def test_a_worker_that_is_killed_costs_nothing_but_time(begun: Begun, engine_of: Any) -> None:
+    folder = begun(grid={"tracker.sleep": [0.1, 0.11]}, replicates=10)
+    engine = engine_of(folder)
+    victim, killed = next(iter(workers_of(engine).values())), []
+
+    def watch(progress: campaign.Progress) -> None:
+        if progress.done >= 4 and not killed:
+            os.kill(victim, signal.SIGKILL)
+            killed.append(victim)
+
+    ended = campaign.drive(folder, engine, watch=watch)
+    assert killed and ended.complete and not ended.failed and len(rows(folder)) == 20
+    assert not list(folder.path.glob("*/*.tmp"))
+
+
+def test_an_outcome_that_died_with_its_worker_is_said_again(begun: Begun, engine_of: Any) -> None:
+    folder = begun(replicates=1)
+    engine = engine_of(folder)
+    engine.submit(task_of(folder))
+    engine._send()
+    [(future, _)] = engine._running.values()
+    until(lambda: future.status == "finished")
+    before = files(folder)
+    for process in workers_of(engine).values():
+        os.kill(process, signal.SIGKILL)
+    assert endings_of(engine)[0].outcome.status == "there"  # type: ignore[union-attr]
+    assert len(before) == 1 and files(folder) == before
+
+
+def test_what_no_worker_has_begun_is_taken_back(begun: Begun, engine_of: Any) -> None:
+    folder = begun(grid={"tracker.sleep": [1]}, replicates=6)
+    engine = engine_of(folder)
+    tasks = [task_of(folder, number) for number in range(6)]
+    for task in tasks[:5]:
+        engine.submit(task)
+    engine.ended(0.0)
+    until(lambda: marks(folder) == 2)
+    engine.submit(tasks[5])
+    taken = engine.withdraw()
+    done = [ending.task for ending in endings_of(engine, 2)]
+    assert len(taken) == 4 and sorted([*taken, *done], key=lambda task: task.first) == tasks
+    assert len(files(folder)) == 2 and engine.ended(0.2) == []
+
+
+def test_when_the_scheduler_is_killed_the_printed_command_goes_on(begun: Begun, place: Lab) -> None:
+    folder = begun(grid={"tracker.sleep": [0.15, 0.16]}, replicates=10)
+    file = place.scheduler("mortal")
+    place.worker(file, "--no-nanny")
+    driver = place.wsnsim("sweep", str(folder.path), "--scheduler-file", str(file), "--progress", "none")
+    until(lambda: len(files(folder)) >= 2 or driver.poll() is not None)
+    stop(next(process for process in place.started if str(file) in process.args))
+    code, out, err = said(driver)
+    before = files(folder)
+    assert code == 3 and 2 <= len(before) < 20
+    assert "is gone" in err and "Traceback" not in err and "distributed" not in err
+    command = shlex.split(
+        next(line for line in err.splitlines() if "go on with: " in line).partition("go on with: ")[2]
+    )
+    place.worker(place.scheduler("mortal"), "--no-nanny")
+    code, out, err = said(place.wsnsim(*command[1:], "--json", "--quiet"))
+    assert (code, err) == (0, "") and out.count("\n") == 1
+    assert len(rows(folder)) == 20 and before.items() <= files(folder).items()
+    assert not list(folder.path.glob("*/*.tmp"))
+
+
+def test_after_ctrl_c_what_runs_ends_and_nothing_is_begun(begun: Begun, place: Lab, scheduler: Path) -> None:
+    folder = begun(grid={"tracker.sleep": [1, 1.1]}, replicates=10)
+    driver = place.wsnsim("sweep", str(folder.path), "--scheduler-file", str(scheduler), "--progress", "none")
+    until(lambda: marks(folder) == 2 or driver.poll() is not None)
+    driver.send_signal(signal.SIGINT)
+    code, _, err = said(driver)
+    assert code == 130 and "Traceback" not in err and "distributed" not in err
+    assert f"go on with: wsnsim sweep {folder.path} --scheduler-file {scheduler}" in err
+    assert 2 <= len(files(folder)) <= 4 and not list(folder.path.glob("running/*"))

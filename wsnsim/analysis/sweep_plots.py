@@ -1,0 +1,173 @@
+"""Pictures of a campaign: each function draws one figure over a swept key on a matplotlib Axes, and returns the Axes.
+
+    lines = lines_of(Folder("results/particles"), "rmse", key=None)
+    median(axes, lines)      energy(axes, lines)      lost(axes, lines)      differences(axes, lines)
+
+A band is the 95 % interval of its line; where points are not joined, a bar is. What cannot be said is a gap. Colours
+are those of Okabe and Ito; lines that share one differ in their dashes and marks.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.ticker import LogLocator
+
+from wsnsim.analysis.plots import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION
+from wsnsim.analysis.sources import bracketed
+from wsnsim.analysis.sweep_lines import Line, Lines, lines_of
+from wsnsim.base.arrays import Floats
+
+__all__ = ["Lines", "differences", "energy", "lines_of", "lost", "median"]
+
+COLOURS: Final = (BLUE, VERMILLION, GREEN, ORANGE, PURPLE, SKY, BLACK)
+DASHES: Final = ("-", "--", ":", "-.")
+MARKS: Final = ("o", "s", "^", "D")
+LOG_FROM: Final = 10.0
+"""How many times the least swept value the largest must be for a logarithmic axis (our choice)."""
+LOG_ERRORS_FROM: Final = 30.0
+"""The same of the errors that are drawn."""
+CLOSEST: Final = 0.045
+"""Of the axis: nearer than that, two swept values cannot both be named under it."""
+MARGIN: Final = 0.04
+"""Of the axis, beside the first and the last swept value."""
+MOST_LABELS: Final = 12
+"""Lines named in a legend; of more, some are named, in equal steps."""
+
+
+def median(axes: Axes, lines: Lines, legend: bool = True) -> Axes:
+    """The median over replicates of the metric, with its bootstrap interval."""
+    shown = _drawn(axes, lines, "median")
+    positive = shown[shown > 0]
+    if positive.size and positive.max() > LOG_ERRORS_FROM * positive.min():
+        axes.set_yscale("log")
+        _written_out(axes.yaxis)
+    else:
+        axes.set_ylim(bottom=min(0.0, float(shown.min(initial=0.0))))
+    said = lines.found.metric.replace("_", " ")
+    axes.set_ylabel(said + bracketed(lines.metric_unit))
+    return _finished(axes, lines, f"median {said}; {_band(lines)}", legend)
+
+
+def energy(axes: Axes, lines: Lines, legend: bool = True) -> Axes:
+    """The median of what the network spends, with its bootstrap interval."""
+    _drawn(axes, lines, "energy")
+    axes.set_ylim(bottom=0)
+    axes.set_ylabel("energy spent [J]")
+    return _finished(axes, lines, f"median energy of the network; {_band(lines)}", legend)
+
+
+def lost(axes: Axes, lines: Lines, legend: bool = True) -> Axes:
+    """The share of runs that had lost a track at their end, with Wilson's interval."""
+    _drawn(axes, lines, "lost_fraction", 100.0)
+    axes.set_ylim(-2, 102)
+    axes.set_ylabel("runs that lost a track [%]")
+    return _finished(axes, lines, f"lost runs; {_band(lines)}", legend)
+
+
+def differences(axes: Axes, lines: Lines, legend: bool = True) -> Axes:
+    """The median over replicates of the paired differences of the metric, with its interval; below 0: less."""
+    axes.axhline(0.0, color=GREY, linewidth=1.0)
+    _drawn(axes, lines, "difference")
+    said = lines.found.metric.replace("_", " ")
+    axes.set_ylabel(f"difference of {said}" + bracketed(lines.metric_unit))
+    return _finished(axes, lines, f"paired differences from {lines.against}; {_band(lines)}", legend)
+
+
+def lacking(lines: Lines) -> dict[str, str]:
+    """Which of the figures cannot be drawn, and why."""
+    table = lines.found.table
+    reasons = {}
+    if not table["median"].notna().any():
+        reasons["median"] = f"no run has a {lines.found.metric}"
+    if not (table["energy"] > 0).any():
+        reasons["energy"] = "no energy was spent (a scenario without a network spends none)"
+    if not table["difference"].notna().any():
+        reasons["differences"] = lines.found.unpaired or "there is one point only, or none has a figure"
+    return reasons
+
+
+def _drawn(axes: Axes, lines: Lines, name: str, scale: float = 1.0) -> Floats:
+    """Each line with its band; all that is shown of it, as one array."""
+    shown: list[Floats] = []
+    named, pale = _named(lines), 0.15 if len(lines.lines) <= len(DASHES) else 0.08
+    for number, line in enumerate(lines.lines):
+        value, low, high = (scale * lines.column(f"{name}{end}", line) for end in ("", "_low", "_high"))
+        places = lines.places[list(line.rows)]
+        look: dict[str, Any] = {"color": _colour(lines, line), "markersize": 4}
+        look["marker"] = MARKS[line.dash % len(MARKS)]
+        look["label"] = line.label if number in named else f"_{line.label}"
+        if lines.joined:
+            axes.fill_between(places, low, high, color=look["color"], alpha=pale, linewidth=0)
+            axes.plot(places, value, linestyle=DASHES[line.dash % len(DASHES)], linewidth=1.3, **look)
+        else:
+            ends = np.nan_to_num(np.array([value - low, high - value]))
+            axes.errorbar(_aside(lines, number, places), value, ends, linestyle="", elinewidth=1.1, capsize=2, **look)
+        shown += [value, low, high]
+    together = np.concatenate(shown)
+    return together[np.isfinite(together)]
+
+
+def _aside(lines: Lines, number: int, places: Floats) -> Floats:
+    """Where words are the places, lines stand beside each other."""
+    if not lines.words or len(lines.lines) == 1:
+        return places
+    return places + 0.5 * (number / (len(lines.lines) - 1) - 0.5)
+
+
+def _colour(lines: Lines, line: Line) -> Any:
+    """One of a few that the colour-blind tell apart; of many values, a shade of their order."""
+    many = 1 + max(line.colour for line in lines.lines)
+    return COLOURS[line.colour] if many <= len(COLOURS) else matplotlib.colormaps["viridis"](line.colour / (many - 1))
+
+
+def _named(lines: Lines) -> set[int]:
+    """Which lines the legend names: the single one of a campaign needs no name."""
+    count = len(lines.lines)
+    if count == 1:
+        return set()
+    return set(np.linspace(0, count - 1, min(count, MOST_LABELS)).round().astype(int).tolist())
+
+
+def _band(lines: Lines) -> str:
+    return f"{'band' if lines.joined else 'bar'}: 95 % interval, {lines.runs}"
+
+
+def _finished(axes: Axes, lines: Lines, title: str, legend: bool) -> Axes:
+    axes.set_title(title, loc="left")
+    axes.set_xlabel(lines.key + bracketed(lines.unit))
+    _ticked(axes, lines)
+    if legend and len(lines.lines) > 1:
+        axes.legend(frameon=False)
+    return axes
+
+
+def _ticked(axes: Axes, lines: Lines) -> None:
+    """The swept values under the axis, if there is room; logarithmic where they span much."""
+    values = np.unique(lines.places[np.isfinite(lines.places)])
+    if lines.words:
+        axes.set_xticks(np.arange(len(lines.words)), lines.words)
+        axes.set_xlim(-0.5, len(lines.words) - 0.5)
+        return
+    is_log = len(values) > 2 and values[0] > 0 and values[-1] >= LOG_FROM * values[0]
+    spread = np.log(values) if is_log else values
+    if is_log:
+        axes.set_xscale("log")
+        _written_out(axes.xaxis)
+    margin = MARGIN * (spread[-1] - spread[0]) or MARGIN
+    ends = np.array([spread[0] - margin, spread[-1] + margin])
+    axes.set_xlim(*(np.exp(ends) if is_log else ends))
+    if len(values) > 1 and np.diff(spread).min() > CLOSEST * (spread[-1] - spread[0]):
+        axes.set_xticks(values, [f"{value:g}" for value in values])
+        axes.set_xticks([], minor=True)
+
+
+def _written_out(axis: Axis) -> None:
+    """The numbers of a logarithmic axis as they are, some between the powers of ten as well."""
+    axis.set_major_formatter("{x:g}")
+    axis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
+    axis.set_minor_formatter("{x:g}")
