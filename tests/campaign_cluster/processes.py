@@ -58,7 +58,7 @@ class Odd:
         return belief
 '''
 SHIM = "import wsnsim\nwsnsim.__version__ = '9.9.9'\n"
-PATIENCE = 60.0
+PATIENCE = 120.0
 
 
 @final
@@ -139,7 +139,7 @@ def stop(process: subprocess.Popen[bytes]) -> None:
 
 
 def until(holds: Callable[[], bool]) -> None:
-    """Wait until something holds; fail if it does not within a minute."""
+    """Wait until something holds; fail if it does not within two minutes."""
     end = time.monotonic() + PATIENCE
     while not holds():
         assert time.monotonic() < end, "waited in vain"
@@ -148,3 +148,9 @@ def until(holds: Callable[[], bool]) -> None:
 
 def files(folder: Folder) -> dict[Path, tuple[int, bytes]]:
     return {path: (path.stat().st_mtime_ns, path.read_bytes()) for path in folder.path.glob("*/*.h5")}
+
+
+def said(process: subprocess.Popen[bytes]) -> tuple[int, str, str]:
+    """How a command ended: exit code, stdout, stderr."""
+    out, err = process.communicate(timeout=PATIENCE)
+    return process.returncode, out.decode(), err.decode()

@@ -6,7 +6,6 @@ import os
 import pickle
 import shlex
 import signal
-import subprocess
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -16,14 +15,14 @@ import pandas as pd
 
 import wsnsim
 from wsnsim import campaign
-from wsnsim.campaign import cluster
+from wsnsim.campaign import there
 from wsnsim.campaign.cluster import DaskCluster
 from wsnsim.campaign.engines import Ending
 from wsnsim.campaign.local import LocalPool
 from wsnsim.campaign.task import Outcome, Task
 from wsnsim.recording.folder import Folder
 
-from .processes import Lab, files, stop, until
+from .processes import PATIENCE, Lab, files, said, stop, until
 
 Begun = Callable[..., Folder]
 
@@ -44,7 +43,7 @@ def task_of(folder: Folder, number: int = 0) -> Task:
 def endings_of(engine: DaskCluster, count: int = 1) -> list[Ending]:
     """The next `count` endings."""
     found: list[Ending] = []
-    end = time.monotonic() + 60.0
+    end = time.monotonic() + PATIENCE
     while len(found) < count:
         assert time.monotonic() < end, "waited in vain"
         found += engine.ended(0.1)
@@ -54,12 +53,6 @@ def endings_of(engine: DaskCluster, count: int = 1) -> list[Ending]:
 def workers_of(engine: DaskCluster) -> Mapping[str, int]:
     """The process of each worker."""
     return dict(engine._client.run(os.getpid))
-
-
-def said(process: subprocess.Popen[bytes]) -> tuple[int, str, str]:
-    """How a command ended: exit code, stdout, stderr."""
-    out, err = process.communicate(timeout=60.0)
-    return process.returncode, out.decode(), err.decode()
 
 
 def test_a_campaign_has_the_same_rows_as_on_this_machine(begun: Begun, engine_of: Any) -> None:
@@ -78,7 +71,7 @@ def test_a_campaign_has_the_same_rows_as_on_this_machine(begun: Begun, engine_of
 def test_a_task_and_its_outcome_are_small_and_nothing_of_them_stays(begun: Begun, engine_of: Any) -> None:
     folder = begun(replicates=8)
     engine = engine_of(folder)
-    assert len(pickle.dumps((cluster._perform, task_of(folder), engine._need))) < 1000
+    assert len(pickle.dumps((there.perform_there, task_of(folder), engine._need))) < 1000
     assert len(pickle.dumps(Outcome("failed", "x" * 600, 1.0, 1))) < 1000
     for number in range(8):
         engine.submit(task_of(folder, number))

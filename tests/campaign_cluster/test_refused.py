@@ -19,11 +19,12 @@ import wsnsim
 from wsnsim import campaign
 from wsnsim.base.errors import UsageError
 from wsnsim.campaign import cluster
-from wsnsim.campaign.cluster import DaskCluster, Need
+from wsnsim.campaign.cluster import DaskCluster
 from wsnsim.campaign.engines import EngineError
+from wsnsim.campaign.there import Need
 from wsnsim.recording.folder import Folder
 
-from .processes import Lab, files, stop, until
+from .processes import Lab, files, said, stop, until
 
 HERE = Need(wsnsim.__version__, np.__version__, "")
 Begun = Callable[..., Folder]

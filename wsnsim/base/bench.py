@@ -18,7 +18,7 @@ import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats, planar
 from wsnsim.base.asks import Ask, Broadcast, Compute, Gather, Local, Member, Parcel, all_arrived
-from wsnsim.base.errors import RunError, failed_run
+from wsnsim.base.errors import ResultError, RunError, failed_run
 from wsnsim.base.loopback import perform
 from wsnsim.base.ports import Detects, Estimate, Recorder, Scene, SensorModel
 from wsnsim.base.problem import Problem
@@ -153,6 +153,8 @@ class Bench:
                 write_particles(self._recorder, self._replicate, target, step, held, names)
                 if progress:
                     progress(scene.time)
+        except ResultError:  # what is written cannot be: the run itself is not to blame
+            raise
         except Exception as reason:
             raise failed_run(step * problem.dt, problem.seed, self._replicate, reason) from reason
         return track

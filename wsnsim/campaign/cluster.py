@@ -15,17 +15,17 @@ import itertools
 import json
 import logging
 import queue
-import tempfile
 import threading
 import time
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any, Final, NamedTuple, final
+from typing import Any, Final, final
 
 from wsnsim import __version__
 from wsnsim.base.errors import UsageError
 from wsnsim.campaign.engines import Ending, EngineError, Vanished
-from wsnsim.campaign.task import Outcome, Task, perform, words_of
+from wsnsim.campaign.task import Outcome, Task, words_of
+from wsnsim.campaign.there import Need, lacks, perform_there, version_here
 from wsnsim.recording.folder import Folder
 from wsnsim.recording.layout import reason
 
@@ -41,14 +41,6 @@ REFRESH: Final = 2.0
 """s: between two questions of how many workers there are; 0.1 s while there is none."""
 PER_WORKER: Final = 4
 RETRIES: Final = 2
-
-
-class Need(NamedTuple):
-    """What a worker must have: these versions, and sight of the mark that the driver keeps in the campaign's folder."""
-
-    wsnsim: str
-    numpy: str
-    mark: str
 
 
 @final
@@ -129,7 +121,7 @@ class DaskCluster:
             return
         tasks, self._taken = self._taken, []
         keys = [(f"wsnsim-{task.session}", task.name, next(self._numbers)) for task in tasks]
-        futures = self._client.map(_perform, tasks, need=self._need, key=keys, pure=False, retries=RETRIES)
+        futures = self._client.map(perform_there, tasks, need=self._need, key=keys, pure=False, retries=RETRIES)
         self._running.update(zip(keys, zip(futures, tasks, strict=True), strict=True))
         self._listen(futures)
 
@@ -204,16 +196,16 @@ class DaskCluster:
     def _demand_workers(self) -> None:
         """Scheduler and workers can do the work; a worker that comes later is asked when it is given its first task."""
         try:
-            there = self._client.run_on_scheduler(_version, callback_timeout=ANSWERING)
+            there = self._client.run_on_scheduler(version_here, callback_timeout=ANSWERING)
             if there != __version__:
                 raise EngineError(f"the scheduler {self._name} has wsnsim {there}, and this is {__version__}")
             self._wait_for_one()
-            lacks = self._client.run(_lacks, self._need, on_error="return", callback_timeout=ANSWERING)
+            told = self._client.run(lacks, self._need, on_error="return", callback_timeout=ANSWERING)
         except (EngineError, TimeoutError) as error:
             raise UsageError(str(error) or f"the scheduler {self._name} does not answer") from None
         except Exception as error:
             raise UsageError(_unable(f"the scheduler {self._name}", error)) from None
-        for worker, said in lacks.items():
+        for worker, said in told.items():
             if said:
                 raise UsageError(
                     _unable(f"worker {worker}", said) if isinstance(said, Exception) else f"worker {worker} {said}"
@@ -282,47 +274,3 @@ def _address_in(scheduler_file: Path | None) -> str:
 
 def _unable(who: str, error: Exception) -> str:
     return f"{who} cannot read what it is sent: is wsnsim {__version__} installed there? ({words_of(error)})"
-
-
-def _version() -> str:
-    """Run in the scheduler's process."""
-    return __version__
-
-
-def _lacks(need: Need, dask_worker: Any) -> str:
-    """What keeps this worker from doing the work; '' if nothing does. Run in its process."""
-    import numpy
-
-    mark, threads = Path(need.mark), dask_worker.state.nthreads
-    if __version__ != need.wsnsim:
-        return f"has wsnsim {__version__}, and the campaign is run by {need.wsnsim}"
-    if numpy.__version__ != need.numpy:
-        return f"has NumPy {numpy.__version__}, and the driver {need.numpy}: results would differ in the last bit"
-    if threads != 1:
-        return f"has {threads} threads: start workers with --nthreads 1"
-    if not mark.is_file():
-        return f"does not see {mark.parents[1]}: it must be on a file system that all share"
-    try:
-        with tempfile.TemporaryFile(dir=mark.parent):
-            return ""
-    except OSError as error:
-        return f"cannot write to {mark.parents[1]}: {reason(error)}"
-
-
-@functools.lru_cache(maxsize=8)
-def _demand(need: Need) -> None:
-    """Raise UsageError if this worker cannot do the work; one that can is asked once."""
-    from distributed import get_worker
-
-    worker = get_worker()
-    if words := _lacks(need, worker):
-        raise UsageError(f"worker {worker.address} {words}")
-
-
-def _perform(task: Task, need: Need) -> Outcome:
-    """`perform`, on a worker that may have come after the others had been asked."""
-    try:
-        _demand(need)
-    except UsageError as error:
-        return Outcome("version", str(error))
-    return perform(task)

@@ -84,10 +84,11 @@ def _run(folder: Folder, part: Part, chosen: Choices, interrupts: Interrupts) ->
     """Run what is missing, print the figures, and say what is missing still."""
     from wsnsim import campaign
 
+    engine = _engine(folder, chosen)
     show = None if chosen.quiet else shown(chosen.progress, of=CAMPAIGN)
     with interrupts.noted() as stop:
         try:
-            ended = campaign.drive(folder, _engine(folder, chosen), part, show.step if show else None, stop)
+            ended = campaign.drive(folder, engine, part, show.step if show else None, stop)
         except KeyboardInterrupt:
             say([f"wsnsim: go on with: {_resume(folder, part, chosen)}"])
             raise
@@ -101,8 +102,8 @@ def _run(folder: Folder, part: Part, chosen: Choices, interrupts: Interrupts) ->
 
 
 def _engine(folder: Folder, chosen: Choices) -> Engine:
-    if chosen.scheduler or chosen.scheduler_file:
-        if chosen.scheduler and chosen.scheduler_file:
+    if chosen.scheduler is not None or chosen.scheduler_file is not None:
+        if chosen.scheduler is not None and chosen.scheduler_file is not None:
             raise UsageError("give either --scheduler or --scheduler-file")
         if chosen.jobs:
             raise UsageError("--jobs has no meaning with a scheduler: it has the workers that it has")

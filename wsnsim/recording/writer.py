@@ -19,7 +19,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from types import TracebackType
-from typing import Any, final
+from typing import Any, Final, final
 
 import h5py
 
@@ -35,6 +35,10 @@ from wsnsim.recording.layout import (
     cannot_write,
     wsnsim_version,
 )
+
+SHORT: Final = ("runs", "tracks")
+"""Tables of a row a run: a campaign writes thousands of files that hold nothing else, and a full disk, on which HDF5 is
+known to crash, is then met by an ordinary write."""
 
 
 @final
@@ -120,7 +124,8 @@ class ResultFile:
 
     def _begin(self) -> None:
         self._cleanup.callback(self._tmp.unlink, missing_ok=True)
-        self._file = _create(self._tmp)
+        self._in_memory = set(self._wanted) <= set(SHORT)
+        self._file = _create(self._tmp, self._in_memory)
         self._cleanup.callback(self._file.close)
         attributes = self._file.attrs
         attributes["schema_version"] = SCHEMA_VERSION
@@ -154,6 +159,9 @@ class ResultFile:
             ended = json.loads(self._provenance) | {"end": datetime.now(UTC).isoformat(timespec="seconds")}
             _put_text(self._file, "provenance_json", json.dumps(ended))
         self._file.attrs["status"] = self._status
+        if self._in_memory:
+            self._file.flush()
+            self._tmp.write_bytes(self._file.id.get_file_image())
         self._file.close()
         _synchronise(self._tmp)
         self._tmp.replace(self.path)
@@ -189,13 +197,14 @@ def _claim_beside(path: Path) -> Path:
     return tmp
 
 
-def _create(tmp: Path) -> h5py.File:
-    """A new HDF5 file that HDF5 1.10 reads.
+def _create(tmp: Path, in_memory: bool) -> h5py.File:
+    """A new HDF5 file that HDF5 1.10 reads; one of short tables is made in memory, and written as it ends.
 
     Its metadata reach the disk at a flush only, so that a killed run's file is that of the last flush; chunks are
     written at once, so that a full disk is noticed when it happens.
     """
-    file = h5py.File(tmp, "w", libver=("earliest", "v110"), rdcc_nbytes=0)
+    place: dict[str, Any] = {"driver": "core", "backing_store": False} if in_memory else {}
+    file = h5py.File(tmp, "w", libver=("earliest", "v110"), rdcc_nbytes=0, **place)
     config = file.id.get_mdc_config()
     config.evictions_enabled = False
     config.incr_mode = config.decr_mode = config.flash_incr_mode = 0
