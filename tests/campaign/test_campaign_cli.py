@@ -216,11 +216,11 @@ def test_a_damaged_manifest_or_result_and_another_version_are_named(
             assert words in said.err and said.out == "" and "internal" not in said.err
     Path("c/campaign.json").write_text(manifest)
     result.write_bytes(result.read_bytes()[:2000])
-    assert main(["sweep", "c", "-q"]) == 1
+    assert main(["sweep", "c", "-q"]) == 3
     said = capsys.readouterr()
-    assert said.err.startswith(f"wsnsim: error: {result}: ") and said.out == ""
-    result.unlink()
-    assert main(["sweep", "c", "-q"]) == 0
+    assert said.err.startswith(f"wsnsim: {result}.damaged: was damaged, and is put aside") and said.out == ""
+    assert "go on with: wsnsim sweep c" in said.err
+    assert main(["sweep", "c", "-q"]) == 0 and result.is_file()
 
 
 # signals
@@ -350,16 +350,18 @@ def test_a_folder_that_takes_nothing_is_refused(
     assert main(["collect", str(place / "c"), "-o", "copy"]) == 0
 
 
-def test_a_rule_that_cannot_note_what_it_decided_says_so(sweep: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    from wsnsim.base.errors import StorageError
-    from wsnsim.recording.folder import Folder
-
-    rule: dict[str, Any] = {"metric": "rmse", "half_width": 9.0, "at_least": 2, "at_most": 4}
-    ruled = write_sweep(Path("ruled.yaml"), sweep_of(CALM, until=rule))
+def test_what_a_killed_campaign_with_a_rule_has_done_is_shown_and_what_it_lacks_is_known(
+    sweep: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Nothing but the files says how far it is: the rule is asked again."""
+    rule: dict[str, Any] = {"metric": "rmse", "half_width": 1e-9, "at_least": 2, "at_most": 6}
+    ruled = write_sweep(Path("ruled.yaml"), sweep_of(CALM, until=rule, block=1))
     assert main(["sweep", ruled, "-q", "-o", "c"]) == 0
-
-    def full(self: Folder, manifest: Any) -> None:
-        raise StorageError("campaign.json: cannot be written: No space left on device")
-
-    monkeypatch.setattr(Folder, "write_manifest", full)
-    assert main(["sweep", "c", "-q"]) == 3
+    last = max(Path("c").glob("*/r*.h5"))
+    last.unlink()
+    assert len(wsnsim.read("c", "runs")) == 11
+    capsys.readouterr()
+    assert main(["collect", "c", "-o", "all"]) == 3
+    assert "replicates 5" in capsys.readouterr().err
+    assert main(["info", "c"]) == 0
+    assert "11 of 12 done" in capsys.readouterr().out

@@ -69,7 +69,7 @@ def test_tasks_that_raise_exit_crash_or_never_end_are_named_and_the_rest_is_done
 
 
 def test_a_worker_that_cannot_begin_is_not_the_tasks_fault(lab: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(pools, "start_worker", importlib.import_module("moody").die_at_once)
+    monkeypatch.setattr(pools, "_start", importlib.import_module("moody").die_at_once)
     monkeypatch.setattr(pools, "MOST_BROKEN", 2)
     folder = begin(load_sweep(sweep_of([{"mood": "calm"}])), lab / "c")
     ended = drive(folder, LocalPool(1))
@@ -142,15 +142,19 @@ def test_a_task_of_another_version_is_not_run(lab: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("marks", "words"), [(["", ""], "killed 2 workers"), (["Timeout (0:00:03)!"], "took more than 3 s")]
+    ("marks", "outcome"),
+    [
+        (["", ""], Outcome("suspect", "2 workers died of it")),
+        (["Timeout (0:00:03)!"], Outcome("failed", "took more than 3 s")),
+    ],
 )
-def test_a_task_that_has_killed_before_is_not_taken_up(lab: Path, marks: list[str], words: str) -> None:
+def test_a_task_that_has_killed_before_is_not_taken_up(lab: Path, marks: list[str], outcome: Outcome) -> None:
     folder = begin(load_sweep(sweep_of([{"mood": "calm"}])), lab / "c")
     task = first_task(folder, timeout=3.0)
     (folder.path / "running").mkdir()
     for number, text in enumerate(marks):
         (folder.path / "running" / f"s.{task.name}.host.{number}.log").write_text(text)
-    assert perform(task) == Outcome("failed", words)
+    assert perform(task) == outcome
     assert perform(first_task(folder, session="another")).status == "done"
 
 

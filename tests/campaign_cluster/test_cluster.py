@@ -95,7 +95,7 @@ def test_tasks_that_crash_or_raise_are_named_and_the_rest_is_done(begun: Begun, 
     folder = begun(points=points, replicates=1)
     ended = campaign.drive(folder, engine_of(folder))
     reasons = reasons_of(ended, folder)
-    assert reasons[:2] == ["", "killed 2 workers"] and reasons[3] == ""
+    assert reasons[:2] == ["", "2 workers died of it"] and reasons[3] == ""
     assert reasons[2].endswith("ArithmeticError: told to fail")
     assert ended.done == 2 and len(files(folder)) == 2
 

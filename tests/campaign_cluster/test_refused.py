@@ -21,7 +21,7 @@ from wsnsim.base.errors import UsageError
 from wsnsim.campaign import cluster
 from wsnsim.campaign.cluster import DaskCluster
 from wsnsim.campaign.engines import EngineError
-from wsnsim.campaign.there import Need
+from wsnsim.campaign.there import Need, lacks
 from wsnsim.recording.folder import Folder
 
 from .processes import Lab, files, said, stop, until
@@ -81,7 +81,7 @@ def test_a_worker_says_what_it_lacks(tmp_path: Path, need: Need, threads: int, w
     mark.parent.mkdir()
     mark.touch()
     worker = SimpleNamespace(state=SimpleNamespace(nthreads=threads))
-    found = cluster._lacks(need if need.mark else need._replace(mark=str(mark)), worker)
+    found = lacks(need if need.mark else need._replace(mark=str(mark)), worker)
     assert found.startswith(words) and bool(found) == bool(words)
 
 
@@ -101,7 +101,9 @@ def test_a_scheduler_that_hangs_is_given_up(
     engine = engine_of(folder)
     monkeypatch.setattr(cluster, "ANSWERING", 0.5)
     monkeypatch.setattr(cluster, "REFRESH", 0.0)
-    process = next(process for process in place.started if "distributed.cli.dask_scheduler" in process.args)
+    process = next(
+        process for process in place.started if engine._name in process.args and "dask_scheduler" in str(process.args)
+    )
     os.kill(process.pid, signal.SIGSTOP)
     try:
         with pytest.raises(EngineError, match="does not answer"):

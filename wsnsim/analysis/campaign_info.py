@@ -1,4 +1,4 @@
-"""What a campaign's folder is about, and how far it is; no result file is opened.
+"""What a campaign's folder is about, and how far it is.
 
 info(path) -> dict,  info_text(path) -> str                 as `wsnsim info` of a folder
 """
@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from wsnsim.analysis.comparison import label
+from wsnsim.analysis.stopping import Rule
 from wsnsim.recording.folder import Folder
 
 MOST: Final = 20
@@ -22,13 +23,15 @@ def info(path: str | Path) -> dict[str, Any]:
     """
     folder = Folder(path)
     manifest = folder.manifest()
+    rule = Rule(folder, manifest)
     points, files, size = [], 0, 0
     for point in manifest.points:
         batches = folder.batches(point.id)
         files += len(batches)
         size += sum(batch.path.stat().st_size for batch in batches)
-        done = point.replicates - len(folder.missing(point.id, point.replicates))
-        points.append({"settings": point.settings, "id": point.id, "replicates": point.replicates, "done": done})
+        wanted = rule.wanted(point)
+        done = wanted - len(folder.missing(point.id, wanted))
+        points.append({"settings": point.settings, "id": point.id, "replicates": wanted, "done": done})
     return {
         "folder": str(folder.path),
         "name": manifest.name,

@@ -1,12 +1,12 @@
 """A campaign's results as one DataFrame: its points' settings beside what was measured.
 
 read(folder, table, columns=None) -> DataFrame          as `wsnsim.read` of a folder
-metric(folder, point, name, replicates) -> (replicates,)
+metric(folder, point, name, replicates) -> its values, and which are there
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +15,10 @@ import pandas as pd
 
 from wsnsim import recording
 from wsnsim.analysis import frames
-from wsnsim.base.arrays import Floats
+from wsnsim.base.arrays import Bools, Floats
 from wsnsim.base.errors import ResultError
-from wsnsim.base.tables import TABLES
-from wsnsim.recording.folder import Folder, Manifest, PointOnDisk
+from wsnsim.base.tables import RECORDED_BY_DEFAULT, TABLES
+from wsnsim.recording.folder import Folder, PointOnDisk
 
 POINT = "point"
 
@@ -60,21 +60,15 @@ def read(path: str | Path, table: str, columns: Sequence[str] | None = None) -> 
     return pd.concat([pd.DataFrame(front), together], axis=1)
 
 
-def metric(folder: Folder, point: str, name: str, replicates: int) -> Floats:
-    """(replicates,) a column of `runs` at one point; NaN where a replicate is missing."""
-    values = np.full(replicates, np.nan)
+def metric(folder: Folder, point: str, name: str, replicates: int) -> tuple[Floats, Bools]:
+    """((replicates,) a column of `runs` at one point, (replicates,) whether the replicate is on disk)."""
+    values, seen = np.full(replicates, np.nan), np.zeros(replicates, dtype=np.bool_)
     for batch in folder.batches(point):
         rows = recording.read_table(batch.path, "runs", ["replicate", name])
         here = rows["replicate"] < replicates
         values[rows["replicate"][here]] = rows[name][here]
-    return values
-
-
-def scenarios(folder: Folder, manifest: Manifest) -> list[Mapping[str, Any]]:
-    """The resolved scenario of each point."""
-    import json
-
-    return [json.loads(folder.scenario(point.id)) for point in manifest.points]
+        seen[rows["replicate"][here]] = True
+    return values, seen
 
 
 def _frames_of(
@@ -85,12 +79,22 @@ def _frames_of(
     for batch in folder.batches(point.id):
         if batch.first >= point.replicates:
             continue
-        frame = frames.read_one(batch.path, table, columns)
+        frame = _of_file(batch.path, table, columns)
         numbers = frame["replicate"].to_numpy().astype(np.int64)
         fresh = (numbers < point.replicates) & ~np.isin(numbers, seen)
         found.append((batch.path, frame if fresh.all() else frame[fresh]))
         seen = np.union1d(seen, numbers)
     return found
+
+
+def _of_file(path: Path, table: str, columns: Sequence[str] | None) -> pd.DataFrame:
+    try:
+        return frames.read_one(path, table, columns)
+    except ResultError as error:
+        if table in RECORDED_BY_DEFAULT and f"no table '{table}'" in str(error):
+            hint = f"a campaign records it if its sweep, or --set, says record.{table}=true"
+            raise ResultError(f"{error}: {hint}") from None
+        raise
 
 
 def _typed(values: Sequence[Any], owners: np.ndarray) -> Any:
@@ -108,7 +112,9 @@ def _type_of(values: Sequence[Any]) -> Any:
     if known and all(isinstance(value, bool) for value in known):
         return "bool" if complete else "boolean"
     if known and all(isinstance(value, int) and not isinstance(value, bool) for value in known):
-        return "int64" if complete else "Int64"
+        if all(-(2**63) <= value < 2**63 for value in known):
+            return "int64" if complete else "Int64"
+        return "uint64" if complete and all(0 <= value < 2**64 for value in known) else "object"
     if known and all(isinstance(value, int | float) and not isinstance(value, bool) for value in known):
         return "float64"
     return pd.CategoricalDtype(list(dict.fromkeys(str(value) for value in known)))

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import pandas as pd
@@ -21,23 +21,30 @@ from wsnsim import recording
 from wsnsim.analysis import campaigns, statistics
 from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import UsageError, did_you_mean
-from wsnsim.base.tables import METRICS, TABLES
+from wsnsim.base.tables import METRICS, MORE_IS_BETTER, TABLES
 from wsnsim.recording.folder import Folder, Manifest
 
-SCHEMA_VERSION: Final = 1
+if TYPE_CHECKING:
+    from wsnsim.scenario.sweep_schema import Plan
+
+SCENARIO: Final = "scenario"
+"""The key of the scenarios, where a sweep has several."""
 ENERGY: Final = "energy"
-MEASURED: Final = ("replicate", "lost", ENERGY)
+MEASURED: Final = ("replicate", "lost", "tracked", ENERGY)
+MOST_LOST: Final = 0.05
+"""Share of lost runs beyond which a point is not in front: losing the target saves energy."""
 
 
 @dataclass(frozen=True)
 class Compared:
     """A campaign in figures. `table` has a row for each point that has results, in the campaign's order.
 
-    Its columns: `point`, the swept keys, `replicates`, `known` (with an error), of the metric `median` and `mean` with
-    `_low` and `_high`, `lost_fraction`, of `energy` the median [J], `error_per_joule` (the median of metric / energy),
-    `front` (no other of its group has less of both medians), and against the baseline of its group `difference`,
-    `effect`, `p` and `pairs`. What cannot be said is NaN. `unit`: the metric's; `unpaired`: why rows have no
-    difference; `unbounded`: why `comparison_bounds.with_bounds` has found no bound for some.
+    Its columns: `point`, the swept keys, `replicates`, `known` (with a figure), of the metric `median` and `mean` with
+    `_low` and `_high`, `lost_fraction`, `tracked` (mean share of the steps), of `energy` the median [J],
+    `error_per_joule` (the median of metric / energy), `front` (no other of its group, of those that keep their targets,
+    is better in both medians), and against the baseline of its group `difference`, `effect`, `p` and `pairs`. What
+    cannot be said is NaN. `unit`: the metric's; `unpaired`: why rows have no difference; `unbounded`: why
+    `comparison_bounds.with_bounds` has found no bound for some.
     """
 
     name: str
@@ -74,9 +81,11 @@ def compared(
         rows.append({campaigns.POINT: int(number), **_settings(manifest, point.settings), **_figures(frame, metric)})
     table = pd.DataFrame(rows)
     groups = _groups(manifest, table, chosen)
-    table["front"] = _fronts(table, groups)
-    first = _baselines(manifest, table, groups, chosen, baseline or (manifest.baseline if by is None else None))
+    table["front"] = _fronts(table, groups, -1.0 if metric in MORE_IS_BETTER else 1.0)
+    baseline = _baseline(manifest, chosen, baseline or (manifest.baseline if by is None else None))
+    first = _baselines(manifest, table, groups, chosen, baseline)
     unpaired = _pair(table, manifest, values, first) if chosen else ""
+    unpaired = unpaired or (f"'{baseline}', the baseline, has no results" if chosen and not first else "")
     unit = _unit(folder, manifest, metric)
     return Compared(manifest.name, metric, manifest.keys, chosen, baseline, table, unpaired, unit=unit)
 
@@ -114,7 +123,7 @@ def label(values: Iterable[Any]) -> str:
 
 def _chosen(manifest: Manifest, by: Sequence[str] | None) -> tuple[str, ...]:
     if by is None:
-        return manifest.by or (manifest.keys if len(manifest.keys) == 1 else ())
+        return manifest.by or _by_default(manifest.keys)
     for key in by:
         if key not in manifest.keys:
             raise UsageError(f"{manifest.name} varies no '{key}' ({did_you_mean(key, manifest.keys)})")
@@ -137,6 +146,7 @@ def _figures(frame: pd.DataFrame, metric: str) -> dict[str, Any]:
         **_spread("median", middle),
         **_spread("mean", average),
         **_spread("lost_fraction", lost),
+        "tracked": statistics.mean(frame["tracked"].to_numpy(dtype=np.float64)).value,
         **_spread("energy", joules),
         **_spread("error_per_joule", rate),
     }
@@ -155,11 +165,17 @@ def _groups(manifest: Manifest, table: pd.DataFrame, by: Sequence[str]) -> dict[
     return groups
 
 
-def _fronts(table: pd.DataFrame, groups: Mapping[Any, list[int]]) -> list[bool]:
-    """Which rows no other of their group beats in both error and energy."""
+def _fronts(table: pd.DataFrame, groups: Mapping[Any, list[int]], sign: float) -> list[bool]:
+    """Which rows no other of their group beats in both metric and energy; `sign` is −1 where more is better.
+
+    A row that lost more than 5 % of its runs is not in front, and beats nobody.
+    """
     flags = np.zeros(len(table), dtype=np.bool_)
-    for rows in groups.values():
-        flags[rows] = statistics.front(table["median"].iloc[rows].tolist(), table["energy"].iloc[rows].tolist())
+    follows = (table["lost_fraction"] <= MOST_LOST).to_numpy()
+    for rows in ([row for row in group if follows[row]] for group in groups.values()):
+        flags[rows] = statistics.front(
+            (sign * table["median"].iloc[rows]).tolist(), table["energy"].iloc[rows].tolist()
+        )
     return flags.tolist()
 
 
@@ -170,14 +186,36 @@ def _baselines(
     by: Sequence[str],
     baseline: str | None,
 ) -> list[tuple[int, list[int]]]:
-    """(row of the baseline, rows of its group) of every group that has one: the first, or the one that is named."""
-    if baseline is None or not by:
-        return [(rows[0], rows) for rows in groups.values()]
+    """(row of the baseline, rows of its group) of every group in which the baseline has results."""
     names = [label(point.settings.get(key) for key in by) for point in manifest.points]
-    if baseline not in names:
-        raise UsageError(f"no point of {manifest.name} is '{baseline}' ({did_you_mean(baseline, set(names))})")
     number = table[campaigns.POINT]
     return [(row, rows) for rows in groups.values() for row in rows if names[number.iloc[row]] == baseline]
+
+
+def _baseline(manifest: Plan | Manifest, by: Sequence[str], wanted: str | None) -> str | None:
+    """What differences are from: what is wanted, or else the campaign's first point; None where nothing is compared.
+
+    Raises:
+        UsageError: no point is called so, or one is wanted where nothing is compared.
+    """
+    names = [label(point.settings.get(key) for key in by) for point in manifest.points]
+    if wanted is None:
+        return names[0] if by else None
+    if not by:
+        raise UsageError(f"a baseline needs a key to compare by: --by {' or '.join(manifest.keys)}")
+    if wanted not in names:
+        raise UsageError(f"no point of {manifest.name} is '{wanted}' ({did_you_mean(wanted, set(names))})")
+    return wanted
+
+
+def demand_baseline(plan: Plan | Manifest, by: Sequence[str], wanted: str | None) -> None:
+    """Raise UsageError if a comparison of the campaign with this baseline could not be answered."""
+    _baseline(plan, tuple(by) or _by_default(plan.keys), wanted)
+
+
+def _by_default(keys: Sequence[str]) -> tuple[str, ...]:
+    """Several scenarios are compared with each other; so are the values of a key that is the only one."""
+    return (SCENARIO,) if SCENARIO in keys else tuple(keys) if len(keys) == 1 else ()
 
 
 def _pair(
@@ -195,7 +233,7 @@ def _pair(
             if here.world != there.world:
                 unpaired = unpaired or (
                     f"{label(here.settings.values())} and {label(there.settings.values())} are not in the same world"
-                    " (seed, deployment, motion, sensor, prior): their replicates are no pairs"
+                    " (seed, deployment, motion, sensor, prior, detection, faults): their replicates are no pairs"
                 )
                 continue
             filled[row] = _difference(values, table, row, start)

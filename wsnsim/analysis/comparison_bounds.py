@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -18,7 +19,7 @@ from wsnsim.recording.folder import Folder
 
 MOST: Final = 100
 """Replicates whose truths are looked at: more change the third digit."""
-BOUNDED: Final = ("rmse", "median_error")
+BOUNDED: Final = ("rmse",)
 
 
 class Limits(NamedTuple):
@@ -32,19 +33,22 @@ class Limits(NamedTuple):
 def with_bounds(found: Compared, folder: Folder) -> Compared:
     """The same figures with the bound for all readings in range, where the metric is the error of a run.
 
-    `bound` is the median over the first replicates (100 at most) of the bound along each truth, as a root mean square
-    over time: tight, and not strict. `bound_unconditional` is strict for the mean over truths, and often loose. A point
-    without a bound has NaN, and `unbounded` says why.
+    `bound` is the median over the replicates that are there (100 at most) of the bound along each truth, as a root mean
+    square over all steps: tight, and not strict, nor for a run that has no estimate at its hard steps.
+    `bound_unconditional` is strict for the mean over truths, and often loose. A point without a bound has NaN, and
+    `unbounded` says why.
     """
     if found.metric not in BOUNDED:
         return found
     manifest, known = folder.manifest(), {}
     limits = []
-    for number, count in zip(found.table[campaigns.POINT], found.table["replicates"], strict=True):
+    for number in found.table[campaigns.POINT]:
         point = manifest.points[int(number)]
-        if point.world not in known:
-            known[point.world] = _limits(json.loads(folder.scenario(point.id)), min(int(count), MOST))
-        limits.append(known[point.world])
+        there = tuple(sorted(n for n in folder.done(point.id) if n < point.replicates)[:MOST])
+        key = point.world, there
+        if key not in known:
+            known[key] = _limits(json.loads(folder.scenario(point.id)), there)
+        limits.append(known[key])
     table = found.table.assign(
         bound=np.array([limit.each for limit in limits], dtype=np.float64),
         bound_unconditional=np.array([limit.unconditional for limit in limits], dtype=np.float64),
@@ -53,10 +57,10 @@ def with_bounds(found: Compared, folder: Folder) -> Compared:
     return dataclasses.replace(found, table=table, unbounded="; ".join(reasons))
 
 
-def _limits(scenario: dict[str, object], replicates: int) -> Limits:
+def _limits(scenario: dict[str, object], replicates: Sequence[int]) -> Limits:
     nothing = float("nan")
     try:
-        each, whole = (bounds.bound(scenario, range(replicates), kind) for kind in ("per_trajectory", "unconditional"))
+        each, whole = (bounds.bound(scenario, replicates, kind) for kind in ("per_trajectory", "unconditional"))
     except WsnsimError as error:  # a point of which no replicate can be run has no bound either
         return Limits(nothing, nothing, str(error))
     return Limits(

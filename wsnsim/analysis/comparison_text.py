@@ -6,11 +6,16 @@ text(compared) -> str
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, Final
 
 import pandas as pd
 
 from wsnsim.analysis.comparison import Compared, label
+from wsnsim.analysis.statistics import LEAST
+from wsnsim.base.tables import MORE_IS_BETTER
+
+SEEN: Final = 0.995
+"""Share of the steps from which on a track counts as whole."""
 
 
 def text(found: Compared) -> str:
@@ -41,6 +46,8 @@ def _columns(found: Compared) -> tuple[list[str], list[list[str]]]:
     columns.append(("mean", [_number(value) for value in table["mean"]]))
     if "bound" in table and table["bound"].notna().any():
         columns.append(("bound", [_number(value) for value in table["bound"]]))
+    if (table["tracked"] < SEEN).any():
+        columns.append(("tracked", [f"{100.0 * value:.0f} %" for value in table["tracked"]]))
     if found.metric != "lost":
         columns.append(("lost", [_share(row) for _, row in table.iterrows()]))
     if table["energy"].notna().any() and (table["energy"] > 0).any():
@@ -57,11 +64,24 @@ def _columns(found: Compared) -> tuple[list[str], list[list[str]]]:
 def _notes(found: Compared) -> list[str]:
     table = found.table
     notes = ["  [ , ]: 95 % intervals, of medians and differences by bootstrap, of shares by Wilson's score"]
+    if table["replicates"].max() < LEAST:
+        notes = [f"  [ , ]: 95 % intervals of shares by Wilson's score; medians have one from {LEAST} replicates on"]
+    if (table["energy"] > 0).any():
+        notes.append(f"  {found.metric}/J: falls with every joule more, so less is not better by itself: see the front")
+    if (table["tracked"] < SEEN).any():
+        notes.append(
+            f"  tracked: share of the steps with an estimate in time; {found.metric} is of the steps that have one"
+        )
+    better = "larger" if found.metric in MORE_IS_BETTER else "smaller"
+    among = "of its group" if found.by and set(found.keys) - set(found.by) else "point"
     if (table["front"]).any():
-        notes.append(f"  *: no other point has both a smaller median {found.metric} and less energy")
+        notes.append(
+            f"  *: no other {among} has both a {better} median {found.metric} and less energy; who loses more than\n"
+            "  5 % of the runs is left out"
+        )
     if "difference" in table and table["pairs"].notna().any():
         notes.append(
-            "  difference: median over replicates of that from the group's first, on the same truth and readings;\n"
+            f"  difference: median over replicates of that from {found.baseline}, on the same truth and readings;\n"
             "  effect: rank-biserial correlation, from -1 (always less) to 1 (always more)"
         )
     if "bound" in table and table["bound"].notna().any():
@@ -71,6 +91,7 @@ def _notes(found: Compared) -> list[str]:
     unknown = int((table["replicates"] - table["known"]).sum())
     if unknown:
         notes.append(f"  {unknown} runs have no {found.metric}: medians and means are of the others")
+    notes += [f"  no bound: {found.unbounded}"] if found.unbounded else []
     return [*notes, f"  {found.unpaired}"] if found.unpaired else notes
 
 

@@ -244,6 +244,8 @@ METRICS: Final = tuple(
     column.name for column in TABLES["runs"] if column.name not in ("replicate", "status", "fingerprint", "cpu_seconds")
 )
 """The columns of `runs` that are figures of a run, the same each time that it is repeated."""
+MORE_IS_BETTER: Final = ("delivered", "tracked", "tracked_three", "alive", "first_death", "half_dead", "coverage")
+"""Of these, those of which one wants more."""
 RECORDED_BY_DEFAULT: Final = {name: name not in ("links", "particles") for name in TABLES}
 
 

@@ -1,6 +1,6 @@
 """A track in figures: its row of the table `tracks`, from the columns of its estimates.
 
-track_row(estimates, columns, rule, due, dt) -> {column: value}
+track_row(estimates, columns, rule) -> {column: value}
 """
 
 from __future__ import annotations

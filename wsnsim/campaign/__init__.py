@@ -9,7 +9,6 @@ What a campaign needs to go on after any death of any process is on disk; see `r
 
 from __future__ import annotations
 
-import os
 import tempfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -17,13 +16,27 @@ from pathlib import Path
 from typing import Any
 
 from wsnsim import __version__, recording
+from wsnsim.analysis.stopping import Rule
 from wsnsim.base.errors import UsageError
 from wsnsim.campaign.drive import ALL, Ended, Part, Progress, drive
 from wsnsim.recording.folder import Folder, Manifest, PointOnDisk, runs_of
 from wsnsim.recording.layout import reason
 from wsnsim.scenario.sweep_schema import Plan
 
-__all__ = ["ALL", "Ended", "Part", "Progress", "begin", "collect", "drive", "go_on", "missing_words", "sweep"]
+__all__ = [
+    "ALL",
+    "Ended",
+    "Part",
+    "Progress",
+    "begin",
+    "collect",
+    "drive",
+    "earlier",
+    "go_on",
+    "missing",
+    "missing_words",
+    "sweep",
+]
 
 
 def begin(
@@ -35,9 +48,9 @@ def begin(
         UsageError: the folder cannot be written, holds something else, or was begun by another wsnsim.
     """
     folder = Folder(path)
-    before = _earlier(folder, plan.name)
+    before = earlier(folder, plan.name)
     _demand_writable(folder.path)
-    points = tuple(PointOnDisk(point.id, point.settings, point.world, _at_first(plan)) for point in plan.points)
+    points = tuple(PointOnDisk(point.id, point.settings, point.world, plan.replicates) for point in plan.points)
     manifest = Manifest(
         name=plan.name,
         keys=plan.keys,
@@ -89,13 +102,17 @@ def sweep(
     Raises:
         ScenarioError, UsageError: nothing was run. What fails later is in what is returned.
     """
+    import multiprocessing
+
     from wsnsim.campaign.cluster import DaskCluster
-    from wsnsim.campaign.local import LocalPool
+    from wsnsim.campaign.local import LocalPool, cores
     from wsnsim.scenario.sweep import load_sweep
 
+    if multiprocessing.parent_process() is not None:
+        raise UsageError("a worker process imports this script: call wsnsim.sweep under if __name__ == '__main__':")
     plan = load_sweep(source, vary, overrides, replicates=replicates)
     folder = begin(plan, out, command_line="wsnsim.sweep")
-    engine = DaskCluster(folder.path, scheduler) if scheduler else LocalPool(workers or os.cpu_count() or 1)
+    engine = DaskCluster(folder.path, scheduler) if scheduler else LocalPool(workers or cores())
     return drive(folder, engine, watch=progress)
 
 
@@ -117,16 +134,22 @@ def collect(parts: Sequence[Folder], into: Folder) -> Manifest:
     if not into.holds_campaign():
         _demand_free(into)
     _demand_writable(into.path)
-    counts = {point.id: point.replicates for point in first.points}
-    for part, manifest in zip(parts, manifests, strict=True):
-        for point in manifest.points:
-            if any(part.batches(point.id)):
-                counts[point.id] = max(counts[point.id], point.replicates)
+    most = {point.id: max(m.point(point.id).replicates for m in [first, *manifests]) for point in first.points}
+    for part in parts:
+        for point in first.points:
             _take_over(part, into, point.id)
-    points = tuple(replace(point, replicates=counts[point.id]) for point in first.points)
+    points = tuple(replace(point, replicates=most[point.id]) for point in first.points)
     merged = replace(first, points=points)
     into.write_manifest(merged)
     return merged
+
+
+def missing(folder: Folder) -> dict[str, list[int]]:
+    """What a campaign lacks, by point: a point's replicates, or those that its stopping rule asks for."""
+    manifest = folder.manifest()
+    rule = Rule(folder, manifest)
+    found = {point.id: rule.missing(point) for point in manifest.points}
+    return {point: numbers for point, numbers in found.items() if numbers}
 
 
 def missing_words(missing: Mapping[str, Iterable[int]], manifest: Manifest, most: int = 10) -> list[str]:
@@ -141,15 +164,19 @@ def missing_words(missing: Mapping[str, Iterable[int]], manifest: Manifest, most
     return lines
 
 
-def _at_first(plan: Plan) -> int:
-    return plan.until.at_least if plan.until else plan.replicates
+def earlier(folder: Folder, name: str) -> Manifest | None:
+    """The manifest of the campaign of this name that the folder holds; None if it holds nothing.
 
-
-def _earlier(folder: Folder, name: str) -> Manifest | None:
-    """The manifest of the campaign that is gone on with; None for a new one."""
+    Raises:
+        UsageError: it holds something else, or was begun by another wsnsim.
+    """
     if not folder.holds_campaign():
-        _demand_free(folder)
-        return None
+        try:
+            _demand_free(folder)
+        except UsageError:
+            if not folder.holds_campaign():  # another part may have begun it in this moment
+                raise
+        return None if not folder.holds_campaign() else earlier(folder, name)
     manifest = folder.manifest()
     if manifest.name != name:
         raise UsageError(

@@ -12,13 +12,13 @@ import socket
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Final, NamedTuple, final
 
 from wsnsim import __version__
-from wsnsim.base.errors import StorageError
+from wsnsim.analysis.stopping import Rule
+from wsnsim.base.errors import ResultError
 from wsnsim.campaign.engines import Ending, Engine, EngineError, Vanished
-from wsnsim.campaign.rule import Rule
 from wsnsim.campaign.task import Outcome, Task, timed_out
 from wsnsim.recording.folder import Folder, Manifest, runs_of
 
@@ -29,6 +29,8 @@ TICK: Final = 0.25
 MOST_OF_A_MARK: Final = 4000
 MOST_LOST: Final = 20
 """Times that a task may be lost with its worker before it began: others are at fault, but there is an end to it."""
+OFTEN: Final = 3
+"""Times after which it is run alone."""
 
 
 class Part(NamedTuple):
@@ -72,8 +74,8 @@ class Ended:
 
     @property
     def complete(self) -> bool:
-        """Whether every replicate of this part is on disk."""
-        return not self.missing
+        """Whether every replicate of this part is on disk, and could be read where the rule asked."""
+        return not self.missing and not self.failed
 
 
 def drive(
@@ -84,8 +86,8 @@ def drive(
     stop: Callable[[], bool] = lambda: False,
 ) -> Ended:
     """Run what is missing of a campaign. Its manifest and scenarios are on disk; so are its results as they come."""
-    driver = _Driver(folder, folder.manifest(), engine, part, watch)
     try:
+        driver = _Driver(folder, folder.manifest(), engine, part, watch)
         driver.run(stop)
     finally:
         engine.close()
@@ -127,6 +129,7 @@ class _Driver:
         self.folder.clear()
         for point in self.targets:
             self.plan(point, 0)
+        self.pending = deque(sorted(self.pending, key=lambda task: task.first))  # so that what there is can be compared
         try:
             while not self.stopped and (self.pending or self.suspects or self.running):
                 if stop():
@@ -184,15 +187,23 @@ class _Driver:
             if isinstance(outcome, Vanished):
                 vanished.append(task)
             else:
-                self.alone = "" if self.alone == task.name else self.alone
-                self.judge(task, outcome)
+                was_alone, self.alone = self.alone == task.name, "" if self.alone == task.name else self.alone
+                self.judge(task, outcome, was_alone)
         if vanished:
             self.look_into(vanished)
 
-    def judge(self, task: Task, outcome: Outcome) -> None:
+    def judge(self, task: Task, outcome: Outcome, was_alone: bool) -> None:
         """A worker said how a task ended."""
+        if outcome.status == "withdrawn":
+            return
         if outcome.status in ("storage", "version"):
             self.stopped = outcome.words
+        elif outcome.status == "suspect":
+            self.folder.remove_marks(self.session, task.name)
+            if was_alone:
+                self.give_up(task, outcome.words, alone=True)
+            else:
+                self.suspects.append(task)
         elif outcome.status == "failed":
             self.give_up(task, outcome.words)
         else:
@@ -211,8 +222,15 @@ class _Driver:
     def grow(self, point: str) -> None:
         """Ask the rule whether the point, of which nothing is left to do, has replicates enough."""
         before = self.targets[point]
-        if self.is_ours(point, 0) or not self.manifest.until:
-            self.targets[point] = self.rule.next(point, before)
+        try:
+            if self.manifest.until and self.is_ours(point, 0):
+                self.targets[point] = self.rule.next(point, before)
+        except ResultError as error:
+            if not self.folder.set_aside(point):
+                self.failed[point] = str(error)
+                return
+            self.plan(point, 0)
+            return
         if self.targets[point] > before:
             self.plan(point, before)
 
@@ -236,15 +254,20 @@ class _Driver:
     def try_again(self, task: Task, alone: bool) -> None:
         """A task that is not to blame is next, unless that has been said of it too often."""
         self.lost[task.name] += 1
-        if self.lost[task.name] >= MOST_LOST:
+        if self.lost[task.name] >= MOST_LOST and alone:
             self.give_up(task, f"was lost with its worker {MOST_LOST} times", alone=alone)
+        elif alone or self.lost[task.name] >= OFTEN:
+            self.suspects.append(task)
         else:
-            (self.suspects if alone else self.pending).appendleft(task)
+            self.pending.appendleft(task)
 
     def give_up(self, task: Task, words: str, more: str = "", alone: bool = False) -> None:
         """Of a task of several replicates, each is tried by itself; one that fails by itself has failed."""
         if task.replicates > 1:
-            (self.suspects if alone else self.pending).extend(task.singly())
+            done = self.folder.done(task.point)
+            there = [one for one in task.singly() if one.first in done]
+            (self.suspects if alone else self.pending).extend(one for one in task.singly() if one.first not in done)
+            self.done, self.left[task.point] = self.done + len(there), self.left[task.point] - len(there)
             return
         self.failed[task.name] = words
         settings = self.manifest.point(task.point).settings
@@ -277,18 +300,8 @@ class _Driver:
             numbers = [n for n in self.folder.missing(point, target) if self.is_ours(point, n)]
             if numbers:
                 missing[point] = numbers
-        if self.manifest.until:
-            try:
-                self.write_targets()
-            except StorageError as error:
-                self.stopped = self.stopped or str(error)
         seconds = time.monotonic() - self.began
         return Ended(self.done, self.found, self.failed, missing, self.stopped, seconds)
-
-    def write_targets(self) -> None:
-        """With a stopping rule, the manifest says how many replicates each point came to have."""
-        points = tuple(replace(point, replicates=self.targets[point.id]) for point in self.manifest.points)
-        self.folder.write_manifest(replace(self.manifest, points=points))
 
 
 def _cause(mark: str) -> str:

@@ -76,18 +76,18 @@ def estimate(plan: Plan, folder: Folder, workers: int, part: Part = ALL) -> Esti
         tasks=tasks,
         cpu_seconds=cpu,
         wall_seconds=cpu / max(1, min(workers, tasks)) if tasks else 0.0,
-        size=size * left,
+        size=size * tasks,
         source=source,
     )
 
 
 def _measured(plan: Plan, folder: Folder) -> tuple[float, float, str]:
-    """(seconds, bytes) of a replicate, and from what: results that are there, or trials of some points."""
+    """(seconds of a replicate, bytes of a file), and from what: results that are there, or trials of some points."""
     there = [batch for point in plan.points for batch in folder.batches(point.id)][:20]
     if there:
         seconds = [recording.read_table(batch.path, "runs", ["cpu_seconds"])["cpu_seconds"].mean() for batch in there]
-        size = [batch.path.stat().st_size / (batch.last - batch.first + 1) for batch in there]
-        return float(np.mean(seconds)), float(np.mean(size)), f"{len(there)} files that are there"
+        sizes = [batch.path.stat().st_size for batch in there]
+        return float(np.mean(seconds)), float(np.mean(sizes)), f"{len(there)} files that are there"
     chosen = _spread_over(plan.points)
     trials = [_trial(point, plan.block) for point in chosen]
     seconds, size = ([trial[i] for trial in trials] for i in (0, 1))

@@ -6,12 +6,13 @@ LocalPool(workers) is an `engines.Engine`
 from __future__ import annotations
 
 import contextlib
-import multiprocessing
+import multiprocessing.resource_tracker
 import os
 import signal
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
+from multiprocessing.context import SpawnContext, SpawnProcess
 from multiprocessing.process import BaseProcess
 from typing import Any, Final, final
 
@@ -33,8 +34,9 @@ class LocalPool:
         self._pool: ProcessPoolExecutor | None = None
         self._running: dict[Future[Outcome], Task] = {}
         self._broken = 0
-        self._before: set[BaseProcess] = set()
+        self._context: _Remembering | None = None
         self._began: Any = None
+        self._told: Any = None
 
     @property
     def window(self) -> int:
@@ -46,7 +48,7 @@ class LocalPool:
         future: Future[Outcome]
         try:
             with _deaf_to_interrupts():
-                future = self._opened().submit(self._perform, task)
+                future = self._opened().submit(_unless_withdrawn, self._perform, task)
         except BrokenProcessPool as error:  # since it was asked last: what ran in it has ended, and this with it
             future = Future()
             future.set_exception(error)
@@ -63,8 +65,10 @@ class LocalPool:
         return endings
 
     def withdraw(self) -> list[Task]:
-        """Take back the tasks that no worker has been given."""
-        return [self._running.pop(future) for future in list(self._running) if future.cancel()]
+        """Tasks that no worker has begun end as withdrawn: the workers are told, as the pool takes nothing back."""
+        if self._told is not None:
+            self._told.value = 1
+        return []
 
     def close(self) -> None:
         """End the workers, whatever they do."""
@@ -80,22 +84,54 @@ class LocalPool:
                 )
             for name in THREADS:
                 os.environ.setdefault(name, "1")  # workers read them before they import NumPy
-            self._before = set(multiprocessing.active_children())
-            context = multiprocessing.get_context("spawn")
-            self._began = context.RawValue("b", 0)  # no lock that a worker could be killed with
+            multiprocessing.resource_tracker.ensure_running()  # which would hear Ctrl-C, and let the workers hear it
+            context = self._context = _Remembering()
+            self._began, self._told = context.RawValue("b", 0), context.RawValue("b", 0)  # without a lock to die with
             self._pool = ProcessPoolExecutor(
-                self.workers, mp_context=context, initializer=start_worker, initargs=(self._began,)
+                self.workers, mp_context=context, initializer=_start, initargs=(self._began, self._told)
             )
         return self._pool
 
     def _drop(self) -> None:
         """Kill what is left of the pool; the next task gets another."""
-        assert self._pool is not None
+        assert self._pool is not None and self._context is not None
         self._broken = 0 if self._began.value else self._broken + 1
         pool, self._pool = self._pool, None
-        for process in set(multiprocessing.active_children()) - self._before:
+        for process in self._context.born:
             process.kill()
         pool.shutdown(wait=True, cancel_futures=True)
+
+
+class _Remembering(SpawnContext):
+    """Spawned processes, and which they are: nobody else's are killed."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.born: list[BaseProcess] = []
+
+    def Process(self, *arguments: Any, **options: Any) -> BaseProcess:  # type: ignore[override]
+        """A process that is remembered."""
+        process = SpawnProcess(*arguments, **options)
+        self.born.append(process)
+        return process
+
+
+_TOLD: list[Any] = []
+"""In a worker: the driver's word that no task is to be begun."""
+
+
+def _start(began: Any, told: Any) -> None:
+    _TOLD[:] = [told]
+    start_worker(began)
+
+
+def _unless_withdrawn(perform: Callable[[Task], Outcome], task: Task) -> Outcome:
+    return Outcome("withdrawn") if _TOLD and _TOLD[0].value else perform(task)
+
+
+def cores() -> int:
+    """How many processes can run at once: the cores that this one may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 @contextlib.contextmanager

@@ -25,7 +25,7 @@ from wsnsim.base.errors import StorageError, WsnsimError
 from wsnsim.recording.folder import Folder
 from wsnsim.recording.layout import cannot_write
 
-Status = Literal["done", "there", "failed", "storage", "version"]
+Status = Literal["done", "there", "failed", "suspect", "storage", "version", "withdrawn"]
 MOST_WORDS: Final = 600
 TIMEOUT_MARK: Final = "Timeout ("
 """How faulthandler begins what it writes when the time is up."""
@@ -81,8 +81,9 @@ class Outcome:
 def perform(task: Task) -> Outcome:
     """Run a task, unless its file is there. Never raises: what went wrong is in the outcome, a plug-in's exit, too.
 
-    Statuses: done; there (the file was); failed (the simulation, or the task has killed workers before); storage (the
-    file cannot be written: no other could be); version (this worker has another wsnsim than the driver).
+    Statuses: done; there (the file was); failed (the simulation); suspect (workers that had it have died); storage (the
+    file cannot be written: no other could be); version (this worker has another wsnsim than the driver); withdrawn
+    (the campaign is to stop).
     """
     began = time.monotonic()
     folder = Folder(task.folder)
@@ -92,8 +93,8 @@ def perform(task: Task) -> Outcome:
             return Outcome("there", size=path.stat().st_size)
         if task.version != __version__:
             return Outcome("version", f"the worker has wsnsim {__version__}, the campaign is run by {task.version}")
-        if reason := _given_up(folder, task):
-            return Outcome("failed", reason)
+        if outcome := _given_up(folder, task):
+            return outcome
         _demand_room(path)
         with _marked(folder, task) as mark:
             _run(folder, task, path, mark)
@@ -177,12 +178,12 @@ def _marked(folder: Folder, task: Task) -> Iterator[TextIO]:
             place.unlink(missing_ok=True)
 
 
-def _given_up(folder: Folder, task: Task) -> str:
-    """Why nobody should take the task up again: its marks of this session; '' if there is no reason."""
+def _given_up(folder: Folder, task: Task) -> Outcome | None:
+    """Why this is not the moment to take the task up again: its marks of this session; None if there is no reason."""
     marks = folder.left_by(task.session, task.name)
     if any(timed_out(mark) for mark in marks):
-        return f"took more than {task.timeout:g} s"
-    return f"killed {len(marks)} workers" if len(marks) >= KILLS else ""
+        return Outcome("failed", f"took more than {task.timeout:g} s")
+    return Outcome("suspect", f"{len(marks)} workers died of it") if len(marks) >= KILLS else None
 
 
 @functools.lru_cache(maxsize=8)
@@ -196,12 +197,18 @@ def _scenario(resolved: str) -> Any:
 
 
 def start_worker(began: Any = None) -> None:
-    """What a worker's process does first: leave Ctrl-C to the driver, end when it does, and say that it has begun."""
+    """What a worker's process does first: leave signals to the driver, end when it does, and say that it has begun.
+
+    What a tracker prints goes to stderr: stdout is the driver's answer.
+    """
     import multiprocessing
     import signal
     import threading
 
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)
+    with contextlib.suppress(OSError):
+        os.dup2(2, 1)
     if began is not None:
         began.value = 1
     parent = multiprocessing.parent_process()

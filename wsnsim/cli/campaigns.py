@@ -138,8 +138,7 @@ def collect(parts: tuple[Path, ...], out: Path | None, metric: str, as_json: boo
 
     into = Folder(out or parts[0])
     manifest = campaign.collect([Folder(part) for part in parts], into)
-    missing = {point.id: into.missing(point.id, point.replicates) for point in manifest.points}
-    missing = {point: numbers for point, numbers in missing.items() if numbers}
+    missing = campaign.missing(into)
     code = answer(into, Said(metric, (), None, None, as_json, bound=False))
     if missing:
         say([f"wsnsim: {into.path} is incomplete:", *campaign.missing_words(missing, manifest)])
@@ -161,6 +160,8 @@ def export(result: Path, place: Path, tables: tuple[str, ...]) -> None:
 def _no_sweep(source: str) -> str:
     from wsnsim.scenario.load import find_or_none, shipped_sweeps
 
+    if Path(source).is_dir():
+        return f"{source} is a folder, and holds no campaign"
     if find_or_none(source) is not None:
         return f"{source} is a scenario: say with --vary KEY=VALUES over which axes to run it"
     return f"there is no sweep, scenario or campaign '{source}' ({did_you_mean(source, shipped_sweeps())})"

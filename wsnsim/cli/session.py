@@ -17,7 +17,7 @@ from wsnsim.cli.shared import command_line, echo_json
 if TYPE_CHECKING:
     from wsnsim.campaign import Ended, Part
     from wsnsim.campaign.engines import Engine
-    from wsnsim.recording.folder import Folder
+    from wsnsim.recording.folder import Folder, Manifest
     from wsnsim.scenario.sweep_schema import Plan
 
 INCOMPLETE: Final = 3
@@ -58,10 +58,12 @@ def carried_out(plan: Plan, chosen: Choices, interrupts: Interrupts, by: tuple[s
 
     place = chosen.out or Path("results") / plan.name
     part = _part(chosen.shard)
-    _demand_answerable(chosen.said, plan.keys)
+    _demand_answerable(chosen.said, plan, by)
+    _demand_one_engine(chosen)
     if chosen.dry_run:
         from wsnsim.campaign.estimate import estimate
 
+        campaign.earlier(Folder(place), plan.name)
         _tell_estimate(plan.name, estimate(plan, Folder(place), _workers(chosen), part), chosen)
         return 0
     folder = campaign.begin(plan, place, by=by, baseline=chosen.said.baseline, command_line=command_line())
@@ -76,7 +78,9 @@ def gone_on_with(source: str, chosen: Choices, interrupts: Interrupts) -> int:
         raise UsageError("--dry-run takes a sweep; `wsnsim info DIR` says how far a campaign is")
     part = _part(chosen.shard)
     folder = campaign.go_on(source)
-    _demand_answerable(chosen.said, folder.manifest().keys)
+    _demand_one_engine(chosen)
+    manifest = folder.manifest()
+    _demand_answerable(chosen.said, manifest, chosen.said.by or manifest.by)
     return _run(folder, part, chosen, interrupts)
 
 
@@ -103,10 +107,6 @@ def _run(folder: Folder, part: Part, chosen: Choices, interrupts: Interrupts) ->
 
 def _engine(folder: Folder, chosen: Choices) -> Engine:
     if chosen.scheduler is not None or chosen.scheduler_file is not None:
-        if chosen.scheduler is not None and chosen.scheduler_file is not None:
-            raise UsageError("give either --scheduler or --scheduler-file")
-        if chosen.jobs:
-            raise UsageError("--jobs has no meaning with a scheduler: it has the workers that it has")
         from wsnsim.campaign.cluster import DaskCluster
 
         return DaskCluster(folder.path, chosen.scheduler, chosen.scheduler_file)
@@ -115,12 +115,18 @@ def _engine(folder: Folder, chosen: Choices) -> Engine:
     return LocalPool(_workers(chosen))
 
 
-def _workers(chosen: Choices) -> int:
-    import os
+def _demand_one_engine(chosen: Choices) -> None:
+    """Raise UsageError, before anything is written, where what is asked for excludes each other."""
+    if chosen.scheduler is not None and chosen.scheduler_file is not None:
+        raise UsageError("give either --scheduler or --scheduler-file")
+    if chosen.jobs and (chosen.scheduler is not None or chosen.scheduler_file is not None):
+        raise UsageError("--jobs has no meaning with a scheduler: it has the workers that it has")
 
-    return chosen.jobs or len(
-        os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else range(os.cpu_count() or 1)
-    )
+
+def _workers(chosen: Choices) -> int:
+    from wsnsim.campaign.local import cores
+
+    return chosen.jobs or cores()
 
 
 def answer(folder: Folder, chosen: Said) -> int:
@@ -131,8 +137,13 @@ def answer(folder: Folder, chosen: Said) -> int:
     try:
         found = comparison.compared(folder, chosen.metric, chosen.by or None, chosen.baseline)
     except ResultError as error:
-        say([f"wsnsim: error: {error}"])
-        return error.exit_code
+        damaged = [place for point in folder.manifest().points for place in folder.set_aside(point.id)]
+        if not damaged:
+            say([f"wsnsim: error: {error}"])
+            return error.exit_code
+        say([f"wsnsim: {place}: was damaged, and is put aside: its replicates are missing now" for place in damaged])
+        say([f"wsnsim: go on with: wsnsim sweep {shlex.quote(str(folder.path))}"])
+        return INCOMPLETE
     if chosen.bound:
         from wsnsim.analysis import comparison_bounds
 
@@ -146,16 +157,18 @@ def answer(folder: Folder, chosen: Said) -> int:
     return 0
 
 
-def _demand_answerable(said: Said, keys: Sequence[str]) -> None:
+def _demand_answerable(said: Said, plan: Plan | Manifest, by: Sequence[str]) -> None:
     """Raise UsageError, before anything runs, if what is asked of the results cannot be answered, or not written."""
+    from wsnsim.analysis import comparison
     from wsnsim.base.errors import did_you_mean
     from wsnsim.base.tables import METRICS
 
     if said.metric not in METRICS:
         raise UsageError(f"--metric: table runs has no figure '{said.metric}' ({did_you_mean(said.metric, METRICS)})")
     for key in said.by:
-        if key not in keys:
-            raise UsageError(f"--by: the campaign varies no '{key}' ({did_you_mean(key, keys)})")
+        if key not in plan.keys:
+            raise UsageError(f"--by: the campaign varies no '{key}' ({did_you_mean(key, plan.keys)})")
+    comparison.demand_baseline(plan, by, said.baseline)
     if said.csv and (said.csv.is_dir() or not said.csv.parent.is_dir()):
         raise UsageError(f"--csv {said.csv}: give a file in a folder that there is")
 
@@ -172,6 +185,12 @@ def _last_words(folder: Folder, ended: Ended, part: Part, chosen: Choices, inter
     from wsnsim import campaign
 
     manifest = folder.manifest()
+    points, more = folder.unasked(manifest)
+    if points or more:
+        said = (
+            f"{points} points and {more} further replicates in {folder.path} are not of the campaign as it is asked for"
+        )
+        say([f"wsnsim: {said} now; they are kept"])
     lines = [f"wsnsim: {task} failed: {words}" for task, words in list(ended.failed.items())[:FEW]]
     if len(ended.failed) > FEW:
         lines.append(f"wsnsim: and {len(ended.failed) - FEW} tasks more failed; {folder.path / 'failed'} says why")
@@ -190,7 +209,7 @@ def _last_words(folder: Folder, ended: Ended, part: Part, chosen: Choices, inter
     if interrupts.number:
         say([f"wsnsim: {interrupts.words}"])
         return interrupts.code
-    return INCOMPLETE if ended.missing or ended.stopped else 0
+    return INCOMPLETE if not ended.complete or ended.stopped else 0
 
 
 def _resume(folder: Folder, part: Part, chosen: Choices) -> str:

@@ -24,6 +24,7 @@ from typing import Any, Final, NamedTuple, final
 
 from wsnsim.base.errors import ResultError
 from wsnsim.recording.layout import cannot_write, reason
+from wsnsim.recording.reader import attributes
 
 MANIFEST: Final = "campaign.json"
 SCENARIO: Final = "scenario.json"
@@ -34,7 +35,7 @@ LEFT: Final = re.compile(r".*\.(?P<host>[^.]+)\.(?P<pid>\d+)(-\d+)?\.tmp")
 
 @dataclass(frozen=True)
 class PointOnDisk:
-    """A point of the manifest: its folder's name, what sets it apart, its world, how many replicates it is to have."""
+    """A point of the manifest: its folder's name, what sets it apart, its world, how many replicates it has at most."""
 
     id: str
     settings: Mapping[str, Any]
@@ -150,10 +151,27 @@ class Folder:
         """The replicates of a point that are on disk."""
         return {number for batch in self.batches(point) for number in range(batch.first, batch.last + 1)}
 
+    def unasked(self, manifest: Manifest) -> tuple[int, int]:
+        """What is on disk and not of the campaign as it is now: (points, replicates of its points)."""
+        own = {point.id: point.replicates for point in manifest.points}
+        there = {place.parent.name for place in self.path.glob("*/r*.h5")}
+        more = sum(sum(number >= most for number in self.done(point)) for point, most in own.items())
+        return len(there - own.keys()), more
+
     def missing(self, point: str, replicates: int) -> list[int]:
         """Which of the point's first replicates are not on disk."""
         done = self.done(point)
         return [number for number in range(replicates) if number not in done]
+
+    def set_aside(self, point: str) -> list[Path]:
+        """Rename the point's files that cannot be read, so that their replicates are missing; their new names."""
+        moved = []
+        for batch in self.batches(point):
+            try:
+                attributes(batch.path)
+            except ResultError:
+                moved.append(batch.path.rename(batch.path.with_name(f"{batch.path.name}.damaged")))
+        return moved
 
     def copy_in(self, batch: Batch, point: str) -> None:
         """Take over a result file of another folder, whole or not at all."""

@@ -9,6 +9,7 @@ import contextlib
 import hashlib
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import Any, Final
 
 from wsnsim.base.errors import Fault, ScenarioError
@@ -21,8 +22,10 @@ from wsnsim.scenario.tree import Keys, Node, dotted, in_order, plain
 
 LEFT_OUT: Final = ("name", "replicates")
 """What a scenario says that changes no replicate of it."""
-WORLD: Final = ("seed", "step", "duration", "deploy", "motion", "targets", "sensor", "prior")
-"""What two points must share to chase the same truth over the same places, from the same prior."""
+WORLD: Final = (
+    "seed", "step", "duration", "deploy", "motion", "targets", "sensor", "prior", "detection", "clock", "faults",
+)  # fmt: skip
+"""What two points must share for the same truth over the same places, the same readings and the same prior."""
 SCENARIO: Final = "scenario"
 MOST_FAULTS: Final = 20
 
@@ -116,5 +119,17 @@ def _words(point: Point) -> str:
 
 
 def _digest(values: Mapping[str, Any]) -> str:
-    text = json.dumps(values, sort_keys=True)
+    """The same for the same values; a file counts by what it holds, not by where it lies."""
+    text = json.dumps(_by_content(values), sort_keys=True)
     return hashlib.blake2b(text.encode(), digest_size=6).hexdigest()
+
+
+def _by_content(value: Any, key: str = "") -> Any:
+    if isinstance(value, Mapping):
+        return {name: _by_content(inner, str(name)) for name, inner in value.items()}
+    if isinstance(value, list):
+        return [_by_content(item) for item in value]
+    if isinstance(value, str) and (key == "path" or key.endswith("_path")):
+        with contextlib.suppress(OSError):
+            return hashlib.blake2b(Path(value).read_bytes(), digest_size=16).hexdigest()
+    return value

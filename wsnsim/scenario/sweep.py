@@ -70,6 +70,10 @@ SIGNS: Final = ("scenario", "points", *(block[0] for block in BLOCKS))
 """What a sweep says, and a scenario never."""
 
 
+MOST_RUNS: Final = 2_000_000
+"""Points times replicates."""
+
+
 def is_sweep(source: str | Path) -> bool:
     """Whether a name is that of a sweep's file, or of a shipped sweep, rather than of a scenario.
 
@@ -120,6 +124,7 @@ def load_sweep(
     most = written.until.at_most if written.until else written.replicates
     if most is None:
         most = max(json.loads(point.resolved)["replicates"] for point in points)
+    _demand_few_runs(tree, len(points) * most)
     return Plan(
         name=written.name or name,
         keys=keys_of_points(points),
@@ -292,3 +297,8 @@ def _joined(chosen: Iterable[Settings]) -> Settings:
             raise Refused(node, f"'{dotted(keys)}' is an axis twice")
         seen.add(keys)
     return together
+
+
+def _demand_few_runs(tree: Node, runs: int) -> None:
+    if runs > MOST_RUNS:
+        raise ScenarioError([tree.spot.fault((), f"makes {runs:,} runs; at most {MOST_RUNS:,} are allowed")])

@@ -43,14 +43,14 @@ class StoppingRule(BaseModel):
     """Replicates are added at a point until the median of a metric is known well enough.
 
     The rule is asked at `at_least` replicates, and then each time that half as many more are done; so what it decides
-    depends on the replicates alone, and never on who ran them.
+    depends on the replicates alone, and never on who ran them. Where a replicate fails, its point gets no more.
     """
 
     model_config = FROZEN
     metric: Annotated[str, Strict("str"), AfterValidator(_known_metric)] = Field(
         "rmse", description="column of the table runs whose median is looked at"
     )
-    half_width: Annotated[float, Number(Quantity("", gt=0))] = Field(
+    half_width: Annotated[float, Number(Quantity("", gt=0, lt=1))] = Field(
         description="half of the 95 % interval of the median, as a share of the median"
     )
     at_least: _Whole = Field(10, description="replicates before the rule is asked first")

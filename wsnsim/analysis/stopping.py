@@ -1,0 +1,71 @@
+"""When a point has replicates enough: a fixed number, or until the median of a metric is known well enough."""
+
+from __future__ import annotations
+
+import time
+from typing import Final, final
+
+import numpy as np
+
+from wsnsim.analysis import campaigns, statistics
+from wsnsim.base.arrays import Floats
+from wsnsim.base.errors import ResultError
+from wsnsim.recording.folder import Folder, Manifest, PointOnDisk
+from wsnsim.scenario.sweep_schema import StoppingRule
+
+PATIENCE: Final = 60.0
+"""s: until a file that another machine has written is seen here; network file systems may take tens of seconds."""
+LOOK: Final = 0.5
+
+
+@final
+class Rule:
+    """Asked at a number of replicates, says how many there are to be. It looks at what is on disk, and nothing else."""
+
+    def __init__(self, folder: Folder, manifest: Manifest) -> None:
+        self._folder = folder
+        self._rule = StoppingRule.model_validate(manifest.until) if manifest.until else None
+
+    def first(self, point: PointOnDisk) -> int:
+        """How many replicates the point has before anybody asks."""
+        return self._rule.at_least if self._rule else point.replicates
+
+    def next(self, point: str, replicates: int) -> int:
+        """How many replicates the point is to have, now that it has this many: as many if that is enough.
+
+        Raises:
+            ResultError: one of them cannot be read.
+        """
+        if self._rule is None or replicates >= self._rule.at_most:
+            return replicates
+        values = self._values(point, replicates)
+        middle = float(np.nanmedian(values)) if np.isfinite(values).any() else float("nan")
+        low, high = statistics.interval_of_median(values)
+        known = 0.5 * (high - low) <= self._rule.half_width * abs(middle)
+        return replicates if known else self._rule.next_look(replicates)
+
+    def wanted(self, point: PointOnDisk) -> int:
+        """How many replicates the point is to have, as far as what is on disk says."""
+        target = self.first(point)
+        while not self._folder.missing(point.id, target):
+            more = self.next(point.id, target)
+            if more == target:
+                break
+            target = more
+        return target
+
+    def missing(self, point: PointOnDisk) -> list[int]:
+        """Which of these are not there."""
+        return self._folder.missing(point.id, self.wanted(point))
+
+    def _values(self, point: str, replicates: int) -> Floats:
+        """The metric of every replicate, once all of them are seen here."""
+        assert self._rule is not None
+        until = time.monotonic() + PATIENCE
+        while True:
+            values, seen = campaigns.metric(self._folder, point, self._rule.metric, replicates)
+            if seen.all():
+                return values
+            if time.monotonic() > until:
+                raise ResultError(f"{self._folder.path / point}: replicate {int(np.argmin(seen))} is not there")
+            time.sleep(LOOK)
