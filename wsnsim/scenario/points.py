@@ -23,7 +23,7 @@ from wsnsim.scenario.tree import Keys, Node, dotted, in_order, plain
 LEFT_OUT: Final = ("name", "replicates")
 """What a scenario says that changes no replicate of it."""
 WORLD: Final = (
-    "seed", "step", "duration", "deploy", "motion", "targets", "sensor", "prior", "detection", "clock", "faults",
+    "seed", "step", "duration", "deploy", "motion", "targets", "sensor", "prior", "detection", "faults",
 )  # fmt: skip
 """What two points must share for the same truth over the same places, the same readings and the same prior."""
 SCENARIO: Final = "scenario"
