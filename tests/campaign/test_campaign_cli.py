@@ -223,6 +223,22 @@ def test_a_damaged_manifest_or_result_and_another_version_are_named(
     assert main(["sweep", "c", "-q"]) == 0 and result.is_file()
 
 
+def test_under_a_rule_a_damaged_result_is_run_again_and_counted_once(
+    sweep: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rule: dict[str, Any] = {"metric": "rmse", "half_width": 1e-9, "at_least": 2, "at_most": 6}
+    ruled = write_sweep(Path("ruled.yaml"), sweep_of(CALM, until=rule, block=1))
+    assert main(["sweep", ruled, "-q", "-o", "c"]) == 0
+    before = wsnsim.read("c", "runs").drop(columns="cpu_seconds")
+    broken = min(Path("c").glob("*/r00000-00000.h5"))
+    broken.write_bytes(b"no result")
+    capsys.readouterr()
+    assert main(["sweep", "c", "--progress", "json"]) == 0
+    last = json.loads(capsys.readouterr().err.splitlines()[-1])
+    assert (last["done"], last["total"], last["failed"]) == (12, 12, 0)
+    assert wsnsim.read("c", "runs").drop(columns="cpu_seconds").equals(before)
+
+
 # signals
 
 

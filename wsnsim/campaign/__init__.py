@@ -18,7 +18,8 @@ from typing import Any
 from wsnsim import __version__, recording
 from wsnsim.analysis.stopping import Rule
 from wsnsim.base.errors import UsageError
-from wsnsim.campaign.drive import ALL, Ended, Part, Progress, drive
+from wsnsim.campaign.accounts import ALL, Ended, Part, Progress
+from wsnsim.campaign.drive import drive
 from wsnsim.recording.folder import Folder, Manifest, PointOnDisk, runs_of
 from wsnsim.recording.layout import reason
 from wsnsim.scenario.sweep_schema import Plan

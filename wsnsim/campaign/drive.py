@@ -11,13 +11,14 @@ import os
 import socket
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import Final, NamedTuple, final
+from typing import Final, final
 
 from wsnsim import __version__
 from wsnsim.analysis.stopping import Rule
 from wsnsim.base.errors import ResultError
+from wsnsim.campaign.accounts import ALL, Ended, Part, Progress
 from wsnsim.campaign.engines import Ending, Engine, EngineError, Vanished
 from wsnsim.campaign.task import Outcome, Task, timed_out
 from wsnsim.recording.folder import Folder, Manifest, runs_of
@@ -31,51 +32,6 @@ MOST_LOST: Final = 20
 """Times that a task may be lost with its worker before it began: others are at fault, but there is an end to it."""
 OFTEN: Final = 3
 """Times after which it is run alone."""
-
-
-class Part(NamedTuple):
-    """The share of a campaign that a driver takes: the `number`-th (from 1) of `of`."""
-
-    number: int
-    of: int
-
-    def has(self, place: int, block: int) -> bool:
-        """Whether this part has a block (from 0) of the point that is the `place`-th (from 0)."""
-        return (place + block) % self.of == self.number - 1
-
-
-ALL: Final = Part(1, 1)
-
-
-@dataclass(frozen=True, slots=True)
-class Progress:
-    """How far a campaign is, in replicates; `left` is an estimate of the seconds to come, None before there is one."""
-
-    done: int
-    failed: int
-    total: int
-    wall: float
-    left: float | None
-
-
-@dataclass(frozen=True)
-class Ended:
-    """How a driver ended: replicates done and found done before, tasks that failed and why, and what is missing.
-
-    `stopped`: why it ended before everything was tried; '' if it was.
-    """
-
-    done: int
-    found: int
-    failed: Mapping[str, str]
-    missing: Mapping[str, list[int]]
-    stopped: str
-    seconds: float
-
-    @property
-    def complete(self) -> bool:
-        """Whether every replicate of this part is on disk, and could be read where the rule asked."""
-        return not self.missing and not self.failed
 
 
 def drive(
@@ -149,11 +105,15 @@ class _Driver:
         done = self.folder.done(point)
         missing = [number for number in wanted if number not in done]
         self.found += len(wanted) - len(missing)
+        self.queue(point, missing)
+        if not missing:
+            self.grow(point)
+
+    def queue(self, point: str, missing: Sequence[int]) -> None:
+        """Tasks for these replicates, in order."""
         self.left[point] = self.left.get(point, 0) + len(missing)
         for begin, end in runs_of(missing, self.manifest.block):
             self.pending.append(self.task(point, begin, end))
-        if not missing:
-            self.grow(point)
 
     def is_ours(self, point: str, replicate: int) -> bool:
         """Whether this part of the campaign has the replicate. With a stopping rule, a point is not shared."""
@@ -220,17 +180,23 @@ class _Driver:
             self.grow(task.point)
 
     def grow(self, point: str) -> None:
-        """Ask the rule whether the point, of which nothing is left to do, has replicates enough."""
+        """Ask the rule whether the point, of which nothing is left to do, has replicates enough.
+
+        A file that it cannot read is put aside, and its replicates are run again.
+        """
         before = self.targets[point]
         try:
             if self.manifest.until and self.is_ours(point, 0):
                 self.targets[point] = self.rule.next(point, before)
         except ResultError as error:
-            if not self.folder.set_aside(point):
+            if self.folder.set_aside(point):
+                missing = self.folder.missing(point, before)
+                self.found -= len(missing)
+                self.queue(point, missing)
+                if not missing:  # others hold what it held
+                    self.grow(point)
+            else:
                 self.failed[point] = str(error)
-                return
-            self.plan(point, 0)
-            return
         if self.targets[point] > before:
             self.plan(point, before)
 

@@ -98,7 +98,8 @@ class LocalPool:
         self._broken = 0 if self._began.value else self._broken + 1
         pool, self._pool = self._pool, None
         for process in self._context.born:
-            process.kill()
+            if process.is_alive():  # nor is one that could not be started
+                process.kill()
         pool.shutdown(wait=True, cancel_futures=True)
 
 

@@ -186,7 +186,7 @@ def _last_words(folder: Folder, ended: Ended, part: Part, chosen: Choices, inter
 
     manifest = folder.manifest()
     points, more = folder.unasked(manifest)
-    if points or more:
+    if (points or more) and not chosen.quiet:
         said = (
             f"{points} points and {more} further replicates in {folder.path} are not of the campaign as it is asked for"
         )
