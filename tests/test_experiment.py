@@ -15,7 +15,7 @@ from scipy.spatial import KDTree
 
 import wsnsim
 from wsnsim import experiment, recording, scenario
-from wsnsim.analysis import summary, verification
+from wsnsim.analysis import summary_text, verification
 from wsnsim.base.errors import ScenarioError
 from wsnsim.base.tables import CAUSES, EVENT_CAUSE, KIND, Memory
 
@@ -202,7 +202,7 @@ def test_on_small_batteries_nodes_die_the_ledger_still_closes_and_the_summary_sa
     assert deaths == {node: nodes["died_at"][node] for node in np.flatnonzero(dead)}
     for node, died in deaths.items():
         assert events["time"][events["node"] == node].max() <= died, "the dead do nothing"
-    told = summary.text(report, {})
+    told = summary_text.text(report, {})
     assert "first death" in told and "track first lost" in told
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from wsnsim import experiment, scenario
-from wsnsim.analysis import frames, summary
+from wsnsim.analysis import frames, summary, summary_text
 from wsnsim.experiment import Report, Summary
 from wsnsim.recording import ResultFile, read_table
 
@@ -75,7 +75,7 @@ def report_of(errors, column_rmse, states=PLANE, position=(0, 2), name="pso_mhpf
 
 def rows(report, published=None):
     """The text's rows by their first words: name -> the rest of the line."""
-    lines = summary.text(report, published or {}).splitlines()[2:-1]
+    lines = summary_text.text(report, published or {}).splitlines()[2:-1]
     return {name.strip(): rest.strip() for name, _, rest in (line.strip().partition("  ") for line in lines)}
 
 
@@ -150,7 +150,7 @@ def test_what_the_paper_prints_of_a_column_stands_beside_it():
     assert told["RMSE of vx"].split("  ") == [f"{figures['vx']:.4g} m/s", "0.4 m/s"]
     assert told["RMSE of py"] == f"{figures['py']:.4g} m"
     assert told["RMSE, mean over time"].endswith("2.5000 m")
-    assert "unheard" not in summary.text(report, published)
+    assert "unheard" not in summary_text.text(report, published)
 
 
 def test_without_a_network_there_are_only_the_packets_and_operations_it_would_have_had_to_carry():
@@ -158,7 +158,7 @@ def test_without_a_network_there_are_only_the_packets_and_operations_it_would_ha
     told = rows(report)
     assert told["load of a network, a step"] == "2.5 packets, 200 operations"
     assert not {"energy of the network", "clusters", "frames sent / lost", "packets sent"} & set(told)
-    assert "nan" not in summary.text(report, {})
+    assert "nan" not in summary_text.text(report, {})
 
 
 def test_without_a_network_the_keys_are_the_same_and_null_where_nothing_exists():
@@ -184,7 +184,7 @@ def test_runs_without_any_estimate_are_passed_over_and_none_at_all_is_nan():
     nothing = summary.as_json(report_of(errors * NAN, columns * NAN), {})
     assert math.isnan(nothing["rmse_median"]) and math.isnan(nothing["rmse_low"])
     assert math.isnan(nothing["column_rmse"]["px"])
-    assert "RMSE" in summary.text(report_of(errors * NAN, columns * NAN), {})
+    assert "RMSE" in summary_text.text(report_of(errors * NAN, columns * NAN), {})
 
 
 @pytest.fixture(scope="module")
@@ -313,3 +313,28 @@ def test_a_target_that_was_never_seen_has_no_figures_and_no_word_for_them():
     assert said["steps tracked, by one reading or more"] == "0.0 %  [0.0, 0.0]"
     assert not {"mean error", "of a run's steps with three readings", "delay to the head, median"} & set(said)
     assert said["estimates that reached the sink"] == "0 of 3"
+
+
+def test_bounds_stand_beside_the_error_of_all_readings_of_members_and_of_those_that_arrived(tmp_path):
+    loaded = scenario.load("pso_mhpf", ["duration=2 s"])
+    report = experiment.run(loaded, replicates=2, out=tmp_path / "x.h5")
+    limit = summary.limit_of(report)
+    assert limit.kind == "per_trajectory" and not limit.reason
+    assert 0 < limit.rmse < limit.active <= limit.arrived * (1 + 1e-9)
+    text = summary_text.text(report, {}, limit=limit)
+    for words, value in zip(summary_text.BOUNDS.values(), (limit.rmse, limit.active, limit.arrived), strict=True):
+        assert f"  bound, from {words}" in text and f"{value:.4f} m" in text
+    figures = summary.as_json(report, {}, limit)
+    assert (figures["bound"], figures["bound_arrived"]) == (limit.rmse, limit.arrived)
+
+
+def test_without_events_there_is_the_bound_of_all_readings_alone_and_without_any_a_reason(tmp_path, ran):
+    quiet = experiment.run(
+        scenario.load("pso_mhpf", ["duration=1 s", "record.events=false"]), replicates=1, out=tmp_path / "x.h5"
+    )
+    for report in (quiet, ran[0]):
+        limit = summary.limit_of(report)
+        assert limit.rmse > 0 and math.isnan(limit.active) and math.isnan(limit.arrived)
+    waypoints = experiment.run(scenario.load("gmtt", ["duration=10 s"]), replicates=1, out=tmp_path / "y.h5")
+    assert "no density" in summary.limit_of(waypoints).reason
+    assert "bound" not in summary_text.text(waypoints, {}, limit=summary.limit_of(waypoints))

@@ -54,7 +54,7 @@ def run(
     scenario = _loaded(source, seeded)
     place = writable(out, Path("results") / f"{scenario.name}.h5")
     from wsnsim import experiment
-    from wsnsim.analysis import beaconing, summary
+    from wsnsim.analysis import beaconing, summary, summary_text
     from wsnsim.papers.published import published
     from wsnsim.scenario import resolved
 
@@ -76,10 +76,12 @@ def run(
             echo_json(beaconing.as_json(report))
         else:
             click.echo(beaconing.text(report))
-    elif as_json:
-        echo_json(summary.as_json(report, printed))
+        return
+    limit = summary.limit_of(report)
+    if as_json:
+        echo_json(summary.as_json(report, printed, limit))
     else:
-        click.echo(summary.text(report, printed, paper))
+        click.echo(summary_text.text(report, printed, paper, limit))
 
 
 @group.command()
