@@ -28,8 +28,8 @@ help:  ## this list
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/\1|\2/p' $(firstword $(MAKEFILE_LIST)) | while IFS='|' read -r name what; do \
 	    printf '  %-13s%s\n' "$$name" "$$what"; done
 
-run: $(READY)  ## run a scenario and print its summary; SCENARIO=..., ARGS='--replicates 30'
-	@$(PY) -m wsnsim run "$(SCENARIO)" $(ARGS)
+run: $(READY)  ## run a scenario, print its summary, write its file and its page; SCENARIO=..., ARGS='--replicates 30'
+	@$(PY) -m wsnsim run "$(SCENARIO)" --report $(ARGS)
 
 test: $(READY)  ## the whole test suite; ARGS='-k handover'
 	@$(PY) -m pytest -n 2 $(ARGS)

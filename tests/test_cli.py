@@ -180,6 +180,15 @@ def test_a_run_writes_its_result_and_prints_its_summary(result: Path, capsys: py
     assert "100 %" in said.err
 
 
+@pytest.mark.parametrize("scenario", ["pso_mhpf", "beacons"])
+def test_a_run_writes_its_page_too_where_it_is_asked_for(scenario: str, capsys: pytest.CaptureFixture[str]) -> None:
+    short = QUICK if scenario == "pso_mhpf" else ("--set", "duration=2 s")
+    assert main(["run", scenario, *short, "--report", "--json", "--progress", "none", "-o", "x.h5"]) == 0
+    said = capsys.readouterr()
+    assert isinstance(json.loads(said.out), dict) and "x.html" in said.err
+    assert "<canvas" in Path("x.html").read_text(encoding="utf-8")
+
+
 def test_a_run_as_json_is_one_object_without_nan(result: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["run", "pso_mhpf", *QUICK, "--json", "--quiet", "--seed", "7", "-o", "x.h5"]) == 0
     said = capsys.readouterr()

@@ -1,7 +1,7 @@
 """The command line: what a user types becomes calls, and what went wrong becomes one message and an exit code.
 
-    wsnsim run | sweep | compare | collect | check | list | schema | new | info | export | trace | diff | plot |
-           verify | recover
+    wsnsim run | sweep | compare | collect | report | check | list | schema | new | info | export | trace |
+           diff | plot | verify | recover
 
 Only click is imported here; everything else when it is used, so that `wsnsim --help` and `wsnsim list` answer at once.
 stdout is the answer, stderr progress and log. Exit codes: 0 ok; 1 a run failed; 2 usage or scenario; 3 a
@@ -19,11 +19,11 @@ from typing import Final
 import click
 
 from wsnsim.base.errors import ScenarioError, WsnsimError
-from wsnsim.cli import campaigns, commands, plotting
+from wsnsim.cli import campaigns, commands, plotting, reporting
 from wsnsim.cli.interrupts import Interrupts
 from wsnsim.cli.shared import group
 
-__all__ = ["campaigns", "commands", "main", "plotting"]
+__all__ = ["campaigns", "commands", "main", "plotting", "reporting"]
 
 THREADS: Final = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS")
 

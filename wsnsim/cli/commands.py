@@ -36,6 +36,7 @@ HDF5_MARK: Final = b"\x89HDF\r\n\x1a\n"
 @click.option(
     "--out", "-o", type=click.Path(path_type=Path), metavar="FILE.h5", help="Result; default results/NAME.h5."
 )
+@click.option("--report", "paged", is_flag=True, help="Write its page beside it, too: NAME.html.")
 @json_option
 @click.option("--quiet", "-q", is_flag=True, help="No progress and no log.")
 @click.option("--progress", type=click.Choice(MODES), default="auto", show_default=True, help="How to show progress.")
@@ -45,6 +46,7 @@ def run(
     replicates: int | None,
     seed: int | None,
     out: Path | None,
+    paged: bool,
     as_json: bool,
     quiet: bool,
     progress: str,
@@ -72,16 +74,17 @@ def run(
             show.close()
     printed, paper = published(resolved(scenario))
     if not report.states:
-        if as_json:
-            echo_json(beaconing.as_json(report))
-        else:
-            click.echo(beaconing.text(report))
-        return
-    limit = summary.limit_of(report)
-    if as_json:
-        echo_json(summary.as_json(report, printed, limit))
+        told = beaconing.as_json(report) if as_json else beaconing.text(report)
     else:
-        click.echo(summary_text.text(report, printed, paper, limit))
+        limit = summary.limit_of(report)
+        told = summary.as_json(report, printed, limit) if as_json else summary_text.text(report, printed, paper, limit)
+    echo_json(told) if isinstance(told, dict) else click.echo(told)
+    if paged:
+        from wsnsim.analysis import report as reports
+
+        written = reports.write([place], place.with_suffix(".html"), published=published)
+        if not quiet:
+            click.echo(f"wsnsim: {written.out}: {written.bytes / 1e6:.2f} MB; open it in a browser", err=True)
 
 
 @group.command()
