@@ -14,13 +14,14 @@ MOVED    := $(shell test -e $(READY) && ! grep -qxF "$(CURDIR)" $(READY) && echo
 SWEEP      ?= scenarios/sweeps/particles.yaml
 TRACKERS   ?= pso_mhpf,ipf,ppf
 REPLICATES ?=
+PAPERS     ?=
 SWEEPS     := $(patsubst scenarios/sweeps/%.yaml,%,$(wildcard scenarios/sweeps/*.yaml))
 TABLES     := $(SWEEPS:%=results/%/table.csv)
 FIGURES    := $(SWEEPS:%=results/figures/%.png)
 CHOSEN      = $(if $(REPLICATES),--replicates $(REPLICATES)) $(ARGS)
 
 .DEFAULT_GOAL := help
-.PHONY: help run test check interpreted format lint types imports bench sweep compare figures lock clean moved asked
+.PHONY: help run test check interpreted format lint types imports bench sweep compare reproduce figures lock clean moved asked
 .DELETE_ON_ERROR:
 
 help:  ## this list
@@ -60,7 +61,12 @@ sweep: $(READY)  ## run a sweep, or go on with it; SWEEP=scenarios/sweeps/partic
 compare: $(READY)  ## compare trackers in one scenario; SCENARIO=... TRACKERS=pso_mhpf,ipf,ppf REPLICATES=100
 	@$(PY) -m wsnsim compare "$(SCENARIO)" --trackers "$(TRACKERS)" $(CHOSEN)
 
-figures: $(FIGURES)  ## results/figures/NAME.png of every shipped sweep; runs what is not complete
+reproduce: $(READY)  ## the tables and figures of the papers: published, measured, possible; PAPERS='li2012 frontier'
+	@$(PY) -m wsnsim reproduce $(PAPERS) $(ARGS)
+
+figures: $(FIGURES) $(READY)  ## results/figures/*.png of every shipped sweep, paper and the frontier; runs what is not complete
+	@$(PY) -m wsnsim reproduce $(PAPERS) --figures results/figures > results/figures/papers.txt
+	@$(PY) -m wsnsim reproduce frontier --figures results/figures > results/figures/frontier.txt
 
 # What is on disk is not run again, whatever make thinks: a campaign that was stopped is gone on with. Scenarios that
 # changed, or other REPLICATES, only let it look.

@@ -1,6 +1,6 @@
 """The command line: what a user types becomes calls, and what went wrong becomes one message and an exit code.
 
-    wsnsim run | sweep | compare | collect | report | check | list | schema | new | info | export | trace |
+    wsnsim run | sweep | compare | collect | reproduce | report | check | list | schema | new | info | export | trace |
            diff | plot | verify | recover
 
 Only click is imported here; everything else when it is used, so that `wsnsim --help` and `wsnsim list` answer at once.
@@ -19,11 +19,11 @@ from typing import Final
 import click
 
 from wsnsim.base.errors import ScenarioError, WsnsimError
-from wsnsim.cli import campaigns, commands, plotting, reporting
+from wsnsim.cli import campaigns, commands, plotting, reporting, reproducing
 from wsnsim.cli.interrupts import Interrupts
 from wsnsim.cli.shared import group
 
-__all__ = ["campaigns", "commands", "main", "plotting", "reporting"]
+__all__ = ["campaigns", "commands", "main", "plotting", "reporting", "reproducing"]
 
 THREADS: Final = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS")
 

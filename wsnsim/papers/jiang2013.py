@@ -14,6 +14,8 @@ ENERGY: Final = {"pso_mhpf": 1.82, "ipf": 2.33, "ppf": 2.45}
 """Joules that the network spent by the end of the run."""
 CLUSTERS: Final = {"pso_mhpf": 16}
 """Horizontal segments of figure 6."""
+STEP_ENERGY: Final = (2.364e-3, 3.378e-3)
+"""Joules: the least and the largest energy of a step of PSO-MHPF in figure 6."""
 TABLE_2: Final[Mapping[str, Mapping[str, Any]]] = {
     "deploy": {"kind": "uniform", "nodes": 256, "width": 400.0, "height": 400.0},
     "motion": {
@@ -88,3 +90,12 @@ def _as_long(resolved: Mapping[str, Any]) -> bool:
     """Whether a run is as long as the paper's, read as 700 steps or as 16 clusters."""
     until = resolved.get("until")
     return bool(until.get("clusters") == 16) if until else resolved.get("duration") == 28.0
+
+
+def __getattr__(name: str) -> Any:
+    """EXPERIMENTS, which need this page's figures, from the file beside this one."""
+    if name != "EXPERIMENTS":
+        raise AttributeError(name)
+    from wsnsim.papers.jiang2013_experiments import EXPERIMENTS
+
+    return EXPERIMENTS

@@ -20,6 +20,8 @@ TABLE_2: Final[Mapping[str, tuple[float, float, float, float]]] = {
     "ics_pf": (0.0306, 0.0213, 0.0253, 0.0102),
 }
 """RMSE of px, vx, py, vy."""
+SECONDS: Final[Mapping[str, float]] = {"pf": 50.36, "cs_pf": 35.32, "ics_pf": 28.36}
+"""Run times of section 4.2, on a machine that is not named."""
 ONE_SENSOR: Final[Mapping[str, Any]] = {"kind": "anchors", "places": [[0.0, 0.0]]}
 GROWTH: Final[Mapping[str, Mapping[str, Any]]] = {
     "deploy": ONE_SENSOR,
@@ -55,3 +57,12 @@ def published(resolved: Mapping[str, Any]) -> dict[str, float]:
     if same_set_up(resolved, PLANE):
         return dict(zip(("rmse_px", "rmse_vx", "rmse_py", "rmse_vy"), TABLE_2[kind], strict=True))
     return {}
+
+
+def __getattr__(name: str) -> Any:
+    """EXPERIMENTS, which need this page's figures, from the files beside this one."""
+    if name != "EXPERIMENTS":
+        raise AttributeError(name)
+    from wsnsim.papers import wei2022_growth, wei2022_range
+
+    return (*wei2022_growth.EXPERIMENTS, *wei2022_range.EXPERIMENTS)

@@ -1,0 +1,228 @@
+import importlib
+import json
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.text import Text
+
+from tests.campaign.places import Inline
+from wsnsim import scenario
+from wsnsim.papers import frontier, frontier_measures, measures, reproduce
+from wsnsim.papers.frontier import EXPERIMENTS, HEARD, VARIANTS, twin
+from wsnsim.papers.frontier_measures import Strategy
+from wsnsim.papers.pictures import frontier as pictures
+from wsnsim.papers.reproduction import Claim
+
+(EXPERIMENT,) = EXPERIMENTS
+SMALL = ("ideal: ekf", "ideal: ekf, noise x100", "slots: ekf", "10 % awake: ekf")
+
+
+def resolved(plan):
+    return {point.settings["variant"]: json.loads(point.resolved) for point in plan.points}
+
+
+@pytest.fixture(scope="module")
+def quick():
+    return reproduce.plan("frontier", EXPERIMENT)
+
+
+def test_every_variant_is_a_scenario_that_builds_and_all_are_of_one_world(quick):
+    assert [point.settings["variant"] for point in quick.points] == list(EXPERIMENT.variants)
+    assert quick.replicates == EXPERIMENT.quick >= 5
+    assert len({point.world for point in quick.points}) == 1
+    for one in resolved(quick).values():
+        scenario.build(scenario.load(one))
+
+
+def test_a_full_run_is_as_long_as_a_run_of_the_paper_and_a_quick_one_half_as_long(quick):
+    few = replace(EXPERIMENT, variants={name: EXPERIMENT.variants[name] for name in SMALL})
+    full = reproduce.plan("frontier", few, full=True)
+    assert full.replicates == EXPERIMENT.full > EXPERIMENT.quick
+    assert {one["duration"] for one in resolved(full).values()} == {28.0}
+    assert {one["duration"] for one in resolved(quick).values()} == {14.0}
+
+
+def test_a_name_says_what_is_run(quick):
+    for name, one in resolved(quick).items():
+        air, _, strategy = name.partition(": ")
+        kind, *words = strategy.split(", ")
+        tracker = one["tracker"]
+        assert tracker["kind"] == kind
+        assert tracker["assumes"]["noise_scale"] == (100.0 if "noise x100" in words else 1.0)
+        if kind not in ("ekf", "rkf", "imsf"):
+            assert tracker["particles"] == (100 if kind == "gsa_gpf" or "100 particles" in words else 400)
+        if "handover" in tracker:
+            assert (tracker["handover"] == "gaussian") == ("Gaussian handover" in words)
+        if kind in ("pso_mhpf", "ppf"):
+            usual = "own" if kind == "pso_mhpf" else "all"
+            said = {"own readings": "own", "all readings": "all"}
+            assert tracker["measurements"] == next((said[word] for word in words if word in said), usual)
+        if kind == "ekf":
+            assert (tracker["readings"] == "nearest") == ("nearest" in words)
+        assert one["mac"]["kind"] == ("ideal" if air == "ideal" else "csma" if air.startswith("CSMA") else "tdma")
+        assert one["sleep"]["kind"] == ("ris" if air.endswith("awake") else "event_wake")
+        assert one["sink"]["kind"] == "none"
+
+
+def test_the_names_of_shipped_scenarios_stand_for_them():
+    shipped = {
+        "ideal: pso_mhpf": "pso_mhpf",
+        "ideal: ipf": "ipf",
+        "ideal: ppf": "ppf",
+        "ideal: central_pf": "central_pf",
+        "CSMA: pso_mhpf": "pso_mhpf_real",
+        "CSMA: ipf": "ipf_real",
+        "CSMA: ppf": "ppf_real",
+        "CSMA packed: pso_mhpf, Gaussian handover": "pso_mhpf_packed",
+    }
+    for name, other in shipped.items():
+        one = EXPERIMENT.variants[name]
+        mine, theirs = (scenario.resolved(scenario.load(*which)) for which in ((one.scenario, one.sets), (other,)))
+        for which in (mine, theirs):
+            del which["name"]
+        assert mine == theirs
+
+
+def test_every_baseline_has_a_matched_and_an_inflated_process_noise():
+    ideal = {name for name in VARIANTS if name.startswith("ideal")}
+    for kind in (
+        "pso_mhpf",
+        "ipf",
+        "ppf",
+        "central_pf",
+        "pf",
+        "cs_pf",
+        "ics_pf",
+        "gpf",
+        "pso_gpf",
+        "ekf",
+        "rkf",
+        "imsf",
+    ):
+        assert {f"ideal: {kind}", f"ideal: {kind}, noise x100"} <= ideal
+
+
+def test_every_claim_is_of_a_variant_that_is_run_and_has_nothing_published():
+    known = {"median:rmse", "mean:energy", "mean:tracked"}
+    for claim in EXPERIMENT.claims:
+        assert isinstance(claim, Claim) and claim.published is None
+        assert claim.variant in EXPERIMENT.variants
+        assert "\n" not in claim.reason and len(claim.reason) < 200
+        if claim.measure not in known:
+            assert callable(getattr(frontier_measures, claim.measure.rpartition(":")[2]))
+        if claim.measure.endswith("_twin"):
+            assert twin(claim.variant) in VARIANTS
+        if claim.measure.endswith("arrived"):
+            needs = {f"record.{table}=true" for table in ("events", "estimates", "clusters")}
+            assert needs <= set(EXPERIMENT.variants[claim.variant].sets)
+    assert {*HEARD, *frontier.WHY, *frontier.WHY_ENERGY} <= set(VARIANTS)
+
+
+def test_the_picture_has_a_function_that_draws_it():
+    (picture,) = EXPERIMENT.pictures
+    module, _, name = picture.draw.partition(":")
+    assert callable(getattr(importlib.import_module(module), name))
+
+
+def test_a_twin_lacks_the_last_word():
+    assert twin("ideal: ppf, noise x100, Gaussian handover") == "ideal: ppf, noise x100"
+    assert twin("ideal: ekf") == ""
+    assert twin("slots: ipf, Gaussian handover") == ""
+
+
+def test_ratios_are_taken_run_by_run_to_the_twin():
+    runs = {
+        "ideal: ekf": pd.DataFrame({"replicate": [0, 1], "rmse": [2.0, 4.0], "energy": [1.0, 1.0]}),
+        "ideal: ekf, noise x100": pd.DataFrame({"replicate": [1, 0], "rmse": [2.0, 4.0], "energy": [3.0, 2.0]}),
+    }
+    data = SimpleNamespace(of=lambda variant, table: runs[variant])
+    assert frontier_measures.rmse_over_twin(data, "ideal: ekf, noise x100").to_dict() == {0: 2.0, 1: 0.5}
+    assert frontier_measures.energy_over_twin(data, "ideal: ekf, noise x100").to_dict() == {0: 2.0, 1: 3.0}
+
+
+def strategy(variant, rmse, energy, lost=0.0, in_time=1.0):
+    return Strategy(variant, rmse, rmse, rmse, energy, lost, in_time)
+
+
+def test_the_cheapest_is_within_the_limit_follows_the_target_and_spends_least():
+    found = [
+        strategy("ideal: a", 0.14, 3.0),
+        strategy("ideal: b", 0.15, 2.0),
+        strategy("ideal: c", 0.16, 1.0),
+        strategy("ideal: d", 0.10, 0.5, lost=0.2),
+        strategy("ideal: e", 0.10, 0.4, in_time=0.8),
+    ]
+    assert frontier_measures.cheapest(found, 0.15).variant == "ideal: b"
+    assert frontier_measures.cheapest(found, 0.13) is None
+    assert frontier_measures.front(found).tolist() == [True, True, True, False, False]
+
+
+def test_where_nobody_is_within_the_limit_a_line_says_so_and_who_is_nearest():
+    line = frontier_measures._line("ideal", [strategy("ideal: a", 0.3, 3.0), strategy("ideal: b", 0.2, 4.0)], 0.1)
+    assert "none; nearest is ideal: b, 0.2 m" in line and "2.00 x" in line
+    line = frontier_measures._line("ideal", [strategy("ideal: a", 0.12, 3.0), strategy("ideal: b", 0.14, 1.0)], 0.1)
+    assert "none" not in line and "ideal: b, 0.14 m" in line
+    assert "no strategy follows" in frontier_measures._line("ideal", [strategy("ideal: a", 0.1, 1.0, lost=1.0)], 0.1)
+
+
+def test_labels_stand_apart_from_one_another_and_from_every_marker():
+    rng = np.random.default_rng(3)
+    points = [(float(x), float(y)) for x, y in np.concatenate([rng.normal(5.0, 0.05, (20, 2)), [[5.0, 5.0]] * 3])]
+    figure = Figure(figsize=(9.0, 6.0))
+    FigureCanvasAgg(figure)
+    axes = figure.subplots()
+    axes.set(xlim=(4.0, 6.0), ylim=(4.0, 6.0))
+    figure.draw_without_rendering()
+    words = [f"tracker {i} ×100" for i in range(24)]
+    written = pictures.label(axes, [*points, (5.0, float("nan"))], words, ["black"] * 24)
+    assert {text.get_text() for text in written} == set(words[:-1])
+    figure.draw_without_rendering()
+    extents = [Text.get_window_extent(text, figure.canvas.get_renderer()) for text in written]
+    pixels = axes.transData.transform(points)
+    for i, one in enumerate(extents):
+        assert not any(one.overlaps(other) for other in extents[:i])
+        assert not any(one.contains(*pixel) for pixel in pixels)
+
+
+@pytest.fixture(scope="module")
+def tracked(tmp_path_factory):
+    """Two runs of 30 steps of a few variants, and their folder."""
+    where = tmp_path_factory.mktemp("frontier")
+    small = replace(
+        EXPERIMENT,
+        quick=2,
+        variants={name: EXPERIMENT.variants[name] for name in SMALL},
+        claims=tuple(claim for claim in EXPERIMENT.claims if claim.variant in SMALL),
+        quick_sets=("duration=1.2 s",),
+    )
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(reproduce, "LocalPool", Inline)
+        assert reproduce.run("frontier", small, where, 1).complete
+    folder = reproduce.place(where, "frontier", small)
+    return measures.Data(reproduce.Folder(folder)), small, folder
+
+
+def test_a_small_run_gives_a_row_a_claim_a_line_a_radio_and_a_picture(tracked, tmp_path):
+    data, small, folder = tracked
+    rows = reproduce.rows("frontier", small, folder)
+    assert len(rows) == len(small.claims)
+    assert {row.verdict for row in rows} == {"not published"}
+    errors = [row for row in rows if row.quantity.startswith("RMSE of a run, median")]
+    assert len({row.bound for row in errors}) == 1 and errors[0].bound > 0.0
+    assert len(frontier_measures.conclusions(data)) == 2
+    (file,) = reproduce.draw("frontier", small, folder, tmp_path)
+    assert file.name == "frontier_frontier.png" and file.stat().st_size > 10_000
+
+
+def test_the_bound_of_the_readings_that_arrived_is_no_smaller_than_that_of_all_in_range(tracked):
+    data, _, _ = tracked
+    whole = data.bound("ideal: ekf", "per_trajectory").of_replicates
+    for name in set(SMALL) & set(HEARD):
+        found = frontier_measures.arrived(data, name)
+        assert found.index.tolist() == [0, 1]
+        assert (found.to_numpy() >= whole * (1.0 - 1e-9)).all()

@@ -1,0 +1,197 @@
+import importlib
+import json
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from tests.campaign.places import Inline
+from wsnsim import scenario
+from wsnsim.analysis.bounding.drawn import drawn
+from wsnsim.base.tables import Memory
+from wsnsim.experiment import simulate
+from wsnsim.papers import jiang2013_measures, measures, reproduce
+from wsnsim.papers.jiang2013_experiments import EXPERIMENTS, FIRST_CLUSTER, LITERAL
+from wsnsim.papers.pictures import jiang2013 as pictures
+from wsnsim.papers.reproduction import Order
+
+NEEDS = {
+    "rmse": {"estimates"},
+    "clusters": {"clusters"},
+    "least_level": {"clusters", "energy_steps"},
+    "largest_level": {"clusters", "energy_steps"},
+    "on_level": {"clusters", "energy_steps"},
+    "over_1600": set(),
+    "over_8": set(),
+}
+PRINTED = {
+    "rmse": {"pso_mhpf": 2.5347, "ipf": 3.3710, "ppf": 4.5519},
+    "mean:energy": {"pso_mhpf": 1.82, "ipf": 2.33, "ppf": 2.45},
+    "share:lost": {"pso_mhpf": 0.0, "ipf": 0.0, "ppf": 0.0},
+    "clusters": {"pso_mhpf": 16.0},
+    "least_level": {"pso_mhpf": 2.364e-3},
+    "largest_level": {"pso_mhpf": 3.378e-3},
+    "on_level": {"pso_mhpf": 1.0},
+}
+"""What the specification's page gives of section 5, by measure and tracker."""
+
+
+def short(measure):
+    return measure.rpartition(":")[2] if "_of:" in measure else measure
+
+
+def claims():
+    return [(experiment, claim) for experiment in EXPERIMENTS for claim in experiment.claims]
+
+
+@pytest.mark.parametrize("experiment", EXPERIMENTS, ids=lambda experiment: experiment.name)
+def test_every_variant_is_a_scenario_that_builds_and_no_two_are_the_same(experiment):
+    plan = reproduce.plan("jiang2013", experiment)
+    assert [point.settings["variant"] for point in plan.points] == list(experiment.variants)
+    assert plan.replicates == experiment.quick >= 5
+    for point in plan.points:
+        scenario.build(scenario.load(json.loads(point.resolved)))
+    full = reproduce.plan("jiang2013", experiment, full=True)
+    assert full.replicates == experiment.full > experiment.quick
+    assert [point.id for point in full.points] == [point.id for point in plan.points]
+
+
+def test_every_claim_is_of_a_variant_that_is_run_and_of_tables_that_are_recorded():
+    for experiment, claim in claims():
+        others = (claim.other,) if isinstance(claim, Order) else ()
+        assert {claim.variant, *others} <= set(experiment.variants)
+        name = short(claim.measure)
+        if claim.measure.startswith(("mean_of:", "median_of:")):
+            assert callable(getattr(jiang2013_measures, name))
+        known = {"rmse", "mean:energy", "share:lost", "median:rmse"} | set(NEEDS)
+        assert name in known
+        assert NEEDS.get(name, set()) <= set(experiment.record)
+        assert not isinstance(claim, Order) or name in ("rmse", "mean:energy")
+
+
+def test_every_claim_that_has_a_verdict_gives_its_reason_in_a_line():
+    for _, claim in claims():
+        assert "\n" not in claim.reason and len(claim.reason) < 200
+        if isinstance(claim, Order) or claim.published is not None:
+            assert claim.reason, f"{claim.quantity} of {claim.variant}"
+
+
+def test_published_figures_are_those_of_the_page_and_every_one_of_them_is_claimed():
+    seen = set()
+    for experiment, claim in claims():
+        if isinstance(claim, Order) or claim.published is None or experiment.name == "figure_3":
+            continue
+        tracker, name = claim.variant.split(",")[0], short(claim.measure)
+        assert claim.published == PRINTED[name][tracker]
+        seen.add((name, tracker)) if claim.variant == tracker else None
+    assert seen == {(name, tracker) for name, row in PRINTED.items() for tracker in row}
+
+
+def test_every_order_of_the_three_trackers_that_is_published_is_claimed():
+    orders = {(claim.measure, claim.variant, claim.other) for _, claim in claims() if isinstance(claim, Order)}
+    for measure in ("rmse", "mean:energy"):
+        printed = sorted(LITERAL, key=PRINTED[measure].__getitem__)
+        for i, one in enumerate(printed):
+            for other in printed[i + 1 :]:
+                assert (measure, one, other) in orders
+
+
+def test_every_picture_has_a_function_that_draws_it_and_the_figures_of_the_paper_are_all_there():
+    found = [picture for experiment in EXPERIMENTS for picture in experiment.pictures]
+    for picture in found:
+        module, _, name = picture.draw.partition(":")
+        assert callable(getattr(importlib.import_module(module), name))
+    assert {picture.name for picture in found} == {f"figure_{number}" for number in range(2, 10)}
+
+
+def test_figure_3_is_run_on_the_first_cluster_of_the_network_that_figure_2_shows():
+    draw = drawn(scenario.build(scenario.load("pso_mhpf")), 0)
+    target, places = draw.truths[0][0][[0, 2]], draw.positions
+    memory = Memory({"clusters": True})
+    simulate(scenario.load("pso_mhpf", ["duration=0.08 s"]), 0, memory)
+    first = {name: column[0] for name, column in memory.table("clusters").items()}
+    head = int(first["head"])
+    near = np.hypot(*(places - target).T) <= 60.0
+    heard = np.hypot(*(places - places[head]).T) <= 75.0
+    members = np.flatnonzero(near & heard)
+    assert first["members"] == len(members) == len(FIRST_CLUSTER)
+    wanted = np.round(places[[head, *members[members != head]]], 2)
+    np.testing.assert_allclose(wanted, FIRST_CLUSTER, atol=1e-9)
+
+
+def fake(**tables):
+    """Data of one variant from tables."""
+    return SimpleNamespace(of=lambda variant, table: tables[table])
+
+
+def stepped(levels, handovers):
+    """Two causes a step, the steps of handovers costing ten times as much; from step 0 on."""
+    joules = np.array(levels)
+    joules[handovers] *= 10.0
+    steps = np.arange(len(joules))
+    rows = [
+        pd.DataFrame({"replicate": 0, "step": steps, "time": 0.04 * steps, "cause": cause, "joules": share * joules})
+        for cause, share in (("rx", 0.25), ("cpu", 0.75))
+    ]
+    return pd.concat(rows)
+
+
+def test_the_level_of_a_cluster_is_what_its_steps_cost_and_a_handover_is_not_on_it():
+    levels = [9.0] + [2.0] * 10 + [3.0] * 10
+    spent = stepped(levels, handovers=[10])
+    formed = pd.DataFrame({"replicate": 0, "cluster": [0.0, 1.0], "formed": [0.0, 0.44]})
+    data = fake(energy_steps=spent, clusters=formed)
+    assert jiang2013_measures.clusters(data, "x").tolist() == [2]
+    assert jiang2013_measures.least_level(data, "x").tolist() == pytest.approx([2.0])
+    assert jiang2013_measures.largest_level(data, "x").tolist() == pytest.approx([3.0])
+    assert jiang2013_measures.on_level(data, "x").tolist() == pytest.approx([19 / 20])
+
+
+def test_ratios_are_taken_run_by_run_to_the_twin_of_the_same_readings():
+    def of(variant, table):
+        rmse = {"own readings, 100 particles, 1 iteration": [6.0, 8.0],
+                "own readings, 1600 particles, 1 iteration": [2.0, 1.0],
+                "own readings, 100 particles, 8 iterations": [3.0, 4.0]}[variant]  # fmt: skip
+        return pd.DataFrame({"replicate": [0, 1], "rmse": rmse})
+
+    data, name = SimpleNamespace(of=of), "own readings, 100 particles, 1 iteration"
+    assert jiang2013_measures.over_1600(data, name).tolist() == [3.0, 8.0]
+    assert jiang2013_measures.over_8(data, name).tolist() == [2.0, 2.0]
+
+
+def test_members_that_a_map_shows_are_as_many_as_the_cluster_counted(tracked):
+    data, _ = tracked
+    frame = data.of("pso_mhpf", "clusters")
+    nodes = data.of("pso_mhpf", "nodes")
+    places = nodes[nodes["replicate"] == 0][["x", "y"]].to_numpy()
+    rows = list(frame[frame["replicate"] == 0].itertuples())
+    assert len(rows) >= 2
+    for row in rows:
+        assert len(pictures._members_of(data, places, row)) + 1 == row.members
+
+
+@pytest.fixture(scope="module")
+def tracked(tmp_path_factory):
+    """Two runs of 60 steps of the variants of the first experiment that are drawn, and its folder."""
+    where, whole = tmp_path_factory.mktemp("jiang2013"), EXPERIMENTS[0]
+    variants = {name: whole.variants[name] for name in (*LITERAL, *pictures.REPAIRED)}
+    claims = tuple(claim for claim in whole.claims if claim.variant in LITERAL)
+    small = replace(whole, quick=2, sets=("duration=2.4 s",), variants=variants, claims=claims)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(reproduce, "LocalPool", Inline)
+        assert reproduce.run("jiang2013", small, where, 1).complete
+    folder = reproduce.place(where, "jiang2013", small)
+    return measures.Data(reproduce.Folder(folder)), (small, folder)
+
+
+def test_a_small_run_gives_a_row_a_claim_and_a_picture_a_figure(tracked, tmp_path):
+    _, (small, folder) = tracked
+    rows = reproduce.rows("jiang2013", small, folder)
+    assert len(rows) == len(small.claims)
+    energy = next(row for row in rows if row.quantity.startswith("network energy") and row.variant == "pso_mhpf")
+    assert 0.0 < energy.measured < 1.82 and energy.published == 1.82 and energy.replicates == 2
+    files = reproduce.draw("jiang2013", small, folder, tmp_path)
+    assert [file.name for file in files] == [f"jiang2013_{picture.name}.png" for picture in small.pictures]
+    assert all(file.stat().st_size > 10_000 for file in files)

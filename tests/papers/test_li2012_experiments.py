@@ -1,0 +1,181 @@
+import dataclasses
+import importlib
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from wsnsim.base.tables import TABLES
+from wsnsim.papers import li2012, li2012_measures, reproduce
+from wsnsim.papers.reproduction import Claim, Order
+
+EXPERIMENTS = {experiment.name: experiment for experiment in li2012.EXPERIMENTS}
+CLAIMS = [(experiment, claim) for experiment in li2012.EXPERIMENTS for claim in experiment.claims]
+
+
+@pytest.mark.parametrize("full", [False, True])
+@pytest.mark.parametrize("name", EXPERIMENTS)
+def test_every_experiment_is_a_campaign_of_scenarios_that_load(name, full):
+    experiment = EXPERIMENTS[name]
+    points = [json.loads(point.resolved) for point in reproduce.plan("li2012", experiment, full).points]
+    assert len(points) == len(experiment.variants)
+    assert (experiment.full if full else experiment.quick) >= 5
+    found = {(one["step"], one["duration"]) for one in points}
+    assert found == {(2.0, 200.0) if name != "every_10_s" else (10.0, 1000.0 if full else 200.0)}
+    assert {one["sink"]["every"] for one in points} == {10.0}
+
+
+def test_gmtt_as_printed_differs_from_ours_by_what_the_paper_says_and_by_nothing_else():
+    names = ("gmtt, 300", "gmtt as printed, 300")
+    few = dataclasses.replace(EXPERIMENTS["figures_3_6"], variants={
+        name: EXPERIMENTS["figures_3_6"].variants[name] for name in names})  # fmt: skip
+    ours, printed = (json.loads(point.resolved)["tracker"] for point in reproduce.plan("li2012", few).points)
+    differing = {key: (ours[key], printed[key]) for key in ours if ours[key] != printed[key]}
+    assert differing == {"shift": (500.0, 0.0), "correction": ("tail", "literal")}
+
+
+def test_every_claim_is_of_variants_that_are_run():
+    for experiment, claim in CLAIMS:
+        assert claim.variant in experiment.variants, claim
+        assert not isinstance(claim, Order) or claim.other in experiment.variants, claim
+
+
+def test_every_measure_is_known_and_its_tables_are_recorded():
+    for experiment, claim in CLAIMS:
+        name, _, column = claim.measure.partition(":")
+        if name.endswith("_of"):
+            module, _, function = column.partition(":")
+            assert callable(getattr(importlib.import_module(module), function)), claim
+            needed = {"estimates"} if function != "fix_bound" else {"truth", "nodes"}
+            assert needed <= set(experiment.record), claim
+        else:
+            assert name in ("tracks", "tracks_mean", "tracks_median"), claim
+            assert column in [one.name for one in TABLES["tracks"]], claim
+
+
+def test_what_is_published_is_what_the_paper_prints():
+    printed = {"figure 3": {1.0}, "figure 4": {2.0, 2.5, 4.0}, "figure 5": {0.02, 0.06, 0.04, 0.09, 0.2, 0.3}}
+    for name in ("figures_3_6", "every_10_s"):
+        found: dict[str, set[float]] = {}
+        for claim in EXPERIMENTS[name].claims:
+            if isinstance(claim, Claim) and claim.published is not None:
+                found.setdefault(claim.where, set()).add(claim.published)
+        assert found == printed
+
+
+@pytest.mark.parametrize(("tracker", "error", "least", "greatest"), [
+    ("cluster", 2.0, 0.2, 0.3), ("gmtt", 2.5, 0.04, 0.09), ("tsstp", 4.0, 0.02, 0.06)])  # fmt: skip
+def test_each_tracker_has_its_own_figures(tracker, error, least, greatest):
+    own = [c for c in EXPERIMENTS["figures_3_6"].claims if isinstance(c, Claim) and c.variant == f"{tracker}, 300"]
+    assert {c.published for c in own if c.where == "figure 4"} == {error}
+    for end, figure in (("least", least), ("greatest", greatest)):
+        assert {c.published for c in own if c.quantity.startswith(end)} == {figure}
+
+
+def test_every_published_order_is_asked_for_the_right_way_round():
+    found = {(c.variant, c.other) for c in EXPERIMENTS["figures_3_6"].claims
+             if isinstance(c, Order) and c.quantity.startswith("share")}  # fmt: skip
+    assert {("tsstp, 200", "gmtt, 200"), ("tsstp, 200", "cluster, 200")} <= found
+    assert all(variant.startswith("tsstp") for variant, _ in found)
+    of_delay = [(c.variant, c.other) for c in EXPERIMENTS["every_10_s"].claims
+                if isinstance(c, Order) and "delay" in c.quantity]  # fmt: skip
+    assert of_delay == 2 * [("tsstp, 300", "gmtt, 300"), ("gmtt, 300", "cluster, 300")]
+
+
+def test_every_verdict_on_something_published_has_its_reason_in_a_line():
+    for _, claim in CLAIMS:
+        if isinstance(claim, Order) or claim.published is not None:
+            assert claim.reason, claim
+        assert "\n" not in claim.reason and len(claim.reason) <= 140, claim
+
+
+def test_every_figure_has_a_function_that_draws_it():
+    for experiment in li2012.EXPERIMENTS:
+        for picture in experiment.pictures:
+            module, _, function = picture.draw.partition(":")
+            assert callable(getattr(importlib.import_module(module), function))
+    names = [picture.name for picture in EXPERIMENTS["figures_3_6"].pictures]
+    assert names == ["figure_3", "figure_4", "figure_5", "figure_6"]
+
+
+class Held:
+    """Tables held in memory, as measures ask for them."""
+
+    def __init__(self, **tables):
+        self.tables = {name: pd.DataFrame(columns) for name, columns in tables.items()}
+
+    def of(self, variant, table):
+        return self.tables[table]
+
+    def scenario(self, variant):
+        return {"sensor": {"reach": 40.0, "sd": 2.0}, "sink": {"every": 10.0}, "step": 2.0}
+
+
+def test_the_figures_of_a_run_are_of_its_first_20_steps_or_of_its_first_20_reports():
+    steps = np.arange(1, 121)
+    delay = np.where(steps == 3, 0.01, np.where(steps == 25, 9.0, 0.5))
+    data = Held(estimates={
+        "replicate": 7, "step": steps, "time": 2.0 * steps, "issued": 2.0 * steps + delay,
+        "received": np.where(steps % 5 == 0, 2.0 * steps + steps / 100.0, np.nan),
+        "error": np.where(steps <= 5, 10.0, np.where(steps <= 20, steps - 5.0, 1e6)),
+    })  # fmt: skip
+    found = {name: getattr(li2012_measures, name)(data, "").loc[7] for name in (
+        "mean_error", "later_mean", "later_median", "start_excess", "least_delay", "greatest_delay",
+        "least_report_delay", "greatest_report_delay")}  # fmt: skip
+    assert found == pytest.approx({
+        "mean_error": (5 * 10.0 + 120.0) / 20, "later_mean": 8.0, "later_median": 8.0, "start_excess": 2.0,
+        "least_delay": 0.01, "greatest_delay": 0.5, "least_report_delay": 0.05, "greatest_report_delay": 1.0,
+    })  # fmt: skip
+
+
+def test_the_least_error_of_a_fix_is_that_of_the_nodes_in_reach_in_closed_form():
+    far = np.array([[30.0, 0.0], [0.0, 30.0], [-30.0, 0.0], [50.0, 50.0]])
+    data = Held(
+        truth={"replicate": 0, "step": [0, 1, 2], "px": [0.0, 1.0, 900.0], "py": [0.0, 2.0, 900.0]},
+        nodes={"replicate": 0, "node": range(4), "x": 1.0 + far[:, 0], "y": 2.0 + far[:, 1]},
+    )
+    # Directions east, north and west: the information is diag(2, 1) / 4, its inverse diag(2, 4). Step 2 has nobody.
+    assert li2012_measures.fix_bound(data, "").loc[0] == pytest.approx(np.sqrt(6.0))
+
+
+def test_no_least_squares_fix_is_better_than_that_on_average():
+    rng = np.random.Generator(np.random.Philox(1))
+    nodes = np.array([[30.0, 5.0], [-3.0, 30.0], [-25.0, -10.0], [10.0, -20.0]])
+    data = Held(
+        truth={"replicate": 0, "step": [1], "px": [0.0], "py": [0.0]},
+        nodes={"replicate": 0, "node": range(4), "x": nodes[:, 0], "y": nodes[:, 1]},
+    )
+    ranges = np.linalg.norm(nodes, axis=1) + 2.0 * rng.standard_normal((4000, 4))
+    places = np.zeros((4000, 2))
+    for _ in range(10):
+        offsets = places[:, None] - nodes
+        away = np.linalg.norm(offsets, axis=2)
+        units = offsets / away[..., None]
+        normal = np.einsum("rni,rnj->rij", units, units)
+        places += np.linalg.solve(normal, np.einsum("rni,rn->ri", units, ranges - away)[..., None])[..., 0]
+    achieved = np.sqrt((places**2).sum(axis=1).mean())
+    assert li2012_measures.fix_bound(data, "").loc[0] == pytest.approx(achieved, rel=0.05)
+    median = np.median(np.linalg.norm(places, axis=1))
+    assert li2012_measures.efficient_errors(data, "")[0] == pytest.approx(median, rel=0.1)
+
+
+def test_a_tiny_run_gives_rows_and_pictures_and_is_not_run_again(tmp_path):
+    whole = EXPERIMENTS["figures_3_6"]
+    names = ("gmtt, 300", "gmtt as printed, 300", "tsstp, 300", "cluster, 300")
+    kept = [claim for claim in whole.claims if {claim.variant, getattr(claim, "other", names[0])} <= set(names)]
+    tiny = dataclasses.replace(whole, variants={name: whole.variants[name] for name in names}, claims=tuple(kept),
+                               quick=2, quick_sets=("duration=20 s",))  # fmt: skip
+    assert reproduce.run("li2012", tiny, tmp_path, 1).complete
+    folder = reproduce.place(tmp_path, "li2012", tiny)
+    found = reproduce.rows("li2012", tiny, folder)
+    assert len(found) == len(kept)
+    assert all(row.replicates == 2 for row in found)
+    at_ten = next(row for row in found if row.quantity.startswith("RMS error") and row.variant == "gmtt, 300")
+    assert 0.1 < at_ten.measured < 100.0
+    files = {file: file.stat().st_mtime_ns for file in folder.rglob("*.h5")}
+    assert files and reproduce.run("li2012", tiny, tmp_path, 1).complete
+    assert {file: file.stat().st_mtime_ns for file in folder.rglob("*.h5")} == files
+    pictures = reproduce.draw("li2012", tiny, folder, tmp_path / "figures")
+    assert [picture.name for picture in pictures] == [f"li2012_figure_{number}.png" for number in (3, 4, 5, 6)]
+    assert all(picture.stat().st_size > 10_000 for picture in pictures)

@@ -1,0 +1,175 @@
+import importlib
+import json
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from tests.campaign.places import Inline
+from wsnsim import scenario
+from wsnsim.base.tables import Memory
+from wsnsim.experiment import simulate
+from wsnsim.papers import liu2012_measures, measures, reproduce
+from wsnsim.papers.liu2012 import EXPERIMENTS, READ_OTHERWISE, TRACKING
+from wsnsim.papers.reproduction import Order
+from wsnsim.trackers.relay_kalman import RelayKalman
+
+PRINTED = {"rkf": 47.7304, "imsf": 68.6893}
+"""Run times as the page of the specification has them."""
+NEEDS = {
+    "rmse": {"estimates"},
+    "rmse_of_kept": {"estimates"},
+    "column_of_kept:vx": {"estimates", "truth"},
+    "median:rmse": set(),
+    "mean:cpu_seconds": set(),
+    "mean:cycles": set(),
+    "velocity_over_rkf": {"estimates", "truth"},
+    "in_turn": {"truth"},
+}
+CLAIMS = [(experiment, claim) for experiment in EXPERIMENTS for claim in experiment.claims]
+
+
+@pytest.mark.parametrize("experiment", EXPERIMENTS, ids=lambda experiment: experiment.name)
+def test_every_variant_is_a_scenario_that_builds(experiment):
+    for full in (False, True):
+        plan = reproduce.plan("liu2012", experiment, full)
+        assert [point.settings["variant"] for point in plan.points] == list(experiment.variants)
+        assert plan.replicates == (experiment.full if full else experiment.quick) >= 5
+    for point in plan.points:
+        scenario.build(scenario.load(json.loads(point.resolved)))
+    assert experiment.full == 50
+
+
+def test_the_two_as_printed_are_those_of_the_paper_whatever_stands_beside_them():
+    points = {p.settings["variant"]: json.loads(p.resolved) for p in reproduce.plan("liu2012", TRACKING).points}
+    assert points["rkf"]["tracker"] | {"spread": False} == points["rkf"]["tracker"]
+    assert points["imsf"]["tracker"]["mixing"] == "corrected"
+    assert points["imsf, mixing as printed"]["tracker"]["mixing"] == "printed"
+    assert points["ekf, nearest sensor"]["tracker"]["readings"] == "nearest"
+    assert {one["motion"]["q"] for one in points.values()} == {1e-6}
+    assert {one["sensor"]["reach"] for one in points.values()} == {400.0}
+
+
+def test_every_claim_is_of_a_variant_that_is_run_and_of_tables_that_are_recorded():
+    for experiment, claim in CLAIMS:
+        others = {claim.other} if isinstance(claim, Order) else set()
+        assert {claim.variant, *others} <= set(experiment.variants), claim
+        name, _, column = claim.measure.partition(":")
+        if name.endswith("_of"):
+            module, _, function = column.partition(":")
+            assert callable(getattr(importlib.import_module(module), function))
+            assert NEEDS.get(function, set()) <= set(experiment.record)
+        else:
+            assert NEEDS[claim.measure] <= set(experiment.record)
+        if "over_rkf" in claim.measure:
+            assert claim.variant.replace("imsf", "rkf") in experiment.variants
+
+
+def test_every_verdict_has_its_reason_in_a_line():
+    for _, claim in CLAIMS:
+        assert "\n" not in claim.reason and len(claim.reason) < 200
+        if isinstance(claim, Order) or claim.published is not None:
+            assert claim.reason, claim
+
+
+def test_what_is_published_is_what_the_page_says():
+    figures = [claim for _, claim in CLAIMS if not isinstance(claim, Order) and claim.published is not None]
+    assert {c.variant: c.published for c in figures if c.quantity == "run time of 50 runs, s"} == PRINTED
+    ratio = next(c.published for c in figures if c.measure.endswith("seconds_over_rkf"))
+    assert ratio == pytest.approx(1.44, abs=0.005)
+    assert {c.published for c in figures if "velocity" in c.measure} == {1.0}
+    orders = {(c.variant, c.other, c.where) for c in TRACKING.claims if isinstance(c, Order)}
+    assert {("imsf", "rkf", "figure 1"), ("rkf", "imsf", "figures 3 and 4"), ("rkf", "imsf", "table 1")} <= orders
+
+
+def test_the_four_figures_are_there_and_can_be_drawn():
+    pictures = [picture for experiment in EXPERIMENTS for picture in experiment.pictures]
+    assert [picture.name for picture in pictures] == [f"figure_{number}" for number in range(1, 5)]
+    for picture in pictures:
+        module, _, name = picture.draw.partition(":")
+        assert callable(getattr(importlib.import_module(module), name))
+
+
+def relayed(monkeypatch, chances, places):
+    """The data of one run with these probabilities (steps, sensors), its target at these places from step 1 on."""
+    monkeypatch.setattr(liu2012_measures, "probabilities", lambda data, variant: {4: np.array(chances)})
+    truth = pd.DataFrame({"replicate": 4, "step": range(len(places) + 1), "px": [0.0, *places]})
+    return SimpleNamespace(of=lambda variant, table: truth)
+
+
+def test_a_sensor_takes_part_where_it_is_probable_enough(monkeypatch):
+    data = relayed(monkeypatch, [[0.9, 0.1, 0.0], [0.04, 0.96, 0.0], [0.0, 0.05, 0.95]], [1.0, 2.0, 3.0])
+    assert liu2012_measures.taking_part(data, "x").to_dict() == {4: pytest.approx(5 / 3)}
+
+
+def test_sensors_are_in_their_turn_if_each_is_believed_farther_on_than_the_one_before(monkeypatch):
+    chances = [[0.9, 0.1, 0.0, 0.0], [0.1, 0.2, 0.7, 0.0], [0.0, 0.8, 0.2, 0.0]]
+    data = relayed(monkeypatch, chances, [10.0, 20.0, 30.0])
+    assert liu2012_measures.in_turn(data, "x").to_dict() == {4: 0.5}
+    assert liu2012_measures.to_neighbours(data, "x").to_dict() == {4: 0.5}
+
+
+def test_one_sensor_alone_has_no_turn_and_no_neighbour(monkeypatch):
+    data = relayed(monkeypatch, [[1.0, 0.0], [0.99, 0.01]], [10.0, 20.0])
+    assert np.isnan(liu2012_measures.in_turn(data, "x")[4])
+    assert np.isnan(liu2012_measures.to_neighbours(data, "x")[4])
+
+
+def test_velocities_times_and_operations_are_held_against_rkf_run_by_run():
+    runs = {
+        "rkf, a": pd.DataFrame({"replicate": [0, 1], "cpu_seconds": [1.0, 2.0], "cycles": [10.0, 10.0]}),
+        "imsf, a": pd.DataFrame({"replicate": [1, 0], "cpu_seconds": [3.0, 4.0], "cycles": [40.0, 30.0]}),
+    }
+    off = {"rkf, a": np.array([[1.0, -1.0], [2.0, 2.0]]), "imsf, a": np.array([[3.0, 3.0], [-1.0, 1.0]])}
+    data = SimpleNamespace(of=lambda variant, table: runs[variant], column_errors=lambda variant, column: off[variant])
+    assert liu2012_measures.velocity_over_rkf(data, "imsf, a").to_dict() == {0: 3.0, 1: 0.5}
+    assert liu2012_measures.seconds_over_rkf(data, "imsf, a").to_dict() == {0: 4.0, 1: 1.5}
+    assert liu2012_measures.operations_over_rkf(data, "imsf, a").to_dict() == {0: 3.0, 1: 4.0}
+    assert liu2012_measures.seconds_of_50(data, "rkf, a").to_dict() == {0: 50.0, 1: 100.0}
+
+
+def test_probabilities_are_those_of_the_run_itself(monkeypatch):
+    source = scenario.resolved(scenario.load("rkf", ["duration=5 s"]))
+    seen, own = [], RelayKalman.estimate
+    with monkeypatch.context() as patch:
+        patch.setattr(
+            RelayKalman, "estimate", lambda self, belief: seen.append(belief.probabilities) or own(self, belief)
+        )
+        run = simulate(source, 3, Memory({})).run
+    data = SimpleNamespace(
+        scenario=lambda variant: source,
+        of=lambda variant, table: pd.DataFrame({"replicate": [3], "rmse": [run["rmse"]]}),
+    )
+    found = liu2012_measures.probabilities.__wrapped__(data, "rkf")
+    assert list(found) == [3]
+    np.testing.assert_array_equal(found[3], np.array(seen))
+    assert found[3].shape == (5, 8)
+    np.testing.assert_allclose(found[3].sum(axis=1), 1.0)
+
+
+def test_a_small_run_gives_a_row_a_claim_and_a_picture_a_figure(tmp_path_factory, tmp_path, monkeypatch):
+    monkeypatch.setattr(reproduce, "LocalPool", Inline)
+    where = tmp_path_factory.mktemp("liu2012")
+    few = replace(TRACKING, quick=2, sets=("duration=20 s",))
+    assert reproduce.run("liu2012", few, where, 1).complete
+    folder = reproduce.place(where, "liu2012", few)
+    rows = reproduce.rows("liu2012", few, folder)
+    assert len(rows) == len(few.claims)
+    position = next(row for row in rows if row.quantity.startswith("position RMSE, m") and row.variant == "imsf")
+    assert 0.0 < position.measured < 5.0 and position.bound > 0.0 and position.replicates == 2
+    files = reproduce.draw("liu2012", few, folder, tmp_path)
+    assert [file.name for file in files] == [f"liu2012_figure_{number}.png" for number in range(1, 5)]
+    assert all(file.stat().st_size > 10_000 for file in files)
+
+
+def test_with_its_own_cell_each_sensor_is_alone_and_both_filters_are_one(monkeypatch, tmp_path_factory):
+    monkeypatch.setattr(reproduce, "LocalPool", Inline)
+    where = tmp_path_factory.mktemp("liu2012")
+    variants = {name: one for name, one in READ_OTHERWISE.variants.items() if "own cell" in name}
+    few = replace(READ_OTHERWISE, quick=2, sets=("duration=20 s",), variants=variants, claims=())
+    assert reproduce.run("liu2012", few, where, 1).complete
+    data = measures.Data(reproduce.Folder(reproduce.place(where, "liu2012", few)))
+    one, two = (data.errors(f"{kind}, own cell") for kind in ("rkf", "imsf"))
+    np.testing.assert_allclose(one, two, rtol=0, atol=1e-9)

@@ -1,0 +1,265 @@
+"""`wsnsim reproduce`: the rule of the verdicts by hand, rows of a real campaign, how it stops and goes on."""
+
+from __future__ import annotations
+
+import json
+import math
+import shutil
+import signal
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import wsnsim
+from tests.campaign.places import Inline, wait_for, write_lab
+from wsnsim.analysis import bounds, statistics
+from wsnsim.base import metrics
+from wsnsim.base.errors import UsageError
+from wsnsim.cli import main
+from wsnsim.papers import digest, measures, reproduce, table
+from wsnsim.papers.reproduction import RULE, Claim, Experiment, Measured, Order, Row, Variant, judged, ordered
+
+NAN = float("nan")
+KEYS = ["paper", "experiment", "quantity", "variant", "published", "measured", "low", "high", "replicates",
+        "lost_fraction", "bound", "bound_kind", "verdict", "reason", "caution"]  # fmt: skip
+SHORT = ("duration=15 s",)
+SMALL = Experiment(
+    name="small",
+    title="two filters along a line, for tests",
+    variants={
+        "rkf": Variant("rkf"),
+        "imsf": Variant("imsf"),
+        "ekf": Variant("rkf", ("tracker={kind: ekf}", "sensor.beyond=silent")),
+    },
+    quick=4,
+    full=6,
+    claims=(
+        Claim("RMSE, m", "rkf", "rmse", 0.4, "figure 1", "per_trajectory", "because"),
+        Claim("RMSE of a run, median, m", "imsf", "median:rmse", None, "", "variant:ekf"),
+        Claim("tracks lost, share", "imsf", "share:lost", 0.0),
+        Order("RMSE of a run", "ekf", "rkf", "rmse", "figure 1", "it is told who is in range"),
+        Claim("share less", "ekf", "less_than:rkf"),
+        Claim("operations", "rkf", "mean:cycles"),
+        Claim("RMSE of vx", "rkf", "column:vx", 1e-9, "", "unconditional"),
+    ),
+    record=("truth", "estimates"),
+    sets=SHORT,
+    block=2,
+)  # fmt: skip
+
+
+@pytest.fixture
+def papers(monkeypatch, tmp_path):
+    """Instead of every paper, the small experiment; in a folder of its own."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(reproduce, "experiments", lambda paper: (SMALL,))
+    monkeypatch.setattr(reproduce, "LocalPool", Inline)
+
+
+@pytest.fixture(scope="module")
+def done(tmp_path_factory):
+    """The small experiment's campaign, run."""
+    where = tmp_path_factory.mktemp("done")
+    ended = reproduce.run("liu2012", SMALL, where, 1)  # in a process of its own: the others are in this one
+    assert ended.complete and ended.done == 12
+    return where
+
+
+def found(value, low, high):
+    return Measured(value, low, high, 10, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("published", "measured", "strict", "verdict"),
+    [
+        (1.0, found(1.05, 1.02, 1.08), NAN, "reproduces"),  # within a tenth
+        (1.0, found(1.3, 0.9, 1.7), NAN, "reproduces"),  # in the interval
+        (1.0, found(2.5, 0.9, 4.0), NAN, "does not reproduce"),  # a wide interval is not enough
+        (1.0, found(1.3, 1.2, 1.4), NAN, "same order"),
+        (1.0, found(0.5, 0.4, 0.6), NAN, "same order"),
+        (1.0, found(2.0001, 1.9, 2.1), NAN, "does not reproduce"),
+        (1.0, found(0.499, 0.4, 0.6), NAN, "does not reproduce"),
+        (1.0, found(1.0, 0.9, 1.1), 1.01, "cannot: beyond the bound"),
+        (1.0, found(1.0, 0.9, 1.1), 0.99, "reproduces"),
+        (1.0, found(NAN, NAN, NAN), NAN, "does not reproduce"),
+        (0.0, found(0.0, 0.0, 0.3), NAN, "reproduces"),
+        (0.0, found(0.2, 0.0, 0.3), NAN, "does not reproduce"),
+        (None, found(1.0, 0.9, 1.1), 5.0, "not published"),
+    ],
+)
+def test_a_verdict_is_by_the_rule(published, measured, strict, verdict):
+    assert judged(published, measured, strict) == verdict
+
+
+def test_an_order_needs_the_whole_interval_below_zero():
+    assert ordered(found(-1.0, -2.0, -0.1)) == "reproduces"
+    assert ordered(found(-1.0, -2.0, 0.0)) == ordered(found(-1.0, NAN, NAN)) == "same order"
+    assert ordered(found(0.0, -1.0, 1.0)) == ordered(found(NAN, NAN, NAN)) == "does not reproduce"
+
+
+def test_rows_are_what_the_tables_of_the_campaign_hold(done):
+    folder = reproduce.place(done, "liu2012", SMALL)
+    runs = wsnsim.read(folder, "runs").set_index(["variant", "replicate"])
+    errors = {
+        name: frame.sort_values(["replicate", "step"])["error"].to_numpy().reshape(4, 15)
+        for name, frame in wsnsim.read(folder, "estimates").groupby("variant")
+    }
+    rows = {row.quantity: row for row in reproduce.rows("liu2012", SMALL, folder)}
+    assert rows["RMSE, m (figure 1)"].measured == metrics.time_mean_rmse(errors["rkf"])
+    assert rows["RMSE of a run, median, m"].measured == np.median(runs.loc["imsf", "rmse"])
+    less = 1 - metrics.time_mean_rmse(errors["ekf"]) / metrics.time_mean_rmse(errors["rkf"])
+    assert rows["share less"].measured == pytest.approx(less, rel=1e-12)
+    pairs = runs.loc["ekf", "rmse"] - runs.loc["rkf", "rmse"]
+    assert rows["RMSE of a run below that of rkf (figure 1)"].measured == np.median(pairs)
+    assert rows["operations"].measured == runs.loc["rkf", "cycles"].mean()
+    lost = rows["tracks lost, share"]
+    assert (lost.measured, lost.low, lost.high) == tuple(statistics.share(runs.loc["imsf", "lost"].to_numpy() > 0))[:3]
+    both = wsnsim.read(folder, "truth").merge(wsnsim.read(folder, "estimates"), on=["variant", "replicate", "step"])
+    off = both[both["variant"] == "rkf"]
+    assert rows["RMSE of vx"].measured == pytest.approx(metrics.rmse((off.vx_x - off.vx_y).to_numpy()), rel=1e-12)
+
+
+def test_the_bound_beside_a_row_is_that_of_its_scenario_and_says_whether_it_is_strict(done):
+    folder = reproduce.place(done, "liu2012", SMALL)
+    rows = {row.quantity: row for row in reproduce.rows("liu2012", SMALL, folder)}
+    along = bounds.bound({"extends": "scenarios/rkf.yaml", "duration": 15}, range(4), "per_trajectory")
+    assert rows["RMSE, m (figure 1)"].bound == along.time_mean
+    assert rows["RMSE, m (figure 1)"].bound_kind == "per_trajectory, not strict"
+    assert rows["operations"].bound_kind == "" and math.isnan(rows["operations"].bound)
+    best = measures.measured(measures.Data(measures.Folder(folder)), "ekf", "median:rmse")
+    assert rows["RMSE of a run, median, m"].bound == best.value
+    speed = rows["RMSE of vx"]
+    strict = not bounds.bound({"extends": "scenarios/rkf.yaml", "duration": 15}, range(4)).cautions
+    assert speed.verdict == ("cannot: beyond the bound" if strict else "does not reproduce")
+    assert bool(speed.caution) != strict and speed.bound > 1e-9
+
+
+def test_a_measure_that_is_none_is_named(done):
+    data = measures.Data(measures.Folder(reproduce.place(done, "liu2012", SMALL)))
+    with pytest.raises(KeyError, match="no measure is called 'rmsee'"):
+        measures.measured(data, "rkf", "rmsee")
+
+
+def test_what_has_been_run_is_not_run_again_and_the_same_is_found_elsewhere(done, papers, capsys):
+    shutil.copytree(done, "r/quick")
+    files = {path: path.stat().st_mtime_ns for path in Path("r").rglob("*.h5")}
+    again = ["reproduce", "liu2012", "-q", "--json", "-j", "1"]
+    assert main([*again, "-o", "r"]) == 0
+    first = json.loads(capsys.readouterr().out)
+    assert {path: path.stat().st_mtime_ns for path in Path("r").rglob("*.h5")} == files
+    assert main([*again, "-o", "elsewhere"]) == 0
+    assert json.loads(capsys.readouterr().out) == first
+    assert [list(row) for row in first["rows"]] == [KEYS] * len(SMALL.claims)
+    assert {row["replicates"] for row in first["rows"]} == {4}
+
+
+def test_a_full_run_is_another_campaign_of_as_many_replicates_as_it_says(papers, capsys):
+    assert main(["reproduce", "liu2012", "--full", "-q", "--json"]) == 0
+    assert {row["replicates"] for row in json.loads(capsys.readouterr().out)["rows"]} == {6}
+    assert Path("results/reproduce/full/liu2012/small").is_dir()
+
+
+def test_in_words_there_are_reasons_verdicts_and_the_rule(done, papers, capsys):
+    shutil.copytree(done, "results/reproduce/quick")
+    assert main(["reproduce", "liu2012", "--progress", "none"]) == 0
+    said = capsys.readouterr()
+    assert "1 of 1: liu2012, small" in said.err
+    assert "      because\n" in said.out and "does not reproduce: anything else" in said.out
+    assert "liu2012: 4 claims: " in said.out and "~ not strict here" in said.out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["liu2021"], "there is no paper 'liu2021' (did you mean 'liu2012'?)"),
+        (["liu2012", "--only", "smal"], "there is no experiment 'smal' (did you mean 'small'?)"),
+        (["liu2012", "--json", "--markdown"], "one of them, please"),
+        (["liu2012", "--figures", "file/figures"], "--figures file/figures"),
+        (["liu2012", "-o", "file/results"], "file/results"),
+        (["liu2012", "-j", "0"], "0 is not in the range"),
+    ],
+)
+def test_what_cannot_be_is_refused_before_anything_runs(arguments, words, monkeypatch, tmp_path, capsys):
+    known = reproduce.experiments
+    monkeypatch.setattr(reproduce, "experiments", lambda paper: known(paper) and (SMALL,))
+    monkeypatch.chdir(tmp_path)
+    Path("file").write_text("no folder")
+    assert main(["reproduce", "--progress", "none", *arguments]) == 2
+    assert words in capsys.readouterr().err
+    assert not list(tmp_path.rglob("*.h5"))
+
+
+def test_a_run_that_fails_leaves_its_experiment_out_and_the_exit_code_says_so(papers, tmp_path, capsys, monkeypatch):
+    write_lab(tmp_path)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    wrong = Variant("ungm_pf", ("tracker={kind: moody:Moody, mood: raises, at: 2}",))
+    bad = replace(SMALL, name="bad", variants={"bad": wrong}, claims=(), sets=("duration=3 s",))
+    monkeypatch.setattr(reproduce, "experiments", lambda paper: (bad, SMALL))
+    assert main(["reproduce", "liu2012", "--json", "--progress", "none"]) == 3
+    said = capsys.readouterr()
+    assert {row["experiment"] for row in json.loads(said.out)["rows"]} == {"small"}
+    assert "bad is incomplete, 1 replicates are missing" in said.err and "out of sorts" in said.err
+
+
+def test_when_it_is_stopped_the_same_command_goes_on(tmp_path):
+    command = [sys.executable, "-m", "wsnsim", "reproduce", "liu2012", "--only", "readings", "-j", "1", "-q", "--json"]
+    process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    wait_for(lambda: list(tmp_path.rglob("*.h5")), 60.0)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 130 and out == "" and "the same command goes on" in err
+    before = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.h5")}
+    assert 0 < len(before) < 6 and not list(tmp_path.rglob("*.tmp"))
+    gone_on = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120)
+    assert gone_on.returncode == 0 and gone_on.stderr == ""
+    assert {row["replicates"] for row in json.loads(gone_on.stdout)["rows"]} == {10}
+    assert before.items() <= {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.h5")}.items()
+
+
+def row(**more):
+    first = digest.MAIN[0]
+    basis = Row(first.paper, first.experiment, first.quantity, "a_b", 2.0, 1.5, 1.0, 2.0, 10, 0.1, 0.5,
+                "unconditional", "reproduces", "because")  # fmt: skip
+    return replace(basis, **more)
+
+
+def test_markdown_has_the_main_rows_alone_and_nothing_in_them_is_markup():
+    said = digest.markdown([row(), row(quantity="another")])
+    line = r"| jiang2013, figures\_4\_to\_9 | RMSE, m (figure 9) | a\_b | 2 | 1.5 [1, 2] | 0.5 u | 10 | 10 % | "
+    line += "reproduces |"
+    assert line in said.splitlines() and "another" not in said
+    assert f"- reproduces: {RULE['reproduces']}" in said and "cannot" not in said
+    assert digest.markdown([]) == digest.markdown([row(paper="x")]) == "No main row is among what was asked for."
+
+
+def test_every_main_row_is_a_claim_of_its_experiment():
+    for main_row in digest.MAIN:
+        experiments = {each.name: each for each in reproduce.experiments(main_row.paper)}
+        claims = [
+            claim for claim in experiments[main_row.experiment].claims if reproduce.quantity(claim) == main_row.quantity
+        ]
+        assert claims, main_row
+        assert set(main_row.variants) <= {claim.variant for claim in claims}, main_row
+
+
+def test_a_bound_that_is_not_strict_is_marked_in_the_table_and_its_caution_stands_beneath():
+    careful = row(bound_kind="unconditional, not strict", caution="one; two")
+    said = table.text([careful, row(bound=NAN, bound_kind="", published=NAN, verdict="not published")])
+    assert "~0.5 u" in said and said.count("the bound is not strict: ") == 2
+    assert table.text([]) == ""
+
+
+def test_no_experiment_is_named_twice_and_each_paper_has_its_pictures():
+    numbers = {"jiang2013": range(2, 10), "liu2012": range(1, 5), "wei2022": range(1, 12), "ruan2020": (1, 2, 4, 5)}
+    numbers["li2012"] = range(3, 7)
+    for paper, figures in numbers.items():
+        found = reproduce.experiments(paper)
+        assert len({each.name for each in found}) == len(found)
+        names = {picture.name for each in found for picture in each.pictures}
+        assert {f"figure_{number}" for number in figures} <= names
+    with pytest.raises(UsageError, match="did you mean 'frontier'"):
+        reproduce.experiments("fronteer")

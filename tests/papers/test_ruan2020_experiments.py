@@ -1,0 +1,179 @@
+import importlib
+import json
+from dataclasses import replace
+from itertools import pairwise
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from tests.campaign.places import Inline
+from wsnsim import scenario
+from wsnsim.papers import measures, reproduce, ruan2020_experiments, ruan2020_measures
+from wsnsim.papers.reproduction import Order
+from wsnsim.papers.ruan2020_experiments import EXPERIMENTS, INDOOR_RUNS, OPEN, TABLE_1_RUNS
+
+PAGE = {
+    "pf": (1.2539, 0.7443, 0.6356),
+    "gpf": (0.6094, 0.5006, 0.3836),
+    "pso_gpf": (0.5374, 0.4515, 0.3503),
+    "gsa_gpf": (0.4502, 0.3599, 0.3119),
+}
+"""Table 1 as the page of the specification has it, at 50, 100 and 200 particles."""
+MEASURES = {"rmse": "estimates", "median:rmse": "runs", "less_than": "estimates"}
+CLAIMS = [(experiment, claim) for experiment in EXPERIMENTS for claim in experiment.claims]
+
+
+def small(experiment, tmp_path_factory, monkeypatch, **sets):
+    """The campaign of an experiment with two runs of some steps, and its folder."""
+    where = tmp_path_factory.mktemp("ruan2020")
+    monkeypatch.setattr(reproduce, "LocalPool", Inline)
+    few = replace(experiment, quick=2, **sets)
+    assert reproduce.run("ruan2020", few, where, 1).complete
+    return few, reproduce.place(where, "ruan2020", few)
+
+
+@pytest.mark.parametrize("experiment", EXPERIMENTS, ids=lambda experiment: experiment.name)
+def test_every_variant_is_a_scenario_that_builds(experiment):
+    for full in (False, True):
+        plan = reproduce.plan("ruan2020", experiment, full)
+        assert [point.settings["variant"] for point in plan.points] == list(experiment.variants)
+        assert plan.replicates == (experiment.full if full else experiment.quick) >= 5
+    for point in plan.points:
+        scenario.build(scenario.load(json.loads(point.resolved)))
+    assert experiment.full == 50
+
+
+def test_the_papers_page_has_the_experiments_and_imports_them_only_when_asked():
+    assert reproduce.experiments("ruan2020") == EXPERIMENTS
+    assert len({experiment.name for experiment in EXPERIMENTS}) == len(EXPERIMENTS)
+
+
+def test_every_claim_is_of_a_variant_that_is_run_and_of_tables_that_are_recorded():
+    for experiment, claim in CLAIMS:
+        name, _, column = claim.measure.partition(":")
+        others = {claim.other} if isinstance(claim, Order) else {column} if name == "less_than" else set()
+        assert {claim.variant, *others} <= set(experiment.variants), claim
+        if name == "median_of":
+            module, _, function = column.partition(":")
+            assert callable(getattr(importlib.import_module(module), function))
+            assert "estimates" in experiment.record
+        else:
+            table = MEASURES[name if name == "less_than" else claim.measure]
+            assert table == "runs" or table in experiment.record
+
+
+def test_every_verdict_has_its_reason_in_a_line():
+    for _, claim in CLAIMS:
+        assert "\n" not in claim.reason and len(claim.reason) < 200
+        if isinstance(claim, Order) or claim.published is not None:
+            assert claim.reason, claim
+
+
+def test_table_1_is_claimed_as_printed_wherever_it_is_run_again():
+    for experiment in (TABLE_1_RUNS, *OPEN):
+        claimed = {
+            claim.variant: claim.published
+            for claim in experiment.claims
+            if not isinstance(claim, Order) and claim.where == "table 1"
+        }
+        assert claimed == {
+            f"{kind}, {count}": figure
+            for kind, row in PAGE.items()
+            for count, figure in zip((50, 100, 200), row, strict=True)
+        }
+
+
+def test_what_the_text_says_of_50_particles_is_what_table_1_says():
+    shares = {
+        claim.measure.removeprefix("less_than:"): claim.published
+        for claim in TABLE_1_RUNS.claims
+        if not isinstance(claim, Order) and claim.where == "section 3.1"
+    }
+    assert shares == {"pso_gpf, 50": 0.1623, "gpf, 50": 0.2612, "pf, 50": 0.641}
+    for other, share in shares.items():
+        assert share == pytest.approx(1.0 - PAGE["gsa_gpf"][0] / PAGE[other.split(",")[0]][0], abs=1e-4)
+
+
+def test_every_filter_of_table_1_is_claimed_to_be_better_than_the_next_at_every_number_of_particles():
+    orders = {
+        (claim.variant, claim.other)
+        for claim in TABLE_1_RUNS.claims
+        if isinstance(claim, Order) and claim.where == "table 1"
+    }
+    wanted = set()
+    for row, count in enumerate((50, 100, 200)):
+        ranked = sorted(PAGE, key=lambda kind: PAGE[kind][row])
+        wanted |= {(f"{one}, {count}", f"{other}, {count}") for one, other in pairwise(ranked)}
+    assert orders == wanted
+
+
+def test_the_figures_of_the_paper_that_have_runs_are_there_and_can_be_drawn():
+    pictures = [picture for experiment in EXPERIMENTS for picture in experiment.pictures]
+    assert [picture.name for picture in pictures] == ["figure_1", "figure_2", "figure_4", "figure_5"]
+    for picture in pictures:
+        module, _, name = picture.draw.partition(":")
+        assert callable(getattr(importlib.import_module(module), name))
+        assert ("surrogate" in picture.title) == (picture.name in ("figure_4", "figure_5"))
+
+
+def test_the_surrogate_differs_from_the_simulation_by_what_section_3_2_says():
+    plans = {name: reproduce.plan("ruan2020", experiment) for name, experiment in
+             (("room", TABLE_1_RUNS), ("indoor", INDOOR_RUNS))}  # fmt: skip
+    found = {
+        name: json.loads(next(p.resolved for p in plan.points if p.settings["variant"] == "gpf, 100"))
+        for name, plan in plans.items()
+    }
+    differing = {role for role in found["room"] if found["room"][role] != found["indoor"].get(role)} - {"name"}
+    assert differing == {"deploy", "motion", "prior", "sensor"}
+    assert found["room"]["tracker"] == found["indoor"]["tracker"]
+    assert found["indoor"]["sensor"]["sd"] ** 2 == pytest.approx(3.0)
+
+
+def fake(errors):
+    """Data of variants from their errors (runs, steps)."""
+    runs = {name: pd.DataFrame({"replicate": range(len(rows)), "lost": 0}) for name, rows in errors.items()}
+    return SimpleNamespace(
+        errors=errors.__getitem__,
+        of=lambda variant, table: runs[variant],
+        lost=lambda variant: np.zeros(len(errors[variant])),
+    )
+
+
+def test_growth_is_the_last_third_against_the_first():
+    rows = np.concatenate(
+        [np.full((2, 10), 3.0), np.full((2, 10), 99.0), np.array([[3.0], [7.0]]) * np.ones(10)], axis=1
+    )
+    assert ruan2020_measures.growth(fake({"x": rows}), "x").tolist() == pytest.approx([0.0, 4.0])
+
+
+def test_a_share_is_of_the_time_means_and_its_interval_resamples_the_runs_of_both_together():
+    rng = np.random.default_rng(1)
+    other = rng.uniform(1.0, 3.0, (8, 5))
+    data = fake({"one": 0.75 * other, "other": other})
+    found = measures.measured(data, "one", "less_than:other")
+    assert found[:3] == pytest.approx((0.25, 0.25, 0.25))
+    assert found.replicates == 8
+
+
+def test_a_small_run_gives_a_row_a_claim_and_a_picture_a_figure(tmp_path_factory, tmp_path, monkeypatch):
+    few, folder = small(INDOOR_RUNS, tmp_path_factory, monkeypatch, sets=("duration=2 s",))
+    rows = reproduce.rows("ruan2020", few, folder)
+    assert len(rows) == len(few.claims)
+    means = [row for row in rows if row.quantity.startswith("RMSE, m")]
+    assert all(0.0 < row.measured < 10.0 and row.replicates == 2 and row.bound > 0.0 for row in means)
+    files = reproduce.draw("ruan2020", few, folder, tmp_path)
+    assert [file.name for file in files] == ["ruan2020_figure_4.png", "ruan2020_figure_5.png"]
+    assert all(file.stat().st_size > 10_000 for file in files)
+
+
+def test_errors_can_be_drawn_with_what_table_1_prints(tmp_path_factory, tmp_path, monkeypatch):
+    drawn = {name: TABLE_1_RUNS.variants[name] for name in TABLE_1_RUNS.variants if "100" in name or "5000" in name}
+    drawn = {name: one for name, one in drawn.items() if "columns" not in name and "G0" not in name}
+    variants = {**drawn, "ekf": ruan2020_experiments.FILTERED["ekf"]}
+    few, folder = small(
+        TABLE_1_RUNS, tmp_path_factory, monkeypatch, sets=("duration=2 s",), variants=variants, claims=()
+    )
+    files = reproduce.draw("ruan2020", few, folder, tmp_path)
+    assert [file.name for file in files] == ["ruan2020_figure_1.png", "ruan2020_figure_2.png"]

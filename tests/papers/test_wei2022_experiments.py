@@ -1,0 +1,172 @@
+import ast
+import importlib
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import pandas as pd
+import pytest
+
+from tests.campaign.places import Inline
+from wsnsim import scenario
+from wsnsim.papers import reproduce, wei2022, wei2022_measures
+from wsnsim.papers.published import published
+from wsnsim.papers.reproduction import Claim, Experiment, Order
+
+EXPERIMENTS = {experiment.name: experiment for experiment in reproduce.experiments("wei2022")}
+OF_COLUMNS = ("truth", "estimates")
+NEEDS = {"distinct": ("particles",), "spread": ("particles",), "vx": OF_COLUMNS, "vy": OF_COLUMNS}
+
+
+def claims(experiment: Experiment, kind: type) -> list:
+    return [claim for claim in experiment.claims if isinstance(claim, kind)]
+
+
+def tables_of(measure: str) -> tuple[str, ...]:
+    """What a measure reads, told independently of the code that reads it."""
+    name, _, rest = measure.partition(":")
+    if name == "column":
+        return OF_COLUMNS
+    if name in ("mean", "median", "rmse"):
+        return ()
+    assert name == "mean_of"
+    return NEEDS[rest.partition(":")[2].partition("_")[0]]
+
+
+@pytest.mark.parametrize("name", EXPERIMENTS)
+def test_every_experiment_is_a_campaign_whose_points_can_be_built(name):
+    experiment = EXPERIMENTS[name]
+    quick, full = (reproduce.plan("wei2022", experiment, full) for full in (False, True))
+    assert [point.settings["variant"] for point in quick.points] == list(experiment.variants)
+    assert [point.id for point in quick.points] == [point.id for point in full.points]
+    assert 5 <= quick.replicates == experiment.quick < full.replicates == experiment.full
+    for point in quick.points:
+        scenario.build(scenario.load(json.loads(point.resolved)))
+
+
+@pytest.mark.parametrize("name", EXPERIMENTS)
+def test_every_claim_is_of_a_variant_that_runs_and_of_tables_that_are_kept(name):
+    experiment = EXPERIMENTS[name]
+    for claim in experiment.claims:
+        assert claim.variant in experiment.variants
+        assert set(tables_of(claim.measure)) <= set(experiment.record), claim
+        assert claim.reason, claim
+        if isinstance(claim, Order):
+            assert claim.other in experiment.variants
+
+
+@pytest.mark.parametrize("name", EXPERIMENTS)
+def test_every_function_that_draws_or_measures_exists(name):
+    experiment = EXPERIMENTS[name]
+    own = [claim.measure.partition(":")[2] for claim in experiment.claims if claim.measure.startswith("mean_of:")]
+    for path in [*own, *(picture.draw for picture in experiment.pictures)]:
+        module, _, function = path.partition(":")
+        assert callable(getattr(importlib.import_module(module), function))
+
+
+def test_all_eleven_figures_are_drawn():
+    names = {picture.name for experiment in EXPERIMENTS.values() for picture in experiment.pictures}
+    assert {f"figure_{number}" for number in range(1, 12)} <= names
+
+
+def test_table_1_is_as_printed_and_stands_beside_the_papers_set_up():
+    printed = {30: (6.0001, 4.3138, 4.0062), 60: (5.1002, 4.0031, 3.6275), 100: (4.7011, 4.0132, 3.1075)}
+    kinds = ("pf", "cs_pf", "ics_pf")
+    found = {c.variant: c.published for c in claims(EXPERIMENTS["table_1"], Claim) if c.published is not None}
+    wanted = {f"{kind}, {n}": x for n, row in printed.items() for kind, x in zip(kinds, row, strict=True)}
+    assert found == wanted
+    for name, figure in wanted.items():
+        variant = EXPERIMENTS["table_1"].variants[name]
+        resolved = scenario.resolved(scenario.load(variant.scenario, variant.sets))
+        assert published(resolved) == ({"rmse_x": figure}, "Wei 2022")
+
+
+@pytest.mark.parametrize("name", ["table_2", "table_2_start_drawn", "table_2_noisy_truth"])
+def test_table_2_is_as_printed(name):
+    printed = {
+        "pf": (1.2301, 0.2132, 1.2218, 0.2428),
+        "cs_pf": (1.1406, 0.0615, 1.0103, 0.0608),
+        "ics_pf": (0.0306, 0.0213, 0.0253, 0.0102),
+    }
+    columns = ("px", "vx", "py", "vy")
+    found = {
+        (c.variant, c.measure): c.published
+        for c in claims(EXPERIMENTS[name], Claim)
+        if c.published is not None and c.where == "table 2"
+    }
+    assert found == {
+        (kind, f"column:{column}"): figure
+        for kind, row in printed.items()
+        for column, figure in zip(columns, row, strict=True)
+    }
+
+
+def test_run_times_are_as_printed():
+    found = {c.variant: c.published for c in claims(EXPERIMENTS["table_2"], Claim) if c.where == "section 4.2"}
+    assert found == {"pf": 50.36, "cs_pf": 35.32, "ics_pf": 28.36}
+
+
+def test_what_the_searches_evaluate_is_what_the_reasons_say():
+    """11 likelihoods a particle and step, where PF has 1."""
+    variants = EXPERIMENTS["table_2"].variants
+    trackers = {
+        kind: scenario.build(scenario.load(variants[kind].scenario, variants[kind].sets)).tracker
+        for kind in ("cs_pf", "ics_pf")
+    }
+    assert {tracker.evaluations for tracker in trackers.values()} == {11}
+    assert (trackers["ics_pf"].f_max, trackers["cs_pf"].length) == (0.5, 0.01)
+
+
+def test_the_page_loads_nothing_heavy():
+    for name in ("wei2022", "wei2022_growth", "wei2022_range"):
+        tree = ast.parse((Path(wei2022.__file__).parent / f"{name}.py").read_text(encoding="utf-8"))
+        modules = {node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
+        assert all(module.split(".")[0] in ("__future__", "collections", "typing", "wsnsim") for module in modules)
+        assert "wsnsim.papers.measures" not in modules
+
+
+def few(experiment: Experiment) -> Experiment:
+    """Two runs, on a straight line short ones, with few particles and few cells; a claim of each kind and variant."""
+    size = {"grid": "tracker.cells=240"}
+    variants = {
+        name: replace(
+            variant, sets=(*variant.sets, size.get(variant.scenario.rpartition("_")[2], "tracker.particles=10"))
+        )
+        for name, variant in experiment.variants.items()
+    }
+    kinds = {(type(claim), claim.variant, claim.measure.rstrip("0123456789")): claim for claim in experiment.claims}
+    short = () if experiment.name == "diversity" else ("duration=4 s",)
+    return replace(
+        experiment, quick=2, variants=variants, claims=tuple(kinds.values()), sets=(*experiment.sets, *short)
+    )
+
+
+@pytest.mark.parametrize("name", ["diversity", "table_2_start_drawn"])
+def test_a_small_run_gives_a_row_a_claim_and_its_pictures(tmp_path, monkeypatch, name):
+    monkeypatch.setattr(reproduce, "LocalPool", Inline)
+    small = few(EXPERIMENTS[name])
+    assert reproduce.run("wei2022", small, tmp_path).complete
+    folder = reproduce.place(tmp_path, "wei2022", small)
+    rows = reproduce.rows("wei2022", small, folder)
+    assert [row.variant for row in rows] == [claim.variant for claim in small.claims]
+    assert all(math.isfinite(row.measured) and row.replicates == 2 for row in rows)
+    files = reproduce.draw("wei2022", small, folder, tmp_path)
+    assert [file.name for file in files] == [f"wei2022_{picture.name}.png" for picture in small.pictures]
+    assert all(file.stat().st_size > 10_000 for file in files)
+
+
+def cloud_of(data: dict) -> SimpleNamespace:
+    frame = pd.DataFrame({"step": 10, **data})
+    return SimpleNamespace(of=lambda variant, table: frame)
+
+
+def test_equal_particles_count_once_in_their_own_run():
+    data = cloud_of({"replicate": [0, 0, 0, 0, 1, 1], "x": [1.0, 1.0, 1.0, 2.0, 1.0, 2.0], "weight": 1.0})
+    assert wei2022_measures.distinct_10(data, "pf").to_dict() == {0: 0.5, 1: 1.0}
+
+
+def test_the_spread_is_that_of_the_weights():
+    data = cloud_of({"replicate": [0, 0], "x": [0.0, 4.0], "weight": [3.0, 1.0]})
+    assert wei2022_measures.spread_10(data, "pf")[0] == pytest.approx(math.sqrt(3.0))

@@ -1,0 +1,135 @@
+"""What figures 4 and 5 of Li (2012) show, a figure a run: of the first 20 steps, or of the first 20 reports.
+
+measure(data, variant) -> a Series by replicate          as `measures` takes them: 'mean_of:<this module>:<name>'
+
+They need the table `estimates`; what is possible for a fix needs `truth` and `nodes`. The first five steps are those in
+which the grey model's window of five fixes is not full.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+import pandas as pd
+
+from wsnsim.base import metrics
+from wsnsim.base.arrays import Floats
+from wsnsim.papers.measures import Data
+
+STEPS: Final = 20
+WINDOW: Final = 5
+DRAWS: Final = 500
+
+
+def mean_error(data: Data, variant: str) -> pd.Series:
+    """The mean position error over the first 20 steps (m)."""
+    return errors(data, variant).mean(axis=1)
+
+
+def median_error(data: Data, variant: str) -> pd.Series:
+    """The median position error over the first 20 steps (m)."""
+    return errors(data, variant).median(axis=1)
+
+
+def later_mean(data: Data, variant: str) -> pd.Series:
+    """The mean position error over the steps 6 to 20 (m)."""
+    return errors(data, variant).iloc[:, WINDOW:].mean(axis=1)
+
+
+def later_median(data: Data, variant: str) -> pd.Series:
+    """The median position error over the steps 6 to 20 (m)."""
+    return errors(data, variant).iloc[:, WINDOW:].median(axis=1)
+
+
+def start_excess(data: Data, variant: str) -> pd.Series:
+    """By how much the median error of the steps 1 to 5 is above that of the steps 6 to 20 (m)."""
+    return errors(data, variant).iloc[:, :WINDOW].median(axis=1) - later_median(data, variant)
+
+
+def least_delay(data: Data, variant: str) -> pd.Series:
+    """The least of the first 20 steps' delays at the main node (s)."""
+    return delays(data, variant).min(axis=1)
+
+
+def greatest_delay(data: Data, variant: str) -> pd.Series:
+    """The greatest of the first 20 steps' delays at the main node (s)."""
+    return delays(data, variant).max(axis=1)
+
+
+def least_report_delay(data: Data, variant: str) -> pd.Series:
+    """The least of the first 20 reports' delays at the sink (s)."""
+    return report_delays(data, variant).min(axis=1)
+
+
+def greatest_report_delay(data: Data, variant: str) -> pd.Series:
+    """The greatest of the first 20 reports' delays at the sink (s)."""
+    return report_delays(data, variant).max(axis=1)
+
+
+def fix_bound(data: Data, variant: str) -> pd.Series:
+    """The least root mean square error of fixes from the ranges of all nodes in reach alone (m): Cramér-Rao.
+
+    Over the steps that have three nodes in reach. A filter that knows more than one step's ranges may do better.
+    """
+    return pd.Series(
+        {number: np.sqrt(np.nanmean(np.trace(found, axis1=1, axis2=2))) for number, found in _fixes(data, variant)}
+    )
+
+
+def efficient_errors(data: Data, variant: str) -> Floats:
+    """(20,) the median error of such fixes at the first steps, over runs, if their errors are Gaussian (m)."""
+    normal = np.random.Generator(np.random.Philox(STEPS)).standard_normal((DRAWS, 2))
+    found = np.array([covariances[:STEPS] for _, covariances in _fixes(data, variant)])
+    spreads = np.sqrt(np.linalg.eigvalsh(np.nan_to_num(found)))
+    drawn = np.linalg.norm(spreads[:, :, None, :] * normal, axis=-1)
+    known = np.isfinite(found[:, :, 0, 0])
+    return np.array([np.median(drawn[known[:, step], step]) for step in range(drawn.shape[1])])
+
+
+def errors(data: Data, variant: str) -> pd.DataFrame:
+    """(replicates, 20) position errors of the first steps; NaN for a step without an estimate."""
+    return _first(data.of(variant, "estimates"), "error")
+
+
+def delays(data: Data, variant: str) -> pd.DataFrame:
+    """(replicates, 20) from a step to its estimate at the main node, of the first steps."""
+    frame = data.of(variant, "estimates")
+    return _first(frame.assign(delay=frame["issued"] - frame["time"]), "delay")
+
+
+def report_delays(data: Data, variant: str) -> pd.DataFrame:
+    """(replicates, up to 20) from a step to its estimate at the sink, of the first steps whose estimate is reported."""
+    frame = data.of(variant, "estimates")
+    every = data.scenario(variant)["sink"]["every"] / data.scenario(variant)["step"]
+    due = frame[frame["step"] % round(every) == 0]
+    return _first(due.assign(delay=due["received"] - due["time"]), "delay")
+
+
+def _fixes(data: Data, variant: str) -> Iterator[tuple[int, Floats]]:
+    """(replicate, (steps, 2, 2) the inverse Fisher information on the place of the ranges of all nodes in reach).
+
+    NaN at a step at which fewer than three are in reach.
+    """
+    sensor = data.scenario(variant)["sensor"]
+    nodes = data.of(variant, "nodes").groupby("replicate")
+    for number, truth in data.of(variant, "truth").query("step > 0").groupby("replicate"):
+        places = nodes.get_group(number)[["x", "y"]].to_numpy()
+        offsets = places[None] - truth.sort_values("step")[["px", "py"]].to_numpy()[:, None]
+        yield int(number), np.array([_covariance(each, sensor["reach"], sensor["sd"]) for each in offsets])
+
+
+def _covariance(offsets: Floats, reach: float, sd: float) -> Floats:
+    """(2, 2) the inverse Fisher information of ranges to the nodes in reach, NaN for fewer than three."""
+    far = np.hypot(offsets[:, 0], offsets[:, 1])
+    heard = (far <= reach) & (far > 0.0)
+    if np.count_nonzero(heard) < metrics.ENOUGH_READINGS:
+        return np.full((2, 2), np.nan)
+    units = offsets[heard] / far[heard, None]
+    return sd**2 * np.linalg.inv(units.T @ units).astype(np.float64)
+
+
+def _first(frame: pd.DataFrame, column: str) -> pd.DataFrame:
+    """(replicates, 20) a column at its first steps, in their order."""
+    return frame.pivot(index="replicate", columns="step", values=column).iloc[:, :STEPS]

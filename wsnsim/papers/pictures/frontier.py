@@ -1,0 +1,247 @@
+"""Error against energy, of every tracker on one field: a panel a radio.
+
+frontier(figure, data) puts axes on a figure and draws
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any, Final
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patheffects import withStroke
+from matplotlib.text import Annotation
+from matplotlib.ticker import LogLocator, NullLocator
+from matplotlib.transforms import Bbox
+
+from wsnsim.analysis.panels import BOUND, COLOURS
+from wsnsim.papers.frontier_measures import (
+    LEAST_IN_TIME,
+    MOST_LOST,
+    NEAR,
+    RADIOS,
+    Strategy,
+    conclusions,
+    front,
+    limit,
+    strategies,
+)
+from wsnsim.papers.measures import Data
+
+SHORT: Final = {
+    "noise x100": "×100",
+    "Gaussian handover": "G",
+    "all readings": "all",
+    "own readings": "own",
+    "100 particles": "100",
+    "greedy": "greedy",
+    "nearest": "nearest",
+}
+KEY: Final = (
+    "×100: a filter that assumes 100 times the process noise;  all, own, nearest: whose readings weigh;  "
+    "G: Gaussian handover;  100: particles, 400 else"
+)
+MATCHED, INFLATED = "true process noise in the filter", "100 times the process noise"
+AIRS: Final = {
+    "CSMA": "CSMA, a frame a packet",
+    "CSMA packed": "CSMA, nine packets a frame",
+    "slots": "slots, nine packets a frame",
+    "10 % awake": "slots, 10 % of the nodes awake",
+    "3 % awake": "slots, 3 % of the nodes awake",
+}
+GREY: Final = "#8C8C8C"
+SIDE: Final = 6.0
+"""Points: of a marker."""
+DISTANCES: Final = (7.0, 12.0, 18.0, 26.0, 36.0, 48.0, 62.0, 78.0, 96.0, 116.0, 140.0, 170.0, 205.0, 245.0)
+"""Points: from a marker to its label, the first that is free."""
+LETTERS: Final = 7.5
+"""Points: a label's letters."""
+PAD: Final = 1.0
+"""Points: of a label, above and beneath its letters; twice as much at either side."""
+LEADING: Final = 8.0
+"""Points: from here on a line leads to the label."""
+
+
+def frontier(figure: Figure, data: Data) -> None:
+    """Median RMSE of a run against the network's energy, on the ideal and on a realistic radio."""
+    found, bound = strategies(data), limit(data)
+    runs = data.manifest.points[0].replicates
+    panels = figure.subplots(2, 1, height_ratios=(1.0, 1.0))
+    for axes, radio, conclusion in zip(panels, RADIOS, conclusions(data), strict=True):
+        _panel(axes, [one for one in found if one.radio == radio], bound)
+        axes.set_title(f"{radio} radio, {runs} runs of {float(data.scenario(data.variants[0])['duration']):g} s each\n"
+                       f"{conclusion.partition(', ')[2]}", loc="left")  # fmt: skip
+    panels[-1].set_xlabel(f"energy that the network spends in a run [J], mean of the runs\n\n{KEY}")
+    figure.draw_without_rendering()
+    for axes, radio in zip(panels, RADIOS, strict=True):
+        here = [one for one in found if one.radio == radio]
+        colours = _colours(here)
+        label(axes, [(one.energy, one.rmse) for one in here], [short(one.variant) for one in here],
+              [colours[_group(one)] for one in here])  # fmt: skip
+
+
+def short(variant: str) -> str:
+    """'ideal: pf, noise x100' -> 'pf ×100'."""
+    kind, *words = variant.partition(": ")[2].split(", ")
+    return " ".join([kind, *(SHORT[word] for word in words)])
+
+
+def _panel(axes: Axes, found: Sequence[Strategy], bound: float) -> None:
+    colours = _colours(found)
+    for one in found:
+        if math.isfinite(one.low):
+            axes.plot([one.energy] * 2, [one.low, one.high], color=colours[_group(one)], linewidth=0.8, alpha=0.45)
+        axes.plot(one.energy, one.rmse, linestyle="", markersize=SIDE, **_look(one, colours[_group(one)]))
+    _scale(axes, found, bound)
+    _front(axes, found)
+    axes.axhline(bound, **BOUND)
+    axes.axhline(NEAR * bound, **{**BOUND, "linestyle": "-."})
+    axes.set_ylabel("RMSE of a run [m], median of the runs and its 95 % interval")
+    axes.legend(handles=[*_legend(colours)], loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False)
+
+
+def _group(one: Strategy) -> str:
+    """What colour says: the filter's noise on the ideal radio, what the frames go through on a realistic one."""
+    if one.radio == RADIOS[0]:
+        return INFLATED if "noise x100" in one.variant else MATCHED
+    return AIRS[one.air]
+
+
+def _colours(found: Sequence[Strategy]) -> dict[str, str]:
+    """A colour a group, in the order of their first strategies."""
+    return dict(zip(dict.fromkeys(map(_group, found)), COLOURS, strict=False))
+
+
+def _look(one: Strategy, colour: str) -> dict[str, Any]:
+    return {
+        "marker": "o" if one.in_time >= LEAST_IN_TIME else "D",
+        "markeredgecolor": colour,
+        "markerfacecolor": colour if one.lost <= MOST_LOST else "white",
+    }
+
+
+def _scale(axes: Axes, found: Sequence[Strategy], bound: float) -> None:
+    """Logarithmic axes with room for labels at either side; intervals may be cut."""
+    energies, errors = (np.array([getattr(one, name) for one in found]) for name in ("energy", "rmse"))
+    errors = errors[np.isfinite(errors)]
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    axes.set_xlim(energies.min() / 1.5, energies.max() * 1.9)
+    axes.set_ylim(bound / 1.3, errors.max() * 1.6)
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axis.set_major_formatter("{x:g}")
+        axis.set_minor_locator(NullLocator())
+
+
+def _front(axes: Axes, found: Sequence[Strategy]) -> None:
+    """A line through those that are not beaten."""
+    best = sorted(itertools.compress(((one.energy, one.rmse) for one in found), front(found)))
+    if best:
+        axes.step(*np.array(best).T, where="post", color=GREY, linewidth=1.4, zorder=1)
+        axes.plot(*np.array(best).T, "o", markersize=SIDE + 5, markerfacecolor="none", markeredgecolor=GREY, zorder=1)
+
+
+def _legend(colours: dict[str, str]) -> Iterator[Line2D]:
+    def mark(text: str, **how: Any) -> Line2D:
+        return Line2D([], [], **{"linestyle": "", "marker": "o", "color": GREY, **how}, label=text)
+
+    for text, colour in colours.items():
+        yield mark(text, color=colour)
+    lost, late = f"{100 * MOST_LOST:.0f} %", f"{100 * LEAST_IN_TIME:.0f} %"
+    yield mark(f"hollow: more than {lost} of the runs\nlose the target", markerfacecolor="white")
+    yield mark(f"diamond: fewer than {late} of the steps\nhave an estimate in time", marker="D")
+    yield mark("ring and line: not beaten (Pareto), of\nthose that are neither", markersize=SIDE + 4,
+               markerfacecolor="none", linestyle="-")  # fmt: skip
+    yield Line2D([], [], **BOUND, label="bound along each truth, all readings\nin range, median of the truths")
+    yield Line2D([], [], **{**BOUND, "linestyle": "-."}, label=f"{NEAR:g} times the bound")
+
+
+def label(
+    axes: Axes, points: Sequence[tuple[float, float]], words: Sequence[str], colours: Sequence[str]
+) -> list[Annotation]:
+    """Names beside their points, none on another name or on a marker, as near as there is room.
+
+    The figure must have been laid out. A point that is not finite has no name; nor has one for which there is no room.
+    """
+    figure: Any = axes.get_figure()
+    points_a_pixel = 72.0 / figure.dpi
+    pixels = axes.transData.transform(points)
+    markers = [_box(x, y, SIDE / points_a_pixel, SIDE / points_a_pixel) for x, y in pixels if math.isfinite(x + y)]
+    taken, written = list(markers), []
+    for (x, y), word, colour in sorted(zip(pixels.tolist(), words, colours, strict=True)):
+        if not math.isfinite(x + y):
+            continue
+        width, height = _size(axes, word)
+        room = ((dx, dy, _box(x + dx / points_a_pixel, y + dy / points_a_pixel, width, height))
+                for dx, dy in _offsets(width * points_a_pixel, height * points_a_pixel))  # fmt: skip
+        free = [offer for offer in room if _is_free(offer[2], taken, axes.bbox)]
+        own = (offer for offer in free if _gap(offer[2], x, y) <= min(_gap(offer[2], *_middle(one)) for one in markers))
+        if (chosen := next(own, free[0] if free else None)) is not None:
+            taken.append(chosen[2])
+            led = _gap(chosen[2], x, y) * points_a_pixel > LEADING
+            written.append(_written(axes, word, (x, y), chosen[:2], led))
+            written[-1].set_color(colour)
+    return written
+
+
+def _size(axes: Axes, word: str) -> tuple[float, float]:
+    """(width, height) of a name in pixels, with a little room about it."""
+    figure: Any = axes.get_figure()
+    text = axes.text(0.5, 0.5, word, transform=axes.transAxes, fontsize=LETTERS)
+    extent = text.get_window_extent(figure.canvas.get_renderer())
+    text.remove()
+    return extent.width + 4.0 * PAD * figure.dpi / 72.0, extent.height + 2.0 * PAD * figure.dpi / 72.0
+
+
+def _offsets(width: float, height: float) -> Iterator[tuple[float, float]]:
+    """(dx, dy) in points from a marker to a label's middle: near ones first, to the right before the left."""
+    turns = [0, 25, -25, 50, -50, 180, 155, -155, 90, -90, 130, -130]
+    for distance, turn in itertools.product(DISTANCES, turns):
+        across, up = (round(part(math.radians(turn)), 6) for part in (math.cos, math.sin))
+        yield (
+            across * distance + math.copysign(width / 2.0, across) * (across != 0.0),
+            up * distance + math.copysign(height / 4.0, up) * (up != 0.0),
+        )
+
+
+def _middle(box: Bbox) -> tuple[float, float]:
+    return (box.x0 + box.x1) / 2.0, (box.y0 + box.y1) / 2.0
+
+
+def _box(x: float, y: float, width: float, height: float) -> Bbox:
+    return Bbox.from_bounds(x - width / 2.0, y - height / 2.0, width, height)
+
+
+def _is_free(box: Bbox, taken: Sequence[Bbox], inside: Bbox) -> bool:
+    within = box.x0 >= inside.x0 and box.x1 <= inside.x1 and box.y0 >= inside.y0 and box.y1 <= inside.y1
+    return within and not any(box.overlaps(other) for other in taken)
+
+
+def _gap(box: Bbox, x: float, y: float) -> float:
+    """Pixels from a point to the nearest edge of a box."""
+    return math.hypot(max(box.x0 - x, x - box.x1, 0.0), max(box.y0 - y, y - box.y1, 0.0))
+
+
+def _written(axes: Axes, word: str, pixel: tuple[float, float], offset: tuple[float, float], led: bool) -> Annotation:
+    across, up = axes.transData.inverted().transform(pixel)
+    text = axes.annotate(
+        word,
+        (across, up),
+        xytext=offset,
+        textcoords="offset points",
+        ha="center",
+        va="center",
+        fontsize=LETTERS,
+        path_effects=[withStroke(linewidth=2.0, foreground="white")],
+        arrowprops={"arrowstyle": "-", "color": GREY, "linewidth": 0.5, "shrinkA": 0.0, "shrinkB": 3.0}
+        if led
+        else None,
+    )
+    text.set_in_layout(False)
+    return text

@@ -1,0 +1,154 @@
+"""Every table and figure of the papers, run as campaigns that can be gone on with, and what comes of it.
+
+run(paper, experiment, where, full=False, ...) -> Ended       the experiment's campaign
+rows(paper, experiment, folder) -> [Row, ...]                 published, measured, bound, verdict
+draw(experiment, folder, into) -> [file, ...]                 the paper's figures, ours
+"""
+
+from __future__ import annotations
+
+import functools
+import importlib
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Final
+
+from wsnsim import campaign
+from wsnsim.base.errors import UsageError, did_you_mean
+from wsnsim.campaign.local import LocalPool, cores
+from wsnsim.papers import measures
+from wsnsim.papers.measures import VARIANT, Data
+from wsnsim.papers.reproduction import Claim, Experiment, Limit, Order, Row, judged, ordered
+from wsnsim.recording.folder import Folder
+from wsnsim.scenario.sweep import load_sweep
+from wsnsim.scenario.sweep_schema import Plan
+
+PAPERS: Final = ("jiang2013", "liu2012", "wei2022", "ruan2020", "li2012")
+PAGES: Final = (*PAPERS, "frontier")
+NAN: Final = float("nan")
+
+
+def experiments(paper: str) -> tuple[Experiment, ...]:
+    """The experiments of a paper. Raises UsageError for one that is not known."""
+    if paper not in PAGES:
+        raise UsageError(f"there is no paper '{paper}' ({did_you_mean(paper, PAGES)})")
+    found: tuple[Experiment, ...] = importlib.import_module(f"wsnsim.papers.{paper}").EXPERIMENTS
+    return found
+
+
+def chosen(papers: Sequence[str], only: str | None = None) -> list[tuple[str, Experiment]]:
+    """The experiments of these papers, of all five if none is named; only those of a name, if one is given."""
+    pairs = [(paper, experiment) for paper in papers or PAPERS for experiment in experiments(paper)]
+    if only is None:
+        return pairs
+    names = {experiment.name for _, experiment in pairs}
+    if only not in names:
+        raise UsageError(f"there is no experiment '{only}' ({did_you_mean(only, names)})")
+    return [pair for pair in pairs if pair[1].name == only]
+
+
+def plan(paper: str, experiment: Experiment, full: bool = False) -> Plan:
+    """The experiment as a campaign: a point a variant, which its name tells apart."""
+    points = []
+    for name, variant in experiment.variants.items():
+        keep = [f"record.{table}=true" for table in experiment.record]
+        sets = [*keep, *experiment.sets, *([] if full else experiment.quick_sets), *variant.sets]
+        alone = load_sweep(variant.scenario, overrides=sets)
+        points.append(replace(alone.points[0], settings={VARIANT: name}))
+    twins = {point.id for point in points}
+    assert len(twins) == len(points), f"two variants of {paper} {experiment.name} are the same scenario"
+    return Plan(
+        name=f"{paper}_{experiment.name}",
+        keys=(VARIANT,),
+        points=tuple(points),
+        replicates=experiment.full if full else experiment.quick,
+        until=None,
+        block=experiment.block,
+        timeout=None,
+        source="",
+    )
+
+
+def run(
+    paper: str,
+    experiment: Experiment,
+    where: Path,
+    jobs: int | None = None,
+    *,
+    full: bool = False,
+    watch: Callable[[campaign.Progress], None] | None = None,
+    stop: Callable[[], bool] = lambda: False,
+) -> campaign.Ended:
+    """Run what is missing of an experiment, in the folder WHERE/PAPER/EXPERIMENT."""
+    folder = campaign.begin(plan(paper, experiment, full), place(where, paper, experiment), by=(VARIANT,))
+    return campaign.drive(folder, LocalPool(jobs or cores()), watch=watch, stop=stop)
+
+
+def place(where: Path, paper: str, experiment: Experiment) -> Path:
+    """The folder of an experiment."""
+    return where / paper / experiment.name
+
+
+def rows(paper: str, experiment: Experiment, where: Path) -> list[Row]:
+    """What was published, measured and possible, claim by claim, of the campaign in a folder."""
+    data = Data(Folder(where))
+    return [
+        _of_order(paper, experiment, claim, data)
+        if isinstance(claim, Order)
+        else _of_claim(paper, experiment, claim, data)
+        for claim in experiment.claims
+    ]
+
+
+def lines(experiment: Experiment, where: Path) -> list[str]:
+    """What an experiment says beneath its rows, of the campaign in a folder."""
+    if not experiment.says:
+        return []
+    module, _, name = experiment.says.partition(":")
+    said: list[str] = getattr(importlib.import_module(module), name)(Data(Folder(where)))
+    return said
+
+
+def draw(paper: str, experiment: Experiment, where: Path, into: Path) -> list[Path]:
+    """Draw the pictures of an experiment, whose campaign is in a folder, to INTO/PAPER_NAME.png."""
+    from wsnsim.analysis.panels import panels
+
+    into.mkdir(parents=True, exist_ok=True)
+    data, drawn = Data(Folder(where)), []
+    for picture in experiment.pictures:
+        module, _, name = picture.draw.partition(":")
+        function = getattr(importlib.import_module(module), name)
+        out = into / f"{paper}_{picture.name}.png"
+        drawn.append(panels(functools.partial(function, data=data), out, picture.size, picture.title))
+    return drawn
+
+
+def as_json(found: Sequence[Row]) -> list[dict[str, Any]]:
+    """The rows as plain values."""
+    names = ("paper", "experiment", "quantity", "variant", "published", "measured", "low", "high", "replicates",
+             "lost_fraction", "bound", "bound_kind", "verdict", "reason", "caution")  # fmt: skip
+    return [{name: getattr(row, name) for name in names} for row in found]
+
+
+def _of_claim(paper: str, experiment: Experiment, claim: Claim, data: Data) -> Row:
+    found = measures.measured(data, claim.variant, claim.measure)
+    limit = measures.bound_of(data, claim.variant, claim.measure, claim.bound) if claim.bound else Limit()
+    published = NAN if claim.published is None else claim.published
+    return Row(
+        paper, experiment.name, quantity(claim), claim.variant, published, *found, limit.value, limit.kind,
+        judged(claim.published, found, limit.strict), claim.reason, limit.caution,
+    )  # fmt: skip
+
+
+def _of_order(paper: str, experiment: Experiment, claim: Order, data: Data) -> Row:
+    found = measures.difference(data, claim.variant, claim.other, claim.measure)
+    return Row(
+        paper, experiment.name, quantity(claim), claim.variant, NAN, *found, NAN, "", ordered(found), claim.reason
+    )
+
+
+def quantity(claim: Claim | Order) -> str:
+    """What a row is of, in words."""
+    words = f"{claim.quantity} below that of {claim.other}" if isinstance(claim, Order) else claim.quantity
+    return words + (f" ({claim.where})" if claim.where else "")

@@ -1,0 +1,92 @@
+"""The rows of a reproduction as a table for a terminal.
+
+text(rows) -> str         cells(row) -> a line's cells, by HEADS         legend(rows) -> what words and marks mean
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from itertools import groupby
+from typing import Final
+
+from wsnsim.papers.reproduction import RULE, Row
+
+KINDS: Final = {"unconditional": "u", "per_trajectory": "t"}
+MARKS: Final = (
+    "u unconditional, over all truths; t along each truth, which a filter may beat on some; other, as its reason says; "
+    "~ not strict here"
+)
+HEADS: Final = ("quantity", "variant", "published", "measured [95 %]", "bound", "runs", "lost", "verdict")
+
+
+def text(rows: Sequence[Row]) -> str:
+    """A block an experiment: a line a claim, its reason beneath; then the verdicts of each kind; '' without rows."""
+    lines: list[str] = []
+    for (paper, experiment), block in groupby(rows, key=lambda row: (row.paper, row.experiment)):
+        lines += ["", f"{paper}, {experiment}", *_block(list(block))]
+    return "\n".join([*lines[1:], "", *_verdicts(rows)]) if rows else ""
+
+
+def _block(rows: Sequence[Row]) -> Iterator[str]:
+    """The lines of an experiment."""
+    lines = [cells(row) for row in rows]
+    widths = [max(len(line[i]) for line in [HEADS, *lines]) for i in range(len(HEADS))]
+    yield _line(HEADS, widths)
+    for row, line in zip(rows, lines, strict=True):
+        yield _line(line, widths)
+        if row.reason:
+            yield f"      {row.reason}"
+    for caution in dict.fromkeys(caution for row in rows for caution in row.caution.split("; ") if caution):
+        yield f"  the bound is not strict: {caution}"
+
+
+def _verdicts(rows: Sequence[Row]) -> list[str]:
+    """How many verdicts of each kind there are on what each paper printed, and how they come about."""
+    lines = []
+    for paper in dict.fromkeys(row.paper for row in rows):
+        counts = Counter(row.verdict for row in rows if row.paper == paper and row.verdict in RULE)
+        if counts:
+            said = ", ".join(f"{counts[verdict]} x {verdict}" for verdict in RULE if counts[verdict])
+            lines.append(f"{paper}: {sum(counts.values())} claims: {said}")
+    return [*lines, *legend(rows)]
+
+
+def legend(rows: Sequence[Row]) -> list[str]:
+    """How verdicts come about, and what the marks at a bound mean; only what is among the rows."""
+    lines = [f"  {verdict}: {words}" for verdict, words in RULE.items() if any(row.verdict == verdict for row in rows)]
+    if any(math.isfinite(row.bound) for row in rows):
+        lines.append(f"  bound: {MARKS}")
+    return lines
+
+
+def _line(cells: Sequence[str], widths: Sequence[int]) -> str:
+    return "  " + "  ".join(cell.ljust(width) for cell, width in zip(cells, widths, strict=True)).rstrip()
+
+
+def cells(row: Row) -> tuple[str, ...]:
+    """A row in words, by HEADS."""
+    interval = f" [{_number(row.low)}, {_number(row.high)}]" if math.isfinite(row.low) else ""
+    return (
+        row.quantity,
+        row.variant,
+        _number(row.published),
+        _number(row.measured) + interval,
+        _bound(row),
+        str(row.replicates),
+        f"{100 * row.lost_fraction:.0f} %" if math.isfinite(row.lost_fraction) else "-",
+        row.verdict,
+    )
+
+
+def _bound(row: Row) -> str:
+    """The bound and its kind in a word, with a '~' where it is not strict."""
+    if not math.isfinite(row.bound):
+        return "-"
+    kind, _, more = row.bound_kind.partition(", ")
+    return f"{'~' if more else ''}{_number(row.bound)} {KINDS.get(kind, 'other')}"
+
+
+def _number(value: float) -> str:
+    return f"{value:.4g}" if math.isfinite(value) else "-"
