@@ -1,0 +1,52 @@
+"""A campaign of every shipped scenario, short: no tracker is below the unconditional bound of its own scenario."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.campaign.places import Inline
+from wsnsim.analysis import bounds
+from wsnsim.papers import measures, reproduce
+from wsnsim.papers.reproduction import Experiment, Variant
+from wsnsim.scenario import load, resolved, shipped
+
+RUNS = 4
+SURE = 7.5
+"""Standard errors: Student's t of 3 degrees of freedom is above minus so much in 99.75 % of all cases."""
+SAME = ("lifetime", "field_1m")
+"""Short as they are here, they are pso_mhpf with more battery and field_10k with more of the same."""
+
+
+def short(name):
+    """A shipped scenario with some tens of steps, without its log."""
+    duration = "2 s" if resolved(load(name))["step"] < 0.5 else "20 s"
+    return Variant(name, (f"duration={duration}", "record.events=false"))
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory):
+    """The campaign of all that have such a bound."""
+    variants = {name: short(name) for name in shipped() if name not in SAME}
+    bounded = {
+        name: variant
+        for name, variant in variants.items()
+        if not bounds.bound({"extends": f"scenarios/{name}.yaml", "duration": variant.sets[0][9:]}, range(1)).reason
+    }
+    experiment = Experiment("shipped", "", bounded, RUNS, RUNS)
+    where = tmp_path_factory.mktemp("shipped")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(reproduce, "LocalPool", Inline)
+        assert reproduce.run("shipped", experiment, where).complete
+    return measures.Data(reproduce.Folder(reproduce.place(where, "shipped", experiment)))
+
+
+def test_no_shipped_tracker_is_significantly_below_the_unconditional_bound_of_its_scenario(data):
+    seen = {}
+    for name in data.variants:
+        squares = data.of(name, "runs")["rmse"].to_numpy() ** 2
+        found = data.bound(name, "unconditional")
+        if np.isfinite(squares).all():  # else some run has no estimate to speak of
+            seen[name] = (squares.mean() + SURE * squares.std(ddof=1) / np.sqrt(RUNS)) / (found.rmse**2).mean()
+    assert len(seen) >= 18 and min(seen.values()) >= 1.0, seen
+    assert min(seen.values()) < 10.0, "of a bound that is far below all of them this would say nothing"
