@@ -21,7 +21,7 @@ FIGURES    := $(SWEEPS:%=results/figures/%.png)
 CHOSEN      = $(if $(REPLICATES),--replicates $(REPLICATES)) $(ARGS)
 
 .DEFAULT_GOAL := help
-.PHONY: help run test check interpreted format lint types imports bench sweep compare reproduce figures lock clean moved asked
+.PHONY: help run test check interpreted format lint types imports bench sweep compare reproduce figures readme lock clean moved asked
 .DELETE_ON_ERROR:
 
 help:  ## this list
@@ -79,6 +79,10 @@ $(TABLES): results/%/table.csv: scenarios/sweeps/%.yaml $(wildcard scenarios/*.y
 $(FIGURES): results/figures/%.png: results/%/table.csv
 	@mkdir -p $(@D)
 	@$(PY) -m wsnsim plot results/$* --out $@
+
+readme: $(READY)  ## the README's tables of results anew, from full runs: an hour or two if they are not there
+	@mkdir -p docs
+	@$(PY) -m tests.readme $(ARGS)
 
 lock:  ## write requirements.lock anew from pyproject.toml (needs uv)
 	@command -v uv >/dev/null || { echo "make lock needs uv: pip install uv, or https://docs.astral.sh/uv/" >&2; exit 1; }

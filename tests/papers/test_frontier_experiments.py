@@ -163,11 +163,13 @@ def test_the_cheapest_is_within_the_limit_follows_the_target_and_spends_least():
 
 
 def test_where_nobody_is_within_the_limit_a_line_says_so_and_who_is_nearest():
-    line = frontier_measures._line("ideal", [strategy("ideal: a", 0.3, 3.0), strategy("ideal: b", 0.2, 4.0)], 0.1)
+    line = frontier_measures.concluded("ideal", [strategy("ideal: a", 0.3, 3.0), strategy("ideal: b", 0.2, 4.0)], 0.1)
     assert "none; nearest is ideal: b, 0.2 m" in line and "2.00 x" in line
-    line = frontier_measures._line("ideal", [strategy("ideal: a", 0.12, 3.0), strategy("ideal: b", 0.14, 1.0)], 0.1)
+    line = frontier_measures.concluded("ideal", [strategy("ideal: a", 0.12, 3.0), strategy("ideal: b", 0.14, 1.0)], 0.1)
     assert "none" not in line and "ideal: b, 0.14 m" in line
-    assert "no strategy follows" in frontier_measures._line("ideal", [strategy("ideal: a", 0.1, 1.0, lost=1.0)], 0.1)
+    assert "no strategy follows" in frontier_measures.concluded(
+        "ideal", [strategy("ideal: a", 0.1, 1.0, lost=1.0)], 0.1
+    )
 
 
 def test_labels_stand_apart_from_one_another_and_from_every_marker():
@@ -214,7 +216,17 @@ def test_a_small_run_gives_a_row_a_claim_a_line_a_radio_and_a_picture(tracked, t
     assert {row.verdict for row in rows} == {"not published"}
     errors = [row for row in rows if row.quantity.startswith("RMSE of a run, median")]
     assert len({row.bound for row in errors}) == 1 and errors[0].bound > 0.0
-    assert len(frontier_measures.conclusions(data)) == 2
+    said = frontier_measures.conclusions(data)
+    assert [line.partition(",")[0] for line in said] == [
+        "ideal radio",
+        "ideal radio",
+        "realistic radio",
+        "realistic radio",
+    ]
+    for line, radio in zip(said[1::2], frontier_measures.RADIOS, strict=True):
+        these = [one for one in frontier_measures.strategies(data) if one.radio == radio]
+        best = [one.variant for one, on in zip(these, frontier_measures.front(these), strict=True) if on]
+        assert all(f"{name}, " in line for name in best) and (best or "none follows" in line)
     (file,) = reproduce.draw("frontier", small, folder, tmp_path)
     assert file.name == "frontier_frontier.png" and file.stat().st_size > 10_000
 

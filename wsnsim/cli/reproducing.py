@@ -78,8 +78,8 @@ def reproduce(interrupts: Interrupts, papers: tuple[str, ...], quick: bool, out:
     if as_json:
         echo_json({"schema_version": 1, "rows": reproducing.as_json(found), "lines": said})
     else:
-        told = digest.markdown(found) if markdown else table.text(found)
-        click.echo("\n\n".join(filter(None, [told, "\n".join(said)])))
+        words = [digest.markdown(found, said)] if markdown else [table.text(found), "\n".join(said)]
+        click.echo("\n\n".join(filter(None, words)))
     return code
 
 

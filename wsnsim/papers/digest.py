@@ -1,6 +1,6 @@
 """The main rows of the reproductions as a table of Markdown, as the README shows it.
 
-markdown(rows) -> str
+markdown(rows, lines) -> str
 """
 
 from __future__ import annotations
@@ -66,23 +66,22 @@ MAIN: Final = (
 """In the order in which they stand [our choice]."""
 
 
-def markdown(rows: Sequence[Row]) -> str:
-    """A table: a line a main row, the experiment before what the terminal shows of it; beneath, what its marks mean."""
+def markdown(rows: Sequence[Row], lines: Sequence[str] = ()) -> str:
+    """A table: a line a main row, the experiment before what the terminal shows of it; beneath, marks and `lines`."""
     chosen = [row for main in MAIN for row in rows if main.has(row)]
-    if not chosen:
+    if not chosen and not lines:
         return "No main row is among what was asked for."
-    lines = [
-        ("paper, experiment", *HEADS),
-        ("---",) * (1 + len(HEADS)),
-        *((f"{row.paper}, {row.experiment}", *cells(row)) for row in chosen),
-    ]
-    return "\n".join(["| " + " | ".join(map(_plain, line)) + " |" for line in lines] + ["", *_beneath(chosen)])
+    head = [("paper, experiment", *HEADS), ("---",) * (1 + len(HEADS))] if chosen else []
+    table = [*head, *((f"{row.paper}, {row.experiment}", *cells(row)) for row in chosen)]
+    said = ["| " + " | ".join(map(_plain, line)) + " |" for line in table]
+    return "\n".join([*said, *_beneath(chosen), *(f"- {line}" for line in lines)])
 
 
 def _beneath(chosen: Sequence[Row]) -> Iterator[str]:
-    yield "Verdicts and bounds:"
-    for line in legend(chosen):
-        yield f"- {line.strip()}"
+    """What verdicts and marks among the rows mean."""
+    if chosen:
+        yield from ("", "Verdicts and bounds:")
+        yield from (f"- {line.strip()}" for line in legend(chosen))
 
 
 def _plain(cell: str) -> str:

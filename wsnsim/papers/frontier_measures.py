@@ -1,7 +1,7 @@
 """What is measured for the frontier: ratios to a twin, the bound for the readings that arrived, and who is cheapest.
 
     rmse_over_twin, energy_over_twin, arrived (data, variant) -> a Series by replicate, as `measures` takes them
-    strategies(data) -> [Strategy, ...]      conclusions(data) -> [a line a radio, ...]
+    strategies(data) -> [Strategy, ...]      conclusions(data) -> [two lines a radio, ...]
 
 A strategy `follows` the target if at most 5 % of its runs lose it, and at least 90 % of the steps have an estimate
 before the next one begins: one that is silent where it is hard would look good [our choice].
@@ -102,12 +102,21 @@ def cheapest(found: Sequence[Strategy], most: float) -> Strategy | None:
 
 
 def conclusions(data: Data) -> list[str]:
-    """A line a radio: the cheapest within 1.5 times the bound, or that there is none, and who is nearest then."""
+    """Two lines a radio: the cheapest within 1.5 times the bound, or who is nearest; and the front."""
     found, bound = strategies(data), limit(data)
-    return [_line(radio, [one for one in found if one.radio == radio], bound) for radio in RADIOS]
+    lines = []
+    for radio in RADIOS:
+        these = [one for one in found if one.radio == radio]
+        on_front = sorted(
+            (one for one, best in zip(these, front(these), strict=True) if best), key=lambda one: one.energy
+        )
+        lines += [concluded(radio, these, bound), f"{radio} radio, beaten by none in both error and energy: "]
+        lines[-1] += "; ".join(_told(one, bound) for one in on_front) or "none follows the target"
+    return lines
 
 
-def _line(radio: str, found: Sequence[Strategy], bound: float) -> str:
+def concluded(radio: str, found: Sequence[Strategy], bound: float) -> str:
+    """Of a radio's strategies, the cheapest within 1.5 times the bound; or that there is none, and who is nearest."""
     following = [one for one in found if one.follows]
     head = f"{radio} radio, cheapest within {NEAR:g} x the bound of {bound:.3f} m for all readings in range: "
     if (best := cheapest(found, NEAR * bound)) is not None:

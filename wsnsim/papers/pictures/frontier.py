@@ -26,7 +26,7 @@ from wsnsim.papers.frontier_measures import (
     NEAR,
     RADIOS,
     Strategy,
-    conclusions,
+    concluded,
     front,
     limit,
     strategies,
@@ -72,8 +72,10 @@ def frontier(figure: Figure, data: Data) -> None:
     found, bound = strategies(data), limit(data)
     runs = data.manifest.points[0].replicates
     panels = figure.subplots(2, 1, height_ratios=(1.0, 1.0))
-    for axes, radio, conclusion in zip(panels, RADIOS, conclusions(data), strict=True):
-        _panel(axes, [one for one in found if one.radio == radio], bound)
+    for axes, radio in zip(panels, RADIOS, strict=True):
+        here = [one for one in found if one.radio == radio]
+        conclusion = concluded(radio, here, bound)
+        _panel(axes, here, bound)
         axes.set_title(f"{radio} radio, {runs} runs of {float(data.scenario(data.variants[0])['duration']):g} s each\n"
                        f"{conclusion.partition(', ')[2]}", loc="left")  # fmt: skip
     panels[-1].set_xlabel(f"energy that the network spends in a run [J], mean of the runs\n\n{KEY}")
