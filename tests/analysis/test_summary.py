@@ -323,7 +323,7 @@ def test_bounds_stand_beside_the_error_of_all_readings_of_members_and_of_those_t
     assert 0 < limit.rmse < limit.active <= limit.arrived * (1 + 1e-9)
     text = summary_text.text(report, {}, limit=limit)
     for words, value in zip(summary_text.BOUNDS.values(), (limit.rmse, limit.active, limit.arrived), strict=True):
-        assert f"  bound, from {words}" in text and f"{value:.4f} m" in text
+        assert f"  {words}" in text and f"{value:.4f} m" in text
     figures = summary.as_json(report, {}, limit)
     assert (figures["bound"], figures["bound_arrived"]) == (limit.rmse, limit.arrived)
 

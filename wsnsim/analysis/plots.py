@@ -16,7 +16,7 @@ from typing import Any, Final
 import numpy as np
 from matplotlib.axes import Axes
 
-from wsnsim.analysis import sources
+from wsnsim.analysis import possible, sources
 from wsnsim.analysis.sources import Columns, Layout, bracketed
 from wsnsim.base import metrics
 from wsnsim.base.arrays import Floats
@@ -60,7 +60,7 @@ def states(axes: Axes, path: str | Path, column: str, replicate: int = 0, target
 
 
 def error(axes: Axes, path: str | Path) -> Axes:
-    """The position error at each step over all runs: RMSE (Jiang 2013, eq. 26), median and quartiles."""
+    """The position error at each step over all runs: RMSE (Jiang 2013, eq. 26), median, quartiles; and the bound."""
     sources.demand(path, "error")
     plan = sources.layout(path)
     rows, times = sources.errors(path)
@@ -75,6 +75,10 @@ def error(axes: Axes, path: str | Path) -> Axes:
         shown = np.concatenate([mean, middle])
     told = f"RMSE of {counted}" if len(rows) == 1 else "RMSE"
     axes.plot(times, mean, color=VERMILLION, linewidth=1.2, label=told, **_marks(mean))
+    if (limit := possible.in_range(path)) is not None:
+        bound = limit.rmse[sources.steps_of(path) - 1]
+        axes.plot(times, bound, color=BLACK, linewidth=1.0, linestyle=":", label="bound, all readings in range")
+        shown = np.concatenate([shown, bound])
     _scaled(axes, shown)
     if len(times) > 1:
         axes.set_xlim(0.0, float(times[-1]))

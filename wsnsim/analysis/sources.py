@@ -17,7 +17,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from wsnsim import recording
-from wsnsim.base.arrays import Floats
+from wsnsim.base.arrays import Floats, Ints
 from wsnsim.base.errors import ResultError, UsageError, did_you_mean
 from wsnsim.base.tables import CAUSES
 
@@ -150,6 +150,11 @@ def errors(path: str | Path) -> tuple[Floats, Floats]:
     result[row.ravel(), at] = table["error"]
     times[at] = table["time"]
     return result, times
+
+
+def steps_of(path: str | Path) -> Ints:
+    """The steps that have rows in `estimates`, in order: those of `errors`."""
+    return np.unique(recording.read_table(path, "estimates", ["step"])["step"])
 
 
 def counts(path: str | Path) -> Counts:

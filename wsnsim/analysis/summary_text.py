@@ -9,15 +9,16 @@ import math
 from collections.abc import Mapping
 from typing import Any, Final
 
+from wsnsim.analysis import possible
 from wsnsim.analysis.summary import OF_THREE, UNASKED, Limit, as_json, without_network
 from wsnsim.experiment import Report
 
 Row = tuple[str, str, str]
 """What it is, what was measured, what the paper printed."""
 BOUNDS: Final = {
-    "bound": "all readings in range",
-    "bound_active": "those of active members",
-    "bound_arrived": "those that arrived",
+    "bound": possible.WORDS["in_range"],
+    "bound_active": possible.WORDS["active"],
+    "bound_arrived": possible.WORDS["arrived"],
 }
 
 
@@ -54,7 +55,7 @@ def _accuracy_rows(figures: Mapping[str, Any], published: Mapping[str, float], r
         *_column_rows(figures["column_rmse"], published, dict(report.states)),
     ]
     rows[1:1] = [
-        (f"  bound, from {words}", f"{figures[name]:.4f}{unit}", "")
+        (f"  {words}", f"{figures[name]:.4f}{unit}", "")
         for name, words in BOUNDS.items()
         if math.isfinite(figures[name])
     ]

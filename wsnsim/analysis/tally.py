@@ -14,7 +14,7 @@ from typing import Any, Final
 import numpy as np
 
 from wsnsim import recording
-from wsnsim.analysis import frames, sources
+from wsnsim.analysis import frames, possible, sources
 from wsnsim.base import metrics
 from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import ResultError
@@ -46,7 +46,7 @@ Cells = dict[str, str]
 def tally(paths: Sequence[Path], names: Sequence[str], published: Published | None = None) -> str:
     """The table: a row a figure, a column a result; a figure that no result has is left out."""
     columns = [_cells(path, published) for path in paths]
-    order = ["replicates", OVER_TIME, *(words for words, _ in ROWS.values())]
+    order = ["replicates", OVER_TIME, *possible.WORDS.values(), *(words for words, _ in ROWS.values())]
     labels = [label for label in order if any(label in column for column in columns)]
     if not labels:
         return "<p>No run has ended: there is no summary.</p>"
@@ -72,6 +72,9 @@ def _cells(path: Path, published: Published | None) -> Cells:
     cells: Cells = {}
     if not sources.lacking(path, "error"):
         cells |= _over_time(path, unit, printed.get("rmse"), paper)
+        cells |= {
+            possible.WORDS[of]: html.escape(f"{mean:.4f}{unit.format()}") for of, mean in possible.beside(path).items()
+        }
     runs = recording.read_table(path, "runs") if "runs" in recording.tables(path) else {}
     for name, (words, form) in ROWS.items():
         values = runs.get(name, np.empty(0)).astype(np.float64)

@@ -72,7 +72,7 @@ def figure_4(figure: Figure, data: Data) -> None:
         axes.set(xlabel="step", xticks=AT, yscale="log", xlim=(0.5, li2012_measures.STEPS + 0.5))
         _ticks(axes, (0.5, 1, 2, 5, 10, 20, 50))
         axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16))
-    figure.axes[0].set_ylabel("position error (m)")
+    figure.axes[0].set_ylabel("position error [m]")
     _note(figure, f"{MIDDLE} nodes, {_runs(data)} runs; way-points have no density, so there is no posterior bound")
 
 
@@ -89,7 +89,7 @@ def figure_5(figure: Figure, data: Data) -> None:
             _published(axes, li2012_measures.STEPS + BESIDE[name], ends, name)
         axes.set(title=place, xlabel=counted, xticks=AT, yscale="log", ylim=(8, 400), xlim=(0.5, None))
         _ticks(axes, (10, 20, 40, 60, 90, 200, 300))
-    figure.axes[0].set_ylabel("delay (ms)")
+    figure.axes[0].set_ylabel("delay [ms]")
     _legend_below(figure, f"{MIDDLE} nodes, {_runs(data)} runs")
 
 
