@@ -25,7 +25,7 @@ from wsnsim.papers.reproduction import RULE, Claim, Experiment, Measured, Order,
 
 NAN = float("nan")
 KEYS = ["paper", "experiment", "quantity", "variant", "published", "measured", "low", "high", "replicates",
-        "lost_fraction", "bound", "bound_kind", "verdict", "reason", "caution"]  # fmt: skip
+        "lost_fraction", "bound", "bound_kind", "verdict", "reason", "caution", "read", "literal"]  # fmt: skip
 SHORT = ("duration=15 s",)
 SMALL = Experiment(
     name="small",
@@ -42,7 +42,10 @@ SMALL = Experiment(
         Claim("RMSE of a run, median, m", "imsf", "median:rmse", None, "", "variant:ekf"),
         Claim("tracks lost, share", "imsf", "share:lost", 0.0),
         Order("RMSE of a run", "ekf", "rkf", "rmse", "figure 1", "it is told who is in range"),
-        Claim("share less", "ekf", "less_than:rkf"),
+        Claim("share less", "ekf", "less_than:rkf", 0.5, literal=False),
+        Claim("over", "ekf", "over:rkf", 0.6, read=True),
+        Claim("seconds", "rkf", "mean:cpu_seconds", 50.0, judged=False),
+        Claim("RMSE of the tracks kept", "imsf", "rmse_of_kept"),
         Claim("operations", "rkf", "mean:cycles"),
         Claim("RMSE of vx", "rkf", "column:vx", 1e-9, "", "unconditional"),
     ),
@@ -77,8 +80,11 @@ def found(value, low, high):
     ("published", "measured", "strict", "verdict"),
     [
         (1.0, found(1.05, 1.02, 1.08), NAN, "reproduces"),  # within a tenth
+        (1.0, found(1.05, 0.1, 9.0), NAN, "reproduces"),
         (1.0, found(1.3, 0.9, 1.7), NAN, "reproduces"),  # in the interval
-        (1.0, found(2.5, 0.9, 4.0), NAN, "does not reproduce"),  # a wide interval is not enough
+        (1.0, found(1.3, 0.9, 2.1), NAN, "undecided"),  # a wide interval is not enough
+        (1.0, found(1.3, 0.4, 1.7), NAN, "undecided"),
+        (1.0, found(2.5, 0.9, 4.0), NAN, "undecided"),
         (1.0, found(1.3, 1.2, 1.4), NAN, "same order"),
         (1.0, found(0.5, 0.4, 0.6), NAN, "same order"),
         (1.0, found(2.0001, 1.9, 2.1), NAN, "does not reproduce"),
@@ -86,19 +92,28 @@ def found(value, low, high):
         (1.0, found(1.0, 0.9, 1.1), 1.01, "cannot: beyond the bound"),
         (1.0, found(1.0, 0.9, 1.1), 0.99, "reproduces"),
         (1.0, found(NAN, NAN, NAN), NAN, "does not reproduce"),
-        (0.0, found(0.0, 0.0, 0.3), NAN, "reproduces"),
-        (0.0, found(0.2, 0.0, 0.3), NAN, "does not reproduce"),
+        (0.0, found(0.0, 0.0, 0.0), NAN, "reproduces"),
+        (0.0, found(0.2, 0.1, 0.3), NAN, "does not reproduce"),
         (None, found(1.0, 0.9, 1.1), 5.0, "not published"),
     ],
 )
 def test_a_verdict_is_by_the_rule(published, measured, strict, verdict):
-    assert judged(published, measured, strict) == verdict
+    assert judged(Claim("x", "y", "z", published), measured, strict) == verdict
 
 
-def test_an_order_needs_the_whole_interval_below_zero():
+def test_a_share_is_of_one_order_within_a_fifth_and_what_cannot_be_compared_is_not_judged():
+    near = Claim("x", "y", "z", 1.0, factor=1.2)
+    assert judged(near, found(0.85, 0.8, 0.87)) == "same order"
+    assert judged(near, found(0.66, 0.6, 0.7)) == "does not reproduce"
+    assert judged(near, found(0.8, 0.6, 1.0)) == "undecided"
+    assert judged(Claim("x", "y", "z", 1.0, judged=False), found(1.0, 0.9, 1.1), 2.0) == "not judged"
+
+
+def test_an_order_needs_the_whole_interval_on_one_side_of_zero():
     assert ordered(found(-1.0, -2.0, -0.1)) == "reproduces"
-    assert ordered(found(-1.0, -2.0, 0.0)) == ordered(found(-1.0, NAN, NAN)) == "same order"
-    assert ordered(found(0.0, -1.0, 1.0)) == ordered(found(NAN, NAN, NAN)) == "does not reproduce"
+    assert ordered(found(1.0, 0.1, 2.0)) == ordered(found(0.0, 0.0, 0.0)) == "does not reproduce"
+    assert ordered(found(-1.0, -2.0, 0.0)) == ordered(found(1.0, -0.1, 2.0)) == "undecided"
+    assert ordered(found(-1.0, NAN, NAN)) == ordered(found(NAN, NAN, NAN)) == "undecided"
 
 
 def test_rows_are_what_the_tables_of_the_campaign_hold(done):
@@ -113,6 +128,11 @@ def test_rows_are_what_the_tables_of_the_campaign_hold(done):
     assert rows["RMSE of a run, median, m"].measured == np.median(runs.loc["imsf", "rmse"])
     less = 1 - metrics.time_mean_rmse(errors["ekf"]) / metrics.time_mean_rmse(errors["rkf"])
     assert rows["share less"].measured == pytest.approx(less, rel=1e-12)
+    assert rows["over"].measured == pytest.approx(1.0 - less, rel=1e-12) and rows["over"].read
+    assert rows["seconds"].verdict == "not judged" and not rows["share less"].literal
+    kept = rows["RMSE of the tracks kept"]
+    whole = (runs.loc["imsf", "lost"] == 0).to_numpy()
+    assert (kept.replicates, kept.measured) == (whole.sum(), metrics.time_mean_rmse(errors["imsf"][whole]))
     pairs = runs.loc["ekf", "rmse"] - runs.loc["rkf", "rmse"]
     assert rows["RMSE of a run below that of rkf (figure 1)"].measured == np.median(pairs)
     assert rows["operations"].measured == runs.loc["rkf", "cycles"].mean()
@@ -132,8 +152,11 @@ def test_the_bound_beside_a_row_is_that_of_its_scenario_and_says_whether_it_is_s
     assert rows["operations"].bound_kind == "" and math.isnan(rows["operations"].bound)
     best = measures.measured(measures.Data(measures.Folder(folder)), "ekf", "median:rmse")
     assert rows["RMSE of a run, median, m"].bound == best.value
+    assert f"the interval counts, {best.low:.4g}" in rows["RMSE of a run, median, m"].caution
     speed = rows["RMSE of vx"]
-    strict = not bounds.bound({"extends": "scenarios/rkf.yaml", "duration": 15}, range(4)).cautions
+    over = bounds.bound({"extends": "scenarios/rkf.yaml", "duration": 15}, range(measures.TRUTHS))
+    strict = not over.cautions
+    assert speed.bound == np.sqrt(np.mean(over.columns[:, 1] ** 2))
     assert speed.verdict == ("cannot: beyond the bound" if strict else "does not reproduce")
     assert bool(speed.caution) != strict and speed.bound > 1e-9
 
@@ -152,8 +175,11 @@ def test_what_has_been_run_is_not_run_again_and_the_same_is_found_elsewhere(done
     first = json.loads(capsys.readouterr().out)
     assert {path: path.stat().st_mtime_ns for path in Path("r").rglob("*.h5")} == files
     assert main([*again, "-o", "elsewhere"]) == 0
-    assert json.loads(capsys.readouterr().out) == first
-    assert [list(row) for row in first["rows"]] == [KEYS] * len(SMALL.claims)
+    second = json.loads(capsys.readouterr().out)
+    for told in (first, second):
+        told["rows"] = [row for row in told["rows"] if row["quantity"] != "seconds"]
+    assert second == first
+    assert [list(row) for row in first["rows"]] == [KEYS] * (len(SMALL.claims) - 1)
     assert {row["replicates"] for row in first["rows"]} == {4}
 
 
@@ -168,8 +194,9 @@ def test_in_words_there_are_reasons_verdicts_and_the_rule(done, papers, capsys):
     assert main(["reproduce", "liu2012", "--progress", "none"]) == 0
     said = capsys.readouterr()
     assert "1 of 1: liu2012, small" in said.err
-    assert "      because\n" in said.out and "does not reproduce: anything else" in said.out
-    assert "liu2012: 4 claims: " in said.out and "~ not strict here" in said.out
+    assert "      because\n" in said.out and f"  reproduces: {RULE['reproduces']}" in said.out
+    assert "liu2012: 6 claims: " in said.out and "liu2012: 1 more verdicts are on repairs" in said.out
+    assert "~ not strict here" in said.out and "  about 0.6 " in said.out and "figures within them" in said.out
 
 
 @pytest.mark.parametrize(
@@ -228,10 +255,10 @@ def row(**more):
 
 
 def test_markdown_has_the_main_rows_alone_and_nothing_in_them_is_markup():
-    said = digest.markdown([row(), row(quantity="another")])
+    said = digest.markdown([row(), row(quantity="unheard of")])
     line = r"| jiang2013, figures\_4\_to\_9 | RMSE, m (figure 9) | a\_b | 2 | 1.5 [1, 2] | 0.5 u | 10 | 10 % | "
-    line += "reproduces |"
-    assert line in said.splitlines() and "another" not in said
+    line += "reproduces | because |"
+    assert line in said.splitlines() and "unheard" not in said
     assert f"- reproduces: {RULE['reproduces']}" in said and "cannot" not in said
     assert digest.markdown([]) == digest.markdown([row(paper="x")]) == "No main row is among what was asked for."
 
@@ -249,7 +276,7 @@ def test_every_main_row_is_a_claim_of_its_experiment():
 def test_a_bound_that_is_not_strict_is_marked_in_the_table_and_its_caution_stands_beneath():
     careful = row(bound_kind="unconditional, not strict", caution="one; two")
     said = table.text([careful, row(bound=NAN, bound_kind="", published=NAN, verdict="not published")])
-    assert "~0.5 u" in said and said.count("the bound is not strict: ") == 2
+    assert "~0.5 u" in said and said.count("of the bound: ") == 2
     assert table.text([]) == ""
 
 

@@ -51,6 +51,8 @@ def reproduce(interrupts: Interrupts, papers: tuple[str, ...], quick: bool, out:
     if figures:
         _demand_folder(figures)
     where = out / ("quick" if quick else "full")
+    for paper, experiment in chosen:  # before anything runs: each folder must be one that can be gone on with
+        reproducing.begin(paper, experiment, where, full=not quick)
     found, said, code = [], [], 0
     with interrupts.noted() as stop:
         for number, (paper, experiment) in enumerate(chosen, 1):

@@ -1,17 +1,15 @@
-"""What figures 3 and 6 of Jiang (2013) show, a figure a run.
+"""What figure 6 of Jiang (2013) shows, a figure a run.
 
 measure(data, variant) -> a Series by replicate          as `measures` takes them: 'mean_of:<this module>:<name>'
 
-Those of figure 6 need the tables `clusters` and `energy_steps`. A cluster's level is the median of what the network
+They need the tables `clusters` and `energy_steps`. A cluster's level is the median of what the network
 spends in a step, over the steps between the one in which it formed and the one in which it hands over [our choice].
 """
 
 from __future__ import annotations
 
-import re
 from typing import Final
 
-import numpy as np
 import pandas as pd
 
 from wsnsim.papers.measures import Data
@@ -45,16 +43,6 @@ def on_level(data: Data, variant: str) -> pd.Series:
     return near.groupby(steps["replicate"]).mean()
 
 
-def over_1600(data: Data, variant: str) -> pd.Series:
-    """The RMSE of a run over that of its twin with 1600 particles."""
-    return _over(data, variant, re.sub(r"\d+ particles", "1600 particles", variant))
-
-
-def over_8(data: Data, variant: str) -> pd.Series:
-    """The RMSE of a run over that of its twin with 8 iterations."""
-    return _over(data, variant, re.sub(r"\d+ iterations?", "8 iterations", variant))
-
-
 def leveled(data: Data, variant: str) -> pd.DataFrame:
     """A row a step from 1 on: replicate, step, time, joules, the cluster that acts, and that cluster's level.
 
@@ -76,8 +64,3 @@ def leveled(data: Data, variant: str) -> pd.DataFrame:
 def _levels(data: Data, variant: str) -> pd.Series:
     """The level of each cluster, by replicate and cluster."""
     return leveled(data, variant).dropna(subset="level").groupby(["replicate", "cluster"])["level"].first()
-
-
-def _over(data: Data, variant: str, other: str) -> pd.Series:
-    one, two = (data.of(name, "runs").set_index("replicate")["rmse"].astype(np.float64) for name in (variant, other))
-    return one / two

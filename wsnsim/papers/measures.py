@@ -8,7 +8,7 @@ A measure is a name:
     rmse                 the time mean of the RMSE over runs at each step (Jiang 2013, eq. 26; Ruan 2020, eq. 10)
     rmse_of_kept         the same over the runs that kept their target
     column:px            the root mean square error of a state column over steps and runs; column_of_kept:px
-    less_than:VARIANT    by what share of that variant's `rmse` the own one is less, on the same runs
+    over:VARIANT         `rmse` over that of another variant, on the same runs;  less_than:VARIANT, one less that
     mean:energy, median:rmse        of a column of `runs` over runs
     share:lost           the share of runs in which a column of `runs` is above zero, with Wilson's interval
     tracks_mean:delay, tracks_median:delay     of a column of `tracks` over tracks
@@ -35,8 +35,12 @@ from wsnsim.papers.reproduction import Limit, Measured
 from wsnsim.recording.folder import Folder
 
 VARIANT = "variant"
-MOST_TRUTHS = 100
-"""Truths that a bound looks at: more change the third digit."""
+OF_RUNS = ("mean", "median", "tracks_mean", "tracks_median", "mean_of", "median_of")
+TRUTHS = 100
+"""Truths that an unconditional bound is the mean over, whatever was run; the most that others look at."""
+OF_LOG = ("active", "arrived")
+ALIKE = 1e-9
+"""Share of their level by which two figures may differ and still be equal: what rounding leaves."""
 
 
 @final
@@ -51,7 +55,7 @@ class Data:
         self.errors = functools.cache(self._errors)
         self.scenario = functools.cache(self._scenario)
         self.bound = functools.cache(self._bound)
-        self.bounds: dict[tuple[str, int, str], bounds.Bound] = {}
+        self.bounds: dict[tuple[str, int, str, str], bounds.Bound] = {}
 
     def of(self, variant: str, table: str) -> pd.DataFrame:
         """The rows of one variant."""
@@ -66,9 +70,12 @@ class Data:
 
     def _bound(self, variant: str, kind: str) -> bounds.Bound:
         point = self.manifest.points[self.variants.index(variant)]
-        key = point.world, point.replicates, kind
+        scenario = self.scenario(variant)
+        assumed = (scenario["tracker"].get("assumes") or {}).get("gains", "known")
+        runs = TRUTHS if kind == "unconditional" else min(point.replicates, TRUTHS)
+        key = point.world, runs, kind, assumed
         if key not in self.bounds:
-            self.bounds[key] = bounds.bound(self.scenario(variant), range(min(point.replicates, MOST_TRUTHS)), kind)
+            self.bounds[key] = bounds.bound(scenario, range(runs), kind, assumed)
         return self.bounds[key]
 
     def states(self, variant: str) -> tuple[tuple[str, str], ...]:
@@ -104,22 +111,20 @@ def measured(data: Data, variant: str, measure: str) -> Measured:
     """
     name, _, column = measure.partition(":")
     lost = data.lost(variant)
-    count, share = len(lost), float(lost.mean()) if len(lost) else float("nan")
-    if name in ("mean", "median", "tracks_mean", "tracks_median"):
-        table = "tracks" if name.startswith("tracks") else "runs"
-        values = data.of(variant, table)[column].to_numpy(dtype=np.float64)
-        found = (statistics.median if name.endswith("median") else statistics.mean)(values)
-        return Measured(found.value, found.low, found.high, count, share)
+    share = float(lost.mean()) if len(lost) else float("nan")
     if name == "share":
         found = statistics.share(data.of(variant, "runs")[column].to_numpy() > 0)
-        return Measured(found.value, found.low, found.high, count, share)
-    if name in ("mean_of", "median_of"):
-        figures = _of_runs(data, variant, measure).to_numpy(dtype=np.float64)
-        found = (statistics.mean if name == "mean_of" else statistics.median)(figures)
-        return Measured(found.value, found.low, found.high, count, share)
+        return Measured(found.value, found.low, found.high, len(lost), share)
+    if name in OF_RUNS:
+        values = _values(data, variant, measure)
+        found = (statistics.median if "median" in name else statistics.mean)(values)
+        known = int(np.isfinite(values).sum())
+        return Measured(found.value, found.low, found.high, min(known, len(lost)), share)
     rows, statistic = _rows(data, variant, name, column)
+    count = len(lost)
     if name.endswith("of_kept"):
-        rows = rows[~lost] if len(rows) == len(lost) else rows
+        rows = rows[~np.repeat(lost, len(rows) // len(lost))]
+        count = int(np.count_nonzero(~lost))
     value = statistic(rows) if len(rows) else float("nan")
     low, high = metrics.bootstrap_interval(rows, statistic) if len(rows) else (float("nan"),) * 2
     return Measured(value, low, high, count, share)
@@ -128,16 +133,22 @@ def measured(data: Data, variant: str, measure: str) -> Measured:
 def bound_of(data: Data, variant: str, measure: str, kind: str) -> Limit:
     """The bound in the terms of a measure, on the replicates that were run; not a number where there is none for it.
 
-    `kind` is unconditional or per_trajectory (see `analysis.bounds`); 'variant:NAME', what a variant measures that
-    nothing can be better than; or 'own:MODULE:FUNCTION', the median over runs of what a paper's own function gives.
+    `kind` is unconditional or per_trajectory (see `analysis.bounds`); active or arrived, along each truth for the
+    readings of active members, and for those that arrived, of runs that recorded their events; 'variant:NAME', what a
+    variant measures that nothing can be better than; or 'own:MODULE:FUNCTION', the median over runs of what a paper's
+    own function gives.
     """
     family, _, rest = kind.partition(":")
     if family == "variant":
         best = measured(data, rest, measure)
-        return Limit(best.value, f"that of '{rest}'", best.low)
+        counts = f"of what '{rest}' measures the lower end of the interval counts, {best.low:.4g}"
+        return Limit(best.value, f"that of '{rest}'", best.low, counts)
     if family == "own":
         own = measured(data, variant, f"median_of:{rest}")
         return Limit(own.value, f"{rest.rpartition(':')[2].replace('_', ' ')}, not strict")
+    if kind in OF_LOG:
+        runs = of_log(data, variant, kind)
+        return Limit(float(runs.median()), f"{kind}, not strict") if measure == "median:rmse" else Limit()
     found = data.bound(variant, kind)
     value = float("nan") if found.reason else _in_terms(found, measure, data.states(variant))
     if not np.isfinite(value):
@@ -145,6 +156,16 @@ def bound_of(data: Data, variant: str, measure: str, kind: str) -> Limit:
     if kind == "unconditional" and not found.cautions:
         return Limit(value, kind, value)
     return Limit(value, f"{kind}, not strict", caution="; ".join(found.cautions))
+
+
+def of_log(data: Data, variant: str, readings: str) -> pd.Series:
+    """The bound along each run's truth for readings that were active or arrived; needs events, estimates, clusters."""
+    point = data.manifest.points[data.variants.index(variant)]
+    found: dict[int, float] = {}
+    for batch in data.folder.batches(point.id):
+        bound = bounds.bound_of_run(batch.path, readings, "per_trajectory")
+        found |= dict(zip(bound.asked.replicates, bound.of_replicates.tolist(), strict=True))
+    return pd.Series(found)
 
 
 def _in_terms(found: bounds.Bound, measure: str, states: Sequence[tuple[str, str]]) -> float:
@@ -164,8 +185,18 @@ def difference(data: Data, variant: str, other: str, measure: str) -> Measured:
     """
     one, two = (_of_runs(data, name, measure) for name in (variant, other))
     common = one.index.intersection(two.index)
-    found = statistics.paired(one[common].to_numpy(), two[common].to_numpy())
-    return Measured(found.value, found.low, found.high, len(common), float(data.lost(variant).mean()))
+    first, second = one[common].to_numpy(dtype=np.float64), two[common].to_numpy(dtype=np.float64)
+    found = statistics.paired(np.where(np.isclose(first, second, rtol=ALIKE, atol=0.0), second, first), second)
+    lost = data.lost(variant) | data.lost(other)
+    return Measured(found.value, found.low, found.high, int(np.isfinite(first - second).sum()), float(lost.mean()))
+
+
+def _values(data: Data, variant: str, measure: str) -> Floats:
+    """The figures that a mean or a median over runs or tracks is of."""
+    name, _, column = measure.partition(":")
+    if name.endswith("_of"):
+        return _of_runs(data, variant, measure).to_numpy(dtype=np.float64)
+    return data.of(variant, "tracks" if name.startswith("tracks") else "runs")[column].to_numpy(dtype=np.float64)
 
 
 def _of_runs(data: Data, variant: str, measure: str) -> pd.Series:
@@ -186,12 +217,17 @@ def _rows(data: Data, variant: str, name: str, column: str) -> tuple[Floats, Cal
         return data.errors(variant), metrics.time_mean_rmse
     if name in ("column", "column_of_kept"):
         return data.column_errors(variant, column), metrics.rmse
-    if name == "less_than":
-        return np.hstack([data.errors(variant), data.errors(column)]), _share_less
+    if name in ("over", "less_than"):
+        return np.hstack([data.errors(variant), data.errors(column)]), _over if name == "over" else _share_less
     raise KeyError(f"no measure is called '{name}'")
 
 
-def _share_less(rows: Floats) -> float:
-    """1 - a / b, of the time means a and b of two variants whose errors stand side by side."""
+def _over(rows: Floats) -> float:
+    """a / b, of the time means a and b of two variants whose errors stand side by side."""
     one, other = (metrics.time_mean_rmse(half) for half in np.hsplit(rows, 2))
-    return 1.0 - one / other
+    return one / other
+
+
+def _share_less(rows: Floats) -> float:
+    """1 - a / b."""
+    return 1.0 - _over(rows)

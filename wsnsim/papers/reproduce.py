@@ -1,6 +1,7 @@
 """Every table and figure of the papers, run as campaigns that can be gone on with, and what comes of it.
 
-run(paper, experiment, where, full=False, ...) -> Ended       the experiment's campaign
+begin(paper, experiment, where) -> Folder                     the experiment's campaign
+run(paper, experiment, where, full=False, ...) -> Ended       what is missing of it
 rows(paper, experiment, folder) -> [Row, ...]                 published, measured, bound, verdict
 draw(experiment, folder, into) -> [file, ...]                 the paper's figures, ours
 """
@@ -70,6 +71,15 @@ def plan(paper: str, experiment: Experiment, full: bool = False) -> Plan:
     )
 
 
+def begin(paper: str, experiment: Experiment, where: Path, full: bool = False) -> Folder:
+    """The campaign of an experiment in the folder WHERE/PAPER/EXPERIMENT, begun or to be gone on with.
+
+    Raises:
+        UsageError: the folder is of another version, or cannot be written.
+    """
+    return campaign.begin(plan(paper, experiment, full), place(where, paper, experiment), by=(VARIANT,))
+
+
 def run(
     paper: str,
     experiment: Experiment,
@@ -80,9 +90,8 @@ def run(
     watch: Callable[[campaign.Progress], None] | None = None,
     stop: Callable[[], bool] = lambda: False,
 ) -> campaign.Ended:
-    """Run what is missing of an experiment, in the folder WHERE/PAPER/EXPERIMENT."""
-    folder = campaign.begin(plan(paper, experiment, full), place(where, paper, experiment), by=(VARIANT,))
-    return campaign.drive(folder, LocalPool(jobs or cores()), watch=watch, stop=stop)
+    """Run what is missing of an experiment."""
+    return campaign.drive(begin(paper, experiment, where, full), LocalPool(jobs or cores()), watch=watch, stop=stop)
 
 
 def place(where: Path, paper: str, experiment: Experiment) -> Path:
@@ -127,7 +136,7 @@ def draw(paper: str, experiment: Experiment, where: Path, into: Path) -> list[Pa
 def as_json(found: Sequence[Row]) -> list[dict[str, Any]]:
     """The rows as plain values."""
     names = ("paper", "experiment", "quantity", "variant", "published", "measured", "low", "high", "replicates",
-             "lost_fraction", "bound", "bound_kind", "verdict", "reason", "caution")  # fmt: skip
+             "lost_fraction", "bound", "bound_kind", "verdict", "reason", "caution", "read", "literal")  # fmt: skip
     return [{name: getattr(row, name) for name in names} for row in found]
 
 
@@ -135,17 +144,19 @@ def _of_claim(paper: str, experiment: Experiment, claim: Claim, data: Data) -> R
     found = measures.measured(data, claim.variant, claim.measure)
     limit = measures.bound_of(data, claim.variant, claim.measure, claim.bound) if claim.bound else Limit()
     published = NAN if claim.published is None else claim.published
+    verdict, counted = judged(claim, found, limit.strict), experiment.literal and claim.literal
     return Row(
-        paper, experiment.name, quantity(claim), claim.variant, published, *found, limit.value, limit.kind,
-        judged(claim.published, found, limit.strict), claim.reason, limit.caution,
+        paper, experiment.name, quantity(claim), claim.variant, published, *found, limit.value, limit.kind, verdict,
+        claim.reason, limit.caution, claim.read, counted,
     )  # fmt: skip
 
 
 def _of_order(paper: str, experiment: Experiment, claim: Order, data: Data) -> Row:
     found = measures.difference(data, claim.variant, claim.other, claim.measure)
     return Row(
-        paper, experiment.name, quantity(claim), claim.variant, NAN, *found, NAN, "", ordered(found), claim.reason
-    )
+        paper, experiment.name, quantity(claim), claim.variant, NAN, *found, NAN, "", ordered(found), claim.reason,
+        literal=experiment.literal and claim.literal,
+    )  # fmt: skip
 
 
 def quantity(claim: Claim | Order) -> str:

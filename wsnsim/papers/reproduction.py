@@ -13,7 +13,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final, Literal, NamedTuple
 
-Verdict = Literal["reproduces", "same order", "does not reproduce", "cannot: beyond the bound", "not published"]
+Verdict = Literal[
+    "reproduces", "same order", "does not reproduce", "cannot: beyond the bound", "undecided", "not judged",
+    "not published",
+]  # fmt: skip
 CLOSE: Final = 0.1
 """Share of a published figure by which ours may differ and still be the same."""
 FACTOR: Final = 2.0
@@ -35,6 +38,10 @@ class Claim:
 
     `measure` names what is measured, `bound` the kind of bound to put beside it, '' for none: see `measures`.
     `reason` says in a line why it comes out as it does, `where` the table or figure that prints it.
+
+    `read`: what is published is our reading of a curve or of words, no printed number. `judged`: False where the two
+    cannot be compared, as seconds of two machines. `factor`: up to which ratio the two are of one order; nearer to one
+    for shares. `literal`: False for what the paper does not claim, repairs and other readings; these are not counted.
     """
 
     quantity: str
@@ -44,11 +51,18 @@ class Claim:
     where: str = ""
     bound: str = ""
     reason: str = ""
+    read: bool = False
+    judged: bool = True
+    factor: float = FACTOR
+    literal: bool = True
 
 
 @dataclass(frozen=True)
 class Order:
-    """A published order: the measure of `variant` is below that of `other`, replicate by replicate."""
+    """A published order: the measure of `variant` is below that of `other`, replicate by replicate.
+
+    `literal` as in Claim.
+    """
 
     quantity: str
     variant: str
@@ -56,6 +70,7 @@ class Order:
     measure: str
     where: str = ""
     reason: str = ""
+    literal: bool = True
 
 
 @dataclass(frozen=True)
@@ -74,7 +89,8 @@ class Experiment:
 
     `quick` and `full` are replicates a variant, `record` the tables that measures and pictures need beside `runs` and
     `tracks`. `sets` are laid on every variant, `quick_sets` in a quick run in addition. `says` names a function
-    as 'module:function' that takes the data and gives lines to stand beneath the rows.
+    as 'module:function' that takes the data and gives lines to stand beneath the rows. `literal`: False where all of it
+    is another reading than the paper's text, so that no claim is counted.
     """
 
     name: str
@@ -89,6 +105,7 @@ class Experiment:
     quick_sets: tuple[str, ...] = ()
     block: int = 5
     says: str = ""
+    literal: bool = True
 
 
 class Measured(NamedTuple):
@@ -132,35 +149,44 @@ class Row:
     verdict: Verdict
     reason: str
     caution: str = ""
+    read: bool = False
+    literal: bool = True
 
 
 RULE: Final[Mapping[Verdict, str]] = {
-    "reproduces": "what is published lies in our 95 % interval or within 10 % of our figure, and is of its order; "
-    "or the whole interval of the paired difference has the published sign",
-    "same order": "ours is between half and twice what is published; or only the median difference has its sign",
-    "does not reproduce": "anything else",
-    "cannot: beyond the bound": "what is published lies below a strict bound: nobody could have measured it",
+    "reproduces": "what is published is within 10 % of our figure; or it is in its 95 % interval, which is between "
+    "half and twice of it; of an order: the whole interval of the paired difference has the published sign",
+    "same order": "ours is between half and twice what is published (shares: within a fifth)",
+    "does not reproduce": "neither; of an order: the whole interval has the other sign",
+    "cannot: beyond the bound": "what is published is below a strict bound: "
+    "no filter is so good on average over truths",
+    "undecided": "what is published is in the interval, which is wider than that; of an order: it holds zero",
+    "not judged": "the two cannot be compared, as seconds on two machines",
 }
 """How a verdict comes about."""
 
 
-def judged(published: float | None, found: Measured, strict: float = NAN) -> Verdict:
-    """The verdict on a figure, by RULE; `strict` is the bound below which nothing can be measured, if there is one."""
+def judged(claim: Claim, found: Measured, strict: float = NAN) -> Verdict:
+    """The verdict on a figure, by RULE; `strict` is the bound that no filter is below on average, if there is one."""
+    published = claim.published
     if published is None:
         return "not published"
+    if not claim.judged:
+        return "not judged"
     if math.isfinite(strict) and published < strict:
         return "cannot: beyond the bound"
     if not math.isfinite(found.value):
         return "does not reproduce"
-    ratio = found.value / published if published else math.inf
-    near = 1.0 / FACTOR <= ratio <= FACTOR or found.value == published
-    if near and (found.low <= published <= found.high or abs(found.value - published) <= CLOSE * abs(published)):
+    if abs(found.value - published) <= CLOSE * abs(published):
         return "reproduces"
-    return "same order" if near else "does not reproduce"
+    low, high = (published / claim.factor, published * claim.factor)
+    if found.low <= published <= found.high:
+        return "reproduces" if low <= found.low and found.high <= high else "undecided"
+    return "same order" if low <= found.value <= high else "does not reproduce"
 
 
 def ordered(found: Measured) -> Verdict:
     """The verdict on an order, by RULE, from the paired difference, which should be below zero."""
-    if math.isfinite(found.high) and found.high < 0.0:
-        return "reproduces"
-    return "same order" if found.value < 0.0 else "does not reproduce"
+    if not math.isfinite(found.low) or found.low < 0.0 <= found.high:
+        return "undecided"
+    return "reproduces" if found.high < 0.0 else "does not reproduce"

@@ -13,11 +13,14 @@ from typing import Final
 
 from wsnsim.papers.reproduction import RULE, Row
 
-KINDS: Final = {"unconditional": "u", "per_trajectory": "t"}
+KINDS: Final = {"unconditional": "u", "per_trajectory": "t", "active": "active", "arrived": "arrived"}
 MARKS: Final = (
-    "u unconditional, over all truths; t along each truth, which a filter may beat on some; other, as its reason says; "
-    "~ not strict here"
+    "u unconditional, over all truths; t along each truth, which a filter may beat on some; "
+    "other, of another variant or as its reason says; ~ not strict here"
 )
+READ: Final = "about"
+WORDS_READ: Final = "no printed number, but our reading of a curve, or of words"
+FEW: Final = 30
 HEADS: Final = ("quantity", "variant", "published", "measured [95 %]", "bound", "runs", "lost", "verdict")
 
 
@@ -39,17 +42,20 @@ def _block(rows: Sequence[Row]) -> Iterator[str]:
         if row.reason:
             yield f"      {row.reason}"
     for caution in dict.fromkeys(caution for row in rows for caution in row.caution.split("; ") if caution):
-        yield f"  the bound is not strict: {caution}"
+        yield f"  of the bound: {caution}"
 
 
 def _verdicts(rows: Sequence[Row]) -> list[str]:
-    """How many verdicts of each kind there are on what each paper printed, and how they come about."""
+    """How many verdicts of each kind there are on what each paper claims, and how they come about."""
     lines = []
     for paper in dict.fromkeys(row.paper for row in rows):
-        counts = Counter(row.verdict for row in rows if row.paper == paper and row.verdict in RULE)
+        judged = [row for row in rows if row.paper == paper and row.verdict in RULE]
+        counts = Counter(row.verdict for row in judged if row.literal)
         if counts:
             said = ", ".join(f"{counts[verdict]} x {verdict}" for verdict in RULE if counts[verdict])
             lines.append(f"{paper}: {sum(counts.values())} claims: {said}")
+        if others := len(judged) - sum(counts.values()):
+            lines.append(f"{paper}: {others} more verdicts are on repairs and other readings, and not counted")
     return [*lines, *legend(rows)]
 
 
@@ -58,6 +64,14 @@ def legend(rows: Sequence[Row]) -> list[str]:
     lines = [f"  {verdict}: {words}" for verdict, words in RULE.items() if any(row.verdict == verdict for row in rows)]
     if any(math.isfinite(row.bound) for row in rows):
         lines.append(f"  bound: {MARKS}")
+    if any(row.read and math.isfinite(row.published) for row in rows):
+        lines.append(f"  {READ}: {WORDS_READ}")
+    if any(row.reason for row in rows):
+        lines.append("  reasons: figures within them are of the quick runs")
+    if any(row.replicates < FEW and math.isfinite(row.low) for row in rows):
+        lines.append(
+            f"  runs: from fewer than {FEW}, the interval of a mean or an RMSE misses that single runs go astray"
+        )
     return lines
 
 
@@ -71,7 +85,7 @@ def cells(row: Row) -> tuple[str, ...]:
     return (
         row.quantity,
         row.variant,
-        _number(row.published),
+        f"{READ} {_number(row.published)}" if row.read and math.isfinite(row.published) else _number(row.published),
         _number(row.measured) + interval,
         _bound(row),
         str(row.replicates),

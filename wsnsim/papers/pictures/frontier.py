@@ -156,7 +156,7 @@ def _legend(colours: dict[str, str]) -> Iterator[Line2D]:
     for text, colour in colours.items():
         yield mark(text, color=colour)
     lost, late = f"{100 * MOST_LOST:.0f} %", f"{100 * LEAST_IN_TIME:.0f} %"
-    yield mark(f"hollow: more than {lost} of the runs\nlose the target", markerfacecolor="white")
+    yield mark(f"hollow: more than {lost} of the runs\nlose the target, or are far off", markerfacecolor="white")
     yield mark(f"diamond: fewer than {late} of the steps\nhave an estimate in time", marker="D")
     yield mark("ring and line: not beaten (Pareto), of\nthose that are neither", markersize=SIDE + 4,
                markerfacecolor="none", linestyle="-")  # fmt: skip
