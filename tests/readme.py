@@ -1,4 +1,4 @@
-"""The README's tables of results anew: `make readme`, from the full runs in results/reproduce, or quick ones.
+"""The README's tables of results anew: `make readme`, from full runs in results/reproduce; of the frontier, quick ones.
 
 python -m tests.readme [--quick]        runs what is missing, which takes an hour if nothing is there
 """
@@ -12,20 +12,21 @@ import sys
 from pathlib import Path
 
 HOME = Path(__file__).parents[1]
-BLOCK = r"(<!-- {name}: made by make readme -->\n).*?(\n<!-- end of {name} -->)"
-BLOCKS = {"papers": (), "frontier": ("frontier",)}
+BLOCK = r"(<!-- {name}: made by make readme -->\n).*?(<!-- end of {name} -->)"
+BLOCKS = {"papers": (), "frontier": ("frontier", "--quick")}
 PICTURES = ("jiang2013_figure_9.png", "frontier_frontier.png")
 
 
-def told(papers: tuple[str, ...], *more: str) -> str:
+def told(*words: str) -> str:
     """What `wsnsim reproduce` answers as Markdown."""
-    command = [sys.executable, "-m", "wsnsim", "reproduce", *papers, "--markdown", *more]
+    command = [sys.executable, "-m", "wsnsim", "reproduce", "--markdown", *words]
     return subprocess.run(command, cwd=HOME, stdout=subprocess.PIPE, text=True, check=True).stdout.strip()
 
 
 def spliced(text: str, name: str, block: str) -> str:
     """The README with a block replaced. Raises ValueError if it has no such block."""
-    found, count = re.subn(BLOCK.format(name=name), lambda mark: mark[1] + block + mark[2], text, flags=re.DOTALL)
+    pattern = re.compile(BLOCK.format(name=name), re.DOTALL)
+    found, count = pattern.subn(lambda mark: f"{mark[1]}{block}\n{mark[2]}", text)
     if count != 1:
         raise ValueError(f"README.md has {count} blocks called {name}")
     return found
@@ -36,8 +37,8 @@ def main() -> None:
     runs = "--quick" if "--quick" in sys.argv[1:] else "--full"
     readme, figures = HOME / "README.md", HOME / "results/figures"
     text = readme.read_text(encoding="utf-8")
-    for name, papers in BLOCKS.items():
-        text = spliced(text, name, told(papers, runs, "--figures", str(figures)))
+    for name, words in BLOCKS.items():
+        text = spliced(text, name, told(runs, *words, "--figures", str(figures)))
     readme.write_text(text, encoding="utf-8")
     for picture in PICTURES:
         shutil.copyfile(figures / picture, HOME / "docs" / picture)

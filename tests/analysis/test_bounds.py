@@ -33,6 +33,15 @@ def test_on_a_line_the_bound_is_what_the_kalman_filter_claims_at_every_step(tmp_
         assert bound_of_run(result, "arrived", kind).columns[:, 0] == pytest.approx(claimed[2], rel=1e-9)
 
 
+def test_a_tracker_that_does_not_know_the_gains_has_the_bound_for_unknown_ones():
+    blind = {**JIANG, "tracker": {"kind": "ekf", "gains": "unknown"}}
+    assert bound(blind, range(2), "per_trajectory").asked.gains == "unknown"
+    assert np.array_equal(
+        bound(blind, range(2), "per_trajectory").each, bound(JIANG, range(2), "per_trajectory", "unknown").each
+    )
+    assert bound(JIANG, range(2), "per_trajectory").asked.gains == "known"
+
+
 def test_unknown_gains_never_lower_the_bound_and_matter_where_they_differ():
     known, unknown = (bound(JIANG, range(3), "per_trajectory", gains) for gains in bounds.GAINS)
     assert np.all(unknown.each >= known.each * (1 - 1e-9)) and unknown.time_mean > 1.05 * known.time_mean

@@ -107,20 +107,21 @@ class Bound:
 
 
 def bound(
-    scenario: Any, replicates: Sequence[int] = range(30), kind: str = "unconditional", gains: str = "known"
+    scenario: Any, replicates: Sequence[int] = range(30), kind: str = "unconditional", gains: str | None = None
 ) -> Bound:
     """The bound for all readings in range, on the networks and truths of these replicates of a scenario.
 
-    `gains: unknown` counts them as unknowns along each trajectory; see `bounding.gains`. The unconditional bound is
-    then that for known gains, which bounds both: where nodes are drawn anew in each replicate, what an unknown gain
-    takes away cancels out in the mean over them.
+    `gains`: known, unknown, or None for what the tracker assumes. Unknown ones are counted as such along each
+    trajectory; see `bounding.gains`. The unconditional bound is then that for known gains, which bounds both: where
+    nodes are drawn anew in each replicate, what an unknown gain takes away cancels out in the mean over them.
 
     Raises:
         UsageError: kind or gains are not among those named, or there are no replicates.
         ScenarioError, RunError: as `simulate`.
     """
-    problem = scenarios.build(scenarios.load(scenario))
-    asked = _checked(Asked(kind, "in_range", gains, tuple(replicates)))
+    loaded = scenarios.load(scenario)
+    problem = scenarios.build(loaded)
+    asked = _checked(Asked(kind, "in_range", gains or _assumed(loaded), tuple(replicates)))
     if isinstance(problem, Beacons) or (reason := _objection(problem, kind)):
         return _nothing(asked, "there is no target" if isinstance(problem, Beacons) else reason)
     draws = [drawn(problem, number) for number in asked.replicates]
@@ -128,7 +129,7 @@ def bound(
 
 
 def bound_of_run(
-    path: str | Path, readings: str = "arrived", kind: str = "per_trajectory", gains: str = "known"
+    path: str | Path, readings: str = "arrived", kind: str = "per_trajectory", gains: str | None = None
 ) -> Bound:
     """The bound for the readings of a recorded run: of its clusters' `active` members, those that `arrived`, or all.
 
@@ -138,9 +139,10 @@ def bound_of_run(
         UsageError: kind, readings or gains are not among those named.
         ResultError: the file cannot be read, or this version draws other truths than it holds.
     """
-    problem = scenarios.build(scenarios.load(experiment.rerun_source(Path(path))))
+    loaded = scenarios.load(experiment.rerun_source(Path(path)))
+    problem = scenarios.build(loaded)
     replicates = recording.read_table(path, "runs", ["replicate"])["replicate"].tolist()
-    asked = _checked(Asked(kind, readings, gains, tuple(replicates)))
+    asked = _checked(Asked(kind, readings, gains or _assumed(loaded), tuple(replicates)))
     if isinstance(problem, Beacons) or (reason := _objection(problem, kind)):
         return _nothing(asked, "there is no target" if isinstance(problem, Beacons) else reason)
     draws = [drawn(problem, number) for number in replicates]
@@ -155,6 +157,12 @@ def bound_of_run(
     return _made(
         problem, asked, draws, lambda row, target: recorded.heard(asked.replicates[row], target, asked.readings)
     )
+
+
+def _assumed(scenario: Any) -> str:
+    """What the scenario's tracker assumes of the gains; known where there is no tracker."""
+    gains: str = getattr(getattr(getattr(scenario, "tracker", None), "assumes", None), "gains", "known")
+    return gains
 
 
 def _checked(asked: Asked) -> Asked:

@@ -70,12 +70,11 @@ class Data:
 
     def _bound(self, variant: str, kind: str) -> bounds.Bound:
         point = self.manifest.points[self.variants.index(variant)]
-        scenario = self.scenario(variant)
-        assumed = (scenario["tracker"].get("assumes") or {}).get("gains", "known")
         runs = TRUTHS if kind == "unconditional" else min(point.replicates, TRUTHS)
+        assumed = repr(self.scenario(variant)["tracker"].get("assumes"))
         key = point.world, runs, kind, assumed
         if key not in self.bounds:
-            self.bounds[key] = bounds.bound(scenario, range(runs), kind, assumed)
+            self.bounds[key] = bounds.bound(self.scenario(variant), range(runs), kind)
         return self.bounds[key]
 
     def states(self, variant: str) -> tuple[tuple[str, str], ...]:
