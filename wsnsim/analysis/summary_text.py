@@ -39,6 +39,8 @@ def text(report: Report, published: Mapping[str, float], source: str = "the pape
     lines = [f"  {row[0]:<{widths[0]}}  {row[1]:>{widths[1]}}  {row[2]}".rstrip() for row in rows]
     replicates = figures["replicates"]
     took = f"  took {figures['wall_seconds']:.1f} s, {figures['cpu_seconds'] / replicates:.2f} s of CPU a replicate"
+    if figures["bound_reason"] not in ("", UNASKED.reason):
+        lines.append(f"  no bound: {figures['bound_reason']}")
     return "\n".join([heading, *lines, took])
 
 
