@@ -26,13 +26,51 @@ def test_every_experiment_is_a_campaign_of_scenarios_that_load(name, full):
     assert {one["sink"]["every"] for one in points} == {10.0}
 
 
-def test_gmtt_as_printed_differs_from_ours_by_what_the_paper_says_and_by_nothing_else():
-    names = ("gmtt, 300", "gmtt as printed, 300")
-    few = dataclasses.replace(EXPERIMENTS["figures_3_6"], variants={
-        name: EXPERIMENTS["figures_3_6"].variants[name] for name in names})  # fmt: skip
-    ours, printed = (json.loads(point.resolved)["tracker"] for point in reproduce.plan("li2012", few).points)
-    differing = {key: (ours[key], printed[key]) for key in ours if ours[key] != printed[key]}
-    assert differing == {"shift": (500.0, 0.0), "correction": ("tail", "literal")}
+def test_the_plain_name_is_gmtt_as_printed_and_the_repair_is_called_so_and_differs_by_nothing_else():
+    names = ("gmtt, 300", "gmtt, repaired, 300")
+    for name in ("figures_3_6", "every_10_s"):
+        few = dataclasses.replace(EXPERIMENTS[name], variants={one: EXPERIMENTS[name].variants[one] for one in names})
+        printed, ours = (json.loads(point.resolved)["tracker"] for point in reproduce.plan("li2012", few).points)
+        differing = {key: (printed[key], ours[key]) for key in ours if ours[key] != printed[key]}
+        assert differing == {"shift": (0.0, 500.0), "correction": ("literal", "tail")}
+
+
+def test_of_what_is_left_open_all_is_of_the_repaired_form_with_one_thing_otherwise():
+    whole = EXPERIMENTS["left_open"]
+    chosen = {name: variant for name, variant in whole.variants.items() if "calibrated" not in name}
+    few = dataclasses.replace(whole, variants=chosen)
+    base, *others = (json.loads(point.resolved)["tracker"] for point in reproduce.plan("li2012", few).points)
+    assert (base["shift"], base["correction"], base["report"]) == (500.0, "tail", "fix")
+    assert [[key for key in base if one[key] != base[key]] for one in others] == [
+        ["shift"], ["correction"], ["correction"], ["report"]]  # fmt: skip
+    assert all(name.startswith("gmtt, repaired") for name in few.variants)
+
+
+def test_what_counts_is_as_printed_once_a_report_at_the_middle_levels():
+    assert {name: experiment.literal for name, experiment in EXPERIMENTS.items()} == {
+        "figures_3_6": False, "every_10_s": True, "left_open": False}  # fmt: skip
+    for claim in (*EXPERIMENTS["figures_3_6"].claims, *EXPERIMENTS["every_10_s"].claims):
+        names = f"{claim.variant}, {getattr(claim, 'other', '')}"
+        ours = any(mark in names for mark in ("repaired", "low", "high", "ris")) or "efficiency" in claim.where
+        assert claim.literal != ours, claim
+
+
+def test_only_shares_near_to_one_are_read_from_words_and_are_judged_as_shares():
+    for _, claim in CLAIMS:
+        if isinstance(claim, Claim) and claim.published is not None:
+            near = claim.where == "figure 3"
+            assert (claim.read, claim.factor) == ((True, 1.2) if near else (False, 2.0)), claim
+
+
+def test_both_forms_of_gmtt_are_asked_for_the_same():
+    for name in ("figures_3_6", "every_10_s"):
+        asked: dict[bool, list[tuple[str, ...]]] = {True: [], False: []}
+        for claim in EXPERIMENTS[name].claims:
+            names = (claim.variant, getattr(claim, "other", ""))
+            if any(one.startswith("gmtt") for one in names) and not claim.quantity.startswith("Cramér"):
+                said = tuple(one.replace("gmtt, repaired", "gmtt") for one in names)
+                asked[any("repaired" in one for one in names)].append((claim.quantity, claim.measure, *said))
+        assert asked[True] and sorted(asked[True]) == sorted(asked[False])
 
 
 def test_every_claim_is_of_variants_that_are_run():
@@ -47,11 +85,11 @@ def test_every_measure_is_known_and_its_tables_are_recorded():
         if name.endswith("_of"):
             module, _, function = column.partition(":")
             assert callable(getattr(importlib.import_module(module), function)), claim
-            needed = {"estimates"} if function != "fix_bound" else {"truth", "nodes"}
+            needed = {"fix_bound": {"truth", "nodes"}, "vain_growth": set()}.get(function, {"estimates"})
             assert needed <= set(experiment.record), claim
         else:
-            assert name in ("tracks", "tracks_mean", "tracks_median"), claim
-            assert column in [one.name for one in TABLES["tracks"]], claim
+            assert name in ("mean", "tracks", "tracks_mean", "tracks_median"), claim
+            assert column in [one.name for one in TABLES["runs" if name == "mean" else "tracks"]], claim
 
 
 def test_what_is_published_is_what_the_paper_prints():
@@ -80,7 +118,25 @@ def test_every_published_order_is_asked_for_the_right_way_round():
     assert all(variant.startswith("tsstp") for variant, _ in found)
     of_delay = [(c.variant, c.other) for c in EXPERIMENTS["every_10_s"].claims
                 if isinstance(c, Order) and "delay" in c.quantity]  # fmt: skip
-    assert of_delay == 2 * [("tsstp, 300", "gmtt, 300"), ("gmtt, 300", "cluster, 300")]
+    gmtt, repaired = "gmtt, 300", "gmtt, repaired, 300"
+    assert of_delay == 2 * [("tsstp, 300", gmtt), ("tsstp, 300", repaired), ("tsstp, 300", "cluster, 300"),
+                            (gmtt, "cluster, 300"), (repaired, "cluster, 300")]  # fmt: skip
+    of_error = {(c.variant, c.other) for c in EXPERIMENTS["every_10_s"].claims
+                if isinstance(c, Order) and c.quantity.startswith("mean error")}  # fmt: skip
+    assert {("cluster, 300", gmtt), (gmtt, "tsstp, 300"), ("cluster, 300", "tsstp, 300")} <= of_error
+    assert not {(two, one) for one, two in of_error} & of_error
+
+
+def test_the_reasons_that_the_text_gives_are_asked_for_too():
+    found = {(c.quantity, c.variant, c.other) for c in EXPERIMENTS["every_10_s"].claims
+             if isinstance(c, Order) and c.where.startswith("text of")}  # fmt: skip
+    assert {
+        ("re-acquisitions a run", "gmtt, 200", "tsstp, 200"),
+        ("ranges a step, of steps 1 to 20", "tsstp, 300", "gmtt, 300"),
+        ("operations a run", "gmtt, 300", "cluster, 300"),
+        ("operations a run", "tsstp, 300", "cluster, 300"),
+        ("nodes told in vain in 20 steps, more at 400 nodes than at 200", "gmtt, 400", "tsstp, 400"),
+    } <= found
 
 
 def test_every_verdict_on_something_published_has_its_reason_in_a_line():
@@ -118,15 +174,27 @@ def test_the_figures_of_a_run_are_of_its_first_20_steps_or_of_its_first_20_repor
     data = Held(estimates={
         "replicate": 7, "step": steps, "time": 2.0 * steps, "issued": 2.0 * steps + delay,
         "received": np.where(steps % 5 == 0, 2.0 * steps + steps / 100.0, np.nan),
+        "readings": np.where(steps <= 20, steps % 2, 1000),
         "error": np.where(steps <= 5, 10.0, np.where(steps <= 20, steps - 5.0, 1e6)),
     })  # fmt: skip
     found = {name: getattr(li2012_measures, name)(data, "").loc[7] for name in (
         "mean_error", "later_mean", "later_median", "start_excess", "least_delay", "greatest_delay",
-        "least_report_delay", "greatest_report_delay")}  # fmt: skip
+        "least_report_delay", "greatest_report_delay", "ranges")}  # fmt: skip
     assert found == pytest.approx({
         "mean_error": (5 * 10.0 + 120.0) / 20, "later_mean": 8.0, "later_median": 8.0, "start_excess": 2.0,
         "least_delay": 0.01, "greatest_delay": 0.5, "least_report_delay": 0.05, "greatest_report_delay": 1.0,
+        "ranges": 0.5,
     })  # fmt: skip
+
+
+def test_how_much_more_is_told_in_vain_is_of_one_tracker_at_both_densities_run_by_run():
+    class Told:
+        def of(self, variant, table):
+            assert table == "tracks"
+            counts = {"gmtt, repaired, 200": [3, 50], "gmtt, repaired, 400": [10, 20]}[variant]
+            return pd.DataFrame({"replicate": [4, 5], "ineffective_twenty": np.array(counts, dtype=np.uint32)})
+
+    assert li2012_measures.vain_growth(Told(), "gmtt, repaired, 400").to_dict() == {4: 7.0, 5: -30.0}
 
 
 def test_the_least_error_of_a_fix_is_that_of_the_nodes_in_reach_in_closed_form():
@@ -162,7 +230,7 @@ def test_no_least_squares_fix_is_better_than_that_on_average():
 
 def test_a_tiny_run_gives_rows_and_pictures_and_is_not_run_again(tmp_path):
     whole = EXPERIMENTS["figures_3_6"]
-    names = ("gmtt, 300", "gmtt as printed, 300", "tsstp, 300", "cluster, 300")
+    names = ("gmtt, 300", "gmtt, repaired, 300", "tsstp, 300", "cluster, 300")
     kept = [claim for claim in whole.claims if {claim.variant, getattr(claim, "other", names[0])} <= set(names)]
     tiny = dataclasses.replace(whole, variants={name: whole.variants[name] for name in names}, claims=tuple(kept),
                                quick=2, quick_sets=("duration=20 s",))  # fmt: skip

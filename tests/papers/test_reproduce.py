@@ -113,6 +113,7 @@ def test_an_order_needs_the_whole_interval_on_one_side_of_zero():
     assert ordered(found(-1.0, -2.0, -0.1)) == "reproduces"
     assert ordered(found(1.0, 0.1, 2.0)) == ordered(found(0.0, 0.0, 0.0)) == "does not reproduce"
     assert ordered(found(-1.0, -2.0, 0.0)) == ordered(found(1.0, -0.1, 2.0)) == "undecided"
+    assert ordered(found(0.0, 0.0, 1.0)) == "undecided"
     assert ordered(found(-1.0, NAN, NAN)) == ordered(found(NAN, NAN, NAN)) == "undecided"
 
 

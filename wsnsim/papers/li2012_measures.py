@@ -16,6 +16,7 @@ import pandas as pd
 
 from wsnsim.base import metrics
 from wsnsim.base.arrays import Floats
+from wsnsim.papers.li2012 import HIGH, LOW
 from wsnsim.papers.measures import Data
 
 STEPS: Final = 20
@@ -46,6 +47,18 @@ def later_median(data: Data, variant: str) -> pd.Series:
 def start_excess(data: Data, variant: str) -> pd.Series:
     """By how much the median error of the steps 1 to 5 is above that of the steps 6 to 20 (m)."""
     return errors(data, variant).iloc[:, :WINDOW].median(axis=1) - later_median(data, variant)
+
+
+def ranges(data: Data, variant: str) -> pd.Series:
+    """The mean number of ranges that a step's estimate is of, over the first 20 steps."""
+    return _first(data.of(variant, "estimates"), "readings").mean(axis=1)
+
+
+def vain_growth(data: Data, variant: str) -> pd.Series:
+    """How many more nodes its tracker tells in vain in 20 steps at the highest density than at the lowest."""
+    tracker = variant.rpartition(", ")[0]
+    low, high = (data.of(f"{tracker}, {nodes}", "tracks").set_index("replicate") for nodes in (LOW, HIGH))
+    return high["ineffective_twenty"].astype(np.float64) - low["ineffective_twenty"].astype(np.float64)
 
 
 def least_delay(data: Data, variant: str) -> pd.Series:

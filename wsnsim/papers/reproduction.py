@@ -157,7 +157,7 @@ RULE: Final[Mapping[Verdict, str]] = {
     "reproduces": "what is published is within 10 % of our figure; or it is in its 95 % interval, which is between "
     "half and twice of it; of an order: the whole interval of the paired difference has the published sign",
     "same order": "ours is between half and twice what is published (shares: within a fifth)",
-    "does not reproduce": "neither; of an order: the whole interval has the other sign",
+    "does not reproduce": "neither; of an order: the whole interval has the other sign, or there is no difference",
     "cannot: beyond the bound": "what is published is below a strict bound: "
     "no filter is so good on average over truths",
     "undecided": "what is published is in the interval, which is wider than that; of an order: it holds zero",
@@ -187,6 +187,6 @@ def judged(claim: Claim, found: Measured, strict: float = NAN) -> Verdict:
 
 def ordered(found: Measured) -> Verdict:
     """The verdict on an order, by RULE, from the paired difference, which should be below zero."""
-    if not math.isfinite(found.low) or found.low < 0.0 <= found.high:
-        return "undecided"
-    return "reproduces" if found.high < 0.0 else "does not reproduce"
+    if found.high < 0.0:
+        return "reproduces"
+    return "does not reproduce" if found.low > 0.0 or found.low == found.high == 0.0 else "undecided"

@@ -17,12 +17,12 @@ from matplotlib.ticker import FixedLocator, FormatStrFormatter, NullLocator
 
 from wsnsim.analysis.panels import BOUND, COLOURS, PUBLISHED
 from wsnsim.papers import li2012_measures, measures
-from wsnsim.papers.li2012 import DELAY, ERROR, MIDDLE, PRINTED, TRACKED
+from wsnsim.papers.li2012 import DELAY, ERROR, MIDDLE, REPAIRED, TRACKED
 from wsnsim.papers.measures import Data
 
 LOOK: Final[dict[str, dict[str, Any]]] = {
     "gmtt": {"color": COLOURS[0]},
-    PRINTED: {"color": COLOURS[5], "linestyle": "-."},
+    REPAIRED: {"color": COLOURS[5], "linestyle": "-."},
     "tsstp": {"color": COLOURS[1]},
     "tsstp low": {"color": COLOURS[4], "linestyle": (0, (4, 2))},
     "tsstp high": {"color": COLOURS[3], "linestyle": (0, (4, 2))},
@@ -30,8 +30,8 @@ LOOK: Final[dict[str, dict[str, Any]]] = {
     "ris": {"color": "#888888", "linestyle": "-."},
 }
 SAID: Final = {
-    "gmtt": "GMTT",
-    PRINTED: "GMTT as printed",
+    "gmtt": "GMTT as printed",
+    REPAIRED: "GMTT, repaired",
     "tsstp": "TSSTP, mid",
     "tsstp low": "TSSTP, low",
     "tsstp high": "TSSTP, high",
@@ -65,8 +65,8 @@ def figure_4(figure: Figure, data: Data) -> None:
         _band(axes, found, name)
         _line(axes, found.mean(), f"{SAID[name]}: mean", linestyle="--", linewidth=0.9, color=LOOK[name]["color"])
         if name == "gmtt":
-            printed = li2012_measures.errors(data, _at(MIDDLE, PRINTED))
-            _line(axes, printed.median(), f"{SAID[PRINTED]}: median", linewidth=1.2, **LOOK[PRINTED])
+            repaired = li2012_measures.errors(data, _at(MIDDLE, REPAIRED))
+            _line(axes, repaired.median(), f"{SAID[REPAIRED]}: median", linewidth=1.2, **LOOK[REPAIRED])
         _line(axes, possible, "a fix at the Cramér-Rao bound: median", **BOUND)
         axes.axhline(ERROR[name], label=f"published: about {ERROR[name]:g} m", **PUBLISHED)
         axes.set(xlabel="step", xticks=AT, yscale="log", xlim=(0.5, li2012_measures.STEPS + 0.5))
@@ -109,14 +109,14 @@ def figure_6(figure: Figure, data: Data) -> None:
 def _over_nodes(axes: Axes, data: Data, measure: str, trackers: tuple[str, ...]) -> None:
     """A line a tracker, of those that were run."""
     for name in trackers:
-        densities = sorted(int(one.partition(", ")[2]) for one in data.variants if one.partition(", ")[0] == name)
+        densities = sorted(nodes for tracker, nodes in map(_parted, data.variants) if tracker == name)
         found = [measures.measured(data, _at(nodes, name), measure) for nodes in densities]
         if found:
             values, low, high = (np.array([getattr(one, key) for one in found]) for key in ("value", "low", "high"))
             shifted = np.array(densities) + 3.0 * (tuple(LOOK).index(name) - 3)
             axes.errorbar(shifted, values, [values - low, high - values], label=SAID[name], **MARK, **LOOK[name])
     axes.set(
-        xlabel="nodes (markers set side by side)", xticks=sorted({int(one.partition(", ")[2]) for one in data.variants})
+        xlabel="nodes (markers set side by side)", xticks=sorted({nodes for _, nodes in map(_parted, data.variants)})
     )
 
 
@@ -161,6 +161,12 @@ def _note(figure: Figure, words: str) -> None:
 
 def _at(nodes: int, tracker: str) -> str:
     return f"{tracker}, {nodes}"
+
+
+def _parted(variant: str) -> tuple[str, int]:
+    """(the tracker, the number of nodes) of a variant."""
+    tracker, _, nodes = variant.rpartition(", ")
+    return tracker, int(nodes)
 
 
 def _of(data: Data, role: str) -> Any:
