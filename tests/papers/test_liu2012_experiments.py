@@ -1,5 +1,7 @@
+import gc
 import importlib
 import json
+import weakref
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -9,6 +11,7 @@ import pytest
 
 from tests.campaign.places import Inline
 from wsnsim import scenario
+from wsnsim.base.errors import ResultError
 from wsnsim.base.tables import Memory
 from wsnsim.experiment import simulate
 from wsnsim.papers import liu2012_measures, measures, reproduce
@@ -23,10 +26,11 @@ NEEDS = {
     "rmse_of_kept": {"estimates"},
     "column_of_kept:vx": {"estimates", "truth"},
     "median:rmse": set(),
-    "mean:cpu_seconds": set(),
     "mean:cycles": set(),
     "velocity_over_rkf": {"estimates", "truth"},
-    "in_turn": {"truth"},
+    "in_turn": {"truth", "estimates"},
+    "to_neighbours": {"estimates"},
+    "taking_part": {"estimates"},
 }
 CLAIMS = [(experiment, claim) for experiment in EXPERIMENTS for claim in experiment.claims]
 
@@ -77,11 +81,26 @@ def test_every_verdict_has_its_reason_in_a_line():
 def test_what_is_published_is_what_the_page_says():
     figures = [claim for _, claim in CLAIMS if not isinstance(claim, Order) and claim.published is not None]
     assert {c.variant: c.published for c in figures if c.quantity == "run time of 50 runs, s"} == PRINTED
-    ratio = next(c.published for c in figures if c.measure.endswith("seconds_over_rkf"))
-    assert ratio == pytest.approx(1.44, abs=0.005)
+    ratios = [c for c in figures if c.measure.endswith(("seconds_over_rkf", "operations_over_rkf"))]
+    assert [c.published for c in ratios] == [pytest.approx(1.44, abs=0.005)] * 2
     assert {c.published for c in figures if "velocity" in c.measure} == {1.0}
     orders = {(c.variant, c.other, c.where) for c in TRACKING.claims if isinstance(c, Order)}
     assert {("imsf", "rkf", "figure 1"), ("rkf", "imsf", "figures 3 and 4"), ("rkf", "imsf", "table 1")} <= orders
+
+
+def test_seconds_are_not_judged_and_what_is_no_printed_number_is_marked_as_read():
+    figures = [claim for _, claim in CLAIMS if not isinstance(claim, Order) and claim.published is not None]
+    assert {c.measure.rpartition(":")[2] for c in figures if not c.judged} == {"seconds_over_rkf", "seconds_of_50"}
+    assert {c.read for c in figures if c.published == 1.0} == {True}
+    assert {c.read for c in figures if c.published != 1.0} == {False}
+    assert {c.factor for c in figures if "share" in c.quantity} == {1.2}
+
+
+def test_repairs_and_other_readings_are_not_counted():
+    assert TRACKING.literal and not READ_OTHERWISE.literal
+    orders = {(c.variant, c.other): c.literal for c in TRACKING.claims if isinstance(c, Order) and c.measure == "rmse"}
+    assert {pair for pair, counted in orders.items() if counted} == {("imsf", "rkf")}
+    assert len(orders) == 3
 
 
 def test_the_four_figures_are_there_and_can_be_drawn():
@@ -130,23 +149,51 @@ def test_velocities_times_and_operations_are_held_against_rkf_run_by_run():
     assert liu2012_measures.seconds_of_50(data, "rkf, a").to_dict() == {0: 50.0, 1: 100.0}
 
 
+class Recorded:
+    """The data of one recorded run, whose estimates are off by so many metres."""
+
+    def __init__(self, off=0.0):
+        self.source = scenario.resolved(scenario.load("rkf", ["duration=5 s"]))
+        self.folder = SimpleNamespace(path="some/folder")
+        memory = Memory({"runs": True, "estimates": True})
+        simulate(self.source, 3, memory)
+        self.tables = {name: pd.DataFrame(memory.table(name)) for name in ("runs", "estimates")}
+        self.tables["estimates"]["px"] += off
+
+    def scenario(self, variant):
+        return self.source
+
+    def of(self, variant, table):
+        return self.tables[table].sample(frac=1.0, random_state=1)
+
+
 def test_probabilities_are_those_of_the_run_itself(monkeypatch):
-    source = scenario.resolved(scenario.load("rkf", ["duration=5 s"]))
     seen, own = [], RelayKalman.estimate
     with monkeypatch.context() as patch:
         patch.setattr(
             RelayKalman, "estimate", lambda self, belief: seen.append(belief.probabilities) or own(self, belief)
         )
-        run = simulate(source, 3, Memory({})).run
-    data = SimpleNamespace(
-        scenario=lambda variant: source,
-        of=lambda variant, table: pd.DataFrame({"replicate": [3], "rmse": [run["rmse"]]}),
-    )
-    found = liu2012_measures.probabilities.__wrapped__(data, "rkf")
+        data = Recorded()
+    found = liu2012_measures.probabilities(data, "rkf")
     assert list(found) == [3]
     np.testing.assert_array_equal(found[3], np.array(seen))
     assert found[3].shape == (5, 8)
     np.testing.assert_allclose(found[3].sum(axis=1), 1.0)
+
+
+def test_probabilities_of_runs_that_another_version_wrote_are_refused():
+    with pytest.raises(ResultError, match=r"^some/folder: replicate 3 of 'rkf' gives other estimates now: another"):
+        liu2012_measures.probabilities(Recorded(off=1e-6), "rkf")
+
+
+def test_runs_are_made_again_once_and_kept_no_longer_than_their_data():
+    data = Recorded()
+    found = liu2012_measures.probabilities(data, "rkf")
+    assert liu2012_measures.probabilities(data, "rkf") is found
+    gone = weakref.ref(data)
+    del data
+    gc.collect()
+    assert gone() is None
 
 
 def test_a_small_run_gives_a_row_a_claim_and_a_picture_a_figure(tmp_path_factory, tmp_path, monkeypatch):

@@ -54,6 +54,8 @@ def test_every_claim_is_of_a_variant_that_is_run_and_of_tables_that_are_recorded
     for experiment, claim in CLAIMS:
         name, _, column = claim.measure.partition(":")
         others = {claim.other} if isinstance(claim, Order) else {column} if name == "less_than" else set()
+        if claim.measure.endswith(":saved"):
+            others |= {f"{kind.split(',')[0]}, {count}" for kind in (claim.variant, *others) for count in (50, 200)}
         assert {claim.variant, *others} <= set(experiment.variants), claim
         if name == "median_of":
             module, _, function = column.partition(":")
@@ -94,6 +96,30 @@ def test_what_the_text_says_of_50_particles_is_what_table_1_says():
     assert shares == {"pso_gpf, 50": 0.1623, "gpf, 50": 0.2612, "pf, 50": 0.641}
     for other, share in shares.items():
         assert share == pytest.approx(1.0 - PAGE["gsa_gpf"][0] / PAGE[other.split(",")[0]][0], abs=1e-4)
+
+
+def test_pf_is_claimed_to_depend_most_on_the_number_of_particles_and_the_gravitational_search_least():
+    saved = {kind: 1.0 - row[2] / row[0] for kind, row in PAGE.items()}
+    assert max(saved, key=saved.get) == "pf" and min(saved, key=saved.get) == "gsa_gpf"
+    orders = {(c.variant, c.other) for c in TABLE_1_RUNS.claims if isinstance(c, Order) and c.where == "section 3.1"}
+    less = {("gsa_gpf", kind) for kind in PAGE if kind != "gsa_gpf"} | {(kind, "pf") for kind in PAGE if kind != "pf"}
+    assert orders == {(f"{one}, 200", f"{other}, 200") for one, other in less}
+
+
+def test_repairs_and_other_truths_are_not_counted():
+    assert {experiment.name for experiment in EXPERIMENTS if experiment.literal} == {"table_1", "figures_4_and_5"}
+    for experiment, claim in CLAIMS:
+        greedy = "greedy" in claim.variant
+        assert claim.literal != greedy, claim
+        assert greedy == ("repaired" in claim.where) or not isinstance(claim, Order), claim
+        if experiment is INDOOR_RUNS and (isinstance(claim, Order) or claim.reason):
+            assert claim.reason.startswith("of a surrogate: ")
+
+
+def test_shares_are_of_one_order_within_a_fifth_only():
+    shares = [c for _, c in CLAIMS if not isinstance(c, Order) and c.measure.startswith("less_than")]
+    assert len(shares) == 7
+    assert {claim.factor for claim in shares} == {1.2}
 
 
 def test_every_filter_of_table_1_is_claimed_to_be_better_than_the_next_at_every_number_of_particles():
@@ -146,6 +172,15 @@ def test_growth_is_the_last_third_against_the_first():
         [np.full((2, 10), 3.0), np.full((2, 10), 99.0), np.array([[3.0], [7.0]]) * np.ones(10)], axis=1
     )
     assert ruan2020_measures.growth(fake({"x": rows}), "x").tolist() == pytest.approx([0.0, 4.0])
+
+
+def test_what_is_saved_is_of_the_same_run():
+    runs = {
+        "pf, 50": pd.DataFrame({"replicate": [0, 1], "rmse": [2.0, 4.0]}),
+        "pf, 200": pd.DataFrame({"replicate": [1, 0], "rmse": [1.0, 1.0]}),
+    }
+    data = SimpleNamespace(of=lambda variant, table: runs[variant])
+    assert ruan2020_measures.saved(data, "pf, 200").to_dict() == {0: 0.5, 1: 0.75}
 
 
 def test_a_share_is_of_the_time_means_and_its_interval_resamples_the_runs_of_both_together():

@@ -35,21 +35,21 @@ OTHERS: Final = {
 }
 LACKS: Final = "our repair: with the spread of means that (14) lacks, one filter does what the mixture of eight does"
 WHY: Final[Mapping[str, str]] = {
-    "rkf": "as printed, (14) lacks the spread of means; with 50 runs, one that leaves the coverage is lost",
-    "imsf": "(23) with weights; with 50 runs, one that leaves the coverage is lost",
+    "rkf": "as printed, (14) lacks the spread of means; a target that leaves the coverage is lost",
+    "imsf": "(23) with weights on the whole bracket; a target that leaves the coverage is lost",
     "rkf, spread": LACKS,
     "imsf, mixing as printed": "literal: covariances grow where no reading holds them, and the track is lost",
     "ekf, sensors in range": "told which sensors are in range: at the bound",
     "ekf, nearest sensor": "told which sensor is nearest: a crisp relay",
 }
 """Of the figures; the paper prints no number of any."""
-MACHINE: Final = "a machine that is not named; here, truth and readings included"
 RADII: Final = "radii of 400 m overlap at 150 m between sensors, so several are right at once, and any may be believed"
 IN_TURN: Final = f"read as: sensors take part in the order in which they stand [our choice]; {RADII}"
 PART: Final = (
-    "a sensor takes part from 0.05 on [our choice]; 1 % more with IMSF, as from 0.01 or 0.2 on; from 0.5 on less"
+    "a sensor takes part from 0.05 on [our choice]; a little longer with IMSF, as from 0.01 or 0.2 on; from 0.5 on less"
 )
-SEAM: Final = "the filter's own step is under half of a run's time here, and one compiled kernel in either filter"
+MACHINE: Final = "seconds here contain the compilation of the first run, and what else the machine does"
+STATED: Final = "operations as the trackers state them, seconds there: eight predictions and mixtures in place of one"
 TRACKING: Final = Experiment(
     name="figures_1_to_4",
     title="Figures 1 to 4, table 1: eight sensors along a line",
@@ -58,11 +58,14 @@ TRACKING: Final = Experiment(
     full=50,
     claims=(
         Order("position RMSE of a run", "imsf", "rkf", "rmse", "figure 1", "less on most truths, by a tenth"),
-        Order("position RMSE of a run", "imsf", "rkf, spread", "rmse", "figure 1, repaired", LACKS),
+        Order("position RMSE of a run", "imsf", "rkf, spread", "rmse", "figure 1, repaired", LACKS, literal=False),
+        Order("position RMSE of a run", "imsf, mixing as printed", "rkf", "rmse", "figure 1, to the letter",
+              WHY["imsf, mixing as printed"], literal=False),
         Claim("velocity RMSE of a run over that of RKF, median", "imsf", f"{OWN}:velocity_over_rkf", 1.0,
-              "about equal, figure 2", "", "2 or 3 % less"),
+              "about equal, figure 2", "", "a little less", read=True),
         *(
-            Claim("neighbouring sensors in their turn, share", kind, f"{MEAN}:in_turn", 1.0, figure, "", IN_TURN)
+            Claim("neighbouring sensors in their turn, share", kind, f"{MEAN}:in_turn", 1.0, figure, "", IN_TURN,
+                  read=True, factor=1.2)
             for kind, figure in FIGURES.items()
         ),
         *(
@@ -75,13 +78,13 @@ TRACKING: Final = Experiment(
             Claim("steps that a sensor takes part", kind, f"{MEAN}:taking_part", None, figure, "", PART)
             for kind, figure in FIGURES.items()
         ),
-        Claim("run time over that of RKF, median", "imsf", f"{OWN}:seconds_over_rkf", RATIO, "table 1", "", SEAM),
-        Order("run time", "rkf", "imsf", "mean:cpu_seconds", "table 1", SEAM),
-        Order("operations", "rkf", "imsf", "mean:cycles", "table 1", "as the trackers state them"),
-        Claim("operations over those of RKF", "imsf", f"{OWN}:operations_over_rkf", None, "table 1", "",
-              "eight predictions and mixtures in place of one, as the trackers state them"),
+        Order("operations", "rkf", "imsf", "mean:cycles", "table 1", STATED),
+        Claim("operations over those of RKF", "imsf", f"{OWN}:operations_over_rkf", RATIO, "table 1", "", STATED),
+        Claim("run time over that of RKF, median", "imsf", f"{OWN}:seconds_over_rkf", RATIO, "table 1", "", MACHINE,
+              judged=False),
         *(
-            Claim("run time of 50 runs, s", kind, f"{OWN}:seconds_of_50", SECONDS[kind], "table 1", "", MACHINE)
+            Claim("run time of 50 runs, s", kind, f"{OWN}:seconds_of_50", SECONDS[kind], "table 1", "", MACHINE,
+                  judged=False)
             for kind in LITERAL
         ),
         *(
@@ -113,9 +116,9 @@ CHANGES: Final[Mapping[str, tuple[str, ...]]] = {
     "own cell": ("sensor.own_cell=true", "sensor.beyond=silent"),
 }
 WHY_CHANGED: Final[Mapping[str, str]] = {
-    "no noise in the truth": "the filters believe in a noise that the truth has not; over 50 runs neither is better",
+    "no noise in the truth": "the filters believe in a noise that the truth has not",
     "no radius": "all eight sensors are right at every step; their probabilities are about which",
-    "own cell": "one sensor is heard at a time, so that both are the same filter, the crisp relay",
+    "own cell": "one sensor is heard at a time, so that both are the same filter, and the difference is zero",
 }
 
 
@@ -124,7 +127,7 @@ def _of_change(name: str, why: str) -> list[Claim | Order]:
     return [
         Order("position RMSE of a run", f"imsf, {name}", f"rkf, {name}", "rmse", "figure 1", why),
         Claim("velocity RMSE of a run over that of RKF, median", f"imsf, {name}", f"{OWN}:velocity_over_rkf", 1.0,
-              "about equal, figure 2", "", why),
+              "about equal, figure 2", "", why, read=True),
         *(
             Claim("position RMSE of a run, median, m", f"{kind}, {name}", "median:rmse", None, "figure 1",
                   "per_trajectory")
@@ -142,6 +145,7 @@ READ_OTHERWISE: Final = Experiment(
     claims=tuple(claim for name, why in WHY_CHANGED.items() for claim in _of_change(name, why)),
     record=TABLES,
     block=10,
+    literal=False,
 )
 
 EXPERIMENTS: Final[tuple[Experiment, ...]] = (TRACKING, READ_OTHERWISE)

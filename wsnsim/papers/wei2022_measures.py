@@ -44,6 +44,26 @@ def _column(data: Data, variant: str, column: str) -> pd.Series:
     return pd.Series([metrics.rmse(row) for row in data.column_errors(variant, column)], index=runs)
 
 
+def _operations(data: Data, variant: str, other: str) -> pd.Series:
+    """The operations that the tracker stated, over those of another variant."""
+    one, two = (_of_runs(data, name, "cycles") for name in (variant, other))
+    return one / two
+
+
+def gain_over_cs_pf(data: Data, variant: str) -> pd.Series:
+    """By how much the RMSE of a run is below that of CS-PF with as many particles."""
+    one, two = (_of_runs(data, name, "rmse") for name in (variant, variant.replace("ics_pf", "cs_pf")))
+    return two - one
+
+
+def _of_runs(data: Data, variant: str, column: str) -> pd.Series:
+    return data.of(variant, "runs").set_index("replicate")[column].astype(np.float64)
+
+
 distinct_10, distinct_30, distinct_90 = (partial(_distinct, step=step) for step in (10, 30, 90))
 spread_10, spread_30, spread_90 = (partial(_spread, step=step) for step in (10, 30, 90))
+operations_over_pf, operations_over_cs_pf = (partial(_operations, other=other) for other in ("pf", "cs_pf"))
+operations_over_cs_pf_30, operations_over_cs_pf_100 = (
+    partial(_operations, other=f"cs_pf, {count}") for count in (30, 100)
+)
 vx, vy = (partial(_column, column=column) for column in ("vx", "vy"))

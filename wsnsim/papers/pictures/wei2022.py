@@ -149,14 +149,18 @@ figure_9, figure_10 = (partial(_velocity, column=column) for column in ("vx", "v
 
 
 def figure_11(figure: Figure, data: Data) -> None:
-    """The RMSE of the position at each step, the bound, and what table 2 prints."""
+    """The RMSE of the position at each step, the bound, and what follows from table 2 for the position."""
     axes = figure.subplots()
     others = {"pf, 5000": ("PF, 5000 particles", COLOURS[4]), "ekf": ("EKF", COLOURS[5])}
-    _curves(axes, data, others, "bound (posterior Cramér-Rao), no strict one for a single start")
+    _curves(axes, data, others, "bound (posterior Cramér-Rao), not strict")
     for kind, name in NAMES.items():
         px, _, py, _ = TABLE_2[kind]
         level = float(np.hypot(px, py))
-        axes.axhline(level, **{**PUBLISHED, "color": COLOUR[kind]}, label=f"{name}, published (table 2): {level:.3g} m")
+        axes.axhline(
+            level,
+            **{**PUBLISHED, "color": COLOUR[kind]},
+            label=f"{name}, from table 2: sqrt(px² + py²) = {level:.3g} m",
+        )
     _finish(figure, axes, data)
 
 
