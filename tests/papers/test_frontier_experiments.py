@@ -12,10 +12,12 @@ from matplotlib.text import Text
 
 from tests.campaign.places import Inline
 from wsnsim import scenario
-from wsnsim.papers import frontier, frontier_measures, measures, reproduce
-from wsnsim.papers.frontier import EXPERIMENTS, HEARD, VARIANTS, twin
-from wsnsim.papers.frontier_measures import Strategy
-from wsnsim.papers.pictures import frontier as pictures
+from wsnsim.papers import measures, reproduce
+from wsnsim.papers.frontier import experiments as frontier
+from wsnsim.papers.frontier import measures as frontier_measures
+from wsnsim.papers.frontier import pictures as pictures
+from wsnsim.papers.frontier.experiments import EXPERIMENTS, HEARD, VARIANTS, twin
+from wsnsim.papers.frontier.measures import Strategy
 from wsnsim.papers.reproduction import Claim
 
 (EXPERIMENT,) = EXPERIMENTS

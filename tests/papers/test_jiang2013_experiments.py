@@ -12,9 +12,10 @@ from wsnsim import scenario
 from wsnsim.analysis.bounding.drawn import drawn
 from wsnsim.base.tables import Memory
 from wsnsim.experiment import simulate
-from wsnsim.papers import jiang2013_measures, measures, reproduce
-from wsnsim.papers.jiang2013_experiments import EXPERIMENTS, FIRST_CLUSTER, LITERAL
-from wsnsim.papers.pictures import jiang2013 as pictures
+from wsnsim.papers import measures, reproduce
+from wsnsim.papers.jiang2013 import measures as jiang2013_measures
+from wsnsim.papers.jiang2013 import pictures as pictures
+from wsnsim.papers.jiang2013.experiments import EXPERIMENTS, FIRST_CLUSTER, LITERAL
 from wsnsim.papers.reproduction import Order
 
 NEEDS = {

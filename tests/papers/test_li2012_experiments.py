@@ -7,7 +7,9 @@ import pandas as pd
 import pytest
 
 from wsnsim.base.tables import TABLES
-from wsnsim.papers import li2012, li2012_measures, reproduce
+from wsnsim.papers import reproduce
+from wsnsim.papers.li2012 import experiments as li2012
+from wsnsim.papers.li2012 import measures as li2012_measures
 from wsnsim.papers.reproduction import Claim, Order
 
 EXPERIMENTS = {experiment.name: experiment for experiment in li2012.EXPERIMENTS}

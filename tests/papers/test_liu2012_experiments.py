@@ -14,8 +14,9 @@ from wsnsim import scenario
 from wsnsim.base.errors import ResultError
 from wsnsim.base.tables import Memory
 from wsnsim.experiment import simulate
-from wsnsim.papers import liu2012_measures, measures, reproduce
-from wsnsim.papers.liu2012 import EXPERIMENTS, READ_OTHERWISE, TRACKING
+from wsnsim.papers import measures, reproduce
+from wsnsim.papers.liu2012 import measures as liu2012_measures
+from wsnsim.papers.liu2012.experiments import EXPERIMENTS, READ_OTHERWISE, TRACKING
 from wsnsim.papers.reproduction import Order
 from wsnsim.trackers.relay_kalman import RelayKalman
 

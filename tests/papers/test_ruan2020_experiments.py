@@ -10,9 +10,11 @@ import pytest
 
 from tests.campaign.places import Inline
 from wsnsim import scenario
-from wsnsim.papers import measures, reproduce, ruan2020_experiments, ruan2020_measures
+from wsnsim.papers import measures, reproduce
 from wsnsim.papers.reproduction import Order
-from wsnsim.papers.ruan2020_experiments import EXPERIMENTS, INDOOR_RUNS, OPEN, TABLE_1_RUNS
+from wsnsim.papers.ruan2020 import experiments as ruan2020_experiments
+from wsnsim.papers.ruan2020 import measures as ruan2020_measures
+from wsnsim.papers.ruan2020.experiments import EXPERIMENTS, INDOOR_RUNS, OPEN, TABLE_1_RUNS
 
 PAGE = {
     "pf": (1.2539, 0.7443, 0.6356),

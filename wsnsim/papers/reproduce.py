@@ -34,7 +34,7 @@ def experiments(paper: str) -> tuple[Experiment, ...]:
     """The experiments of a paper. Raises UsageError for one that is not known."""
     if paper not in PAGES:
         raise UsageError(f"there is no paper '{paper}' ({did_you_mean(paper, PAGES)})")
-    found: tuple[Experiment, ...] = importlib.import_module(f"wsnsim.papers.{paper}").EXPERIMENTS
+    found: tuple[Experiment, ...] = importlib.import_module(f"wsnsim.papers.{paper}.experiments").EXPERIMENTS
     return found
 
 

@@ -3,7 +3,7 @@
     Experiment: variants that are run side by side;  Claim: a published figure of one of them
     Order: a published order of two of them;  Picture: a figure of the paper;  Row: what `wsnsim reproduce` prints
 
-A paper's module holds EXPERIMENTS, and imports nothing heavy. The rule behind a verdict is RULE.
+A paper's package holds EXPERIMENTS in experiments.py, which imports nothing heavy. The rule of the verdicts is RULE.
 """
 
 from __future__ import annotations

@@ -16,11 +16,11 @@ Claims = list[Claim | Order]
 LITERAL: Final = {"pso_mhpf": "PSO-MHPF", "ipf": "IPF", "ppf": "PPF"}
 STRICT: Final = "unconditional"
 TIGHT: Final = "per_trajectory"
-MEASURES: Final = "wsnsim.papers.jiang2013_measures"
+MEASURES: Final = "wsnsim.papers.jiang2013.measures"
 
 
 def _picture(number: int, title: str, size: tuple[float, float] = (7.0, 5.2)) -> Picture:
-    draw = f"wsnsim.papers.pictures.jiang2013:figure_{number}"
+    draw = f"wsnsim.papers.jiang2013.pictures:figure_{number}"
     return Picture(f"figure_{number}", f"Jiang 2013, figure {number}: {title}", draw, size)
 
 

@@ -32,12 +32,3 @@ def published(resolved: Mapping[str, Any]) -> dict[str, float]:
     ours = resolved.get("network") == "none" and resolved.get("step") == 0.5 and believes_the_truth(resolved)
     ours = ours and same_set_up(resolved, ROOM)
     return {"rmse": table[tracker["particles"]]} if ours and tracker.get("particles") in table else {}
-
-
-def __getattr__(name: str) -> Any:
-    """EXPERIMENTS, which need this page's figures, from the file beside this one."""
-    if name != "EXPERIMENTS":
-        raise AttributeError(name)
-    from wsnsim.papers import ruan2020_experiments
-
-    return ruan2020_experiments.EXPERIMENTS

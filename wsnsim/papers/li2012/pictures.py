@@ -16,8 +16,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FormatStrFormatter, NullLocator
 
 from wsnsim.analysis.panels import BOUND, COLOURS, PUBLISHED
-from wsnsim.papers import li2012_measures, measures
-from wsnsim.papers.li2012 import DELAY, ERROR, MIDDLE, REPAIRED, TRACKED
+from wsnsim.papers import measures
+from wsnsim.papers.li2012 import measures as li2012_measures
+from wsnsim.papers.li2012.experiments import DELAY, ERROR, MIDDLE, REPAIRED, TRACKED
 from wsnsim.papers.measures import Data
 
 LOOK: Final[dict[str, dict[str, Any]]] = {

@@ -18,7 +18,7 @@ import pandas as pd
 
 from wsnsim.analysis import statistics
 from wsnsim.base.arrays import Bools
-from wsnsim.papers.frontier import IDEAL, TIGHT, twin
+from wsnsim.papers.frontier.experiments import IDEAL, TIGHT, twin
 from wsnsim.papers.measures import Data, of_log
 
 MOST_LOST: Final = 0.05

@@ -17,8 +17,8 @@ from wsnsim.analysis.panels import BOUND, COLOURS, PUBLISHED, band
 from wsnsim.base import metrics
 from wsnsim.base.arrays import Floats
 from wsnsim.papers.jiang2013 import ENERGY, RMSE, STEP_ENERGY
-from wsnsim.papers.jiang2013_experiments import ITERATIONS, LITERAL, PARTICLES, READINGS, cell
-from wsnsim.papers.jiang2013_measures import leveled
+from wsnsim.papers.jiang2013.experiments import ITERATIONS, LITERAL, PARTICLES, READINGS, cell
+from wsnsim.papers.jiang2013.measures import leveled
 from wsnsim.papers.measures import Data, measured
 
 MAIN: Final = "pso_mhpf"

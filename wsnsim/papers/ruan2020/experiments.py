@@ -12,7 +12,7 @@ from typing import Final
 
 from wsnsim.papers.reproduction import Claim, Experiment, Order, Picture, Variant
 from wsnsim.papers.ruan2020 import BETTER, TABLE_1
-from wsnsim.papers.ruan2020_reasons import (
+from wsnsim.papers.ruan2020.reasons import (
     ACCELERATIONS,
     DIAGONAL,
     DIRECT,
@@ -26,8 +26,8 @@ from wsnsim.papers.ruan2020_reasons import (
 
 COUNTS: Final = (50, 100, 200)
 BOUND: Final = "per_trajectory"
-GROWTH: Final = "median_of:wsnsim.papers.ruan2020_measures:growth"
-SAVED: Final = "median_of:wsnsim.papers.ruan2020_measures:saved"
+GROWTH: Final = "median_of:wsnsim.papers.ruan2020.measures:growth"
+SAVED: Final = "median_of:wsnsim.papers.ruan2020.measures:saved"
 GREEDY: Final = "tracker.acceptance=greedy"
 TABLES: Final = ("truth", "estimates")
 BEST_FIRST: Final = ("gsa_gpf", "pso_gpf", "gpf", "pf")
@@ -38,7 +38,7 @@ def _filter(kind: str, particles: int, *more: str) -> Variant:
 
 
 def _picture(number: int, title: str, size: tuple[float, float]) -> Picture:
-    draw = f"wsnsim.papers.pictures.ruan2020:figure_{number}"
+    draw = f"wsnsim.papers.ruan2020.pictures:figure_{number}"
     return Picture(f"figure_{number}", f"Ruan 2020, figure {number}: {title}", draw, size)
 
 

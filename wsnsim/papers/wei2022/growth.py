@@ -17,8 +17,8 @@ STEPS: Final = {5: 10, 6: 30, 7: 90}
 BOUND: Final = "unconditional"
 EXACT: Final = "variant:exact posterior"
 """The bound that counts: no filter has a smaller mean square on average than the mean of the posterior."""
-PICTURES: Final = "wsnsim.papers.pictures.wei2022"
-OWN: Final = "mean_of:wsnsim.papers.wei2022_measures"
+PICTURES: Final = "wsnsim.papers.wei2022.pictures"
+OWN: Final = "mean_of:wsnsim.papers.wei2022.measures"
 LONG: Final = "flights of 0.5 in the first generation, where CS-PF has 0.01"
 
 

@@ -57,12 +57,3 @@ def published(resolved: Mapping[str, Any]) -> dict[str, float]:
     if same_set_up(resolved, PLANE):
         return dict(zip(("rmse_px", "rmse_vx", "rmse_py", "rmse_vy"), TABLE_2[kind], strict=True))
     return {}
-
-
-def __getattr__(name: str) -> Any:
-    """EXPERIMENTS, which need this page's figures, from the files beside this one."""
-    if name != "EXPERIMENTS":
-        raise AttributeError(name)
-    from wsnsim.papers import wei2022_growth, wei2022_range
-
-    return (*wei2022_growth.EXPERIMENTS, *wei2022_range.EXPERIMENTS)

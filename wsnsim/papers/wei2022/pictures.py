@@ -18,7 +18,7 @@ from wsnsim.base import metrics
 from wsnsim.base.arrays import Floats
 from wsnsim.papers.measures import Data
 from wsnsim.papers.wei2022 import TABLE_1, TABLE_2
-from wsnsim.papers.wei2022_measures import cloud
+from wsnsim.papers.wei2022.measures import cloud
 
 NAMES: Final = {"pf": "PF", "cs_pf": "CS-PF", "ics_pf": "ICS-PF"}
 COLOUR: Final = dict(zip(NAMES, COLOURS, strict=False))

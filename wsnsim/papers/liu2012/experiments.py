@@ -15,13 +15,13 @@ SOURCE: Final = "Liu 2012"
 SECONDS: Final[Mapping[str, float]] = {"rkf": 47.7304, "imsf": 68.6893}
 """Table 1: run time of 50 runs, in MATLAB on a machine that is not named."""
 RATIO: Final = SECONDS["imsf"] / SECONDS["rkf"]
-OWN: Final = "median_of:wsnsim.papers.liu2012_measures"
-MEAN: Final = "mean_of:wsnsim.papers.liu2012_measures"
+OWN: Final = "median_of:wsnsim.papers.liu2012.measures"
+MEAN: Final = "mean_of:wsnsim.papers.liu2012.measures"
 TABLES: Final = ("truth", "estimates", "nodes")
 
 
 def _picture(number: int, title: str, size: tuple[float, float]) -> Picture:
-    draw = f"wsnsim.papers.pictures.liu2012:figure_{number}"
+    draw = f"wsnsim.papers.liu2012.pictures:figure_{number}"
     return Picture(f"figure_{number}", f"Liu 2012, figure {number}: {title}", draw, size)
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Final
 
-from wsnsim.papers.li2012_reasons import CHOICES, EVERY_2_S, EVERY_10_S
+from wsnsim.papers.li2012.reasons import CHOICES, EVERY_2_S, EVERY_10_S
 from wsnsim.papers.reproduction import Claim, Experiment, Order, Picture, Variant
 
 SOURCE: Final = "Li 2012"
@@ -40,7 +40,7 @@ TRACKERS: Final[Mapping[str, Variant]] = {
 LITERAL: Final = ("gmtt", "tsstp", "cluster")
 """What the paper tells of; the rest is repaired, of other levels [our choice], or not in its figures."""
 TABLES: Final = ("estimates", "truth", "nodes")
-OWN: Final = "wsnsim.papers.li2012_measures"
+OWN: Final = "wsnsim.papers.li2012.measures"
 
 
 def _named(tracker: str, nodes: int) -> str:
@@ -59,7 +59,7 @@ def _variants(trackers: Sequence[str], densities: Sequence[int]) -> dict[str, Va
 
 def _pictures(suffix: str, words: str) -> tuple[Picture, ...]:
     titles = ("tracking probability", "tracking error", "tracking delay", "nodes told in vain")
-    draw = "wsnsim.papers.pictures.li2012:figure_"
+    draw = "wsnsim.papers.li2012.pictures:figure_"
     return tuple(
         Picture(f"figure_{n}{suffix}", f"Li 2012, figure {n}: {title}, located {words}", f"{draw}{n}", (9.5, 4.4))
         for n, title in enumerate(titles, 3)

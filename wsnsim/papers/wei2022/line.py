@@ -10,7 +10,7 @@ from typing import Final
 
 from wsnsim.papers.reproduction import Claim, Experiment, Order, Picture, Variant
 from wsnsim.papers.wei2022 import SECONDS, TABLE_2
-from wsnsim.papers.wei2022_growth import BOUND, LONG, OWN, PICTURES, picture
+from wsnsim.papers.wei2022.growth import BOUND, LONG, OWN, PICTURES, picture
 
 COLUMNS: Final = ("px", "vx", "py", "vy")
 ON_THE_CIRCLE: Final = {

@@ -20,7 +20,7 @@ from typing import Final
 from wsnsim.papers.reproduction import Claim, Experiment, Picture, Variant
 
 IDEAL: Final = "ideal"
-MEASURES: Final = "wsnsim.papers.frontier_measures"
+MEASURES: Final = "wsnsim.papers.frontier.measures"
 TIGHT: Final = "per_trajectory"
 WORDS: Final = {
     "noise x100": "filter_noise_scale: 100",
@@ -172,7 +172,7 @@ EXPERIMENTS: Final[tuple[Experiment, ...]] = (
         claims=_claims(),
         pictures=(
             Picture("frontier", "Error against energy on the field of Jiang (2013)",
-                    "wsnsim.papers.pictures.frontier:frontier", (12.0, 13.0)),
+                    "wsnsim.papers.frontier.pictures:frontier", (12.0, 13.0)),
         ),
         sets=("record.events=false",),
         quick_sets=("duration=14 s",),

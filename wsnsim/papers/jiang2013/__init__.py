@@ -90,12 +90,3 @@ def _as_long(resolved: Mapping[str, Any]) -> bool:
     """Whether a run is as long as the paper's, read as 700 steps or as 16 clusters."""
     until = resolved.get("until")
     return bool(until.get("clusters") == 16) if until else resolved.get("duration") == 28.0
-
-
-def __getattr__(name: str) -> Any:
-    """EXPERIMENTS, which need this page's figures, from the file beside this one."""
-    if name != "EXPERIMENTS":
-        raise AttributeError(name)
-    from wsnsim.papers.jiang2013_experiments import EXPERIMENTS
-
-    return EXPERIMENTS

@@ -16,7 +16,7 @@ import pandas as pd
 
 from wsnsim.base import metrics
 from wsnsim.base.arrays import Floats
-from wsnsim.papers.li2012 import HIGH, LOW
+from wsnsim.papers.li2012.experiments import HIGH, LOW
 from wsnsim.papers.measures import Data
 
 STEPS: Final = 20

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from wsnsim.analysis.panels import BOUND, COLOURS, band
 from wsnsim.base import metrics
 from wsnsim.base.arrays import Floats
-from wsnsim.papers.liu2012_measures import TAKES_PART, probabilities
+from wsnsim.papers.liu2012.measures import TAKES_PART, probabilities
 from wsnsim.papers.measures import Data
 
 NAMES: Final = {"rkf": "RKF", "imsf": "IMSF"}

@@ -1,0 +1,1 @@
+"""A page of our own: error against joules, of every tracker on one field."""

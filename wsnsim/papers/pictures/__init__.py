@@ -1,1 +1,0 @@
-"""The figures of the papers, ours: a module a paper, a function a figure."""
