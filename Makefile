@@ -80,9 +80,8 @@ $(FIGURES): results/figures/%.png: results/%/table.csv
 	@mkdir -p $(@D)
 	@$(PY) -m wsnsim plot results/$* --out $@
 
-readme: $(READY)  ## the README's tables of results anew, from full runs: an hour or two if they are not there
-	@mkdir -p docs
-	@$(PY) -m tests.readme $(ARGS)
+readme: $(READY)  ## the README's tables of results anew; an hour and more if the runs are not there
+	@$(PY) -m tests.readme
 
 lock:  ## write requirements.lock anew from pyproject.toml (needs uv)
 	@command -v uv >/dev/null || { echo "make lock needs uv: pip install uv, or https://docs.astral.sh/uv/" >&2; exit 1; }

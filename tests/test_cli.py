@@ -189,6 +189,14 @@ def test_a_run_writes_its_page_too_where_it_is_asked_for(scenario: str, capsys: 
     assert "<canvas" in Path("x.html").read_text(encoding="utf-8")
 
 
+def test_a_page_that_has_no_place_is_refused_before_anything_runs(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("y.html").mkdir()
+    for out, message in (("x.html", "would take its place; say --out x.h5"), ("y.h5", "--report: y.html is a folder")):
+        assert main(["run", "pso_mhpf", *QUICK, "--report", "--out", out]) == 2
+        said = capsys.readouterr()
+        assert message in said.err and said.out == "" and not Path(out).exists()
+
+
 def test_a_run_as_json_is_one_object_without_nan(result: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["run", "pso_mhpf", *QUICK, "--json", "--quiet", "--seed", "7", "-o", "x.h5"]) == 0
     said = capsys.readouterr()

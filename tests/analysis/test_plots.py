@@ -216,7 +216,7 @@ def test_the_error_at_each_step_is_the_rmse_and_the_quartiles_over_the_runs(writ
 
 def test_one_run_has_its_error_and_no_band(write):
     axes = plots.error(axes_of(), write(runs=1))
-    assert labels(axes) == ["RMSE of 1 run"]
+    assert labels(axes) == ["error of 1 run"]
 
 
 def test_several_targets_are_said_beside_the_runs(write):

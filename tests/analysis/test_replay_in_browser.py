@@ -1,40 +1,25 @@
 """The page in a browser, opened from file://: it draws at once, asks nobody for anything, obeys keys and addresses.
 
-Skipped where there is no Chromium. It is driven through its DevTools pipe: JSON messages, each ended by a zero byte.
+Skipped where there is no Chromium.
 """
 
 from __future__ import annotations
 
 import json
-import os
-import select
-import shutil
-import subprocess
-import sys
-import tempfile
-import time
+import re
 
 import numpy as np
 import pytest
 
-from wsnsim import experiment
-from wsnsim.analysis import report
+from wsnsim import experiment, read
+from wsnsim.analysis import replay, report
 from wsnsim.base.tables import TABLES, columns_of
 from wsnsim.recording import ResultFile
+from wsnsim.scenario import load
 
-NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
-FOUND = next(filter(None, map(shutil.which, NAMES)), None)
+from .chromium import FOUND, NAMES, Browser
+
 pytestmark = pytest.mark.skipif(FOUND is None, reason=f"no browser: none of {', '.join(NAMES)} is installed")
-QUIET = (
-    "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-sync",
-    "--disable-background-networking", "--disable-component-update", "--disable-dev-shm-usage",
-    "--remote-debugging-pipe",
-)  # fmt: skip
-LAUNCH = (
-    "import fcntl, os, sys; r, w = (fcntl.fcntl(int(n), fcntl.F_DUPFD, 10) for n in sys.argv[1:3]);"
-    "os.dup2(r, 3); os.dup2(w, 4); os.execv(sys.argv[3], sys.argv[3:])"
-)
-"""Chromium reads its orders from descriptor 3, and answers on 4."""
 HOSTILE = (
     "</script><script>document.title='taken'</script><img src=http://127.0.0.1:9/x onerror=document.title='taken'>"
 )
@@ -42,106 +27,8 @@ PAINTED = """(() => {
     const stage = document.getElementById('stage');
     const drops = stage.getContext('2d').getImageData(0, 0, stage.width, stage.height).data;
     return drops.reduce((count, drop, i) => count + (i % 4 === 3 && drop > 0), 0); })()"""
+SOON = "new Promise(done => setTimeout(() => done(+document.documentElement.dataset.frame), 30))"
 PLANE = (("px", "m"), ("vx", "m/s"), ("py", "m"), ("vy", "m/s"))
-
-
-class Browser:
-    """A headless Chromium with an empty profile, and one page at a time."""
-
-    def __init__(self) -> None:
-        self.profile = tempfile.mkdtemp(prefix="wsnsim-browser-")
-        (orders, self.out), (self.inn, answers) = os.pipe(), os.pipe()
-        words = [sys.executable, "-c", LAUNCH, str(orders), str(answers), FOUND, *QUIET]
-        self.process = subprocess.Popen(
-            [*words, f"--user-data-dir={self.profile}"],
-            pass_fds=(orders, answers),
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-        )
-        os.close(orders)
-        os.close(answers)
-        self.number, self.rest, self.session, self.said = 0, b"", None, []
-
-    def close(self) -> None:
-        self.process.kill()
-        self.process.wait()
-        os.close(self.out)
-        os.close(self.inn)
-        shutil.rmtree(self.profile, ignore_errors=True)
-
-    def order(self, method, **parameters):
-        """Give an order, and wait for its result; what the page says meanwhile is kept in `said`."""
-        self.number += 1
-        message = {"id": self.number, "method": method, "params": parameters}
-        if self.session and not method.startswith("Target."):
-            message["sessionId"] = self.session
-        os.write(self.out, json.dumps(message).encode() + b"\0")
-        while True:
-            answer = self._next()
-            if answer.get("id") == self.number:
-                assert "error" not in answer, answer
-                return answer["result"]
-            self.said.append(answer)
-
-    def _next(self):
-        until = time.monotonic() + 60
-        while b"\0" not in self.rest:
-            ready, _, _ = select.select([self.inn], [], [], max(0.0, until - time.monotonic()))
-            assert ready, "the browser does not answer"
-            self.rest += os.read(self.inn, 1 << 16) or pytest.fail("the browser has ended")
-        message, self.rest = self.rest.split(b"\0", 1)
-        return json.loads(message)
-
-    def open(self, address, width=1200, height=900, reduced=False):
-        """Open a page of its own, and wait until it says that it is ready."""
-        target = self.order("Target.createTarget", url="about:blank")["targetId"]
-        self.session = self.order("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
-        self.said = []
-        for domain in ("Page", "Runtime", "Log", "Network"):
-            self.order(f"{domain}.enable")
-        self.order(
-            "Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=width < 500
-        )
-        if reduced:
-            feature = {"name": "prefers-reduced-motion", "value": "reduce"}
-            self.order("Emulation.setEmulatedMedia", features=[feature])
-        self.order("Page.navigate", url=address)
-        self.until("document.documentElement?.dataset.ready !== undefined")
-        return self
-
-    def value(self, expression):
-        """What a JavaScript expression gives in the page."""
-        answer = self.order("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
-        assert "exceptionDetails" not in answer, answer
-        return answer["result"].get("value")
-
-    def until(self, expression):
-        until = time.monotonic() + 30
-        while not self.value(expression):
-            assert time.monotonic() < until, f"the page never came to: {expression}"
-            time.sleep(0.02)
-
-    def press(self, key):
-        text = {"text": key} if len(key) == 1 else {}
-        self.order("Input.dispatchKeyEvent", type="keyDown", key=key, **text)
-        self.order("Input.dispatchKeyEvent", type="keyUp", key=key)
-
-    def frame(self):
-        return int(self.value("document.documentElement.dataset.frame"))
-
-    def complaints(self):
-        """What stands in the console."""
-        kinds = ("Runtime.consoleAPICalled", "Runtime.exceptionThrown", "Log.entryAdded")
-        return [said["params"] for said in self.said if said.get("method") in kinds]
-
-    def requests(self):
-        """What the page asked for, itself and what is within it aside."""
-        asked = [
-            said["params"]["request"]["url"] for said in self.said if said.get("method") == "Network.requestWillBeSent"
-        ]
-        return [url for url in asked if not url.startswith(("file://", "data:", "blob:"))] + (
-            ["a second file"] if sum(url.startswith("file://") for url in asked) > 1 else []
-        )
 
 
 @pytest.fixture(scope="module")
@@ -160,8 +47,14 @@ def default(tmp_path_factory):
     return folder / "x.html"
 
 
-def invented(folder, steps=20, nodes=12, estimates=True, name="invented"):
-    """The page of an invented run."""
+@pytest.fixture
+def bare(monkeypatch):
+    """Pages without figures, which take their time."""
+    monkeypatch.setattr(report, "pictures", lambda path, replicate: ([], []))
+
+
+def invented(folder, steps=20, nodes=12, estimates=True, name="invented", copies=1):
+    """The page of an invented run, or of several that are alike."""
     rng = np.random.default_rng(3)
     folder.mkdir(exist_ok=True)
     with ResultFile(folder / "x.h5", PLANE, dict.fromkeys(TABLES, True), position=(0, 2)) as file:
@@ -178,7 +71,7 @@ def invented(folder, steps=20, nodes=12, estimates=True, name="invented"):
         file.write("nodes", {"replicate": 0, "node": np.arange(nodes), **place, **charge})
         file.set_text("scenario/source_yaml", f"name: {name}\n")
         file.set_text("scenario/resolved_json", json.dumps({"name": name, "seed": 1, "step": 0.5}))
-    report.write([folder / "x.h5"], folder / "x.html")
+    report.write([folder / "x.h5"] * copies, folder / "x.html")
     return folder / "x.html"
 
 
@@ -209,11 +102,29 @@ def test_an_address_names_a_frame(browser, default):
     page = browser.open(f"file://{default}#frame=350")
     assert page.frame() == 350
     assert page.value("document.getElementById('status').textContent").startswith("step 350 of 700 · 14 s\nerror ")
-    assert browser.open(f"file://{default}#frame=99999").frame() == 700
+    for asking_nothing in ("frame=-3", "frame=abc", "frame=1e3", "replay", ""):
+        page.value(f"location.hash = '#{asking_nothing}'")
+        assert page.value(SOON) == 350, asking_nothing
+    page.value("location.hash = '#frame=99999'")
+    page.until("location.hash === '#frame=700'")
+    assert page.frame() == 700
 
 
-def test_keys_go_through_the_frames(browser, default):
+def test_an_address_names_a_step_where_steps_are_thinned(browser, tmp_path, bare, monkeypatch):
+    monkeypatch.setattr(replay, "PLANS", (replay.Plan(stride=4),))
+    page = browser.open(f"file://{invented(tmp_path, steps=30)}#frame=12")
+    shown = "document.getElementById('status').textContent.split('\\n')[0]"
+    assert page.frame() == 12 and page.value(shown) == "step 12 of 30 · 6 s"
+    page.value("document.getElementById('ahead').click()")
+    assert page.frame() == 16 and page.value("location.hash") == "#frame=16"
+    page.value("location.hash = '#frame=30'")
+    page.until("document.documentElement.dataset.frame === '30'")
+
+
+def test_keys_go_through_the_frames_where_the_focus_is_in_the_player(browser, default):
     page = browser.open(f"file://{default}#frame=5")
+    page.press("End")
+    assert page.frame() == 5  # the focus is on the page
     page.value("document.getElementById('stage').focus()")
     for key, frame in (("ArrowRight", 6), ("ArrowLeft", 5), ("End", 700), ("Home", 0)):
         page.press(key)
@@ -242,8 +153,68 @@ def test_nothing_moves_by_itself_and_with_reduced_motion_playing_is_slow(browser
     page = browser.open(f"file://{default}", reduced=True)
     wait = "new Promise(done => setTimeout(() => done(+document.documentElement.dataset.frame), 700))"
     assert page.value(wait) == 0
+    assert page.value("document.getElementById('speed').selectedOptions[0].text").startswith("2/s")
     page.value("document.getElementById('play').click()")
     assert 1 <= page.value(wait) <= 3
+
+
+def test_what_is_stepped_to_is_spoken_and_what_is_played_is_not(browser, default):
+    page = browser.open(f"file://{default}#frame=5")
+    said = "document.getElementById('spoken').textContent"
+    page.value("document.getElementById('ahead').click()")
+    assert page.value(said).startswith("step 6 of 700")
+    page.value("document.getElementById('play').click()")
+    page.until("+document.documentElement.dataset.frame > 9")
+    assert page.value(said).startswith("step 6 of 700")
+
+
+def test_the_picture_and_its_button_fit_into_a_low_window(browser, default):
+    page = browser.open(f"file://{default}", width=1200, height=900)
+    page.order("Emulation.setDeviceMetricsOverride", width=844, height=390, deviceScaleFactor=1, mobile=True)
+    play, stage = (f"document.getElementById('{name}').getBoundingClientRect()" for name in ("play", "stage"))
+    page.until(f"{play}.bottom - {stage}.top < 390")
+
+
+def test_members_of_two_targets_are_told_apart(browser, tmp_path, bare):
+    experiment.run(load("two_targets", ["duration=2 s", "tracker.particles=40"]), out=tmp_path / "x.h5")
+    report.write([tmp_path / "x.h5"], tmp_path / "x.html")
+    guess = read(tmp_path / "x.h5", "estimates").set_index(["step", "target"])
+    page = browser.open(f"file://{tmp_path / 'x.html'}")
+    for step in (38, 10, 50):
+        page.value(f"location.hash = '#frame={step}'")
+        page.until(f"document.documentElement.dataset.frame === '{step}'")
+        told = re.findall(r"(\d+) members", page.value("document.getElementById('status').textContent"))
+        assert list(map(int, told)) == guess.members[step].tolist()
+
+
+def test_a_damaged_replay_is_hidden_and_others_are_in_reach(browser, tmp_path, bare):
+    place = invented(tmp_path, copies=2)
+    text = place.read_text()
+    film = re.search(r'class="film"[^>]*>([^<]*)<', text)[1]
+    place.write_text(text.replace(film, film[:200] + "AAAA" + film[204:], 1))
+    page = browser.open(f"file://{place}")
+    assert page.value("document.documentElement.dataset.ready") == "failed"
+    assert "its data are damaged" in page.value("document.getElementById('message').textContent")
+    assert page.value("document.getElementById('player').offsetHeight") == 0
+    page.value("const run = document.getElementById('run'); run.value = 1; run.dispatchEvent(new Event('change'))")
+    page.until("document.documentElement.dataset.ready === 'yes'")
+    assert page.value(PAINTED) > 500 and page.value("document.getElementById('message').offsetHeight") == 0
+
+
+def test_dark_pages_are_printed_light(browser, default):
+    page = browser.open(f"file://{default}")
+    page.order("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": "dark"}])
+    ground = "getComputedStyle(document.body).backgroundColor"
+    page.until(f"{ground} === 'rgb(22, 24, 26)'")
+    page.value("dispatchEvent(new Event('beforeprint'))")
+    assert page.value(ground) == "rgb(255, 255, 255)"
+    page.value("dispatchEvent(new Event('afterprint'))")
+    assert page.value(ground) == "rgb(22, 24, 26)"
+
+
+def test_a_long_name_does_not_widen_the_page(browser, tmp_path, bare):
+    page = browser.open(f"file://{invented(tmp_path, name='long' * 300, copies=2)}", width=390)
+    assert page.value("document.documentElement.scrollWidth") <= 390
 
 
 @pytest.mark.parametrize("width", [375, 1200])
@@ -273,8 +244,7 @@ def test_what_were_not_escaped_would_not_run_either(browser, tmp_path):
 
 
 @pytest.mark.parametrize("told", [{"estimates": False}, {"nodes": 100_000}, {"nodes": 1, "steps": 1}])
-def test_odd_results_are_drawn_too(browser, tmp_path, told, monkeypatch):
-    monkeypatch.setattr(report, "pictures", lambda path, replicate: ([], []))
+def test_odd_results_are_drawn_too(browser, tmp_path, told, bare):
     page = browser.open(f"file://{invented(tmp_path, **told)}#frame=1")
     assert page.value("document.documentElement.dataset.ready") == "yes" and page.frame() == 1
     assert page.complaints() == []

@@ -35,8 +35,8 @@ SMALL = Experiment(
         "imsf": Variant("imsf"),
         "ekf": Variant("rkf", ("tracker={kind: ekf}", "sensor.beyond=silent")),
     },
-    quick=4,
-    full=6,
+    quick=6,
+    full=8,
     claims=(
         Claim("RMSE, m", "rkf", "rmse", 0.4, "figure 1", "per_trajectory", "because"),
         Claim("RMSE of a run, median, m", "imsf", "median:rmse", None, "", "variant:ekf"),
@@ -68,7 +68,7 @@ def done(tmp_path_factory):
     """The small experiment's campaign, run."""
     where = tmp_path_factory.mktemp("done")
     ended = reproduce.run("liu2012", SMALL, where, 1)  # in a process of its own: the others are in this one
-    assert ended.complete and ended.done == 12
+    assert ended.complete and ended.done == 18
     return where
 
 
@@ -121,7 +121,7 @@ def test_rows_are_what_the_tables_of_the_campaign_hold(done):
     folder = reproduce.place(done, "liu2012", SMALL)
     runs = wsnsim.read(folder, "runs").set_index(["variant", "replicate"])
     errors = {
-        name: frame.sort_values(["replicate", "step"])["error"].to_numpy().reshape(4, 15)
+        name: frame.sort_values(["replicate", "step"])["error"].to_numpy().reshape(6, 15)
         for name, frame in wsnsim.read(folder, "estimates").groupby("variant")
     }
     rows = {row.quantity: row for row in reproduce.rows("liu2012", SMALL, folder)}
@@ -147,13 +147,13 @@ def test_rows_are_what_the_tables_of_the_campaign_hold(done):
 def test_the_bound_beside_a_row_is_that_of_its_scenario_and_says_whether_it_is_strict(done):
     folder = reproduce.place(done, "liu2012", SMALL)
     rows = {row.quantity: row for row in reproduce.rows("liu2012", SMALL, folder)}
-    along = bounds.bound({"extends": "scenarios/rkf.yaml", "duration": 15}, range(4), "per_trajectory")
+    along = bounds.bound({"extends": "scenarios/rkf.yaml", "duration": 15}, range(6), "per_trajectory")
     assert rows["RMSE, m (figure 1)"].bound == along.time_mean
     assert rows["RMSE, m (figure 1)"].bound_kind == "per_trajectory, not strict"
     assert rows["operations"].bound_kind == "" and math.isnan(rows["operations"].bound)
     best = measures.measured(measures.Data(measures.Folder(folder)), "ekf", "median:rmse")
-    assert rows["RMSE of a run, median, m"].bound == best.value
-    assert f"the interval counts, {best.low:.4g}" in rows["RMSE of a run, median, m"].caution
+    assert rows["RMSE of a run, median, m"].bound == best.low
+    assert "lower end of the 95 % interval of what 'ekf' measures" in rows["RMSE of a run, median, m"].caution
     speed = rows["RMSE of vx"]
     over = bounds.bound({"extends": "scenarios/rkf.yaml", "duration": 15}, range(measures.TRUTHS))
     strict = not over.cautions
@@ -166,6 +166,28 @@ def test_a_measure_that_is_none_is_named(done):
     data = measures.Data(measures.Folder(reproduce.place(done, "liu2012", SMALL)))
     with pytest.raises(KeyError, match="no measure is called 'rmsee'"):
         measures.measured(data, "rkf", "rmsee")
+
+
+def test_a_damaged_file_is_put_aside_and_run_again_and_so_is_a_damaged_scenario(done, papers, capsys):
+    shutil.copytree(done, "r/quick")
+    same = ["reproduce", "liu2012", "--json", "-q", "-o", "r"]
+    assert main(same) == 0
+    before = json.loads(capsys.readouterr().out)["rows"]
+    cut, flipped = sorted(Path("r").rglob("*.h5"))[:2]
+    cut.write_bytes(cut.read_bytes()[:3000])
+    content = bytearray(flipped.read_bytes())
+    at = len(content) // 2
+    content[at : at + 4000] = bytes(255 - byte for byte in content[at : at + 4000])
+    flipped.write_bytes(content)
+    sorted(Path("r").rglob("scenario.json"))[0].write_text("{")
+    assert main(same) == 0
+    said = capsys.readouterr()
+    drop = "seconds"
+    assert [row for row in json.loads(said.out)["rows"] if row["quantity"] != drop] == [
+        row for row in before if row["quantity"] != drop
+    ]
+    assert f"{cut}.damaged: was damaged, and is put aside: its replicates are run again" in said.err
+    assert len(list(Path("r").rglob("*.damaged"))) == 2
 
 
 def test_what_has_been_run_is_not_run_again_and_the_same_is_found_elsewhere(done, papers, capsys):
@@ -181,12 +203,12 @@ def test_what_has_been_run_is_not_run_again_and_the_same_is_found_elsewhere(done
         told["rows"] = [row for row in told["rows"] if row["quantity"] != "seconds"]
     assert second == first
     assert [list(row) for row in first["rows"]] == [KEYS] * (len(SMALL.claims) - 1)
-    assert {row["replicates"] for row in first["rows"]} == {4}
+    assert {row["replicates"] for row in first["rows"]} == {6}
 
 
 def test_a_full_run_is_another_campaign_of_as_many_replicates_as_it_says(papers, capsys):
     assert main(["reproduce", "liu2012", "--full", "-q", "--json"]) == 0
-    assert {row["replicates"] for row in json.loads(capsys.readouterr().out)["rows"]} == {6}
+    assert {row["replicates"] for row in json.loads(capsys.readouterr().out)["rows"]} == {8}
     assert Path("results/reproduce/full/liu2012/small").is_dir()
 
 
@@ -194,9 +216,9 @@ def test_in_words_there_are_reasons_verdicts_and_the_rule(done, papers, capsys):
     shutil.copytree(done, "results/reproduce/quick")
     assert main(["reproduce", "liu2012", "--progress", "none"]) == 0
     said = capsys.readouterr()
-    assert "1 of 1: liu2012, small" in said.err
+    assert "1 of 1: liu2012, small: two filters along a line, for tests\n" in said.err
     assert "      because\n" in said.out and f"  reproduces: {RULE['reproduces']}" in said.out
-    assert "liu2012: 6 claims: " in said.out and "liu2012: 1 more verdicts are on repairs" in said.out
+    assert "liu2012: 5 claims: " in said.out and "liu2012: 1 more on repairs and other readings: " in said.out
     assert "~ not strict here" in said.out and "  about 0.6 " in said.out and "figures within them" in said.out
 
 
@@ -204,7 +226,7 @@ def test_in_words_there_are_reasons_verdicts_and_the_rule(done, papers, capsys):
     ("arguments", "words"),
     [
         (["liu2021"], "there is no paper 'liu2021' (did you mean 'liu2012'?)"),
-        (["liu2012", "--only", "smal"], "there is no experiment 'smal' (did you mean 'small'?)"),
+        (["liu2012", "--only", "smal"], "liu2012 has no experiment 'smal' (did you mean 'small'?)"),
         (["liu2012", "--json", "--markdown"], "one of them, please"),
         (["liu2012", "--figures", "file/figures"], "--figures file/figures"),
         (["liu2012", "-o", "file/results"], "file/results"),

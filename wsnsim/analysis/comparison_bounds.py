@@ -45,9 +45,10 @@ def with_bounds(found: Compared, folder: Folder) -> Compared:
     for number in found.table[campaigns.POINT]:
         point = manifest.points[int(number)]
         there = tuple(sorted(n for n in folder.done(point.id) if n < point.replicates)[:MOST])
-        key = point.world, there
+        scenario = json.loads(folder.scenario(point.id))
+        key = point.world, there, repr(scenario.get("tracker", {}).get("assumes"))
         if key not in known:
-            known[key] = _limits(json.loads(folder.scenario(point.id)), there)
+            known[key] = _limits(scenario, there)
         limits.append(known[key])
     table = found.table.assign(
         bound=np.array([limit.each for limit in limits], dtype=np.float64),

@@ -86,7 +86,8 @@ def _notes(found: Compared) -> list[str]:
         )
     if "bound" in table and table["bound"].notna().any():
         notes.append(
-            "  bound: what no filter does much better than, given all readings in range (Cramer-Rao along each truth)"
+            "  bound: Cramer-Rao along each truth, of all readings in range, median over runs as the error beside it;\n"
+            "  not strict: a filter may be below on some truths (--json also has the strict one, over all truths)"
         )
     unknown = int((table["replicates"] - table["known"]).sum())
     if unknown:

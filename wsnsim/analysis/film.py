@@ -1,6 +1,7 @@
 """What a replay is drawn on: frames, the nodes that are drawn, and columns in few bits, as text for a browser.
 
-    Film.blank(run, plan);  film.add(name, frames, ...);  film.text(header);  rounded(values, low, high)
+    Film.blank(run, plan);  film.add(name, frames, ...);  film.count(name, frames);  film.text(header)
+    rounded(values, low, high);  evenly(count, most);  thinned(frames, most)
 
 The text is base64 of a zlib stream: the length of a JSON header (4 bytes, little-endian), the header, and columns, each
 from a multiple of 8 bytes on. What happens at some frames only has its rows in the frames' order, and a column of how
@@ -58,10 +59,15 @@ class Film:
         return np.where(self.picked[spot] == nodes, spot, -1) if self.picked.size else np.full(nodes.size, -1)
 
     def add(self, name: str, frames: Ints, **columns: np.ndarray) -> None:
-        """Take rows that belong to frames, in the frames' order."""
+        """Take rows that belong to frames, in the frames' order, up to the last frame."""
         order = np.argsort(frames, kind="stable")
-        self.columns[f"{name}_count"] = np.bincount(frames, minlength=self.frames).astype("<u4")
+        order = order[frames[order] < self.frames]
+        self.columns[f"{name}_count"] = np.bincount(frames[order], minlength=self.frames).astype("<u4")
         self.columns.update({f"{name}_{key}": values[order] for key, values in columns.items()})
+
+    def count(self, name: str, frames: Ints) -> None:
+        """Note how many rows each frame truly has, of which fewer are drawn."""
+        self.columns[f"{name}_all"] = np.bincount(frames, minlength=self.frames).astype("<u4")
 
     @classmethod
     def blank(cls, run: Run, plan: Plan) -> Film:
@@ -118,6 +124,15 @@ def evenly(count: int, most: int) -> Bools:
     """(count,) which of them to keep so that `most` remain, evenly spread."""
     kept = np.arange(count + 1) * min(most, count) // max(count, 1)
     return kept[1:] > kept[:-1]
+
+
+def thinned(frames: Ints, most: int) -> Bools:
+    """Which rows, in the frames' order, to keep so that no frame has more than `most`, spread evenly over each."""
+    _, first, counts = np.unique(frames, return_index=True, return_counts=True)
+    rank = np.arange(frames.size) - np.repeat(first, counts)
+    each = np.repeat(counts, counts)
+    few = np.minimum(each, most)
+    return (rank + 1) * few // np.maximum(each, 1) > rank * few // np.maximum(each, 1)
 
 
 def rounded(values: Floats, low: float, high: float) -> np.ndarray:

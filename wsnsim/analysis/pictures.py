@@ -59,19 +59,22 @@ def pictures(path: Path, replicate: int) -> tuple[list[Picture], list[str]]:
     told = {reason: [n for n, each in reasons.items() if each == reason] for reason in reasons.values() if reason}
     left_out = [f"without {', '.join(names)}: {reason}" for reason, names in told.items()]
     drawn = []
+    known = {name for name, reason in reasons.items() if not reason}
+    targets = _targets(path, replicate) if "track" in known else []
+    if len(targets) > MOST_TARGETS:
+        left_out.append(f"only the tracks of the first {MOST_TARGETS} of {len(targets):,} targets are drawn")
     with style.context(["default", IN_PAGE]):
-        for name, draws in _panels(path, replicate, {name for name, reason in reasons.items() if not reason}):
+        for name, draws in _panels(path, replicate, known, targets):
             try:
-                drawn.append(_drawn(name, draws))
+                drawn.append(_drawn(name, draws, len(targets) > 1))
             except (ResultError, UsageError) as error:
                 left_out.append(f"without {name}: {error}")
     return drawn, left_out
 
 
-def _panels(path: Path, replicate: int, known: set[str]) -> Iterator[tuple[str, Draws]]:
+def _panels(path: Path, replicate: int, known: set[str], targets: list[int]) -> Iterator[tuple[str, Draws]]:
     """What is drawn: a name and a function for each figure."""
-    targets = _targets(path, replicate) if "track" in known else []
-    for target in targets:
+    for target in targets[:MOST_TARGETS]:
         yield "track", partial(plots.track, path=path, replicate=replicate, target=target)
     if "error" in known:
         yield "error", partial(plots.error, path=path)
@@ -86,17 +89,19 @@ def _panels(path: Path, replicate: int, known: set[str]) -> Iterator[tuple[str, 
 
 
 def _targets(path: Path, replicate: int) -> list[int]:
-    """The first targets of a run, if it has any."""
+    """The targets of a run, if it has any."""
     held = recording.read_table(path, "truth", ["replicate", "target"])
-    return [int(target) for target in np.unique(held["target"][held["replicate"] == replicate])][:MOST_TARGETS]
+    return [int(target) for target in np.unique(held["target"][held["replicate"] == replicate])]
 
 
-def _drawn(name: str, draws: Any) -> Picture:
-    """One figure as SVG, without the prologue that a page does not take."""
+def _drawn(name: str, draws: Any, several: bool) -> Picture:
+    """One figure as SVG, without the prologue that a page does not take; of `several` targets it names its own."""
     figure = Figure(figsize=SIZE)
     FigureCanvasAgg(figure)
     axes = figure.subplots(gridspec_kw=MARGINS)
     draws(axes)
+    if several and "target" in draws.keywords:
+        _named(axes, draws.keywords["target"])
     _narrow(axes)
     if axes.get_yscale() == "log":  # as plain text: the powers of ten are formulas
         axes.yaxis.set_major_formatter("{x:g}")
@@ -109,6 +114,13 @@ def _drawn(name: str, draws: Any) -> Picture:
     svg = held.getvalue()
     label = axes.get_title(loc="left")
     return Picture(name, label, re.sub(r"\s*<metadata>.*?</metadata>", "", svg[svg.index("<svg") :], flags=re.S))
+
+
+def _named(axes: Axes, target: int) -> None:
+    """A title that names the target, the first one, too."""
+    title = axes.get_title(loc="left")
+    if not title.endswith(f", target {target}"):
+        axes.set_title(f"{title}, target {target}", loc="left", pad=20)
 
 
 def _narrow(axes: Axes) -> None:

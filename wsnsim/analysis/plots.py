@@ -73,11 +73,11 @@ def error(axes: Axes, path: str | Path) -> Axes:
         axes.fill_between(times, low, high, color=SKY, alpha=0.4, linewidth=0, label=f"quartiles of {counted}")
         axes.plot(times, middle, color=BLUE, linewidth=1.0, label="median", **_marks(middle))
         shown = np.concatenate([mean, middle])
-    told = f"RMSE of {counted}" if len(rows) == 1 else "RMSE"
+    told = f"error of {counted}" if len(rows) == 1 else "RMSE"
     axes.plot(times, mean, color=VERMILLION, linewidth=1.2, label=told, **_marks(mean))
     if (limit := possible.in_range(path)) is not None:
         bound = limit.rmse[sources.steps_of(path) - 1]
-        axes.plot(times, bound, color=BLACK, linewidth=1.0, linestyle=":", label="bound, all readings in range")
+        axes.plot(times, bound, color=BLACK, linewidth=1.0, linestyle=":", label="bound along each truth")
         shown = np.concatenate([shown, bound])
     _scaled(axes, shown)
     if len(times) > 1:

@@ -1,6 +1,6 @@
 """What a result holds of one replicate, table by table.
 
-recorded(path, replicate) -> Run
+recorded(path, replicate) -> Run;  first(path) -> replicate;  check(path, replicate)
 """
 
 from __future__ import annotations
@@ -25,12 +25,14 @@ EVENTS: Final = ("step", "target", "node", "kind", "what", "frame", "peer", "jou
 class Run:
     """The rows of one replicate; a table that the file does not hold is an empty dict.
 
-    `dt` in s, NaN if the file does not say; `layout` None where there is no target; `words` are those of `events.what`.
+    `dt` in s, NaN if the file does not say; `layout` None where there is no target; `words` are those of `events.what`;
+    `unrecorded` names the tables that the file was not to hold.
     """
 
     dt: float
     layout: sources.Layout | None
     words: tuple[str, ...]
+    unrecorded: frozenset[str]
     truth: Columns
     guess: Columns
     nodes: Columns
@@ -75,19 +77,28 @@ class Run:
         """What the file does not hold, as a reader of its picture should know."""
         told = []
         if not self.nodes:
-            told.append("no nodes are drawn: none are recorded (record.nodes=true)")
+            told.append(self._none_of("nodes", "no nodes are drawn"))
         elif not self.network:
-            told.append("a scenario without a network: nothing is sent, and no energy is spent")
+            told.append(
+                "no radio is simulated, as the scenario has no network: no frames are drawn, no energy is spent"
+            )
         elif not self.events:
             told.append(
-                "no frames in flight are drawn, nor who sleeps: the event log was not recorded (record.events=true); "
-                "the charge is that at the end"
+                self._none_of("events", "no frames in flight are drawn, nor who sleeps")
+                + "; the charge is that at the end"
             )
-        if self.layout is not None and not self.guess:
-            told.append("there are no estimates")
-        elif self.guess and not np.isfinite(self.guess["error"]).any():
+        if self.layout is not None:
+            told += [] if self.truth else [self._none_of("truth", "no true way is drawn")]
+            told += [] if self.guess else [self._none_of("estimates", "no estimates are drawn")]
+        if self.guess and not np.isfinite(self.guess["error"]).any():
             told.append("no estimate was ever issued")
         return told
+
+    def _none_of(self, table: str, told: str) -> str:
+        """What is not drawn, as a table was not recorded, or has no rows."""
+        if table in self.unrecorded:
+            return f"{told}: table {table} was not recorded (record.{table}=true)"
+        return f"{told}: table {table} has no rows"
 
 
 def recorded(path: str | Path, replicate: int) -> Run:
@@ -102,7 +113,7 @@ def recorded(path: str | Path, replicate: int) -> Run:
     place = layout.position if layout else ()
     wanted: dict[str, tuple[str, ...]] = {
         "truth": ("target", "step", "time", *place),
-        "estimates": ("target", "step", "time", *place, "error", "head"),
+        "estimates": ("target", "step", "time", *place, "error", "head", "issued"),
         "nodes": ("node", "x", "y", "energy_initial", "energy_left", "died_at"),
         "events": EVENTS,
         "particles": ("target", "step", *place, "weight"),
@@ -112,7 +123,16 @@ def recorded(path: str | Path, replicate: int) -> Run:
         check(path, replicate)
     words = recording.meanings(path, "events", "what") if rows["events"] else ()
     tables = (rows[name] for name in wanted)
-    return Run(_step_of(path), layout, words, *tables)
+    return Run(_step_of(path), layout, words, frozenset(wanted) - sizes.keys(), *tables)
+
+
+def first(path: str | Path) -> int:
+    """The first replicate of which the file holds rows; 0 if it holds none."""
+    sizes = recording.tables(path)
+    for table in ("runs", "truth", "estimates", "nodes"):
+        if table in sizes and sizes[table].rows:
+            return int(recording.read_table(path, table, ["replicate"])["replicate"].min())
+    return 0
 
 
 def check(path: str | Path, replicate: int) -> None:

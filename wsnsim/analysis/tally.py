@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import html
 import json
+import re
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
@@ -50,7 +51,7 @@ def tally(paths: Sequence[Path], names: Sequence[str], published: Published | No
     labels = [label for label in order if any(label in column for column in columns)]
     if not labels:
         return "<p>No run has ended: there is no summary.</p>"
-    head = "".join(f'<th scope="col">{html.escape(name)}</th>' for name in names)
+    head = "".join(f'<th scope="col">{_headed(name)}</th>' for name in names)
     rows = "".join(
         f'<tr><th scope="row">{html.escape(label)}</th>'
         + "".join(f"<td>{column.get(label, '')}</td>" for column in columns)
@@ -63,6 +64,12 @@ def tally(paths: Sequence[Path], names: Sequence[str], published: Published | No
         "</tbody></table></div>\n"
         f'<p class="small">In brackets: 95 % bootstrap intervals over replicates, from {LEAST} replicates on.</p>'
     )
+
+
+def _headed(name: str) -> str:
+    """A result's name at the head of its column, where it may break behind '_', '/' and commas."""
+    broken = re.sub("([_/,])", r"\1<wbr>", html.escape(name))
+    return f"<bdi>{broken}</bdi>"
 
 
 def _cells(path: Path, published: Published | None) -> Cells:

@@ -55,6 +55,7 @@ def run(
     seeded = overrides if seed is None else (*overrides, f"seed={seed}")
     scenario = _loaded(source, seeded)
     place = writable(out, Path("results") / f"{scenario.name}.h5")
+    page = _page_beside(place) if paged else None
     from wsnsim import experiment
     from wsnsim.analysis import beaconing, summary, summary_text
     from wsnsim.papers.published import published
@@ -79,12 +80,23 @@ def run(
         limit = summary.limit_of(report)
         told = summary.as_json(report, printed, limit) if as_json else summary_text.text(report, printed, paper, limit)
     echo_json(told) if isinstance(told, dict) else click.echo(told)
-    if paged:
+    if page:
         from wsnsim.analysis import report as reports
 
-        written = reports.write([place], place.with_suffix(".html"), published=published)
+        written = reports.write([place], page, published=published)
         if not quiet:
             click.echo(f"wsnsim: {written.out}: {written.bytes / 1e6:.2f} MB; open it in a browser", err=True)
+
+
+def _page_beside(result: Path) -> Path:
+    """Where the result's page goes. Raises UsageError, before anything runs, if it cannot go there."""
+    page = result.with_suffix(".html")
+    if page == result or (page.exists() and result.exists() and page.samefile(result)):
+        raise UsageError(f"--report: the page of {result} would take its place; say --out {result.with_suffix('.h5')}")
+    try:
+        return writable(page, Path(page.name))
+    except UsageError as error:
+        raise UsageError(f"--report: {str(error).removeprefix('--out ')}") from None
 
 
 @group.command()

@@ -19,9 +19,7 @@ from wsnsim.cli.shared import group, writable
     metavar="PAGE.html",
     help="Default FILE.html, of several report.html.",
 )
-@click.option(
-    "--replicate", type=click.IntRange(min=0), default=0, show_default=True, metavar="R", help="Run to replay."
-)
+@click.option("--replicate", type=click.IntRange(min=0), metavar="R", help="Run to replay; default the first.")
 @click.option(
     "--megabytes",
     type=click.FloatRange(min=0.1),
@@ -30,7 +28,7 @@ from wsnsim.cli.shared import group, writable
     metavar="MB",
     help="Size to keep to; what does not fit is thinned.",
 )
-def report(results: tuple[Path, ...], out: Path | None, replicate: int, megabytes: float) -> None:
+def report(results: tuple[Path, ...], out: Path | None, replicate: int | None, megabytes: float) -> None:
     """Write one HTML page of results, with a replay; it needs no network."""
     from wsnsim import recording
     from wsnsim.analysis import report as reports

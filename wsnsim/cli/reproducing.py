@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import contextlib
+import errno
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -16,6 +20,7 @@ from wsnsim.cli.shared import echo_json, group, json_option
 
 if TYPE_CHECKING:
     from wsnsim.campaign import Ended
+    from wsnsim.papers.reproduction import Experiment
 
 FEW: Final = 3
 """Reasons that are told."""
@@ -55,13 +60,13 @@ def reproduce(interrupts: Interrupts, papers: tuple[str, ...], quick: bool, out:
         reproducing.begin(paper, experiment, where, full=not quick)
     found, said, code = [], [], 0
     with interrupts.noted() as stop:
+        job = _Job(where, jobs, not quick, "none" if quiet else progress, stop)
         for number, (paper, experiment) in enumerate(chosen, 1):
-            if not quiet:
-                click.echo(f"wsnsim: {number} of {len(chosen)}: {paper}, {experiment.name}", err=True)
-            show = None if quiet else shown(progress, of=CAMPAIGN)
-            with contextlib.closing(show) if show else contextlib.nullcontext():
-                ended = reproducing.run(paper, experiment, where, jobs, full=not quick,
-                                        watch=show.step if show else None, stop=stop)  # fmt: skip
+            if not quiet and progress != "json":
+                click.echo(
+                    f"wsnsim: {number} of {len(chosen)}: {paper}, {experiment.name}: {experiment.title}", err=True
+                )
+            ended = job.run(paper, experiment)
             if interrupts.number:
                 break
             folder = reproducing.place(where, paper, experiment)
@@ -85,10 +90,44 @@ def reproduce(interrupts: Interrupts, papers: tuple[str, ...], quick: bool, out:
     return code
 
 
+@dataclass(frozen=True)
+class _Job:
+    """How experiments are run: where, by how many processes, at which number of runs, and how progress is shown."""
+
+    where: Path
+    jobs: int | None
+    full: bool
+    progress: str
+    stop: Callable[[], bool]
+
+    def run(self, paper: str, experiment: Experiment) -> Ended:
+        """Run what is missing of an experiment; and again what turns out to be damaged, once."""
+        from wsnsim.papers import reproduce as reproducing
+
+        ended = self._run(paper, experiment)
+        if ended.complete and (moved := reproducing.set_aside(reproducing.place(self.where, paper, experiment))):
+            for place in moved:
+                click.echo(f"wsnsim: {place}: was damaged, and is put aside: its replicates are run again", err=True)
+            ended = self._run(paper, experiment)
+        return ended
+
+    def _run(self, paper: str, experiment: Experiment) -> Ended:
+        from wsnsim.papers import reproduce as reproducing
+
+        show = shown(self.progress, of=CAMPAIGN)
+        with contextlib.closing(show) if show else contextlib.nullcontext():
+            return reproducing.run(
+                paper, experiment, self.where, self.jobs, full=self.full, watch=show.step if show else None,
+                stop=self.stop,
+            )  # fmt: skip
+
+
 def _demand_folder(place: Path) -> None:
     """Raise UsageError, before anything runs, if figures cannot be written there."""
     try:
         place.mkdir(parents=True, exist_ok=True)
+        if not os.access(place, os.W_OK):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
     except OSError as error:
         raise UsageError(f"--figures {place}: {error.strerror or error}") from None
 

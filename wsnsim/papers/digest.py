@@ -87,9 +87,14 @@ def _beneath(chosen: Sequence[Row]) -> Iterator[str]:
     """What verdicts and marks among the rows mean."""
     if chosen:
         yield from ("", "Verdicts and bounds:")
-        yield from (f"- {line.strip()}" for line in legend(chosen))
+        yield from (f"- {_plain(line.strip())}" for line in legend(chosen))
+        cautions: dict[str, dict[str, None]] = {}
+        for row in chosen:
+            for caution in filter(None, row.caution.split("; ")):
+                cautions.setdefault(caution, {})[f"{row.paper}, {row.experiment}"] = None
+        yield from (f"- of the bound ({_plain('; '.join(where))}): {caution}" for caution, where in cautions.items())
 
 
 def _plain(cell: str) -> str:
     """A cell that Markdown does not take for anything else."""
-    return cell.replace("|", "\\|").replace("~", "\\~").replace("_", "\\_")
+    return cell.replace("|", "\\|").replace("~", "\\~").replace("_", "\\_").replace("*", "\\*")

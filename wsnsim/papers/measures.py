@@ -140,8 +140,8 @@ def bound_of(data: Data, variant: str, measure: str, kind: str) -> Limit:
     family, _, rest = kind.partition(":")
     if family == "variant":
         best = measured(data, rest, measure)
-        counts = f"of what '{rest}' measures the lower end of the interval counts, {best.low:.4g}"
-        return Limit(best.value, f"that of '{rest}'", best.low, counts)
+        counts = f"the lower end of the 95 % interval of what '{rest}' measures"
+        return Limit(best.low, f"that of '{rest}'", best.low, counts)
     if family == "own":
         own = measured(data, variant, f"median_of:{rest}")
         return Limit(own.value, f"{rest.rpartition(':')[2].replace('_', ' ')}, not strict")

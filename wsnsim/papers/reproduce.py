@@ -28,6 +28,12 @@ from wsnsim.scenario.sweep_schema import Plan
 PAPERS: Final = ("jiang2013", "liu2012", "wei2022", "ruan2020", "li2012")
 PAGES: Final = (*PAPERS, "frontier")
 NAN: Final = float("nan")
+USUAL: Final = {
+    "median:rmse": "beside the mean over time: single runs that go astray do not move it",
+    "mean:energy": "what the error beside it costs",
+}
+OTHERS: Final = "for comparison; the paper prints no such figure"
+"""Reasons where a claim gives none of its own: of what a measure is for."""
 
 
 def experiments(paper: str) -> tuple[Experiment, ...]:
@@ -39,14 +45,23 @@ def experiments(paper: str) -> tuple[Experiment, ...]:
 
 
 def chosen(papers: Sequence[str], only: str | None = None) -> list[tuple[str, Experiment]]:
-    """The experiments of these papers, of all five if none is named; only those of a name, if one is given."""
-    pairs = [(paper, experiment) for paper in papers or PAPERS for experiment in experiments(paper)]
+    """The experiments of these papers, of all five if none is named; only those of a name, if one is given.
+
+    Raises:
+        UsageError: there is no such paper, or a paper that is named has no such experiment.
+    """
+    every = {paper: experiments(paper) for paper in papers or PAPERS}
     if only is None:
-        return pairs
-    names = {experiment.name for _, experiment in pairs}
+        return [(paper, experiment) for paper, those in every.items() for experiment in those]
+    for paper in papers:
+        _demand_experiment(f"{paper} has no experiment", only, {each.name for each in every[paper]})
+    _demand_experiment("there is no experiment", only, {each.name for those in every.values() for each in those})
+    return [(paper, experiment) for paper, those in every.items() for experiment in those if experiment.name == only]
+
+
+def _demand_experiment(words: str, only: str, names: set[str]) -> None:
     if only not in names:
-        raise UsageError(f"there is no experiment '{only}' ({did_you_mean(only, names)})")
-    return [pair for pair in pairs if pair[1].name == only]
+        raise UsageError(f"{words} '{only}' ({did_you_mean(only, names)})")
 
 
 def plan(paper: str, experiment: Experiment, full: bool = False) -> Plan:
@@ -110,6 +125,12 @@ def rows(paper: str, experiment: Experiment, where: Path) -> list[Row]:
     ]
 
 
+def set_aside(where: Path) -> list[Path]:
+    """Rename the files of a campaign that cannot be read, so that their replicates are missing; their new names."""
+    folder = Folder(where)
+    return [place for point in folder.manifest().points for place in folder.set_aside(point.id)]
+
+
 def lines(experiment: Experiment, where: Path) -> list[str]:
     """What an experiment says beneath its rows, of the campaign in a folder."""
     if not experiment.says:
@@ -147,7 +168,7 @@ def _of_claim(paper: str, experiment: Experiment, claim: Claim, data: Data) -> R
     verdict, counted = judged(claim, found, limit.strict), experiment.literal and claim.literal
     return Row(
         paper, experiment.name, quantity(claim), claim.variant, published, *found, limit.value, limit.kind, verdict,
-        claim.reason, limit.caution, claim.read, counted,
+        claim.reason or USUAL.get(claim.measure, OTHERS), limit.caution, claim.read, counted, experiment.title,
     )  # fmt: skip
 
 
@@ -155,7 +176,7 @@ def _of_order(paper: str, experiment: Experiment, claim: Order, data: Data) -> R
     found = measures.difference(data, claim.variant, claim.other, claim.measure)
     return Row(
         paper, experiment.name, quantity(claim), claim.variant, NAN, *found, NAN, "", ordered(found), claim.reason,
-        literal=experiment.literal and claim.literal,
+        literal=experiment.literal and claim.literal, title=experiment.title,
     )  # fmt: skip
 
 

@@ -151,10 +151,11 @@ class Row:
     caution: str = ""
     read: bool = False
     literal: bool = True
+    title: str = ""
 
 
 RULE: Final[Mapping[Verdict, str]] = {
-    "reproduces": "what is published is within 10 % of our figure; or it is in its 95 % interval, which is between "
+    "reproduces": "ours is within 10 % of what is published; or that is in our 95 % interval, which is between "
     "half and twice of it; of an order: the whole interval of the paired difference has the published sign",
     "same order": "ours is between half and twice what is published (shares: within a fifth)",
     "does not reproduce": "neither; of an order: the whole interval has the other sign, or there is no difference",

@@ -18,6 +18,7 @@ MARKS: Final = (
     "u unconditional, over all truths; t along each truth, which a filter may beat on some; "
     "other, of another variant or as its reason says; ~ not strict here"
 )
+UNCOUNTED: Final = " *"
 READ: Final = "about"
 WORDS_READ: Final = "no printed number, but our reading of a curve, or of words"
 FEW: Final = 30
@@ -28,7 +29,8 @@ def text(rows: Sequence[Row]) -> str:
     """A block an experiment: a line a claim, its reason beneath; then the verdicts of each kind; '' without rows."""
     lines: list[str] = []
     for (paper, experiment), block in groupby(rows, key=lambda row: (row.paper, row.experiment)):
-        lines += ["", f"{paper}, {experiment}", *_block(list(block))]
+        these = list(block)
+        lines += ["", f"{paper}, {experiment}: {these[0].title}", *_block(these)]
     return "\n".join([*lines[1:], "", *_verdicts(rows)]) if rows else ""
 
 
@@ -37,9 +39,9 @@ def _block(rows: Sequence[Row]) -> Iterator[str]:
     lines = [cells(row) for row in rows]
     widths = [max(len(line[i]) for line in [HEADS, *lines]) for i in range(len(HEADS))]
     yield _line(HEADS, widths)
-    for row, line in zip(rows, lines, strict=True):
+    for row, line, after in zip(rows, lines, [*rows[1:], None], strict=True):
         yield _line(line, widths)
-        if row.reason:
+        if after is None or row.reason != after.reason:
             yield f"      {row.reason}"
     for caution in dict.fromkeys(caution for row in rows for caution in row.caution.split("; ") if caution):
         yield f"  of the bound: {caution}"
@@ -47,16 +49,20 @@ def _block(rows: Sequence[Row]) -> Iterator[str]:
 
 def _verdicts(rows: Sequence[Row]) -> list[str]:
     """How many verdicts of each kind there are on what each paper claims, and how they come about."""
-    lines = []
-    for paper in dict.fromkeys(row.paper for row in rows):
-        judged = [row for row in rows if row.paper == paper and row.verdict in RULE]
-        counts = Counter(row.verdict for row in judged if row.literal)
-        if counts:
+    papers = list(dict.fromkeys(row.paper for row in rows))
+    lines = [line for paper in papers for line in _counted(paper, [row for row in rows if row.paper == paper])]
+    return [*lines, *(_counted("all", rows) if len(papers) > 1 else []), *legend(rows)]
+
+
+def _counted(name: str, rows: Sequence[Row]) -> Iterator[str]:
+    judged = [row for row in rows if row.verdict in RULE and row.verdict != "not judged"]
+    kinds = {"claims": [row for row in judged if row.literal]}
+    kinds["more on repairs and other readings"] = [row for row in judged if not row.literal]
+    for words, some in kinds.items():
+        counts = Counter(row.verdict for row in some)
+        if some:
             said = ", ".join(f"{counts[verdict]} x {verdict}" for verdict in RULE if counts[verdict])
-            lines.append(f"{paper}: {sum(counts.values())} claims: {said}")
-        if others := len(judged) - sum(counts.values()):
-            lines.append(f"{paper}: {others} more verdicts are on repairs and other readings, and not counted")
-    return [*lines, *legend(rows)]
+            yield f"{name}: {len(some)} {words}: {said}"
 
 
 def legend(rows: Sequence[Row]) -> list[str]:
@@ -66,8 +72,12 @@ def legend(rows: Sequence[Row]) -> list[str]:
         lines.append(f"  bound: {MARKS}")
     if any(row.read and math.isfinite(row.published) for row in rows):
         lines.append(f"  {READ}: {WORDS_READ}")
+    if any(row.verdict in RULE and not row.literal for row in rows):
+        lines.append(
+            f"  {UNCOUNTED.strip()}: on a repair or another reading of the paper; not counted among its claims"
+        )
     if any(row.reason for row in rows):
-        lines.append("  reasons: figures within them are of the quick runs")
+        lines.append("  reasons: figures within them are of quick runs, unless they say otherwise")
     if any(row.replicates < FEW and math.isfinite(row.low) for row in rows):
         lines.append(
             f"  runs: from fewer than {FEW}, the interval of a mean or an RMSE misses that single runs go astray"
@@ -90,7 +100,7 @@ def cells(row: Row) -> tuple[str, ...]:
         _bound(row),
         str(row.replicates),
         f"{100 * row.lost_fraction:.0f} %" if math.isfinite(row.lost_fraction) else "-",
-        row.verdict,
+        row.verdict + (UNCOUNTED if row.verdict in RULE and not row.literal else ""),
     )
 
 

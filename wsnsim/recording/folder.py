@@ -24,7 +24,7 @@ from typing import Any, Final, NamedTuple, final
 
 from wsnsim.base.errors import ResultError
 from wsnsim.recording.layout import cannot_write, reason
-from wsnsim.recording.reader import attributes
+from wsnsim.recording.reader import read_table, tables
 
 MANIFEST: Final = "campaign.json"
 SCENARIO: Final = "scenario.json"
@@ -118,9 +118,13 @@ class Folder:
         self._put(self.path / MANIFEST, json.dumps(said, indent=1, ensure_ascii=False))
 
     def write_scenario(self, point: str, resolved: str) -> None:
-        """Put a point's scenario in place, if it is not there."""
+        """Put a point's scenario in place, if it is not there, or is damaged: the point's name is made of its text."""
         place = self.path / point / SCENARIO
-        if not place.exists():
+        try:
+            whole = place.read_bytes() == resolved.encode()
+        except OSError:
+            whole = False
+        if not whole:
             self._put(place, resolved)
 
     def scenario(self, point: str) -> str:
@@ -164,11 +168,15 @@ class Folder:
         return [number for number in range(replicates) if number not in done]
 
     def set_aside(self, point: str) -> list[Path]:
-        """Rename the point's files that cannot be read, so that their replicates are missing; their new names."""
+        """Rename the point's files that cannot be read, so that their replicates are missing; their new names.
+
+        Every column is read: what was changed within shows in the checksums.
+        """
         moved = []
         for batch in self.batches(point):
             try:
-                attributes(batch.path)
+                for table in tables(batch.path):
+                    read_table(batch.path, table)
             except ResultError:
                 moved.append(batch.path.rename(batch.path.with_name(f"{batch.path.name}.damaged")))
         return moved

@@ -1,77 +1,12 @@
-// A replay's film, and its picture on a canvas. What is read here is described in film.py; replay.js turns the pages.
-// The colours of frames and marks are those of Okabe and Ito, those of charge are cividis: the colour-blind tell them apart.
-const REST = 0, DEAD = 2, NOWHERE = 65535, TRAIL = 60, WAY = 1000, FEW = 4000, NEAR = 150;
-const BLUE = "#0072B2", ORANGE = "#E69F00", VERMILLION = "#D55E00", SKY = "#56B4E9";
-const WORDS = ["#56B4E9", "#CC79A7", "#009E73", "#0072B2", "#B8A800", "#8C8C8C"];
-const DASHES = [[], [6, 3], [2, 2], [8, 2, 2, 2], [12, 3], [3, 5]];
-const CIVIDIS = ["#00224e", "#123570", "#3b496c", "#575d6d", "#707173", "#8a8678", "#a59c74", "#c3b369", "#e1cc55", "#fee838"];
-const KINDS = { u1: Uint8Array, u2: Uint16Array, u4: Uint32Array, i4: Int32Array, f4: Float32Array };
-const root = document.documentElement, byId = (id) => document.getElementById(id);
+// A film's picture on a canvas: axes, nodes, frames in flight, particles, targets; film.js says what is where.
+// Colours come from style.css, those of charge are cividis: the colour-blind tell them apart, and forms differ, too.
+const NEAR = 150, DASHES = [[], [6, 3], [2, 2], [8, 2, 2, 2], [12, 3], [3, 5]], OTHER = 5;
+const RINGS = [[], [3, 2], [1, 2]];
+const PAINTS = ["ink", "soft", "faint", "line", "paper", "way", "guess", "gold", "head", "lost", "particle", "sense"];
 const canvas = byId("stage"), pen = canvas.getContext("2d");
 const shown = { frames: true, sensing: true, members: true, particles: true, trails: true, close: false };
-let film = null, frame = 0, view = null, ramp = [];
+let view = null, ramp = [];
 
-async function unpack(text) {
-  const packed = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
-  const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate"));
-  const buffer = await new Response(stream).arrayBuffer();
-  const size = new DataView(buffer).getUint32(0, true);
-  const head = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, size)));
-  const made = { ...head, col: {}, from: {} };
-  for (const [name, [kind, offset, count]] of Object.entries(head.columns)) {
-    made.col[name] = new KINDS[kind](buffer, 4 + size + offset, count);
-  }
-  for (const name of Object.keys(made.col).filter((name) => name.endsWith("_count"))) {
-    const from = new Uint32Array(made.frames + 1);
-    made.col[name].forEach((count, i) => { from[i + 1] = from[i] + count; });
-    made.from[name.slice(0, -6)] = from;
-  }
-  return rewound(made);
-}
-
-function rewound(made) {
-  made.at = -1;
-  made.level = made.col.charge ? made.col.charge.slice() : new Uint8Array(made.nodes);
-  made.mode = made.col.state ? made.col.state.slice() : new Uint8Array(made.nodes).fill(1);
-  made.owner = new Uint8Array(made.nodes);
-  made.sorted ??= sorted(made);
-  made.joiners ??= Uint32Array.from(new Set(made.col.join_node ?? []));
-  return made;
-}
-
-// The nodes that are drawn once, and those that are drawn at each frame.
-function sorted(made) {
-  const busy = new Uint8Array(made.nodes).fill(made.nodes <= FEW ? 1 : 0);
-  for (const name of ["turn_node", "drain_node"]) (made.col[name] ?? []).forEach((node) => { busy[node] = 1; });
-  const every = Uint32Array.from({ length: made.nodes }, (_, i) => i);
-  return [every.filter((i) => !busy[i]), every.filter((i) => busy[i])];
-}
-
-function advance(to) {
-  if (to < film.at) rewound(film);
-  for (const [name, value, state] of [["drain", "level", film.level], ["turn", "state", film.mode]]) {
-    const from = film.from[name];
-    if (!from) continue;
-    const nodes = film.col[`${name}_node`], values = film.col[`${name}_${value}`];
-    for (let i = from[film.at + 1]; i < from[to + 1]; i++) state[nodes[i]] = values[i];
-  }
-  if (film.from.join) changeMembers(film.at + 1, to);
-  film.at = to;
-}
-
-function changeMembers(first, to) {
-  const { join_node: nodes, join_target: targets, turn_node: turned, turn_state: states } = film.col, { join, turn } = film.from;
-  for (let at = first; at <= to; at++) {
-    for (let i = turn[at]; i < turn[at + 1]; i++) if (states[i] !== 1) film.owner[turned[i]] = 0;
-    for (let i = join[at]; i < join[at + 1]; i++) {
-      const mark = (targets[i] & 127) + 1;
-      if (targets[i] > 127) for (const other of film.joiners) if (film.owner[other] === mark) film.owner[other] = 0;
-      film.owner[nodes[i]] = mark;
-    }
-  }
-}
-
-const rows = (name) => (film.from[name] ? [film.from[name][frame], film.from[name][frame + 1]] : [0, 0]);
 const px = (x) => view.left + ((x / (NOWHERE - 1) - view.x0) / view.part) * view.width;
 const py = (y) => view.top + (1 - (y / (NOWHERE - 1) - view.y0) / view.part) * view.height;
 const within = (x, y) => x > view.left - 5 && x < view.left + view.width + 5 && y > view.top - 5 && y < view.top + view.height + 5;
@@ -82,7 +17,7 @@ function measure() {
   const room = wide - border.left - border.right;
   const ratio = film.flat ? 0.55 : (y1 - y0) / (x1 - x0);
   let width = room, height = room * ratio;
-  const most = Math.max(260, 0.78 * innerHeight), least = 120;
+  const most = Math.max(160, Math.min(0.78 * innerHeight, innerHeight - 130) - border.top - border.bottom), least = 120;
   if (height > most) { height = most; if (!film.flat) width = most / ratio; }
   if (height < least) height = least;
   const tall = Math.round(height + border.top + border.bottom), zoom = devicePixelRatio || 1;
@@ -90,11 +25,12 @@ function measure() {
   canvas.width = Math.round(wide * zoom);
   canvas.height = Math.round(tall * zoom);
   const span = film.flat ? height : Math.min(height, width * ratio);
-  view = { wide, left: border.left + (room - width) / 2, top: border.top + (height - span) / 2, width, height: span, zoom };
+  view = { wide, high: innerHeight, left: border.left + (room - width) / 2, top: border.top + (height - span) / 2, width, height: span, zoom };
   Object.assign(view, { x0: 0, y0: 0, part: 1 });
   if (shown.close) view.part = Math.min(0.5, Math.max(0.01, Math.sqrt(NEAR / Math.max(film.nodes, 1))));
   view.dot = Math.min(4.5, Math.max(0.8, 0.16 * Math.sqrt((width * span) / Math.max(film.nodes * view.part * view.part, 1))));
-  view.ink = css("--ink"); view.soft = css("--soft"); view.line = css("--line"); view.paper = css("--paper");
+  for (const name of PAINTS) view[name] = css(`--${name}`);
+  view.kinds = DASHES.map((_, i) => css(`--kind-${i}`));
   view.base = null;
 }
 
@@ -119,16 +55,16 @@ function stroke(pen, colour, width, dash = []) {
   pen.strokeStyle = colour; pen.lineWidth = width; pen.setLineDash(dash); pen.stroke(); pen.setLineDash([]);
 }
 
+// Awake: large, with a strong outline; at rest: small, with a thin one. The fill is the charge either way.
 function node(pen, x, y, r, mode, level) {
-  if (mode === DEAD) { marker(pen, "cross", x, y, r); stroke(pen, view.soft, 1.2); return; }
-  const charged = film.charge ? 0.6 + 0.4 * (level / film.charge[2]) : 1;
-  const tiny = r < 1.5;
-  pen.globalAlpha = mode === REST ? (tiny ? 0.6 : 0.38) : 1;
-  pen.fillStyle = film.charge && !(tiny && mode === REST) ? ramp[level] : view.soft;
-  marker(pen, "dot", x, y, r * charged * (mode === REST ? 0.85 : 1));
+  if (mode === DEAD) { marker(pen, "cross", x, y, Math.max(r, 2)); stroke(pen, view.soft, 1.4); return; }
+  const rest = mode === REST, tiny = r < 1.5;
+  if (rest && tiny) pen.fillStyle = view.faint;
+  else if (film.charge) pen.fillStyle = ramp[level];
+  else pen.fillStyle = rest ? view.paper : view.soft;
+  marker(pen, "dot", x, y, rest ? 0.7 * r : r);
   pen.fill();
-  if (r > 2) stroke(pen, view.ink, mode === REST ? 0.5 : 0.9);
-  pen.globalAlpha = 1;
+  if (!tiny) stroke(pen, rest ? view.soft : view.ink, rest ? 0.7 : 1.5);
 }
 
 function drawNodes(pen, busy) {
@@ -195,79 +131,106 @@ function way(name, target, first, until) {
 function drawLinks() {
   const { node_x: xs, node_y: ys, link_origin: origins, link_goal: goals, link_what: words, link_lost: lost } = film.col;
   const [begin, end] = rows("link"), many = end - begin > 300;
-  pen.globalAlpha = many ? 0.35 : 0.9;
   for (let i = begin; i < end; i++) {
     const x = px(xs[goals[i]]), y = py(ys[goals[i]]), x0 = px(xs[origins[i]]), y0 = py(ys[origins[i]]);
-    const style = film.style[words[i]] ?? 0;
+    const style = film.style[words[i]] || 0;
     pen.beginPath(); pen.moveTo(x0, y0); pen.lineTo(x, y);
-    stroke(pen, lost[i] ? VERMILLION : WORDS[style], many ? 0.7 : 1.6, lost[i] ? [3, 3] : DASHES[style]);
-    if (lost[i]) { marker(pen, "cross", x + (x0 - x) * 0.15, y + (y0 - y) * 0.15, 3.5); stroke(pen, VERMILLION, 1.6); }
-    else if (!many) { marker(pen, "dot", x0 + (x - x0) * 0.7, y0 + (y - y0) * 0.7, 2.4); pen.fillStyle = WORDS[style]; pen.fill(); }
+    stroke(pen, lost[i] ? view.lost : view.kinds[style], many ? 0.8 : 1.6, lost[i] ? [3, 3] : DASHES[style]);
+    if (lost[i]) { marker(pen, "cross", x + (x0 - x) * 0.15, y + (y0 - y) * 0.15, 3.5); stroke(pen, view.lost, 1.6); }
+    else if (!many) { marker(pen, "dot", x0 + (x - x0) * 0.7, y0 + (y - y0) * 0.7, 2.4); pen.fillStyle = view.kinds[style]; pen.fill(); }
   }
   const [first, until] = rows("cast");
   for (let i = first; i < until; i++) {
     const at = film.col.cast_node[i];
-    marker(pen, "dot", px(xs[at]), py(ys[at]), view.dot + 8); stroke(pen, WORDS[film.style[film.col.cast_what[i]] ?? 0], 1.4, [4, 3]);
+    castMark(pen, px(xs[at]), py(ys[at]), view.kinds[film.style[film.col.cast_what[i]] || 0]);
   }
-  pen.globalAlpha = 1;
 }
 
 function drawCloud() {
   const [begin, end] = rows("cloud"), { cloud_x: xs, cloud_y: ys } = film.col, full = NOWHERE - 1;
-  const [x0, dx, y0, dy] = ["x_low", "x_width", "y_low", "y_width"].map((name) => film.col[`cloud_${name}`]?.[frame]);
-  pen.fillStyle = SKY; pen.globalAlpha = 0.65;
+  if (begin === end) return;
+  const [x0, dx, y0, dy] = ["x_low", "x_width", "y_low", "y_width"].map((name) => film.col[`cloud_${name}`][frame]);
+  pen.fillStyle = view.particle;
   for (let i = begin; i < end; i++) {
     pen.fillRect(px((x0 + (xs[i] / 255) * dx) * full) - 1.1, py((y0 + (ys[i] / 255) * dy) * full) - 1.1, 2.2, 2.2);
   }
-  pen.globalAlpha = 1;
 }
 
 function truthMark(pen, x, y) { marker(pen, "plus", x, y, 8); stroke(pen, view.paper, 5); stroke(pen, view.ink, 2.4); }
 
 function guessMark(pen, x, y, beyond) {
   marker(pen, "diamond", x, y, 6);
-  pen.fillStyle = beyond ? view.paper : ORANGE; pen.fill(); stroke(pen, beyond ? ORANGE : view.ink, beyond ? 2 : 1);
+  pen.fillStyle = beyond ? view.paper : view.gold; pen.fill(); stroke(pen, beyond ? view.guess : view.ink, beyond ? 2 : 1.2);
 }
 
-function headMark(pen, x, y) { marker(pen, "square", x, y, view.dot + 4); stroke(pen, VERMILLION, 2.2); }
+// Rings around a node, from inside: membership of each target's cluster, sensing, broadcast; close where dots are small.
+const ring = (number) => view.dot + Math.max(1.3, Math.min(2.2, 0.55 * view.dot)) * number;
 
-function memberMark(pen, x, y) { marker(pen, "dot", x, y, view.dot + 2.5); stroke(pen, SKY, 1.2); }
+function headMark(pen, x, y) { marker(pen, "square", x, y, ring(2)); stroke(pen, view.head, 2.4); }
 
-function senseMark(pen, x, y) { marker(pen, "dot", x, y, view.dot + 2.5); stroke(pen, BLUE, 1.6); }
+function castMark(pen, x, y, colour) { marker(pen, "dot", x, y, ring(5)); stroke(pen, colour, 1.6, [4, 3]); }
+
+// Each target's members have a ring of their own: a node may belong to two clusters.
+function memberMark(pen, x, y, target) {
+  marker(pen, "dot", x, y, ring(1 + 0.8 * (target % RINGS.length))); stroke(pen, view.ink, 1.2, RINGS[target % RINGS.length]);
+}
+
+function senseMark(pen, x, y) {
+  marker(pen, "dot", x, y, ring(1.2 + 0.8 * Math.min(film.targets.length, RINGS.length))); stroke(pen, view.sense, 1.8);
+}
+
+function numbered(target, x, y, colour) {
+  if (film.targets.length < 2) return;
+  pen.font = "bold 12px system-ui, sans-serif"; pen.textAlign = "left"; pen.lineWidth = 3; pen.strokeStyle = view.paper;
+  pen.strokeText(film.targets[target], x, y); pen.fillStyle = colour; pen.fillText(film.targets[target], x, y);
+}
 
 function drawTarget(target) {
-  const at = target * film.frames + frame, several = film.targets.length > 1;
-  if (shown.trails && film.col.guess_x) { way("guess", target, frame - TRAIL, frame); stroke(pen, ORANGE, 1.3); }
-  const leader = film.col.head ? film.col.head[at] : -1;
-  if (leader >= 0) headMark(pen, px(film.col.node_x[leader]), py(film.col.node_y[leader]));
-  for (const name of ["truth", "guess"]) {
-    const x = film.col[`${name}_x`]?.[at], y = film.col[`${name}_y`]?.[at];
-    if (x === undefined || x === NOWHERE) continue;
-    const beyond = [x, y].some((each) => each === 0 || each === NOWHERE - 1);
-    if (name === "truth") truthMark(pen, px(x), py(y)); else guessMark(pen, px(x), py(y), beyond);
-    if (several && name === "truth") { pen.fillStyle = view.ink; pen.font = "bold 12px system-ui, sans-serif"; pen.textAlign = "left"; pen.fillText(film.targets[target], px(x) + 9, py(y) - 6); }
+  const at = target * film.frames + frame, leader = film.col.head ? film.col.head[at] : -1;
+  if (shown.trails && film.col.guess_x) { way("guess", target, frame - film.trail, frame); stroke(pen, view.guess, 1.5); }
+  if (leader >= 0) {
+    const x = px(film.col.node_x[leader]), y = py(film.col.node_y[leader]);
+    headMark(pen, x, y); numbered(target, x + ring(2) + 2, y + ring(2) + 8, view.head);
   }
+  for (const name of ["truth", "guess"]) {
+    if (!film.col[`${name}_x`]) continue;
+    const x = film.col[`${name}_x`][at], y = film.col[`${name}_y`][at];
+    if (x === NOWHERE) continue;
+    const beyond = [x, y].some((each) => each === 0 || each === NOWHERE - 1);
+    if (name === "truth") { truthMark(pen, px(x), py(y)); numbered(target, px(x) + 9, py(y) - 6, view.ink); }
+    else { guessMark(pen, px(x), py(y), beyond); numbered(target, px(x) - 16, py(y) - 6, view.guess); }
+  }
+}
+
+function drawWays() {
+  if (!shown.trails || !film.col.truth_x) return;
+  film.targets.forEach((_, target) => {
+    way("truth", target, frame - film.way, Math.min(frame + film.way, film.frames - 1)); stroke(pen, view.way, 1.2);
+    way("truth", target, frame - film.trail, frame); stroke(pen, view.ink, 2);
+  });
+}
+
+function drawRings() {
+  const { node_x: xs, node_y: ys, sense_node: senses } = film.col;
+  if (shown.members) film.clusters.forEach((each, target) => each.forEach((i) => memberMark(pen, px(xs[i]), py(ys[i]), target)));
+  if (shown.sensing) for (let [i, end] = rows("sense"); i < end; i++) senseMark(pen, px(xs[senses[i]]), py(ys[senses[i]]));
 }
 
 function draw() {
   if (!view) measure();
   advance(frame);
   if (shown.close) { follow(); view.base = null; }
-  view.base ??= resting();
+  if (!view.base) view.base = resting();
   pen.setTransform(1, 0, 0, 1, 0, 0);
   pen.clearRect(0, 0, canvas.width, canvas.height);
   pen.drawImage(view.base, 0, 0);
   pen.setTransform(view.zoom, 0, 0, view.zoom, 0, 0);
   pen.save();
   pen.beginPath(); pen.rect(view.left - 9, view.top - 9, view.width + 18, view.height + 18); pen.clip();
-  film.targets.forEach((_, target) => {
-    if (!film.col.truth_x) return;
-    if (shown.trails) { way("truth", target, frame - WAY, Math.min(frame + WAY, film.frames - 1)); stroke(pen, view.line, 1.4); way("truth", target, frame - TRAIL, frame); stroke(pen, view.ink, 1.6); }
-  });
+  drawWays();
   if (shown.particles) drawCloud();
   drawNodes(pen, 1);
-  if (shown.members) for (const i of film.joiners) if (film.owner[i]) memberMark(pen, px(film.col.node_x[i]), py(film.col.node_y[i]));
-  if (shown.sensing) for (let [i, end] = rows("sense"); i < end; i++) senseMark(pen, px(film.col.node_x[film.col.sense_node[i]]), py(film.col.node_y[film.col.sense_node[i]]));
+  drawRings();
   if (shown.frames) drawLinks();
   film.targets.forEach((_, target) => drawTarget(target));
   pen.restore();

@@ -114,7 +114,7 @@ def _tracking() -> Claims:
         *_fair_orders(),
         _level(
             "least step energy of a cluster, J", "least_level", STEP_ENERGY[0],
-            "a step without moves costs about 0.3 mJ; our total over 700 steps is 2.3 mJ, about what is printed",
+            "a step without moves costs about 0.3 mJ; our total divided by 700 steps is 2.3 mJ, about what is printed",
         ),
         _level(
             "largest step energy of a cluster, J", "largest_level", STEP_ENERGY[1],

@@ -1,0 +1,239 @@
+"""A replay is what a slow loop over the tables would draw, within its room; what is thinned is said."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from wsnsim import experiment, read
+from wsnsim.analysis import film, film_clusters, replay
+from wsnsim.scenario import load
+
+from .made import BY_LINE, OF_CLUSTERS, invented, rows_at, unpacked
+
+
+@pytest.fixture(scope="module")
+def two(tmp_path_factory):
+    """A real run of two targets whose clusters share nodes."""
+    path = tmp_path_factory.mktemp("two") / "two.h5"
+    experiment.run(load("two_targets", ["duration=2.4 s", "tracker.particles=40"]), out=path)
+    return path
+
+
+def test_places_are_those_of_the_tables_to_a_rounding(real):
+    header, at = unpacked(replay.pack(real, 0, 10**7).text)
+    left, bottom, right, top = header["box"]
+    truth, guess, nodes = (
+        frame[frame.replicate == 0] for frame in (read(real, "truth"), read(real, "estimates"), read(real, "nodes"))
+    )
+    for name, table, columns in (
+        ("truth", truth, ("px", "py")),
+        ("guess", guess, ("px", "py")),
+        ("node", nodes, ("x", "y")),
+    ):
+        for axis, column, low, high in zip("xy", columns, (left, bottom), (right, top), strict=True):
+            shown = low + at[f"{name}_{axis}"][-len(table) :] / 65534 * (high - low)
+            np.testing.assert_allclose(shown, table[column].clip(low, high), atol=0.51 * (high - low) / 65534)
+    assert at["guess_x"][0] == film.MISSING and len(at["guess_x"]) == header["frames"] == 101
+    np.testing.assert_array_equal(at["node"][at["head"][1:]], guess["head"])
+    np.testing.assert_allclose(at["error"][1:], guess["error"], rtol=1e-6)
+
+
+def test_states_and_charges_are_what_a_loop_over_the_log_gives(tmp_path):
+    path = invented(tmp_path / "x.h5", events=True, steps=12, nodes=7)
+    header, at = unpacked(replay.pack(path, 0, 10**6).text)
+    events, nodes = read(path, "events"), read(path, "nodes")
+    state, spent = dict.fromkeys(range(7), 0), dict.fromkeys(range(7), 0.0)
+    for node in range(7):
+        changes = events[(events.node == node) & events.kind.isin(["wake", "sleep", "death", "crash"])]
+        state[node] = int(changes.kind.iloc[0] == "sleep")
+    booked = events.groupby("node").joules.sum()
+    mode, level = at["state"].copy(), at["charge"].copy()
+    low, _, levels = header["charge"]
+    for frame in range(header["frames"]):
+        for row in events[events.step == frame].itertuples():
+            state[row.node] = {"wake": 1, "sleep": 0, "death": 2, "crash": 2}.get(row.kind, state[row.node])
+            spent[row.node] += row.joules
+        for name, values, field in (("turn", mode, "state"), ("drain", level, "level")):
+            rows = rows_at(at, name, frame)
+            for node, value in zip(at[f"{name}_node"][rows], at[f"{name}_{field}"][rows], strict=True):
+                values[node] = value
+        assert mode.tolist() == list(state.values())
+        even = (nodes.energy_initial - nodes.energy_left - booked) * frame / 12
+        share = 1 - (np.array(list(spent.values())) + even) / 2.0
+        np.testing.assert_allclose(low + (1 - low) * level / levels, share, atol=0.51 * (1 - low) / levels)
+
+
+def test_links_are_what_a_loop_over_the_log_gives(tmp_path):
+    path = invented(tmp_path / "x.h5", events=True, steps=12, nodes=7)
+    header, at = unpacked(replay.pack(path, 0, 10**6).text)
+    events = read(path, "events")
+    received = set(events[events.kind == "receive"].frame)
+    for frame in range(header["frames"]):
+        expected, senses, casts = set(), set(), []
+        for row in events[events.step == frame].itertuples():
+            if row.kind in ("receive", "collide") and row.peer >= 0:
+                expected.add((row.peer, row.node, row.kind == "collide"))
+            if row.kind == "send" and row.peer >= 0 and row.frame not in received:
+                expected.add((row.node, row.peer, True))
+            if row.kind == "send" and row.peer < 0:
+                casts.append(row.node)
+            if row.kind == "sense":
+                senses.add(row.node)
+        rows = rows_at(at, "link", frame)
+        names = ("link_origin", "link_goal", "link_lost")
+        assert set(zip(*(at[name][rows].tolist() for name in names), strict=True)) == expected
+        assert at["cast_node"][rows_at(at, "cast", frame)].tolist() == casts
+        assert set(at["sense_node"][rows_at(at, "sense", frame)].tolist()) == senses
+
+
+def clusters_of(at, frames, targets):
+    """The clusters of each target at each frame, as the columns tell them."""
+    clusters = [set() for _ in range(targets)]
+    for frame in range(frames):
+        rows = rows_at(at, "join", frame)
+        told = zip(at["join_node"][rows].tolist(), at["join_target"][rows], at["join_what"][rows], strict=True)
+        for node, target, what in told:
+            if what == film_clusters.LEAVES:
+                clusters = [cluster - {node} for cluster in clusters]
+            elif what == film_clusters.JOINS:
+                clusters[target] = clusters[target] | {node}
+            else:
+                clusters[target] = {node} if what == film_clusters.BEGINS else set()
+        yield list(clusters)
+
+
+def modes_of(at, frames):
+    """The states of the nodes at each frame, as the columns tell them."""
+    mode = at["state"].copy()
+    for frame in range(frames):
+        rows = rows_at(at, "turn", frame)
+        for node, state in zip(at["turn_node"][rows], at["turn_state"][rows], strict=True):
+            mode[node] = state
+        yield mode.tolist()
+
+
+def looped(events, frames, targets, mode):
+    """The same from the log, event by event: at a handover who rests for good in the step does so after it."""
+    clusters, late = [set() for _ in range(targets)], []
+    to = {"wake": 1, "sleep": 0, "resume": 0, "death": 2}
+    for frame in range(frames):
+        rows, handed = list(events[events.step == frame].itertuples()), set()
+        told, late = [(row.kind, row.node, row.target) for row in late], []
+        for number, row in enumerate(rows):
+            again = any(other.node == row.node and other.kind in to for other in rows[number + 1 :])
+            if row.kind in ("sleep", "resume") and row.target in handed and not again:
+                late.append(row)
+            else:
+                told.append((row.kind, row.node, row.target))
+            handed |= {row.target} if row.kind == "handover" else set()
+        for kind, node, target in told:
+            if kind in ("elect", "announce", "lost"):
+                clusters[target] = set() if kind == "lost" else {node}
+            elif kind == "join":
+                clusters[target] = clusters[target] | {node}
+            elif kind in ("sleep", "resume", "death"):
+                clusters = [cluster - {node} for cluster in clusters]
+            mode[node] = to.get(kind, mode[node])
+        yield list(clusters), list(mode)
+
+
+def test_clusters_and_states_are_what_a_loop_over_the_log_gives(tmp_path):
+    path = invented(tmp_path / "x.h5", events=OF_CLUSTERS, steps=12, nodes=9, targets=3)
+    header, at = unpacked(replay.pack(path, 0, 10**6).text)
+    frames, events = header["frames"], read(path, "events")
+    drawn = zip(clusters_of(at, frames, 3), modes_of(at, frames), strict=True)
+    several = 0
+    for shown, expected in zip(drawn, looped(events, frames, 3, at["state"].tolist()), strict=True):
+        assert shown == expected
+        several += len(set.union(*shown[0])) < sum(map(len, shown[0]))
+    assert several  # a node is of several clusters
+
+
+@pytest.mark.parametrize("name", ["real", "two"])
+def test_members_are_as_many_as_the_estimates_say_and_no_head_or_member_rests(name, request):
+    path = request.getfixturevalue(name)
+    header, at = unpacked(replay.pack(path, 0, 10**7).text)
+    frames, targets = header["frames"], len(header["targets"])
+    guess = read(path, "estimates").query("replicate == 0").set_index(["target", "step"])
+    assert (read(path, "events").query("replicate == 0").kind == "handover").any()
+    drawn = zip(clusters_of(at, frames, targets), modes_of(at, frames), strict=True)
+    for frame, (clusters, modes) in enumerate(drawn):
+        for target in range(targets if frame else 0):
+            assert len(clusters[target]) == guess.members[target, frame]
+            head = at["head"][target * frames + frame]
+            assert head in clusters[target] and all(modes[node] == 1 for node in clusters[target])
+
+
+def test_what_a_reader_cannot_see_is_noted(real, tmp_path):
+    notes = " ".join(replay.pack(real, 0, 10**7).notes)
+    assert "bold for the last 60 steps" in notes and "No members" not in notes and "later" not in notes
+    bare = invented(tmp_path / "x.h5", events=("send", "receive"), steps=5)
+    notes = " ".join(replay.pack(bare, 0, 10**6).notes)
+    assert "No members of clusters are drawn: the log names none." in notes and "bold" not in notes
+    held, logged = 5 * (2.0 - 1.5), read(bare, "events").joules.sum()
+    assert f"Of {held:.4g} J that the nodes spent, the log has no time for {held - logged:.4g} J" in notes
+    assert [replay.ordinal(each) for each in (2, 3, 11, 21, 112)] == ["2nd", "3rd", "11th", "21st", "112th"]
+
+
+def test_how_late_estimates_were_known_is_noted(tmp_path):
+    path = invented(tmp_path / "x.h5", delay=1.25)
+    assert "heads had them up to 1.25 s later" in " ".join(replay.pack(path, 0, 10**6).notes)
+
+
+def test_true_counts_are_kept_where_fewer_are_drawn(tmp_path, monkeypatch):
+    path = invented(tmp_path / "x.h5", events=True, steps=12, nodes=30)
+    whole = unpacked(replay.pack(path, 0, 10**6).text)[1]
+    monkeypatch.setattr(replay, "PLANS", (film.Plan(links=3),))
+    part = unpacked(replay.pack(path, 0, 10**6).text)[1]
+    assert part["link_count"].max() == 3 and "link_all" not in whole
+    np.testing.assert_array_equal(part["link_all"], whole["link_count"])
+
+
+def test_particles_are_where_the_table_has_them(real):
+    header, at = unpacked(replay.pack(real, 1, 10**7).text)
+    cloud = read(real, "particles").query("replicate == 1 and step == 50 and weight > 0")
+    rows = rows_at(at, "cloud", 50)
+    side = header["box"][2] - header["box"][0]
+    shown = header["box"][0] + side * (at["cloud_x_low"][50] + at["cloud_x"][rows] / 255 * at["cloud_x_width"][50])
+    assert 0 < shown.size <= len(cloud)
+    for x in shown:
+        assert np.abs(cloud.px - x).min() < 0.51 * side * at["cloud_x_width"][50] / 255 + 1e-4
+
+
+def test_what_has_no_room_is_thinned_and_said(tmp_path):
+    path = invented(tmp_path / "x.h5", events=True, steps=200, nodes=100)
+    whole = replay.pack(path, 0, 10**6)
+    part = replay.pack(path, 0, len(whole.text) // 3)
+    assert len(part.text) <= len(whole.text) // 3
+    assert any("step of 200 is drawn" in note for note in part.notes)
+    assert not any("step of" in note for note in whole.notes)
+    header, at = unpacked(part.text)
+    assert header["stride"] > 1 and header["frames"] == -(-200 // header["stride"]) + 1 == len(at["link_count"])
+    none = replay.pack(path, 0, 100)
+    assert none.text == "" and "left out" in none.notes[0]
+
+
+def test_what_is_kept_is_spread_evenly():
+    frames = np.repeat([0, 2, 3], [10, 3, 100])
+    kept = film.thinned(frames, 5)
+    assert [int(kept[frames == frame].sum()) for frame in (0, 2, 3)] == [5, 3, 5]
+    assert np.diff(np.flatnonzero(kept[frames == 3])).tolist() == [20] * 4
+    assert film.evenly(10, 5).tolist() == [False, True] * 5
+    assert film.evenly(0, 5).size == 0 and film.evenly(3, 5).all()
+
+
+def test_a_log_without_nodes_draws_nothing_between_them(tmp_path):
+    path = invented(tmp_path / "x.h5", events=True, without=("nodes",))
+    assert not {"link_count", "join_count", "node_x"} & unpacked(replay.pack(path, 0, 10**6).text)[1].keys()
+    bare = invented(tmp_path / "y.h5", events=True, without=("nodes", "truth", "estimates"))
+    assert replay.pack(bare, 0, 10**6).text == ""
+
+
+def test_a_position_on_a_line_is_drawn_over_time_with_its_sensors_at_the_edge(tmp_path):
+    path = invented(tmp_path / "x.h5", targets=2, **BY_LINE)
+    header, at = unpacked(replay.pack(path, 0, 10**6).text)
+    assert header["flat"] and header["targets"] == [0, 1] and header["axes"] == ["time [s]", "px [m]"]
+    assert (np.diff(at["truth_x"].astype(int).reshape(2, -1)) > 0).all() and set(at["node_x"]) == {65534}
+    shown = header["box"][1] + (header["box"][3] - header["box"][1]) * at["node_y"] / 65534
+    np.testing.assert_allclose(shown, read(path, "nodes").x, atol=0.01)

@@ -1,0 +1,54 @@
+"""`wsnsim report`: where it writes, what it says, what it refuses."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from wsnsim.analysis import report
+
+from .made import invented, no_pictures
+
+
+@pytest.fixture
+def wsnsim(tmp_path, monkeypatch, capsys):
+    """wsnsim('report', ...) -> (exit code, stdout, stderr), in a folder of its own."""
+    import wsnsim.cli.reporting  # noqa: F401
+    from wsnsim.cli import main
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(report, "pictures", no_pictures)
+
+    def run(*words):
+        code = main(["report", *map(str, words)])
+        said = capsys.readouterr()
+        return code, said.out, said.err
+
+    return run
+
+
+def test_the_command_writes_beside_the_result_or_where_it_is_told(wsnsim, real):
+    invented(Path("x.h5"))
+    code, out, err = wsnsim("x.h5")
+    assert code == 0 and out.startswith("x.html: 0.0") and err == ""
+    assert wsnsim("x.h5", real)[1].startswith("report.html: ")
+    assert wsnsim(real, "-o", "y.html", "--replicate", "1", "--megabytes", "0.5")[0] == 0
+    assert Path("y.html").stat().st_size <= 500_000
+
+
+def test_the_command_refuses_what_it_cannot_do_in_one_line(wsnsim):
+    invented(Path("x.h5"))
+    Path("text.h5").write_text("no result")
+    for words, code, message in (
+        (["xx.h5"], 1, "xx.h5: no such file, did you mean 'x.h5'?"),
+        (["text.h5"], 1, "text.h5: is not a wsnsim result"),
+        (["x.h5", "--out", "x.h5"], 2, "x.h5 is the result itself"),
+        (["x.h5", "--out", "none/x.html"], 2, "there is no folder none; make it first"),
+        (["x.h5", "--replicate", "3"], 2, "there is no replicate 3; it has 0"),
+        (["x.h5", "--megabytes", "0"], 2, "'--megabytes'"),
+        ([], 2, "Missing argument"),
+    ):
+        said = wsnsim(*words)
+        assert said[0] == code and message in said[2] and said[2].count("\n") == 1, words
+    assert sorted(file.name for file in Path().iterdir()) == ["text.h5", "x.h5"]
