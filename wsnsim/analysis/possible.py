@@ -19,9 +19,9 @@ from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import WsnsimError
 
 WORDS: Final = {
-    "in_range": "bound along the truth, not strict: all readings in range",
-    "active": "  those of active members",
-    "arrived": "  those that arrived",
+    "in_range": "bound along the truth, not strict: readings in range",
+    "active": "bound along the truth, not strict: active members' readings",
+    "arrived": "bound along the truth, not strict: readings that arrived",
 }
 
 

@@ -121,7 +121,7 @@ WHY: Final = {
     "slots: ics_pf, Gaussian handover": TOO_SLOW.format(243),
     "slots: pso_gpf": TOO_SLOW.format(246),
     "slots: gsa_gpf, greedy": TOO_SLOW.format(211),
-    "3 % awake: ekf": "8 of 256 nodes are awake of themselves; 32 % of quick runs' steps lack an estimate in time",
+    "3 % awake: ekf": "8 of 256 nodes are awake of themselves: a third of the steps and more have no estimate in time",
 }
 """By variant: why its error comes out as it does."""
 WHY_ENERGY: Final = {

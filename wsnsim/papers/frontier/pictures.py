@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import textwrap
 from collections.abc import Iterator, Sequence
 from typing import Any, Final
 
@@ -55,6 +56,8 @@ AIRS: Final = {
     "3 % awake": "slots, 3 % of the nodes awake",
 }
 GREY: Final = "#8C8C8C"
+WIDTH: Final = 105
+"""Letters of a title in a line."""
 SIDE: Final = 6.0
 """Points: of a marker."""
 DISTANCES: Final = (7.0, 12.0, 18.0, 26.0, 36.0, 48.0, 62.0, 78.0, 96.0, 116.0, 140.0, 170.0, 205.0, 245.0)
@@ -77,7 +80,7 @@ def frontier(figure: Figure, data: Data) -> None:
         conclusion = concluded(radio, here, bound)
         _panel(axes, here, bound)
         axes.set_title(f"{radio} radio, {runs} runs of {float(data.scenario(data.variants[0])['duration']):g} s each\n"
-                       f"{conclusion.partition(', ')[2]}", loc="left")  # fmt: skip
+                       f"{textwrap.fill(conclusion.partition(', ')[2], WIDTH)}", loc="left")  # fmt: skip
     panels[-1].set_xlabel(f"energy that the network spends in a run [J], mean of the runs\n\n{KEY}")
     figure.draw_without_rendering()
     for axes, radio in zip(panels, RADIOS, strict=True):
