@@ -12,8 +12,9 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
+from matplotlib.patheffects import withStroke
 
-from wsnsim.analysis.panels import BOUND, COLOURS, PUBLISHED, band
+from wsnsim.analysis.panels import BOUND, COLOURS, PUBLISHED, band, rmse_band, with_bands
 from wsnsim.base import metrics
 from wsnsim.base.arrays import Floats
 from wsnsim.papers.jiang2013 import ENERGY, RMSE, STEP_ENERGY
@@ -29,6 +30,8 @@ REPAIRED: Final = {
     "ppf, noise x100": ("PPF, noise ×100", COLOURS[2]),
     "ekf": ("EKF", COLOURS[3]),
 }
+BANDED: Final = ("pso_mhpf, all readings", "ppf, noise x100")
+"""Of the repaired, those with a band: one run that is far off widens the others' over all that is drawn."""
 FIELD: Final = 205.0
 """m: from the middle of a map to its edges."""
 GREY: Final = "#B0B0B0"
@@ -156,13 +159,14 @@ def figure_9(figure: Figure, data: Data) -> None:
     """RMSE over runs at each step (eq. 26): literal with what was published, repaired with the bounds."""
     top, bottom = figure.subplots(2, 1, sharex=True)
     for kind, word in LITERAL.items():
-        _rmse(top, data, kind, word, COLOUR[kind])
+        _rmse(top, data, kind, word, COLOUR[kind], banded=True)
         top.axhline(RMSE[kind], color=COLOUR[kind], linestyle="--", linewidth=1.0)
     top.plot([], [], **PUBLISHED, label="published mean, in the same colour")
     for name, (word, colour) in REPAIRED.items():
-        _rmse(bottom, data, name, word, colour)
-    top.set_title(f"literal, RMSE of {len(data.errors(MAIN))} runs", loc="left")
-    bottom.set_title(f"repaired, and EKF, RMSE of {len(data.errors(MAIN))} runs", loc="left")
+        _rmse(bottom, data, name, word, colour, name in BANDED)
+    runs = len(data.errors(MAIN))
+    top.set_title(f"literal, RMSE of {with_bands(runs)}", loc="left")
+    bottom.set_title(f"repaired, and EKF, RMSE of {with_bands(runs, 'PSO-MHPF and PPF')}", loc="left")
     for axes in (top, bottom):
         bound, along = (data.bound(MAIN, kind).rmse for kind in ("unconditional", "per_trajectory"))
         axes.plot(_times(data, len(bound)), bound, **BOUND, label="bound, all readings")
@@ -207,7 +211,8 @@ def _heads(axes: Axes, places: Floats, clusters: pd.DataFrame, numbered: bool) -
     axes.plot(*path.T, "s-", color=COLOURS[1], markersize=6, linewidth=1.3, label=f"heads of {len(path)} clusters")
     if numbered:
         for number, place in enumerate(path, start=1):
-            axes.annotate(str(number), tuple(place), xytext=(5, 5), textcoords="offset points", fontsize=8)
+            axes.annotate(str(number), tuple(place), xytext=(5, 5), textcoords="offset points", fontsize=8, zorder=6,
+                          path_effects=[withStroke(linewidth=2.0, foreground="white")])  # fmt: skip
 
 
 def _map(axes: Axes) -> None:
@@ -263,9 +268,10 @@ def _mean_of_cause(frame: pd.DataFrame, cause: str) -> float:
     return float(frame.loc[frame["cause"] == cause, "joules"].sum() / frame["replicate"].nunique())
 
 
-def _rmse(axes: Axes, data: Data, variant: str, word: str, colour: str) -> None:
-    rows = metrics.per_step_rmse(data.errors(variant))
-    axes.plot(_times(data, len(rows)), rows, color=colour, linewidth=1.1, label=f"{word}, mean {rows.mean():.2f} m")
+def _rmse(axes: Axes, data: Data, variant: str, word: str, colour: str, banded: bool) -> None:
+    rows = data.errors(variant)
+    label = f"{word}, mean {metrics.per_step_rmse(rows).mean():.2f} m"
+    rmse_band(axes, _times(data, rows.shape[1]), rows, label, colour, 1.1, banded)
 
 
 def _times(data: Data, steps: int) -> Floats:

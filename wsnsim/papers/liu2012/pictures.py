@@ -12,8 +12,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from wsnsim.analysis.panels import BOUND, COLOURS, band
-from wsnsim.base import metrics
+from wsnsim.analysis.panels import BOUND, COLOURS, band, rmse_band, with_bands
 from wsnsim.base.arrays import Floats
 from wsnsim.papers.liu2012.measures import TAKES_PART, probabilities
 from wsnsim.papers.measures import Data
@@ -58,15 +57,14 @@ def _errors(figure: Figure, data: Data, errors: Callable[[str], Floats], bound: 
     for variant, name in (NAMES | BESIDE).items():
         rows, lost = errors(variant), int(data.lost(variant).sum())
         label = name + (f" ({lost} of {len(rows)} lost)" if lost else "")
-        width = 1.5 if variant in NAMES else 0.9
-        left.plot(steps, metrics.per_step_rmse(rows), color=COLOUR[variant], linewidth=width, label=label)
+        rmse_band(left, steps, rows, label, COLOUR[variant], width=1.5 if variant in NAMES else 0.9)
     for variant, name in NAMES.items():
         band(right, steps, errors(variant), name, COLOUR[variant])
     left.plot(steps, bound, label="bound (posterior Cramér-Rao)", **BOUND)
     for axes in (left, right):
         axes.set(xlabel="time [s]", xlim=(0, steps[-1]))
     left.set(yscale="log", ylabel=f"RMSE: {what}")
-    left.set_title(f"RMSE over {len(rows)} runs, lost ones included", loc="left")
+    left.set_title(f"RMSE over {with_bands(len(rows))}, lost ones included", loc="left")
     right.set(ylabel=what, ylim=(0, None))
     right.set_title("a run: absolute error", loc="left")
     for axes in (left, right):

@@ -11,8 +11,9 @@ from typing import Any, Final
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import FormatStrFormatter, LogLocator, NullLocator
 
-from wsnsim.analysis.panels import BOUND, COLOURS, PUBLISHED
+from wsnsim.analysis.panels import BOUND, COLOURS, PUBLISHED, rmse_band, with_bands
 from wsnsim.base import metrics
 from wsnsim.base.arrays import Floats
 from wsnsim.papers.measures import Data
@@ -87,7 +88,7 @@ def _errors(figure: Figure, data: Data, printed: bool) -> None:
         left.plot(times, rows[0], color=COLOUR[variant], linewidth=width)
         mean, lost = metrics.time_mean_rmse(rows), int(data.lost(variant).sum())
         label = f"{name}: mean {mean:.2f} m" + (f", {lost} of {len(rows)} lost" if lost else "")
-        right.plot(times, metrics.per_step_rmse(rows), color=COLOUR[variant], linewidth=width, label=label)
+        rmse_band(right, times, rows, label, COLOUR[variant], width)
         if printed and variant in LITERAL:
             level = TABLE_1[variant.split(",")[0]][100]
             label = f"{name}, published mean: {level:.2f} m"
@@ -95,10 +96,18 @@ def _errors(figure: Figure, data: Data, printed: bool) -> None:
     bound = data.bound("pf, 100", KIND)
     right.plot(times, bound.rmse, label=f"bound along each truth: mean {bound.time_mean:.2f} m", **BOUND)
     left.set(yscale="log", xlabel="time [s]", ylabel="position error [m]", xlim=(0, None))
+    _ticks(left)
     left.set_title("replicate 0", loc="left")
-    right.set_title(f"RMSE over {len(rows)} runs", loc="left")
+    right.set_title(f"RMSE over {with_bands(len(rows))}", loc="left")
     right.set_xlabel("time [s]")
     _legend(figure, (right,))
+
+
+def _ticks(axes: Axes) -> None:
+    """Plain numbers on a logarithmic axis, three a decade."""
+    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes.yaxis.set_minor_locator(NullLocator())
+    axes.yaxis.set_major_formatter(FormatStrFormatter("%g"))
 
 
 def _legend(figure: Figure, panels: Iterable[Axes]) -> None:

@@ -13,7 +13,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from wsnsim.analysis.panels import BOUND, COLOURS, PUBLISHED, band
+from wsnsim.analysis.panels import BOUND, COLOURS, PUBLISHED, band, rmse_band, with_bands
 from wsnsim.base import metrics
 from wsnsim.base.arrays import Floats
 from wsnsim.papers.measures import Data
@@ -179,15 +179,15 @@ def four_anchors(figure: Figure, data: Data) -> None:
 def _curves(axes: Axes, data: Data, others: dict[str, tuple[str, str]], words: str) -> None:
     """RMSE over runs at each step, and the bound."""
     for variant, (name, colour) in {**{kind: (name, COLOUR[kind]) for kind, name in NAMES.items()}, **others}.items():
-        rmse = metrics.per_step_rmse(data.errors(variant))
-        axes.plot(np.arange(1, len(rmse) + 1), rmse, color=colour, label=name, linewidth=1.4)
+        rows = data.errors(variant)
+        rmse_band(axes, np.arange(1.0, rows.shape[1] + 1.0), rows, name, colour)
     bound = data.bound("pf", "unconditional").rmse
     axes.plot(np.arange(1, len(bound) + 1), bound, label=words, **BOUND)
 
 
 def _finish(figure: Figure, axes: Axes, data: Data) -> None:
-    runs = len(data.lost("pf"))
-    axes.set(yscale="log", xlabel="time [s]", ylabel=f"RMSE of the position over {runs} runs [m]", xlim=(0, None))
+    axes.set(yscale="log", xlabel="time [s]", ylabel="RMSE of the position [m]", xlim=(0, None))
+    axes.set_title(f"RMSE over {with_bands(len(data.errors('pf')))}", loc="left")
     figure.legend(loc="outside lower center", ncols=3, frameon=False)
 
 
