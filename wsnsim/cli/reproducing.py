@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Final
 
 import click
 
-from wsnsim.base.errors import UsageError
+from wsnsim.base.errors import ResultError, UsageError
 from wsnsim.cli.interrupts import Interrupts
 from wsnsim.cli.progress import CAMPAIGN, MODES, shown
 from wsnsim.cli.session import INCOMPLETE
@@ -74,8 +74,14 @@ def reproduce(interrupts: Interrupts, papers: tuple[str, ...], quick: bool, out:
                 code = INCOMPLETE
                 _say_incomplete(folder, ended)
                 continue
-            found += reproducing.rows(paper, experiment, folder)
-            said += reproducing.lines(experiment, folder)
+            try:
+                rows, lines = reproducing.rows(paper, experiment, folder), reproducing.lines(experiment, folder)
+            except ResultError:
+                if not job.mend(paper, experiment, folder):
+                    raise
+                rows, lines = reproducing.rows(paper, experiment, folder), reproducing.lines(experiment, folder)
+            found += rows
+            said += lines
             if figures:
                 for picture in reproducing.draw(paper, experiment, folder, figures):
                     click.echo(f"wsnsim: {picture}", err=True)
@@ -101,17 +107,7 @@ class _Job:
     stop: Callable[[], bool]
 
     def run(self, paper: str, experiment: Experiment) -> Ended:
-        """Run what is missing of an experiment; and again what turns out to be damaged, once."""
-        from wsnsim.papers import reproduce as reproducing
-
-        ended = self._run(paper, experiment)
-        if ended.complete and (moved := reproducing.set_aside(reproducing.place(self.where, paper, experiment))):
-            for place in moved:
-                click.echo(f"wsnsim: {place}: was damaged, and is put aside: its replicates are run again", err=True)
-            ended = self._run(paper, experiment)
-        return ended
-
-    def _run(self, paper: str, experiment: Experiment) -> Ended:
+        """Run what is missing of an experiment."""
         from wsnsim.papers import reproduce as reproducing
 
         show = shown(self.progress, of=CAMPAIGN)
@@ -120,6 +116,15 @@ class _Job:
                 paper, experiment, self.where, self.jobs, full=self.full, watch=show.step if show else None,
                 stop=self.stop,
             )  # fmt: skip
+
+    def mend(self, paper: str, experiment: Experiment, folder: Path) -> bool:
+        """Put aside what is damaged, and run it again; whether all is whole now that was not."""
+        from wsnsim.papers import reproduce as reproducing
+
+        moved = reproducing.set_aside(folder)
+        for place in moved:
+            click.echo(f"wsnsim: {place}: was damaged, and is put aside: its replicates are run again", err=True)
+        return bool(moved) and self.run(paper, experiment).complete
 
 
 def _demand_folder(place: Path) -> None:

@@ -71,10 +71,11 @@ class Data:
     def _bound(self, variant: str, kind: str) -> bounds.Bound:
         point = self.manifest.points[self.variants.index(variant)]
         runs = TRUTHS if kind == "unconditional" else min(point.replicates, TRUTHS)
-        assumed = repr(self.scenario(variant)["tracker"].get("assumes"))
-        key = point.world, runs, kind, assumed
+        assumes = self.scenario(variant)["tracker"].get("assumes") or {}
+        gains = "known" if kind == "unconditional" else assumes.get("gains", "known")
+        key = point.world, runs, kind, gains
         if key not in self.bounds:
-            self.bounds[key] = bounds.bound(self.scenario(variant), range(runs), kind)
+            self.bounds[key] = bounds.bound(self.scenario(variant), range(runs), kind, gains)
         return self.bounds[key]
 
     def states(self, variant: str) -> tuple[tuple[str, str], ...]:
