@@ -11,6 +11,7 @@ import pytest
 import wsnsim
 from wsnsim.base.errors import ScenarioError
 from wsnsim.cli.shared import group
+from wsnsim.papers import digest, reproduce
 from wsnsim.scenario import resolved
 from wsnsim.scenario.sweep import load_sweep
 from wsnsim.testing import check_tracker
@@ -105,3 +106,36 @@ def test_the_sweep_is_one_and_its_blocks_are_combined(tmp_path):
     assert len(plan.points) == 3 * 4 * 2 * 20
     assert plan.until is not None
     assert plan.replicates == plan.until.at_most == 200
+
+
+def block(name):
+    """What `make readme` wrote between its marks."""
+    (text,) = re.findall(rf"<!-- {name}: made by make readme -->\n(.*?)<!-- end of {name} -->", README, re.DOTALL)
+    return text.strip()
+
+
+def test_the_table_of_the_papers_has_a_row_for_each_main_claim_with_what_was_published():
+    text = block("papers") + "\n" + block("li2012")
+    lines = [line.strip("|").split(" | ") for line in text.splitlines() if re.match(r"\| [a-z]+\d{4}, ", line)]
+    shown = {tuple(cell.strip().replace("\\", "") for cell in line[:4]) for line in lines}
+    claimed = set()
+    for main in digest.MAIN:
+        (experiment,) = (each for each in reproduce.experiments(main.paper) if each.name == main.experiment)
+        for claim in experiment.claims:
+            if reproduce.quantity(claim) == main.quantity and (not main.variants or claim.variant in main.variants):
+                number = getattr(claim, "published", None)
+                told = "-" if number is None else ("about " if claim.read else "") + f"{number:.4g}"
+                claimed.add((f"{main.paper}, {main.experiment}", main.quantity, claim.variant, told))
+    assert shown == claimed and len(lines) == len(claimed) > 50
+
+
+def test_the_frontier_says_who_is_cheapest_and_who_is_beaten_by_none_on_either_radio():
+    lines = block("frontier").splitlines()
+    assert [re.match(r"- (\w+) radio, (\w+)", line).groups() for line in lines] == [
+        (radio, word) for radio in ("ideal", "realistic") for word in ("cheapest", "beaten")
+    ]
+
+
+def test_every_picture_that_is_shown_is_there():
+    shown = re.findall(r"!\[[^\]]+\]\(([^)]+)\)", README)
+    assert len(shown) >= 3 and all((Path(__file__).parents[1] / name).stat().st_size > 20_000 for name in shown)
