@@ -20,7 +20,7 @@ Ints = NDArray[np.int64]
 Keys = NDArray[np.uint64]
 
 
-@njit(**INNER)
+@njit(forceinline=True, **INNER)
 def _masses(fitness: Floats) -> Floats:
     """(N,) M_i = m_i / Σ m, m_i = (fit_i - worst) / (best - worst) with fit = exp(l - l_max); 1/N if best = worst.
 
@@ -41,7 +41,7 @@ def _masses(fitness: Floats) -> Floats:
     return masses
 
 
-@njit(**INNER)
+@njit(forceinline=True, **INNER)
 def _pulls(points: Floats, masses: Floats, j: int, elite: int) -> bool:
     """Whether particle j has mass and a place and is of the `elite` heaviest; among equals, the first ones are.
 
@@ -55,7 +55,7 @@ def _pulls(points: Floats, masses: Floats, j: int, elite: int) -> bool:
     return heavier < max(elite, 1) and masses[j] > 0.0 and farthest < NOWHERE
 
 
-@njit(**INNER)
+@njit(forceinline=True, **INNER)
 def _add_pulls(
     falls: Floats,
     pull: Floats,
