@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from wsnsim.base.tables import CAUSES
@@ -15,6 +15,7 @@ def fleet(battery: float = 1.0, count: int = 5) -> Fleet:
 
 
 @given(st.lists(st.tuples(st.integers(0, 4), st.integers(0, 8), st.floats(0, 0.4)), max_size=60))
+@example([(0, 0, 1 / 3)] * 3)  # 1 - 2/3 is more than 1/3, and yet the sum is 1
 def test_the_sum_over_causes_is_what_a_node_spent_and_never_more_than_its_battery(charges):
     nodes = fleet()
     for node, cause, joules in charges:

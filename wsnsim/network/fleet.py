@@ -97,7 +97,7 @@ class Fleet:
                 return 0.0
         spent = self._spent[node]
         left = self.battery - spent
-        if joules >= left:
+        if spent + joules >= self.battery:
             self._exhaust(node, ((cause, left),))
             return left
         self._ledger[cause][node] += joules
@@ -124,8 +124,8 @@ class Fleet:
         spent = self._spent[node]
         joules = electronics + amplifier
         left = self.battery - spent
-        if joules >= left:
-            paid = int(bits * left / joules)
+        if spent + joules >= self.battery:
+            paid = min(int(bits * left / joules), bits)
             share = paid / bits
             self._exhaust(node, ((ELECTRONICS, electronics * share), (AMPLIFIER, amplifier * share)))
             return paid
@@ -147,8 +147,8 @@ class Fleet:
                 return 0
         spent = self._spent[node]
         left = self.battery - spent
-        if joules >= left:
-            paid = int(bits * left / joules)
+        if spent + joules >= self.battery:
+            paid = min(int(bits * left / joules), bits)
             self._exhaust(node, ((cause, joules * paid / bits),))
             return paid
         self._ledger[cause][node] += joules
@@ -160,7 +160,8 @@ class Fleet:
 
     def can_all_receive(self, nodes: Ints, listed: list[int], joules: float) -> bool:
         """Whether none of the nodes could die of a reception that costs so much: `receive_all` may book it."""
-        most = self.battery - joules - (self.drain.most if self.drain is not None else 0.0)
+        nearly = self.battery * (1.0 - 4e-16)  # so that no sum is rounded up to the battery
+        most = nearly - joules - (self.drain.most if self.drain is not None else 0.0)
         if self._ceiling < most or self._lower_ceiling() < most:
             return True
         if len(listed) < FEW:

@@ -31,6 +31,7 @@ SEARCHES: Final = ("cs_pf, 100, resample first", "cs_pf, 100, metropolis", "ics_
 MAIN: Final = (
     Main("jiang2013", "figures_4_to_9", "RMSE, m (figure 9)"),
     Main("jiang2013", "figures_4_to_9", "RMSE, m", REPAIRED),
+    Main("jiang2013", "figures_4_to_9", "RMSE of a run, median, m", ("pso_mhpf", "ipf", "ppf", *REPAIRED)),
     Main("jiang2013", "figures_4_to_9", "RMSE of a run below that of ppf (figure 9)", ("pso_mhpf",)),
     Main("jiang2013", "figures_4_to_9", "RMSE of a run below that of ppf, noise x100 (figure 9, fair)"),
     Main("jiang2013", "figures_4_to_9", "network energy, J (figure 8)"),
