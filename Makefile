@@ -34,7 +34,7 @@ run: $(READY)  ## run a scenario, print its summary, write its file and its page
 	@$(PY) -m wsnsim run "$(SCENARIO)" --report $(ARGS)
 
 test: $(READY)  ## the whole test suite; ARGS='-k handover'
-	@$(PY) -m pytest -n 2 $(ARGS)
+	@$(PY) -m pytest -n 2 --dist worksteal $(ARGS)
 
 check: format lint types imports test interpreted  ## format, lint, types, import contracts and tests
 

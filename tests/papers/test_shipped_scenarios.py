@@ -20,7 +20,7 @@ SAME = ("lifetime", "field_1m")
 
 def short(name):
     """A shipped scenario with some tens of steps, without its log."""
-    duration = "2 s" if resolved(load(name))["step"] < 0.5 else "20 s"
+    duration = "1 s" if resolved(load(name))["step"] < 0.5 else "10 s"
     return Variant(name, (f"duration={duration}", "record.events=false"))
 
 
