@@ -14,8 +14,8 @@ import pytest
 from scipy.spatial import KDTree
 
 import wsnsim
-from wsnsim import experiment, recording, scenario
-from wsnsim.analysis import summary_text, verification
+from wsnsim import experiment, recording, scenario, verification
+from wsnsim.analysis import summary_text
 from wsnsim.base.errors import ScenarioError
 from wsnsim.base.tables import CAUSES, EVENT_CAUSE, KIND, Memory
 

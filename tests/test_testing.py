@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from wsnsim.base.asks import PACKET_BITS, Broadcast, Compute, Gather, Local, Member, Parcel, Send
 from wsnsim.base.ports import Estimate
+from wsnsim.base.requests import PACKET_BITS, Broadcast, Compute, Gather, Local, Member, Parcel, Send
 from wsnsim.models.linear import ConstantAcceleration, ConstantVelocity
 from wsnsim.models.motion import BoundedVelocity
 from wsnsim.models.ranging import Range, Rssi
 from wsnsim.models.sensing import AcousticEnergy
 from wsnsim.models.ungm import Squared, Ungm
-from wsnsim.scenario.catalog import ROLES, Row, load_class
+from wsnsim.scenario.registry import ROLES, Row, load_class
 from wsnsim.testing import check_tracker
 from wsnsim.trackers.centralised import CentralPf
 from wsnsim.trackers.information_pf import InformationPf

@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from wsnsim.analysis.comparison import compared
     from wsnsim.analysis.frames import read
-    from wsnsim.base.asks import Broadcast, Compute, Gather, Local, Member, Parcel, Scatter, Send
     from wsnsim.base.part import Quantity, part
     from wsnsim.base.ports import Estimate, Scene, Tracker
+    from wsnsim.base.requests import Broadcast, Compute, Gather, Local, Member, Parcel, Scatter, Send
     from wsnsim.campaign import sweep
     from wsnsim.experiment import run, simulate
     from wsnsim.scenario import load
@@ -37,14 +37,14 @@ _HOMES = {
     "Tracker": "wsnsim.base.ports",
     "Scene": "wsnsim.base.ports",
     "Estimate": "wsnsim.base.ports",
-    "Member": "wsnsim.base.asks",
-    "Parcel": "wsnsim.base.asks",
-    "Local": "wsnsim.base.asks",
-    "Gather": "wsnsim.base.asks",
-    "Scatter": "wsnsim.base.asks",
-    "Broadcast": "wsnsim.base.asks",
-    "Send": "wsnsim.base.asks",
-    "Compute": "wsnsim.base.asks",
+    "Member": "wsnsim.base.requests",
+    "Parcel": "wsnsim.base.requests",
+    "Local": "wsnsim.base.requests",
+    "Gather": "wsnsim.base.requests",
+    "Scatter": "wsnsim.base.requests",
+    "Broadcast": "wsnsim.base.requests",
+    "Send": "wsnsim.base.requests",
+    "Compute": "wsnsim.base.requests",
 }
 __all__ = [
     "Broadcast", "Compute", "Estimate", "Gather", "Local", "Member", "Parcel", "Quantity", "Scatter", "Scene", "Send",

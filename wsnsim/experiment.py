@@ -21,19 +21,19 @@ from wsnsim import recording
 from wsnsim import scenario as scenarios
 from wsnsim.base import metrics
 from wsnsim.base.arrays import Floats
-from wsnsim.base.bench import Bench
 from wsnsim.base.errors import RunError, UsageError
 from wsnsim.base.ports import Continuous, Estimate, Recorder
-from wsnsim.base.problem import Beacons, Common, Parts, Problem
 from wsnsim.base.rng import Streams
 from wsnsim.base.rows import Issued, deviation_rmse, estimate_rows, truth_rows
+from wsnsim.base.setups import BeaconSetup, NetworkSetup, Setup, TrackingSetup
 from wsnsim.base.tables import CAUSES, Memory
 from wsnsim.base.tracking import Rule, track_row
 from wsnsim.models.deploy import coverage
 from wsnsim.network.beacons import BeaconWorld
-from wsnsim.network.fleet import Fleet
-from wsnsim.network.rows import called_row, run_row, woken_rows, write_network, write_rows
+from wsnsim.network.nodes import Nodes
+from wsnsim.network.result_rows import called_row, run_row, woken_rows, write_network, write_rows
 from wsnsim.network.world import World
+from wsnsim.offline.offline_run import OfflineRun
 
 NAN = float("nan")
 UNCALLED = {"called": 0, "dismissed": 0}
@@ -102,13 +102,13 @@ def simulate(
 
 
 def replicate_of(
-    problem: Common, replicate: int, recorder: Recorder, progress: Callable[[float], None] | None = None
+    problem: Setup, replicate: int, recorder: Recorder, progress: Callable[[float], None] | None = None
 ) -> Summary:
     """Run one replicate of a scenario that is built."""
     started = time.process_time()
-    if isinstance(problem, Beacons):
+    if isinstance(problem, BeaconSetup):
         return _beaconing(problem, replicate, recorder, progress, started)
-    assert isinstance(problem, Problem)
+    assert isinstance(problem, TrackingSetup)
     streams = Streams(problem.seed, replicate)
     positions = _deployed(problem, problem.sensor.reach, streams, replicate)
     traits = problem.sensor.draw_traits(len(positions), streams("gains"))
@@ -116,7 +116,7 @@ def replicate_of(
     truths = [motion.truth(problem.steps, problem.dt, truth_stream) for motion in problem.motions]
     priors = [problem.prior.draw(truth[0], prior_stream) for truth in truths]
     setting = _Setting(positions, traits, truths, priors, streams, recorder)
-    if isinstance(problem, Parts):
+    if isinstance(problem, NetworkSetup):
         played = _in_network(problem, replicate, setting, _paths(problem, truths, streams), progress)
     else:
         played = _on_bench(problem, replicate, setting, progress)
@@ -129,7 +129,7 @@ def replicate_of(
     return summary
 
 
-def _deployed(problem: Common, reach: float, streams: Streams, replicate: int) -> Floats:
+def _deployed(problem: Setup, reach: float, streams: Streams, replicate: int) -> Floats:
     """Where the nodes stand, (N, 2)."""
     try:
         return problem.deploy.draw(reach, streams("deploy"))
@@ -137,7 +137,7 @@ def _deployed(problem: Common, reach: float, streams: Streams, replicate: int) -
         raise RunError(f"{reason} (seed {problem.seed}, replicate {replicate})") from reason
 
 
-def _beaconing(problem: Beacons, replicate: int, recorder: Recorder, progress: Tell, started: float) -> Summary:
+def _beaconing(problem: BeaconSetup, replicate: int, recorder: Recorder, progress: Tell, started: float) -> Summary:
     """One replicate of a network without a target: no tracks, and no errors."""
     streams = Streams(problem.seed, replicate)
     positions = _deployed(problem, problem.link.reach, streams, replicate)
@@ -162,7 +162,7 @@ def _beaconing(problem: Beacons, replicate: int, recorder: Recorder, progress: T
     return Summary(run, (), np.empty((0, problem.steps)), np.empty((0, 0)), joules, 0)
 
 
-def _paths(parts: Parts, truths: list[Floats], streams: Streams) -> list[Floats]:
+def _paths(parts: NetworkSetup, truths: list[Floats], streams: Streams) -> list[Floats]:
     """The truths at the instants at which nodes look for a target, `parts.polls` a step; the truth itself is the same.
 
     A way in continuous time is sampled more finely; between the states of other motions it goes straight.
@@ -208,7 +208,9 @@ class _Played(NamedTuple):
     clusters: int
 
 
-def _in_network(parts: Parts, replicate: int, setting: _Setting, paths: Sequence[Floats], progress: Tell) -> _Played:
+def _in_network(
+    parts: NetworkSetup, replicate: int, setting: _Setting, paths: Sequence[Floats], progress: Tell
+) -> _Played:
     """A run of the network. `paths` are the truths at the instants at which nodes look for a lost target, too."""
     outcome = World(parts, replicate, *setting, paths=paths).run(progress)
     write_rows(outcome, replicate, parts, setting.recorder)
@@ -218,8 +220,8 @@ def _in_network(parts: Parts, replicate: int, setting: _Setting, paths: Sequence
     return _Played(outcome.steps, tracks, row, joules, sum(len(track.clusters) for track in outcome.tracks))
 
 
-def _on_bench(problem: Problem, replicate: int, setting: _Setting, progress: Tell) -> _Played:
-    bench = Bench(problem, replicate, *setting)
+def _on_bench(problem: TrackingSetup, replicate: int, setting: _Setting, progress: Tell) -> _Played:
+    bench = OfflineRun(problem, replicate, *setting)
     tracks = [_Track(t.estimates, t.heads, {"woken": 0, "ineffective": 0}, 0, UNCALLED) for t in bench.run(progress)]
     if setting.recorder.wants("nodes"):
         setting.recorder.write("nodes", {"replicate": replicate, **bench.node_rows()})
@@ -227,7 +229,12 @@ def _on_bench(problem: Problem, replicate: int, setting: _Setting, progress: Tel
 
 
 def _summarise(
-    played: _Played, problem: Problem, replicate: int, truths: Sequence[Floats], recorder: Recorder, started: float
+    played: _Played,
+    problem: TrackingSetup,
+    replicate: int,
+    truths: Sequence[Floats],
+    recorder: Recorder,
+    started: float,
 ) -> Summary:
     steps, dt = played.steps, problem.dt
     rule = Rule(problem.lost_window, problem.lost_limit, dt, _due(problem, steps))
@@ -257,15 +264,15 @@ def _summarise(
     return Summary(run, tuple(rows), errors, np.array(deviations), played.joules, played.clusters)
 
 
-def _due(problem: Problem, steps: int) -> int:
+def _due(problem: TrackingSetup, steps: int) -> int:
     """How many reports a track owes the sink in so many steps."""
-    if not isinstance(problem, Parts) or problem.sink.point is None:
+    if not isinstance(problem, NetworkSetup) or problem.sink.point is None:
         return 0
     every = 1 if problem.sink.every is None else max(1, round(problem.sink.every / problem.dt))
     return steps // every
 
 
-def _coverage_left(fleet: Fleet, parts: Parts) -> float:
+def _coverage_left(fleet: Nodes, parts: NetworkSetup) -> float:
     """The fraction of the field that living nodes cover; a covered field of which all live need not be looked at."""
     all_live = bool(fleet.living.all())
     if all_live and getattr(parts.deploy, "cover", False):
@@ -297,7 +304,7 @@ def run(
     count = len(chosen)
     if count < 1:
         raise UsageError(f"replicates: must be at least 1, is {wanted}")
-    motions = parts.motions if isinstance(parts, Problem) else ()
+    motions = parts.motions if isinstance(parts, TrackingSetup) else ()
     states = tuple(zip(motions[0].columns, motions[0].units, strict=True)) if motions else ()
     position = motions[0].position if motions else ()
     summaries = []

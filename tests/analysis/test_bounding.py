@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from wsnsim.analysis.bounding import gains, recursion
-from wsnsim.analysis.bounding.information import Heard, in_range, information
-from wsnsim.analysis.bounding.recorded import _members
+from wsnsim.bounds import gains, recursion
+from wsnsim.bounds.information import Heard, in_range, information
+from wsnsim.bounds.used_readings import _members
 from wsnsim.models.ranging import Range
 from wsnsim.models.sensing import AcousticEnergy
 from wsnsim.models.ungm import Squared, Ungm

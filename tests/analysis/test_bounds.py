@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from wsnsim import read
-from wsnsim.analysis import bounds
-from wsnsim.analysis.bounding.drawn import drawn
-from wsnsim.analysis.bounding.recorded import Recorded
-from wsnsim.analysis.bounds import bound, bound_of_run
 from wsnsim.base.errors import ResultError, UsageError
+from wsnsim.bounds import crlb
+from wsnsim.bounds.crlb import bound, bound_of_run
+from wsnsim.bounds.initial_draws import drawn
+from wsnsim.bounds.used_readings import Recorded
 from wsnsim.experiment import run, simulate
 from wsnsim.scenario import build, load, resolved, shipped
 
@@ -28,7 +28,7 @@ JIANG = {"extends": "scenarios/central_pf.yaml", "duration": "2 s"}
 def test_on_a_line_the_bound_is_what_the_kalman_filter_claims_at_every_step(tmp_path):
     result = run(ON_THE_LINE, replicates=3, out=tmp_path / "x.h5").out
     claimed = read(result, "estimates").sd_x.to_numpy().reshape(3, 40)
-    for kind in bounds.KINDS:
+    for kind in crlb.KINDS:
         assert bound(ON_THE_LINE, range(3), kind).rmse == pytest.approx(claimed[0], rel=1e-9)
         assert bound_of_run(result, "arrived", kind).columns[:, 0] == pytest.approx(claimed[2], rel=1e-9)
 
@@ -43,12 +43,12 @@ def test_a_tracker_that_does_not_know_the_gains_has_the_bound_for_unknown_ones()
 
 
 def test_unknown_gains_never_lower_the_bound_and_matter_where_they_differ():
-    known, unknown = (bound(JIANG, range(3), "per_trajectory", gains) for gains in bounds.GAINS)
+    known, unknown = (bound(JIANG, range(3), "per_trajectory", gains) for gains in crlb.GAINS)
     assert np.all(unknown.each >= known.each * (1 - 1e-9)) and unknown.time_mean > 1.05 * known.time_mean
     alike = {**JIANG, "sensor": {"gain_spread": 1e-9}}
-    same = [bound(alike, range(2), "per_trajectory", gains).each for gains in bounds.GAINS]
+    same = [bound(alike, range(2), "per_trajectory", gains).each for gains in crlb.GAINS]
     assert same[0] == pytest.approx(same[1], rel=1e-6)
-    loose = [bound(JIANG, range(3), gains=gains).rmse for gains in bounds.GAINS]
+    loose = [bound(JIANG, range(3), gains=gains).rmse for gains in crlb.GAINS]
     assert np.array_equal(*loose), "the bound for known gains bounds both"
 
 
@@ -61,13 +61,13 @@ def test_more_sensors_never_raise_the_bound_and_fewer_readings_never_lower_it():
         assert np.all(now <= before)
         before, some = now, [*some, more]
     missing = {**JIANG, "detection": {"kind": "imperfect", "missed": 0.5}}
-    for kind in bounds.KINDS:
+    for kind in crlb.KINDS:
         assert np.all(bound(missing, range(2), kind).rmse > bound(JIANG, range(2), kind).rmse)
 
 
 def test_the_unconditional_bound_is_below_the_mean_along_trajectories():
     for scenario in ({**JIANG, "duration": "12 s"}, "scenarios/ungm_grid.yaml", "scenarios/liu_network.yaml"):
-        over, along = (bound(scenario, range(6), kind) for kind in bounds.KINDS)
+        over, along = (bound(scenario, range(6), kind) for kind in crlb.KINDS)
         assert np.all(over.rmse <= along.rmse * (1 + 1e-9)) and over.time_mean < 0.999 * along.time_mean
         assert along.of_replicates.shape == (6,) and along.each.shape == (6, 1, over.rmse.size)
 
@@ -75,15 +75,15 @@ def test_the_unconditional_bound_is_below_the_mean_along_trajectories():
 @pytest.mark.parametrize(
     ("scenario", "kinds", "words"),
     [
-        ("scenarios/gmtt.yaml", bounds.KINDS, "no density"),
-        ("scenarios/beacons.yaml", bounds.KINDS, "no target"),
+        ("scenarios/gmtt.yaml", crlb.KINDS, "no density"),
+        ("scenarios/beacons.yaml", crlb.KINDS, "no target"),
         ("scenarios/indoor_pf.yaml", ("unconditional",), "room"),
         ({"extends": "scenarios/indoor_pf.yaml", "motion": {"course": "turn"}}, ("unconditional",), "turn"),
         ({**JIANG, "duration": "12 s", "motion": {"noise": "g_only"}}, ("unconditional",), "singular"),
     ],
 )
 def test_where_there_is_no_bound_it_says_why(scenario, kinds, words):
-    for kind in bounds.KINDS:
+    for kind in crlb.KINDS:
         found = bound(scenario, range(2), kind)
         assert (words in found.reason) == (kind in kinds)
         assert np.isnan(found.time_mean) == (found.rmse.size == 0) == bool(found.reason)
@@ -97,7 +97,7 @@ def test_a_truth_that_moves_without_noise_is_bounded_as_one():
         cov = slope @ cov @ slope.T
         cov = cov - np.outer(cov[0], cov[0]) / (cov[0, 0] + 0.7**2 / 2.0)
         expected.append(np.sqrt(cov[0, 0]))
-    for kind in bounds.KINDS:
+    for kind in crlb.KINDS:
         assert bound(calm, range(2), kind).rmse == pytest.approx(expected, rel=1e-9)
 
 
@@ -112,7 +112,7 @@ def test_what_makes_a_bound_less_than_strict_is_said():
 
 def test_of_two_targets_each_has_its_own_and_both_are_in_the_mean():
     two = {"extends": "scenarios/two_targets.yaml", "duration": "1 s"}
-    for kind, count in zip(bounds.KINDS, (1, 2), strict=True):
+    for kind, count in zip(crlb.KINDS, (1, 2), strict=True):
         found = bound(two, range(2), kind)
         assert found.each.shape == (count, 2, 25) and found.columns.shape == (25, 4)
         assert found.rmse == pytest.approx(np.sqrt((found.each**2).mean(axis=(0, 1))))
@@ -143,7 +143,7 @@ def test_of_a_recorded_run_as_many_readings_count_as_the_tracker_used(tmp_path, 
         for readings, column in (("active", "active"), ("arrived", "readings")):
             steps = recorded.heard(replicate, 0, readings).steps
             assert np.array_equal(np.bincount(steps, minlength=51)[rows.step], rows[column])
-    every, active, arrived = (bound_of_run(result, readings).each for readings in bounds.READINGS)
+    every, active, arrived = (bound_of_run(result, readings).each for readings in crlb.READINGS)
     assert np.all(every <= active * (1 + 1e-9)) and np.all(active <= arrived * (1 + 1e-9))
     assert np.array_equal(every, bound(scenario, range(2), "per_trajectory").each)
 
@@ -161,7 +161,7 @@ def test_a_run_without_events_or_with_other_truths_says_so(tmp_path, monkeypatch
         {**JIANG, "record": {"events": False}, "tracker": {"kind": "ekf"}}, replicates=1, out=tmp_path / "x.h5"
     ).out
     assert "not all recorded" in bound_of_run(result).reason and not bound_of_run(result, "in_range").reason
-    monkeypatch.setattr(bounds, "drawn", lambda problem, replicate: drawn(problem, replicate + 1))
+    monkeypatch.setattr(crlb, "drawn", lambda problem, replicate: drawn(problem, replicate + 1))
     with pytest.raises(ResultError, match="another truth"):
         bound_of_run(result, "in_range")
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from wsnsim.analysis import figures, plots, sources
+from wsnsim.analysis import figures, plot_data, plots
 from wsnsim.base.errors import ResultError, UsageError
 from wsnsim.base.tables import CAUSE, CAUSES, TABLES, columns_of
 from wsnsim.cli.plotting import PICTURES
@@ -286,7 +286,7 @@ def test_a_histogram_is_a_density_with_the_mean_of_the_weighted_particles(write,
 def test_particles_that_are_all_one_still_have_a_histogram():
     axes = axes_of()
     values = np.full(20, 1e9)
-    plots._histogram(axes, sources.Layout({"x": ""}, ("x",)), "x", values, np.full(20, 0.05), "20 particles")
+    plots._histogram(axes, plot_data.Layout({"x": ""}, ("x",)), "x", values, np.full(20, 0.05), "20 particles")
     heights, edges, _ = axes.patches[0].get_data()
     assert (heights * np.diff(edges)).sum() == pytest.approx(1.0)
     assert edges[0] < 1e9 < edges[-1]
@@ -323,7 +323,7 @@ def test_a_result_without_any_estimate_is_drawn_all_the_same(write, layout, runs
 def test_an_old_file_that_does_not_say_which_columns_are_the_position_has_px_and_py(tmp_path):
     with ResultFile(tmp_path / "x.h5", PLANE.states, {"truth": True}):
         pass
-    assert sources.layout(tmp_path / "x.h5").position == ("px", "py")
+    assert plot_data.layout(tmp_path / "x.h5").position == ("px", "py")
 
 
 @pytest.mark.parametrize(
@@ -418,8 +418,8 @@ def test_the_same_result_gives_the_same_bytes_without_a_date(write, tmp_path, su
 
 
 def test_a_figure_names_its_scenario_where_the_file_does(write):
-    assert sources.heading(write()) == "invented, seed 11"
-    assert sources.heading(write(scenario=False)) == ""
+    assert plot_data.heading(write()) == "invented, seed 11"
+    assert plot_data.heading(write(scenario=False)) == ""
 
 
 def test_no_display_and_no_pyplot_is_used(write, tmp_path, monkeypatch):
@@ -431,7 +431,7 @@ def test_no_display_and_no_pyplot_is_used(write, tmp_path, monkeypatch):
 
 
 def test_legends_stand_above_the_data_and_titles_above_legends(write):
-    panels = [panel for what in sources.NEEDS for panel in _drawn_panels(write(network=True), what)]
+    panels = [panel for what in plot_data.NEEDS for panel in _drawn_panels(write(network=True), what)]
     figure = figures.figure_of(panels)
     figure.draw_without_rendering()
     for axes in figure.axes:
@@ -469,4 +469,4 @@ def test_a_wrong_suffix_is_answered_with_those_allowed(write, tmp_path, name, hi
 
 def test_the_command_line_offers_what_can_be_drawn():
     assert tuple(figures.TAKES) == PICTURES
-    assert {*PICTURES} == {"all", *sources.NEEDS}
+    assert {*PICTURES} == {"all", *plot_data.NEEDS}

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from wsnsim import experiment, read
-from wsnsim.analysis import film, film_clusters, replay
+from wsnsim.report import replay, replay_clusters, replay_encoding
 from wsnsim.scenario import load
 
 from .made import BY_LINE, OF_CLUSTERS, invented, rows_at, unpacked
@@ -34,7 +34,7 @@ def test_places_are_those_of_the_tables_to_a_rounding(real):
         for axis, column, low, high in zip("xy", columns, (left, bottom), (right, top), strict=True):
             shown = low + at[f"{name}_{axis}"][-len(table) :] / 65534 * (high - low)
             np.testing.assert_allclose(shown, table[column].clip(low, high), atol=0.51 * (high - low) / 65534)
-    assert at["guess_x"][0] == film.MISSING and len(at["guess_x"]) == header["frames"] == 101
+    assert at["guess_x"][0] == replay_encoding.MISSING and len(at["guess_x"]) == header["frames"] == 101
     np.testing.assert_array_equal(at["node"][at["head"][1:]], guess["head"])
     np.testing.assert_allclose(at["error"][1:], guess["error"], rtol=1e-6)
 
@@ -94,12 +94,12 @@ def clusters_of(at, frames, targets):
         rows = rows_at(at, "join", frame)
         told = zip(at["join_node"][rows].tolist(), at["join_target"][rows], at["join_what"][rows], strict=True)
         for node, target, what in told:
-            if what == film_clusters.LEAVES:
+            if what == replay_clusters.LEAVES:
                 clusters = [cluster - {node} for cluster in clusters]
-            elif what == film_clusters.JOINS:
+            elif what == replay_clusters.JOINS:
                 clusters[target] = clusters[target] | {node}
             else:
-                clusters[target] = {node} if what == film_clusters.BEGINS else set()
+                clusters[target] = {node} if what == replay_clusters.BEGINS else set()
         yield list(clusters)
 
 
@@ -184,7 +184,7 @@ def test_how_late_estimates_were_known_is_noted(tmp_path):
 def test_true_counts_are_kept_where_fewer_are_drawn(tmp_path, monkeypatch):
     path = invented(tmp_path / "x.h5", events=True, steps=12, nodes=30)
     whole = unpacked(replay.pack(path, 0, 10**6).text)[1]
-    monkeypatch.setattr(replay, "PLANS", (film.Plan(links=3),))
+    monkeypatch.setattr(replay, "PLANS", (replay_encoding.Plan(links=3),))
     part = unpacked(replay.pack(path, 0, 10**6).text)[1]
     assert part["link_count"].max() == 3 and "link_all" not in whole
     np.testing.assert_array_equal(part["link_all"], whole["link_count"])
@@ -216,11 +216,11 @@ def test_what_has_no_room_is_thinned_and_said(tmp_path):
 
 def test_what_is_kept_is_spread_evenly():
     frames = np.repeat([0, 2, 3], [10, 3, 100])
-    kept = film.thinned(frames, 5)
+    kept = replay_encoding.thinned(frames, 5)
     assert [int(kept[frames == frame].sum()) for frame in (0, 2, 3)] == [5, 3, 5]
     assert np.diff(np.flatnonzero(kept[frames == 3])).tolist() == [20] * 4
-    assert film.evenly(10, 5).tolist() == [False, True] * 5
-    assert film.evenly(0, 5).size == 0 and film.evenly(3, 5).all()
+    assert replay_encoding.evenly(10, 5).tolist() == [False, True] * 5
+    assert replay_encoding.evenly(0, 5).size == 0 and replay_encoding.evenly(3, 5).all()
 
 
 def test_a_log_without_nodes_draws_nothing_between_them(tmp_path):

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 from wsnsim import experiment, read
-from wsnsim.analysis import replay, report
 from wsnsim.base.tables import TABLES, columns_of
 from wsnsim.recording import ResultFile
+from wsnsim.report import html_page, replay
 from wsnsim.scenario import load
 
 from .chromium import FOUND, NAMES, Browser
@@ -47,14 +47,14 @@ def default(tmp_path_factory):
     """The page of the default run: 700 steps, 256 nodes."""
     folder = tmp_path_factory.mktemp("default")
     experiment.run("pso_mhpf", out=folder / "x.h5")
-    report.write([folder / "x.h5"], folder / "x.html")
+    html_page.write([folder / "x.h5"], folder / "x.html")
     return folder / "x.html"
 
 
 @pytest.fixture
 def bare(monkeypatch):
     """Pages without figures, which take their time."""
-    monkeypatch.setattr(report, "pictures", lambda path, replicate: ([], []))
+    monkeypatch.setattr(html_page, "pictures", lambda path, replicate: ([], []))
 
 
 def invented(folder, steps=20, nodes=12, estimates=True, name="invented", copies=1):
@@ -75,7 +75,7 @@ def invented(folder, steps=20, nodes=12, estimates=True, name="invented", copies
         file.write("nodes", {"replicate": 0, "node": np.arange(nodes), **place, **charge})
         file.set_text("scenario/source_yaml", f"name: {name}\n")
         file.set_text("scenario/resolved_json", json.dumps({"name": name, "seed": 1, "step": 0.5}))
-    report.write([folder / "x.h5"] * copies, folder / "x.html")
+    html_page.write([folder / "x.h5"] * copies, folder / "x.html")
     return folder / "x.html"
 
 
@@ -181,7 +181,7 @@ def test_the_picture_and_its_button_fit_into_a_low_window(browser, default):
 
 def test_members_of_two_targets_are_told_apart(browser, tmp_path, bare):
     experiment.run(load("two_targets", ["duration=2 s", "tracker.particles=40"]), out=tmp_path / "x.h5")
-    report.write([tmp_path / "x.h5"], tmp_path / "x.html")
+    html_page.write([tmp_path / "x.h5"], tmp_path / "x.html")
     guess = read(tmp_path / "x.h5", "estimates").set_index(["step", "target"])
     page = browser.open(f"file://{tmp_path / 'x.html'}")
     for step in (38, 10, 50):

@@ -7,10 +7,10 @@ import re
 import numpy as np
 import pytest
 
-from wsnsim.analysis import pictures, replay, report, sections, tally
-from wsnsim.analysis.pictures import Picture
 from wsnsim.base.errors import ResultError, UsageError
 from wsnsim.base.tables import TABLES
+from wsnsim.report import html_page, page_sections, replay, summary_table, svg_figures
+from wsnsim.report.svg_figures import Picture
 
 from .made import BY_LINE, Reader, films_of, invented, no_pictures, unpacked
 
@@ -21,7 +21,7 @@ HOSTILE = "</script><script>alert(1)</script>{{script}}&$\\frac"
 def page(real):
     """The page of the real run."""
     out = real.with_suffix(".html")
-    report.write([real], out)
+    html_page.write([real], out)
     return out.read_text(encoding="utf-8")
 
 
@@ -42,19 +42,19 @@ def test_a_page_is_whole_and_asks_for_nothing(page):
 
 def test_the_summary_has_the_means_the_intervals_and_what_was_published(tmp_path):
     path = invented(tmp_path / "x.h5", runs=8)
-    table = tally.tally([path], ["x"], lambda scenario: ({"energy": 1.82}, "Jiang 2013"))
+    table = summary_table.tally([path], ["x"], lambda scenario: ({"energy": 1.82}, "Jiang 2013"))
     cells = dict(re.findall(r'<th scope="row">([^<]*)</th><td>(.*?)</td>', table))
     assert cells["replicates"] == "8"
     mean, low, high = re.match(r"([\d.]+) m <span[^>]*>\[([\d.]+), ([\d.]+)\]", cells["RMSE of a run"]).groups()
     assert float(mean) == 4.5 and 2.5 < float(low) < 4.5 < float(high) < 6.5
     assert "published 1.82 J (Jiang 2013)" in cells["energy"]
-    assert "[" not in re.search(r"<td>(.*?)</td>", tally.tally([invented(tmp_path / "y.h5", runs=4)], ["y"]))[1]
+    assert "[" not in re.search(r"<td>(.*?)</td>", summary_table.tally([invented(tmp_path / "y.h5", runs=4)], ["y"]))[1]
 
 
 def test_the_same_result_gives_the_same_bytes(tmp_path):
     path = invented(tmp_path / "x.h5", events=True, **BY_LINE)
     for name in ("a.html", "b.html"):
-        report.write([path], tmp_path / name)
+        html_page.write([path], tmp_path / name)
     assert (tmp_path / "a.html").read_bytes() == (tmp_path / "b.html").read_bytes()
     assert sorted(file.name for file in tmp_path.iterdir()) == ["a.html", "b.html", "x.h5"]
 
@@ -62,7 +62,7 @@ def test_the_same_result_gives_the_same_bytes(tmp_path):
 def test_every_text_of_a_scenario_is_escaped(tmp_path):
     states = ((f"px{HOSTILE}", f"m{HOSTILE}"), ("vx", "m/s"))
     path = invented(tmp_path / "<b>'\".h5", states, (0,), name=HOSTILE)
-    report.write([path], tmp_path / "x.html")
+    html_page.write([path], tmp_path / "x.html")
     read_page = Reader((tmp_path / "x.html").read_text(encoding="utf-8"))
     tags = [tag for tag, _ in read_page.tags]
     assert tags.count("script") == 2 and "b" not in tags
@@ -86,7 +86,7 @@ def test_every_text_of_a_scenario_is_escaped(tmp_path):
 )
 def test_a_result_that_lacks_something_still_gives_a_sound_page(tmp_path, told, word):
     path = invented(tmp_path / "x.h5", **told)
-    report.write([path], tmp_path / "x.html")
+    html_page.write([path], tmp_path / "x.html")
     text = (tmp_path / "x.html").read_text(encoding="utf-8")
     Reader(text)
     assert word in text
@@ -94,20 +94,20 @@ def test_a_result_that_lacks_something_still_gives_a_sound_page(tmp_path, told, 
 
 def test_a_hundred_thousand_nodes_fit_and_a_small_page_is_kept_to(tmp_path, monkeypatch):
     path = invented(tmp_path / "x.h5", nodes=100_000, without=("energy_steps",))
-    for limit in (report.LIMIT, 400_000):
-        if limit < report.LIMIT:
-            monkeypatch.setattr(report, "pictures", no_pictures)
-        made = report.write([path], tmp_path / "x.html", limit=limit)
+    for limit in (html_page.LIMIT, 400_000):
+        if limit < html_page.LIMIT:
+            monkeypatch.setattr(html_page, "pictures", no_pictures)
+        made = html_page.write([path], tmp_path / "x.html", limit=limit)
         assert made.bytes == (tmp_path / "x.html").stat().st_size <= limit
         thinned = [note for note in made.notes if "of 100,000 nodes are drawn" in note]
-        assert bool(thinned) == (limit < report.LIMIT)
+        assert bool(thinned) == (limit < html_page.LIMIT)
         assert all(note in (tmp_path / "x.html").read_text() for note in thinned)
 
 
 def test_several_results_stand_side_by_side_and_share_the_room(real, tmp_path, monkeypatch):
-    monkeypatch.setattr(report, "pictures", no_pictures)
+    monkeypatch.setattr(html_page, "pictures", no_pictures)
     other = invented(tmp_path / "y.h5", events=True)
-    report.write([other, real, other], tmp_path / "x.html", limit=60_000)
+    html_page.write([other, real, other], tmp_path / "x.html", limit=60_000)
     text = (tmp_path / "x.html").read_text(encoding="utf-8")
     Reader(text)
     assert len(text.encode()) <= 60_000
@@ -116,8 +116,8 @@ def test_several_results_stand_side_by_side_and_share_the_room(real, tmp_path, m
 
 
 def test_figures_name_their_targets_and_say_whose_are_left_out(tmp_path, monkeypatch):
-    monkeypatch.setattr(pictures, "MOST_TARGETS", 2)
-    drawn, left_out = pictures.pictures(invented(tmp_path / "x.h5", targets=3, **BY_LINE), 0)
+    monkeypatch.setattr(svg_figures, "MOST_TARGETS", 2)
+    drawn, left_out = svg_figures.pictures(invented(tmp_path / "x.h5", targets=3, **BY_LINE), 0)
     labels = [each.label for each in drawn if each.name != "error"]
     assert labels == [
         f"{what} of replicate 0, target {of}" for what, of in (("track", 0), ("track", 1), ("px", 0), ("vx", 0))
@@ -133,9 +133,9 @@ def test_of_several_results_the_least_important_figures_are_left_out_first(tmp_p
             Picture(f"{i}", f"figure {i}", f"<svg>{'x' * size}</svg>") for i, size in enumerate(sizes[path.stem])
         ], []
 
-    monkeypatch.setattr(report, "pictures", drawn)
+    monkeypatch.setattr(html_page, "pictures", drawn)
     paths = [invented(tmp_path / f"{name}.h5", name=name) for name in sizes]
-    written = report.write(paths, tmp_path / "x.html", limit=160_000)
+    written = html_page.write(paths, tmp_path / "x.html", limit=160_000)
     text = (tmp_path / "x.html").read_text(encoding="utf-8")
     shown = re.findall(r'aria-label="(figure \d)"', text)
     assert shown == ["figure 0", "figure 1", "figure 0"]
@@ -149,32 +149,32 @@ def test_results_of_one_name_are_told_apart_by_as_many_folders_as_differ(tmp_pat
     abouts = [{"name": name, "path": tmp_path / place} for name, place in (
         ("a", "one/b/r0.h5"), ("a", "two/b/r0.h5"), ("c", "x.h5"), ("d", "x.h5"), ("d", "y.h5"), ("e", "z"), ("e", "z"),
     )]  # fmt: skip
-    named = sections.names(abouts)
+    named = page_sections.names(abouts)
     assert named == ["a, one/b/r0.h5", "a, two/b/r0.h5", "c", "d, x.h5", "d, y.h5", "e, z", "e, z"]
 
 
 def test_a_file_whose_first_replicate_is_another_gives_a_page_of_that_one(tmp_path, monkeypatch):
-    monkeypatch.setattr(report, "pictures", no_pictures)
+    monkeypatch.setattr(html_page, "pictures", no_pictures)
     path = invented(tmp_path / "x.h5", runs=2, first=145)
-    report.write([path], tmp_path / "x.html")
+    html_page.write([path], tmp_path / "x.html")
     text = (tmp_path / "x.html").read_text(encoding="utf-8")
     assert "2 replicates, of which number 145 is replayed" in text and films_of(text)
     bare = invented(tmp_path / "y.h5", runs=2, without=tuple(name for name in TABLES if name != "runs"))
-    report.write([bare], tmp_path / "y.html")
+    html_page.write([bare], tmp_path / "y.html")
     assert "is replayed" not in (tmp_path / "y.html").read_text(encoding="utf-8")
 
 
 def test_a_direction_of_writing_stays_within_its_name(tmp_path, monkeypatch):
-    monkeypatch.setattr(report, "pictures", no_pictures)
+    monkeypatch.setattr(html_page, "pictures", no_pictures)
     name = "\u202egnp.exe"
-    report.write([invented(tmp_path / "x.h5", name=name)] * 2, tmp_path / "x.html")
+    html_page.write([invented(tmp_path / "x.h5", name=name)] * 2, tmp_path / "x.html")
     for tag, text in Reader((tmp_path / "x.html").read_text(encoding="utf-8")).texts:
         assert name not in text or tag in ("title", "bdi", "pre")
 
 
 def test_only_the_ids_of_a_figure_are_renamed_not_what_it_says():
     svg = '<svg><path id="a"/><use href="#a"/><text>id="a" url(#a)</text></svg>'
-    assert 'id="f0-a"' in (made := sections._figure(Picture("", "", svg), "0"))
+    assert 'id="f0-a"' in (made := page_sections._figure(Picture("", "", svg), "0"))
     assert 'href="#f0-a"' in made and '<text>id="a" url(#a)</text>' in made
 
 
@@ -182,15 +182,15 @@ def test_another_replicate_is_replayed_and_one_that_is_not_there_is_refused(real
     one, other = (unpacked(replay.pack(real, run, 10**7).text)[1]["truth_x"] for run in (0, 1))
     assert not np.array_equal(one, other)
     with pytest.raises(UsageError, match="there is no replicate 2; it has 0 … 1"):
-        report.write([real], tmp_path / "x.html", 2)
+        html_page.write([real], tmp_path / "x.html", 2)
     assert not list(tmp_path.iterdir())
 
 
 def test_a_page_that_cannot_be_written_leaves_nothing(real, tmp_path, monkeypatch):
-    monkeypatch.setattr(report, "pictures", no_pictures)
+    monkeypatch.setattr(html_page, "pictures", no_pictures)
     with pytest.raises(ResultError, match=r"x\.html: cannot be written: No such file"):
-        report.write([real], tmp_path / "none" / "x.html")
+        html_page.write([real], tmp_path / "none" / "x.html")
     (tmp_path / "x.html").mkdir()
     with pytest.raises(ResultError, match="cannot be written"):
-        report.write([real], tmp_path / "x.html")
+        html_page.write([real], tmp_path / "x.html")
     assert [file.name for file in tmp_path.iterdir()] == ["x.html"]

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from wsnsim.analysis import report
+from wsnsim.report import html_page
 
 from .made import invented, no_pictures
 
@@ -18,7 +18,7 @@ def wsnsim(tmp_path, monkeypatch, capsys):
     from wsnsim.cli import main
 
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(report, "pictures", no_pictures)
+    monkeypatch.setattr(html_page, "pictures", no_pictures)
 
     def run(*words):
         code = main(["report", *map(str, words)])

@@ -7,12 +7,12 @@ import json
 import numpy as np
 import pytest
 
-from wsnsim.analysis import acts
+from wsnsim.analysis import event_groups
+from wsnsim.analysis.phrases import energy_in_words, named, row_in_words
 from wsnsim.analysis.trace import as_json, text, trace
-from wsnsim.analysis.wording import energy_in_words, named, row_in_words
 from wsnsim.base.errors import ResultError, UsageError
 from wsnsim.base.tables import CAUSE, EVENT_CAUSE, KIND
-from wsnsim.network import waking
+from wsnsim.network.clusters import wake_up_service
 from wsnsim.recording import ResultFile
 
 NAN = float("nan")
@@ -304,7 +304,7 @@ def test_calls_that_go_before_their_broadcast_are_of_the_same_act(made):
 
 
 def test_a_message_that_wakes_nodes_is_called_what_the_network_calls_it():
-    assert set(acts.WAKING) == set(waking.WORDS.values())
+    assert set(event_groups.WAKING) == set(wake_up_service.WORDS.values())
 
 
 def test_the_json_of_a_flood_has_who_was_woken(made):
@@ -365,8 +365,8 @@ def test_only_the_rows_of_the_step_and_replicate_are_told_however_they_are_read(
     strange = [event("elect", 1, step=1), event("elect", 2), event("elect", 3, step=3), event("elect", 4, replicate=1)]
     path = made([*strange, event("elect", 5)])
     for block in (1, 2, 3, 100):
-        monkeypatch.setattr(acts, "BLOCK", block)
-        assert [row.node for row in acts.rows_at(path, 0, 2)] == [2, 5]
+        monkeypatch.setattr(event_groups, "BLOCK", block)
+        assert [row.node for row in event_groups.rows_at(path, 0, 2)] == [2, 5]
 
 
 def test_the_json_holds_the_messages_frame_by_frame(made):
@@ -431,7 +431,7 @@ def test_numbers_are_said_with_three_digits_and_a_fitting_prefix():
 
 
 def test_a_target_that_leaves_the_field_is_the_subject_of_its_event():
-    rows = [acts.Row(1.0, 2, 0, -1, kind, "", 0, 0, -1, 0, 0, 0.0, "") for kind in ("leave", "return", "lost")]
+    rows = [event_groups.Row(1.0, 2, 0, -1, kind, "", 0, 0, -1, 0, 0, 0.0, "") for kind in ("leave", "return", "lost")]
     assert [row_in_words(row) for row in rows] == [
         "the target: leave target 0", "the target: return target 0", "nobody: lost target 0",
     ]  # fmt: skip

@@ -1,8 +1,8 @@
-from wsnsim.base.errors import Fault, ScenarioError, did_you_mean
+from wsnsim.base.errors import Issue, ScenarioError, did_you_mean
 
 
 def test_a_fault_says_where_what_and_shows_the_line():
-    fault = Fault(("deploy", "heigth"), "unknown key, did you mean 'height'?", "bad.yaml:3:24", "  heigth: 3\n  ^")
+    fault = Issue(("deploy", "heigth"), "unknown key, did you mean 'height'?", "bad.yaml:3:24", "  heigth: 3\n  ^")
     assert str(fault) == "bad.yaml:3:24: error: deploy.heigth: unknown key, did you mean 'height'?\n  heigth: 3\n  ^"
     assert ScenarioError([fault]).exit_code == 2
 

@@ -11,12 +11,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from wsnsim.base.asks import Member
-from wsnsim.base.loopback import perform
 from wsnsim.base.ports import Estimate, Field, Scene
+from wsnsim.base.requests import Member
 from wsnsim.base.rng import derive, derive_all
 from wsnsim.models.motion import BoundedVelocity
 from wsnsim.models.sensing import AcousticEnergy
+from wsnsim.offline.loopback import perform
 from wsnsim.trackers.centralised import CentralPf
 
 STEPS, SENSORS, DT, THRESHOLD, SEED = 600, 10, 0.04, 0.5, 77

@@ -54,7 +54,7 @@ def main() -> None:
     from wsnsim import experiment, scenario
     from wsnsim.base.rng import Streams
     from wsnsim.base.tables import Memory
-    from wsnsim.network.fleet import Fleet
+    from wsnsim.network.nodes import Nodes
     from wsnsim.recording import ResultFile
 
     def built(nodes: int) -> Any:
@@ -79,7 +79,7 @@ def main() -> None:
     memory = peak_megabytes() - before
     began = time.process_time()
     positions = parts.deploy.draw(parts.sensor.reach, Streams(1, 0)("deploy"))
-    Fleet(positions, parts.sensor.draw_traits(nodes, Streams(1, 0)("gains")), 2.0, 75.0)
+    Nodes(positions, parts.sensor.draw_traits(nodes, Streams(1, 0)("gains")), 2.0, 75.0)
     construction = time.process_time() - began
     began = time.process_time()
     experiment.replicate_of(parts, 0, Memory({}))

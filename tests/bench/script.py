@@ -9,8 +9,8 @@ from collections.abc import Generator, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
-from wsnsim.base.asks import Ask, Broadcast, Gather, Local, Member, Parcel, Scatter, Send
 from wsnsim.base.ports import Estimate
+from wsnsim.base.requests import Ask, Broadcast, Gather, Local, Member, Parcel, Scatter, Send
 
 
 @dataclass

@@ -4,11 +4,11 @@ import dataclasses
 
 import pytest
 
-from wsnsim.base.problem import Beacons, Parts, Problem
+from wsnsim.base.setups import BeaconSetup, NetworkSetup, TrackingSetup
 from wsnsim.models.access import Csma, IdealMac, Tdma
+from wsnsim.models.datasheets import ProcessorSheet, RadioSheet
 from wsnsim.models.energy import FirstOrder, States
 from wsnsim.models.hardware import Frames, NearestNode, NoPacking, NoSink, Processor
-from wsnsim.models.sheets import ProcessorSheet, RadioSheet
 from wsnsim.models.workload import Periodic, Tracking
 
 SYMBOL = 16e-6
@@ -23,7 +23,7 @@ SLOW = States(
 )  # fmt: skip
 
 
-def company(kind=Parts, **given):
+def company(kind=NetworkSetup, **given):
     """A scenario of which only what is given matters."""
     nothing = dict.fromkeys(field.name for field in dataclasses.fields(kind))
     roles = {"energy": FirstOrder(), "sink": NoSink(), "workload": Periodic(), "packing": NoPacking()}
@@ -75,7 +75,7 @@ def test_a_slot_holds_its_frame_between_two_guards_and_the_acknowledgement_if_th
 
 @pytest.mark.parametrize("mac", [IdealMac(), IdealMac(rate=250e3), Csma(), Tdma(), Tdma(slot=1.5e-3)])
 def test_the_defaults_are_in_good_company(mac):
-    for parts in (company(mac=mac), company(Beacons, mac=mac), company(Problem)):
+    for parts in (company(mac=mac), company(BeaconSetup, mac=mac), company(TrackingSetup)):
         assert faults(mac, parts) == []
 
 
@@ -114,7 +114,7 @@ def test_reports_and_beacons_fit_a_frame():
     assert faults(Csma(), company(sink=NearestNode(bits=928))) == []
     ((path, message),) = faults(Csma(), company(sink=NearestNode(bits=929)))
     assert (path, "a report of 929 bits" in message) == ("sink.bits", True)
-    ((path, message),) = faults(Csma(), company(Beacons, workload=Periodic(bits=1000)))
+    ((path, message),) = faults(Csma(), company(BeaconSetup, workload=Periodic(bits=1000)))
     assert (path, "a beacon of 1000 bits" in message) == ("workload.bits", True)
 
 
@@ -122,10 +122,10 @@ def test_beacons_are_not_due_faster_than_they_can_be_sent():
     assert Tracking().mechanism == "tracking"
     assert Periodic().mechanism == "beacons"
     for mac in (IdealMac(), IdealMac(rate=250e3), Csma()):
-        assert faults(Periodic(), company(Beacons, mac=mac)) == []
-    ((path, message),) = faults(Periodic(period=2e-3, bits=480), company(Beacons, mac=Csma()))
+        assert faults(Periodic(), company(BeaconSetup, mac=mac)) == []
+    ((path, message),) = faults(Periodic(period=2e-3, bits=480), company(BeaconSetup, mac=Csma()))
     assert (path, "0.002464 s" in message) == ("workload.period", True)  # 17 + 60 bytes
-    ((path, _),) = faults(Periodic(bits=1000), company(Beacons, mac=IdealMac(rate=999.0)))
+    ((path, _),) = faults(Periodic(bits=1000), company(BeaconSetup, mac=IdealMac(rate=999.0)))
     assert path == "workload.period"
 
 
@@ -150,4 +150,4 @@ def test_the_cpu_runs_at_the_rate_of_the_data_sheets_processor():
     assert faults(Processor(rate=8e6), company(energy=SLOW)) == []
     ((path, message),) = faults(Processor(rate=16e6), company(energy=SLOW))
     assert (path, "8e+06 Hz" in message) == ("cpu.rate", True)
-    assert faults(Processor(rate=16e6), company(Problem)) == []
+    assert faults(Processor(rate=16e6), company(TrackingSetup)) == []

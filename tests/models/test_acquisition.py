@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from wsnsim.base.ports import Estimate
-from wsnsim.base.problem import Parts, Problem
+from wsnsim.base.setups import NetworkSetup, TrackingSetup
 from wsnsim.models.acquire import AroundTruth, FromReadings
 from wsnsim.models.clusters import MovingHead, StrongestSignal
 from wsnsim.models.motion import BoundedVelocity
@@ -200,22 +200,22 @@ def test_the_prior_of_a_line_is_drawn_in_its_own_dimension():
 ])  # fmt: skip
 @pytest.mark.parametrize("policy", [MovingHead(), StrongestSignal()], ids=["moves", "stands"])
 def test_a_step_is_a_whole_number_of_looks_for_a_lost_target_where_heads_move(poll, step, whole, policy):
-    names = dict.fromkeys(field.name for field in dataclasses.fields(Parts))
-    company = Parts(**names | {"sensor": SENSOR, "clusters": policy, "dt": step, "steps": 100})
+    names = dict.fromkeys(field.name for field in dataclasses.fields(NetworkSetup))
+    company = NetworkSetup(**names | {"sensor": SENSOR, "clusters": policy, "dt": step, "steps": 100})
     found = list(FromReadings(poll=poll).faults(company))
     assert [fault.path for fault in found] == ([] if whole or not policy.moves else [("acquire", "poll")])
 
 
 def test_a_run_has_no_more_looks_than_it_could_bear():
-    names = dict.fromkeys(field.name for field in dataclasses.fields(Parts))
+    names = dict.fromkeys(field.name for field in dataclasses.fields(NetworkSetup))
     for steps, faults in ((10_000, 0), (10_001, 1)):
-        company = Parts(**names | {"sensor": SENSOR, "clusters": MovingHead(), "dt": 1.0, "steps": steps})
+        company = NetworkSetup(**names | {"sensor": SENSOR, "clusters": MovingHead(), "dt": 1.0, "steps": steps})
         assert len(list(FromReadings(poll=0.01).faults(company))) == faults
 
 
 def test_without_a_network_nobody_minds_how_often_a_target_is_looked_for():
-    names = dict.fromkeys(field.name for field in dataclasses.fields(Problem))
-    assert not list(FromReadings(poll=0.7).faults(Problem(**names | {"sensor": SENSOR, "dt": 2.0})))
+    names = dict.fromkeys(field.name for field in dataclasses.fields(TrackingSetup))
+    assert not list(FromReadings(poll=0.7).faults(TrackingSetup(**names | {"sensor": SENSOR, "dt": 2.0})))
 
 
 def test_words_of_acquisition_are_packets_unless_said_otherwise():

@@ -10,7 +10,7 @@ import pytest
 from pydantic import TypeAdapter, ValidationError
 
 from wsnsim.base.ports import Field
-from wsnsim.base.problem import Parts, Problem
+from wsnsim.base.setups import NetworkSetup, TrackingSetup
 from wsnsim.models.clusters import StrongestSignal
 from wsnsim.models.deploy import Anchors
 from wsnsim.models.ranging import Range
@@ -20,9 +20,9 @@ LIU = tuple((x, 10.0) for x in (-1.0, 150.0, 300.0, 450.0, 600.0, 750.0, 900.0, 
 ROOM = ((0.0, 5.0), (5.0, 10.0), (10.0, 0.0))
 
 
-def faults(part: Anchors, reach: float = 400.0, kind: type[Problem] = Problem) -> list[tuple[str, str]]:
+def faults(part: Anchors, reach: float = 400.0, kind: type[TrackingSetup] = TrackingSetup) -> list[tuple[str, str]]:
     given: dict[str, Any] = dict.fromkeys(field.name for field in dataclasses.fields(kind))
-    given |= {"sensor": Range(reach=reach)} | ({"clusters": StrongestSignal()} if kind is Parts else {})
+    given |= {"sensor": Range(reach=reach)} | ({"clusters": StrongestSignal()} if kind is NetworkSetup else {})
     return [(".".join(map(str, fault.path)), fault.message) for fault in part.faults(kind(**given))]
 
 
@@ -61,9 +61,9 @@ def test_anchors_must_cover_a_field_wherever_it_lies_if_asked() -> None:
 
 
 def test_too_few_anchors_for_a_cluster_are_a_fault_in_a_network_only() -> None:
-    assert [path for path, _ in faults(Anchors(), kind=Parts)] == ["deploy.places"]
+    assert [path for path, _ in faults(Anchors(), kind=NetworkSetup)] == ["deploy.places"]
     assert faults(Anchors()) == []
-    assert faults(Anchors(places=ROOM), kind=Parts) == []
+    assert faults(Anchors(places=ROOM), kind=NetworkSetup) == []
 
 
 def test_a_list_without_places_is_refused() -> None:

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from wsnsim.base.problem import Parts
+from wsnsim.base.setups import NetworkSetup
 from wsnsim.models.clusters import Central, MovingHead, StrongestSignal
 from wsnsim.models.energy import FirstOrder
 from wsnsim.models.hardware import Processor
@@ -113,8 +113,8 @@ def test_the_moving_head_never_hands_over_and_is_the_nearest_or_the_loudest():
 
 def moving(head, wakeup, tracker=None, dt=2.0):
     """Where the faults of a moving head are that keeps such company."""
-    names = dict.fromkeys(field.name for field in fields(Parts))
-    company = Parts(**names | {
+    names = dict.fromkeys(field.name for field in fields(NetworkSetup))
+    company = NetworkSetup(**names | {
         "energy": FirstOrder(), "link": Disk(), "clusters": head, "wakeup": wakeup, "dt": dt,
         "tracker": tracker or Gathered(), "cpu": Processor(),
     })  # fmt: skip
@@ -172,8 +172,8 @@ def test_a_battery_that_does_not_exceed_what_a_head_must_hold_is_a_fault(policy)
     """96 bits: 4.8 uJ to send and 54 uJ to radiate over 75 m, 4.8 uJ to receive; then a tracker's computing."""
 
     def found(battery, operations=0.0, per_flop=1.0, **given):
-        names = dict.fromkeys(field.name for field in fields(Parts))
-        company = Parts(**names | {
+        names = dict.fromkeys(field.name for field in fields(NetworkSetup))
+        company = NetworkSetup(**names | {
             "energy": FirstOrder(battery=battery), "link": Disk(), "clusters": policy(**given),
             "tracker": SimpleNamespace(member_cycles=operations), "cpu": Processor(cycles_per_flop=per_flop),
             "wakeup": DirectedFlood(), "dt": 1.0,

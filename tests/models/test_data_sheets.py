@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from wsnsim.base.part import Quantity
-from wsnsim.models.sheets import ProcessorSheet, RadioSheet
+from wsnsim.models.datasheets import ProcessorSheet, RadioSheet
 from wsnsim.scenario.units import si
 
 FOLDER = Path(__file__).parents[2] / "scenarios" / "parts"

@@ -8,7 +8,7 @@ import pytest
 
 from wsnsim.base.errors import RunError
 from wsnsim.base.ports import Field
-from wsnsim.base.problem import Parts, Problem
+from wsnsim.base.setups import NetworkSetup, TrackingSetup
 from wsnsim.models.clusters import StrongestSignal
 from wsnsim.models.coverage import covers
 from wsnsim.models.deploy import FromFile, Grid, JitteredGrid, Uniform, cells
@@ -21,7 +21,7 @@ def generator(seed=1):
 
 
 def company(reach=60.0):
-    return of_kind(Parts, sensor=AcousticEnergy(reach=reach), clusters=StrongestSignal())
+    return of_kind(NetworkSetup, sensor=AcousticEnergy(reach=reach), clusters=StrongestSignal())
 
 
 def of_kind(kind, **given):
@@ -171,7 +171,7 @@ def test_every_deployment_names_its_field(tmp_path):
 
 
 def test_without_a_network_there_is_no_cluster_to_be_too_small_for(tmp_path):
-    alone = of_kind(Problem, sensor=AcousticEnergy())
+    alone = of_kind(TrackingSetup, sensor=AcousticEnergy())
     path = written(tmp_path, "x,y\n0,0\n")
     for part in (Uniform(nodes=2, cover=False), Grid(nodes=2, cover=False), FromFile(path=path, cover=False)):
         assert faults(part, parts=alone) == []
@@ -181,7 +181,7 @@ def test_without_a_network_there_is_no_cluster_to_be_too_small_for(tmp_path):
 
 @pytest.mark.parametrize("reach", [np.inf, 1e300])
 def test_one_sensor_without_end_covers_any_field(reach, tmp_path):
-    alone = of_kind(Problem, sensor=Range(reach=reach))
+    alone = of_kind(TrackingSetup, sensor=Range(reach=reach))
     path = written(tmp_path, "x,y\n-7,3\n")
     for part in (Uniform(nodes=1), Grid(nodes=1), JitteredGrid(nodes=1), FromFile(path=path)):
         assert faults(part, parts=alone) == []

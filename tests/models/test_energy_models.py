@@ -5,11 +5,11 @@ import math
 
 import pytest
 
-from wsnsim.base.problem import Beacons, Problem
-from wsnsim.base.radio import Draws, Mode
+from wsnsim.base.radio import ContinuousPower, Mode
+from wsnsim.base.setups import BeaconSetup, TrackingSetup
+from wsnsim.models.datasheets import ProcessorSheet, RadioSheet
 from wsnsim.models.energy import FirstOrder, FirstOrder2002, States
 from wsnsim.models.links import Disk, LogNormal
-from wsnsim.models.sheets import ProcessorSheet, RadioSheet
 
 RADIO = RadioSheet(
     name="CC2420",
@@ -43,7 +43,7 @@ def radio_of(**given):
     return dataclasses.replace(RADIO, **given)
 
 
-def faults(part, kind=Beacons, **given):
+def faults(part, kind=BeaconSetup, **given):
     """What a part says of a scenario of which only what is given matters."""
     parts = kind(**dict.fromkeys(field.name for field in dataclasses.fields(kind)) | given)
     return [(".".join(map(str, fault.path)), fault.message) for fault in part.faults(parts)]
@@ -96,7 +96,7 @@ def test_free_space_falls_with_the_square_and_multipath_with_the_fourth_power():
 @pytest.mark.parametrize("kind", [FirstOrder, FirstOrder2002])
 def test_in_the_papers_world_time_and_switching_cost_nothing(kind):
     model = kind()
-    assert isinstance(model, Draws)
+    assert isinstance(model, ContinuousPower)
     assert all(model.draw(mode).radio == model.draw(mode).processor == 0.0 for mode in MODES)
     assert all(model.switching(a, b) == 0.0 for a in MODES for b in MODES)
     assert model.turnaround() == model.seconds(1e9) == 0.0
@@ -166,7 +166,7 @@ def test_the_energy_models_output_power_is_the_links():
     ((path, message),) = faults(states(power=-5.0), link=LogNormal(power=0.0))
     assert path == "energy.power"
     assert "link.power = 0 dBm" in message
-    assert faults(states(), kind=Problem) == []  # a bench has no link
+    assert faults(states(), kind=TrackingSetup) == []  # a bench has no link
 
 
 @pytest.mark.parametrize(

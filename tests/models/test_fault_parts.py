@@ -4,7 +4,7 @@ import dataclasses
 
 import pytest
 
-from wsnsim.base.problem import Beacons, Parts
+from wsnsim.base.setups import BeaconSetup, NetworkSetup
 from wsnsim.models.deploy import Anchors, FromFile, Uniform
 from wsnsim.models.energy import FirstOrder
 from wsnsim.models.faults import Bias, Blackout, ClockStep, Crash, Drain, LinkLoss, Restart, Stuck
@@ -21,7 +21,7 @@ EACH = {
 }
 
 
-def company(kind=Parts, **given):
+def company(kind=NetworkSetup, **given):
     """Ten seconds of 256 nodes on 400 m x 400 m and two targets; of the rest nothing matters."""
     roles = {"steps": 100, "dt": 0.1, "deploy": Uniform(), "energy": FirstOrder(), "motions": (None, None)}
     names = [field.name for field in dataclasses.fields(kind)]
@@ -83,7 +83,7 @@ def test_nodes_are_counted_where_the_deployment_can_tell():
 
 
 def test_without_a_target_nobody_leads_and_nothing_is_read():
-    beacons = company(Beacons)
+    beacons = company(BeaconSetup)
     assert faults(Crash(at=1.0, nodes=(1,)), beacons) == []
     ((path, message),) = faults(Crash(at=1.0, head=0), beacons)
     assert (path, "without a target" in message) == ("faults.head", True)

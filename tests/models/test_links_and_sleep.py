@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from wsnsim.base.problem import Beacons
 from wsnsim.base.rng import derive_all
+from wsnsim.base.setups import BeaconSetup
 from wsnsim.models.links import Disk, GreedyGeographic, LogNormal, MinimumEnergy, MinimumHop
 from wsnsim.models.modulation import bit_error, snr_at_sensitivity, snr_for, success
 from wsnsim.models.sleep import EventWake
@@ -164,7 +164,7 @@ def test_the_stronger_of_two_frames_survives_where_frames_capture_and_neither_wh
 
 
 def test_a_radio_that_is_dead_at_a_metre_is_a_fault():
-    parts = Beacons(**dict.fromkeys(field.name for field in dataclasses.fields(Beacons)))
+    parts = BeaconSetup(**dict.fromkeys(field.name for field in dataclasses.fields(BeaconSetup)))
     assert list(LogNormal().faults(parts)) == []
     (fault,) = LogNormal(power=-50.0).faults(parts)
     assert fault.path == ("link", "power")

@@ -10,7 +10,7 @@ import pytest
 from scipy.stats import norm
 
 from wsnsim.base.ports import Detects
-from wsnsim.base.problem import Parts, Problem
+from wsnsim.base.setups import NetworkSetup, TrackingSetup
 from wsnsim.models.ranging import Range, RangeFromOrigin, Rssi
 
 SENSORS = {
@@ -188,9 +188,9 @@ def test_there_is_nothing_to_calibrate(sensor: Any) -> None:
     assert sensor.assumed("unknown", True) is sensor
 
 
-def problem(with_network: bool) -> Problem:
+def problem(with_network: bool) -> TrackingSetup:
     """A scenario of which only the kind matters: with a network or without."""
-    kind = Parts if with_network else Problem
+    kind = NetworkSetup if with_network else TrackingSetup
     return kind(**dict.fromkeys(field.name for field in dataclasses.fields(kind)))
 
 

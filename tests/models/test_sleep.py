@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from wsnsim.base.problem import Beacons
 from wsnsim.base.radio import Mode
 from wsnsim.base.rng import derive, derive_all, uniforms
+from wsnsim.base.setups import BeaconSetup
 from wsnsim.models.access import Csma, IdealMac
 from wsnsim.models.sleep import CHUNK, AlwaysOn, DutyCycle, EventWake, RandomIndependent
 
@@ -312,8 +312,8 @@ def test_a_duty_cycles_seconds_are_exact_fractions():
 
 
 def company(schedule, mac, steps=100, dt=2.0):
-    names = dict.fromkeys(field.name for field in dataclasses.fields(Beacons))
-    return Beacons(**names | {"sleep": schedule, "mac": mac, "steps": steps, "dt": dt})
+    names = dict.fromkeys(field.name for field in dataclasses.fields(BeaconSetup))
+    return BeaconSetup(**names | {"sleep": schedule, "mac": mac, "steps": steps, "dt": dt})
 
 
 def found(schedule, mac=None, **times):

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from wsnsim.base.sleeping import Decision, Plan
+from wsnsim.base.sleeping import Decision, WakeUpPlan
 from wsnsim.models.wakeup import DirectedFlood, ExperienceZones, NoWakeUp, Region
 
 DROP, TRACK, FORWARD, STOP = Decision.DROP, Decision.TRACK, Decision.FORWARD, Decision.STOP
 WAKES = [DirectedFlood(), ExperienceZones(), Region()]
-PLAN = Plan(
+PLAN = WakeUpPlan(
     target=1, step=7, sequence=300, sender=12, place=(0.0, 0.0), fix=(5.0, 0.0), heading=(3.0, 0.0),
     prediction=(100.0, 0.0), foreseen=True, due=14.0, ahead=2.0, sensing=40.0, reach=80.0, payload_bits=160,
 )  # fmt: skip

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from wsnsim.base.asks import PACKET_BITS, Parcel
+from wsnsim.base.requests import PACKET_BITS, Parcel
 from wsnsim.base.rng import Streams
 from wsnsim.base.tables import KIND, Memory
 from wsnsim.models.access import Csma
@@ -15,9 +15,9 @@ from wsnsim.models.energy import FirstOrder
 from wsnsim.models.hardware import NoPacking, PerfectClock
 from wsnsim.models.links import Disk, MinimumEnergy
 from wsnsim.models.sleep import EventWake
-from wsnsim.network.ether import make_ether
-from wsnsim.network.journal import Journal
-from wsnsim.network.medium import EVERYONE, Frame, burst
+from wsnsim.network.event_log import EventLog
+from wsnsim.network.radio.ideal_medium import EVERYONE, Burst, burst
+from wsnsim.network.radio.radio_stack import make_radio_stack
 
 
 class Place:
@@ -28,7 +28,7 @@ class Place:
         clock: Any = None, horizon: float = 10.0, seed: int = 11, sleep: Any = None,
     ) -> None:  # fmt: skip
         self.memory = Memory()
-        self.journal = Journal(self.memory, 0)
+        self.journal = EventLog(self.memory, 0)
         self.parts = SimpleNamespace(
             mac=mac or Csma(),
             link=link or Disk(reach=75.0),
@@ -42,7 +42,7 @@ class Place:
         )
         points = np.array(positions, dtype=np.float64)
         self.streams = Streams(seed, 0)
-        ether = make_ether(self.parts, points, np.ones((len(points), 1)), self.streams, self.journal)
+        ether = make_radio_stack(self.parts, points, np.ones((len(points), 1)), self.streams, self.journal)
         self.env, self.fleet, self.wiring = ether.env, ether.fleet, ether.wiring
         self.clocks, self.mac = ether.clocks, ether.mac
         self.died: list[tuple[float, int]] = []
@@ -53,13 +53,13 @@ class Place:
         self.died.append((self.env.now, node))
         self.mac.silence(node)
 
-    def unicast(self, source: int, to: int, packets: int = 1, bits: int = PACKET_BITS, hub: int | None = None) -> Frame:
+    def unicast(self, source: int, to: int, packets: int = 1, bits: int = PACKET_BITS, hub: int | None = None) -> Burst:
         """Send a burst and wait until it has ended."""
         frame = burst(source, to, Parcel("payload", packets, bits, "test"), 0)
         self.env.run(until=self.mac.send([frame], hub))
         return frame
 
-    def broadcast(self, source: int, packets: int = 1, bits: int = PACKET_BITS) -> Frame:
+    def broadcast(self, source: int, packets: int = 1, bits: int = PACKET_BITS) -> Burst:
         """Broadcast a burst and wait until it has ended."""
         return self.unicast(source, EVERYONE, packets, bits)
 

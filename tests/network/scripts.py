@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 
 from tests.network.toys import Centroid, parts, passing
-from wsnsim.base.problem import Parts
+from wsnsim.base.setups import NetworkSetup
 from wsnsim.models.access import Csma, IdealMac, Tdma
 from wsnsim.models.clusters import Central, StrongestSignal
+from wsnsim.models.datasheets import ProcessorSheet, RadioSheet
 from wsnsim.models.deploy import Uniform
 from wsnsim.models.energy import FirstOrder, States
 from wsnsim.models.faults import Bias, Blackout, ClockStep, Crash, Drain, LinkLoss, Restart, Stuck
@@ -25,7 +26,6 @@ from wsnsim.models.hardware import (
     Processor,
 )
 from wsnsim.models.links import Disk, GreedyGeographic, LogNormal, MinimumEnergy, MinimumHop
-from wsnsim.models.sheets import ProcessorSheet, RadioSheet
 
 DT = 0.04
 SIDE = 140.0
@@ -39,7 +39,7 @@ PROCESSOR = ProcessorSheet(
 )
 
 
-def scenario(number: int) -> tuple[Parts, Any, Any]:
+def scenario(number: int) -> tuple[NetworkSetup, Any, Any]:
     """(parts, positions, truths) of scenario `number`: every role drawn, and one to six faults."""
     rng = np.random.default_rng([2013, number])
     steps, nodes = int(rng.integers(30, 41)), int(rng.integers(6, 16))

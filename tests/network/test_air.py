@@ -6,20 +6,20 @@ import numpy as np
 import pytest
 import simpy
 
-from wsnsim.base.asks import PACKET_BITS, Parcel
+from wsnsim.base.requests import PACKET_BITS, Parcel
 from wsnsim.base.rng import Streams
 from wsnsim.base.tables import CAUSE, KIND, Memory
 from wsnsim.models.access import IdealMac
 from wsnsim.models.energy import FirstOrder
 from wsnsim.models.hardware import NoPacking, PerfectClock
 from wsnsim.models.links import Disk, MinimumEnergy
-from wsnsim.network.air import Air, letter
 from wsnsim.network.clocks import Clocks
-from wsnsim.network.fleet import SPENT, Fleet
-from wsnsim.network.journal import Journal
-from wsnsim.network.mac import make_mac
-from wsnsim.network.routing import Router
-from wsnsim.network.wiring import Wiring
+from wsnsim.network.event_log import EventLog
+from wsnsim.network.nodes import SPENT, Nodes
+from wsnsim.network.radio.mac import make_mac
+from wsnsim.network.radio.routing import Router
+from wsnsim.network.radio.topology import Topology
+from wsnsim.network.radio.transport import Transport, datagram
 
 
 class Place:
@@ -28,10 +28,10 @@ class Place:
     def __init__(self, positions, link=None, battery=2.0, mac=None, weight="energy"):
         self.env = simpy.Environment()
         self.memory = Memory()
-        self.journal = Journal(self.memory, 0)
+        self.journal = EventLog(self.memory, 0)
         self.energy, self.link = FirstOrder(battery=battery), link or Disk(reach=75.0)
-        self.fleet = Fleet(np.array(positions, dtype=float), np.ones((len(positions), 1)), battery, self.link.reach)
-        wiring = Wiring(self.fleet, self.link, 11, PACKET_BITS)
+        self.fleet = Nodes(np.array(positions, dtype=float), np.ones((len(positions), 1)), battery, self.link.reach)
+        wiring = Topology(self.fleet, self.link, 11, PACKET_BITS)
         clocks = Clocks(PerfectClock(), 0, self.fleet.size)
         parts = SimpleNamespace(
             mac=mac or IdealMac(), energy=self.energy, link=self.link, packing=NoPacking(), routing=MinimumEnergy()
@@ -40,7 +40,7 @@ class Place:
         self.counts = self.mac.counts
         self.router = Router(self.env, self.fleet, wiring, self.energy, weight, self.link.audible)
         self.fleet.on_death = self.router.bury
-        self.air = Air(self.env, self.fleet, wiring, self.mac, self.router, self.journal)
+        self.air = Transport(self.env, self.fleet, wiring, self.mac, self.router, self.journal)
 
     def carry(self, *letters):
         self.env.run(until=self.air.carry(list(letters), 0))
@@ -57,7 +57,7 @@ def parcel(packets=1):
 
 def test_a_unicast_costs_its_distance_to_the_sender_and_its_bits_to_the_receiver():
     place = Place([(0, 0), (30, 40), (1, 1)])
-    (sent,) = place.carry(letter(0, 1, parcel(3)))
+    (sent,) = place.carry(datagram(0, 1, parcel(3)))
     bits = 3 * 96
     assert sent.arrived and sent.mask.tolist() == [True] * 3 and (sent.hops, sent.bits) == (1, bits)
     assert place.fleet.books[0][SPENT] == pytest.approx(bits * (50e-9 + 100e-12 * 2500), rel=1e-12)
@@ -85,7 +85,7 @@ def test_a_broadcast_is_one_event_of_the_engine():
 
 def test_what_is_sent_to_oneself_costs_nothing_and_arrives():
     place = Place([(0, 0), (10, 0)])
-    (sent,) = place.carry(letter(0, 0, parcel(5)))
+    (sent,) = place.carry(datagram(0, 0, parcel(5)))
     assert sent.arrived and sent.mask.all() and place.fleet.books == {}
 
 
@@ -113,13 +113,13 @@ def test_the_dead_relay_nothing():
     assert place.router.path(0, 3) == [0, 2, 3]
     place.fleet.spend(2, CAUSE["cpu"], 10.0)
     assert place.router.path(0, 3) is None
-    (sent,) = place.carry(letter(0, 3, parcel(2)))
+    (sent,) = place.carry(datagram(0, 3, parcel(2)))
     assert not sent.arrived and not sent.mask.any()
 
 
 def test_packets_lost_on_a_hop_are_not_forwarded_and_hops_share_one_sequence():
     place = Place([(0, 0), (70, 0), (140, 0)], link=Disk(reach=75.0, loss=0.3))
-    (sent,) = place.carry(letter(0, 2, parcel(200)))
+    (sent,) = place.carry(datagram(0, 2, parcel(200)))
     table = place.events()
     sends = np.isin(table["kind"], [KIND["send"], KIND["relay"]])
     assert table["packets"][sends][0] == 200
@@ -132,7 +132,7 @@ def test_packets_lost_on_a_hop_are_not_forwarded_and_hops_share_one_sequence():
 
 def test_a_sender_whose_charge_ends_in_mid_burst_delivers_nothing_and_has_spent_all():
     place = Place([(0, 0), (10, 0)], battery=1e-5)
-    (sent,) = place.carry(letter(0, 1, parcel(100)))
+    (sent,) = place.carry(datagram(0, 1, parcel(100)))
     assert not sent.arrived
     assert not place.fleet.alive[0]
     assert place.fleet.books[0][SPENT] == 1e-5
@@ -141,7 +141,7 @@ def test_a_sender_whose_charge_ends_in_mid_burst_delivers_nothing_and_has_spent_
 
 def test_with_a_rate_the_bursts_of_a_batch_follow_one_another():
     place = Place([(0, 0), (10, 0), (20, 0)], mac=IdealMac(rate=9600.0))
-    place.carry(letter(0, 1, parcel(2)), letter(2, 1, parcel(3)))
+    place.carry(datagram(0, 1, parcel(2)), datagram(2, 1, parcel(3)))
     table = place.events()
     assert table["time"][table["kind"] == KIND["receive"]] == pytest.approx([0.02, 0.05])
     assert place.env.now == pytest.approx(0.05)

@@ -8,16 +8,16 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from wsnsim.base.problem import Beacons
 from wsnsim.base.rng import Streams
+from wsnsim.base.setups import BeaconSetup
 from wsnsim.base.tables import CAUSE, KIND, RECORDED_BY_DEFAULT, Memory
 from wsnsim.models.access import Csma, IdealMac
+from wsnsim.models.datasheets import ProcessorSheet, RadioSheet
 from wsnsim.models.deploy import Uniform
 from wsnsim.models.energy import FirstOrder, States
 from wsnsim.models.faults import Blackout, Crash
 from wsnsim.models.hardware import DriftingClock, NoPacking, PerfectClock, Processor
 from wsnsim.models.links import Disk, MinimumEnergy
-from wsnsim.models.sheets import ProcessorSheet, RadioSheet
 from wsnsim.models.sleep import EventWake
 from wsnsim.models.workload import Periodic
 from wsnsim.network.beacons import BeaconWorld
@@ -50,7 +50,7 @@ def problem(**changes):
         "clock": PerfectClock(),
         "workload": Periodic(),
     }
-    return Beacons(**{**values, **changes})
+    return BeaconSetup(**{**values, **changes})
 
 
 def play(made):

@@ -7,8 +7,8 @@ from tests.network.places import Place
 from wsnsim.base.tables import CAUSE
 from wsnsim.models.energy import FirstOrder
 from wsnsim.models.links import Disk, LogNormal
-from wsnsim.network.medium import EVERYONE
-from wsnsim.network.transmission import Message
+from wsnsim.network.radio.ideal_medium import EVERYONE
+from wsnsim.network.radio.transmission import MacFrame
 
 AIRTIME = 29 * 8 / 250e3
 TURNAROUND = 192e-6
@@ -27,7 +27,7 @@ class Tape:
             place.at(time, lambda source=source, to=to, number=number: self._send(source, to, number))
 
     def _send(self, source, to, number):
-        self.channel.transmit(source, Message(to, BITS), number, self._landed)
+        self.channel.transmit(source, MacFrame(to, BITS), number, self._landed)
 
     def _landed(self, one, heard):
         self.heard[one.owner] = heard.tolist() if one.message.to == EVERYONE else heard

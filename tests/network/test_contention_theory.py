@@ -40,8 +40,8 @@ from scipy.stats import chisquare
 from tests.network.places import Place
 from wsnsim.base.tables import CAUSE
 from wsnsim.models.access import Csma
+from wsnsim.models.datasheets import ProcessorSheet, RadioSheet
 from wsnsim.models.energy import FirstOrder, States
-from wsnsim.models.sheets import ProcessorSheet, RadioSheet
 
 SLOT, CCA, TURNAROUND, ACK, SIFS, LIFS = 320e-6, 128e-6, 192e-6, 88 / 250e3, 192e-6, 640e-6
 STAGES = (8, 16, 32, 32, 32)

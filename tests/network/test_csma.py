@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from tests.network.places import Place
-from wsnsim.base.asks import PACKET_BITS
+from wsnsim.base.requests import PACKET_BITS
 from wsnsim.models.access import Csma
 from wsnsim.models.hardware import Frames
 from wsnsim.models.links import Disk
-from wsnsim.network.medium import EVERYONE
+from wsnsim.network.radio.ideal_medium import EVERYONE
 
 AIRTIME, ACK, TURNAROUND, UNIT, CCA = 29 * 8 / 250e3, 11 * 8 / 250e3, 192e-6, 320e-6, 128e-6
 PAIR = [(0, 0), (50, 0)]

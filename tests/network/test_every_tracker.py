@@ -7,7 +7,7 @@ import pytest
 
 from wsnsim import experiment, scenario
 from wsnsim.base.tables import Memory
-from wsnsim.scenario.catalog import ROLES
+from wsnsim.scenario.registry import ROLES
 
 OTHERS = {"grid", "trilateration", "gmtt", "tsstp", "cluster", "ris"}  # one column, or distances: not on this field
 PLANE = [row.kind for row in ROLES["tracker"].rows if row.kind not in OTHERS]

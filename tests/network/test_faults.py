@@ -17,9 +17,9 @@ from wsnsim.models.clusters import Central, StrongestSignal
 from wsnsim.models.faults import Bias, Blackout, ClockStep, Crash, Drain, LinkLoss, Restart, Stuck
 from wsnsim.models.hardware import PerfectClock, Processor
 from wsnsim.network.clocks import Clocks
+from wsnsim.network.event_log import EventLog
 from wsnsim.network.faults import Faults, Site
-from wsnsim.network.fleet import SPENT, Fleet
-from wsnsim.network.journal import Journal
+from wsnsim.network.nodes import SPENT, Nodes
 
 LINE = np.column_stack([np.arange(10.0) * 10.0, np.zeros(10)])
 
@@ -30,11 +30,11 @@ class Bed:
     def __init__(self, *script: Any, key: int = 11, heads: dict[int, int] | None = None) -> None:
         self.env = simpy.Environment()
         self.memory = Memory()
-        self.fleet = Fleet(LINE, np.ones((10, 1)), 2.0, 75.0)
+        self.fleet = Nodes(LINE, np.ones((10, 1)), 2.0, 75.0)
         self.fleet.on_death = lambda node: self.fleet.died_at.__setitem__(node, self.env.now)
         self.clocks = Clocks(PerfectClock(), 1, 10)
         self.heads = heads or {}
-        journal = Journal(self.memory, 0)
+        journal = EventLog(self.memory, 0)
         self.site = Site(
             self.env, self.fleet, journal, self.clocks, self.fleet.crash, self.fleet.restart, self.heads.get
         )

@@ -5,13 +5,13 @@ from hypothesis import strategies as st
 
 from wsnsim.base.tables import CAUSES
 from wsnsim.models.links import Disk
-from wsnsim.network.fleet import SPENT, Fleet
-from wsnsim.network.wiring import Wiring
+from wsnsim.network.nodes import SPENT, Nodes
+from wsnsim.network.radio.topology import Topology
 
 
-def fleet(battery: float = 1.0, count: int = 5) -> Fleet:
+def fleet(battery: float = 1.0, count: int = 5) -> Nodes:
     positions = np.column_stack([np.arange(count) * 10.0, np.zeros(count)])
-    return Fleet(positions, np.ones((count, 1)), battery, 15.0)
+    return Nodes(positions, np.ones((count, 1)), battery, 15.0)
 
 
 @given(st.lists(st.tuples(st.integers(0, 4), st.integers(0, 8), st.floats(0, 0.4)), max_size=60))
@@ -53,6 +53,6 @@ def test_reading_energy_changes_nothing_and_opens_no_book():
 
 
 def test_neighbours_are_those_within_reach_without_oneself():
-    wiring = Wiring(fleet(), Disk(reach=15.0), 1, 96)
+    wiring = Topology(fleet(), Disk(reach=15.0), 1, 96)
     assert wiring.neighbours(0) == [1]
     assert wiring.neighbours(2) == [1, 3]

@@ -1,7 +1,7 @@
 import random
 
 from wsnsim.base.tables import Memory
-from wsnsim.network.journal import NAMES, Journal
+from wsnsim.network.event_log import NAMES, EventLog
 
 
 def rows(count: int) -> list:
@@ -27,7 +27,7 @@ def rows(count: int) -> list:
 
 
 def fingerprint(events: list, wanted: bool = True, drain_every: int = 10**9) -> int:
-    journal = Journal(Memory({"events": wanted}), 0)
+    journal = EventLog(Memory({"events": wanted}), 0)
     for k, event in enumerate(events):
         journal.add(event)
         if k % drain_every == 0:
@@ -64,7 +64,7 @@ def test_an_event_twice_is_not_an_event_never():
 
 def test_rows_reach_the_recorder_in_order_and_whole():
     memory = Memory()
-    journal = Journal(memory, 4)
+    journal = EventLog(memory, 4)
     events = rows(20_000)
     for event in events:
         journal.add(event)

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 import simpy
 
-import wsnsim.network.routing as routing
-from wsnsim.base.asks import PACKET_BITS
+import wsnsim.network.radio.routing as routing
+from wsnsim.base.requests import PACKET_BITS
 from wsnsim.models.energy import FirstOrder, FirstOrder2002
 from wsnsim.models.links import Disk, LogNormal
-from wsnsim.network.fleet import Fleet
-from wsnsim.network.routing import Router
-from wsnsim.network.wiring import Wiring
+from wsnsim.network.nodes import Nodes
+from wsnsim.network.radio.routing import Router
+from wsnsim.network.radio.topology import Topology
 
 
 class Net:
@@ -22,8 +22,8 @@ class Net:
     def __init__(self, positions, link=None, weight="energy", energy=None):
         link = link or Disk(reach=75.0)
         self.energy, self.weight = energy or FirstOrder(), weight
-        self.fleet = Fleet(np.array(positions, dtype=float), np.ones((len(positions), 1)), 2.0, link.reach)
-        self.wiring = Wiring(self.fleet, link, 7, PACKET_BITS)
+        self.fleet = Nodes(np.array(positions, dtype=float), np.ones((len(positions), 1)), 2.0, link.reach)
+        self.wiring = Topology(self.fleet, link, 7, PACKET_BITS)
         self.router = Router(simpy.Environment(), self.fleet, self.wiring, self.energy, weight, link.audible)
 
     def cost(self, a, b):

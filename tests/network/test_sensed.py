@@ -10,7 +10,7 @@ from wsnsim.models.hardware import DriftingClock, ImperfectDetection, PerfectClo
 from wsnsim.models.ranging import Range
 from wsnsim.models.sensing import AcousticEnergy
 from wsnsim.network.clocks import Clocks
-from wsnsim.network.sensed import Defect, Imperfect, Imperfections, Sensed, _chosen
+from wsnsim.network.readings import Defect, Imperfect, Imperfections, Readings, _chosen
 
 DT = 0.5
 RULER = Range(sd=1e-6, reach=60.0)
@@ -19,7 +19,7 @@ RULER = Range(sd=1e-6, reach=60.0)
 
 def sensed(points, positions, key=5, target=0):
     sensor = AcousticEnergy()
-    return Sensed(target, points, positions, np.ones((len(positions), 1)), sensor, KDTree(positions), key)
+    return Readings(target, points, positions, np.ones((len(positions), 1)), sensor, KDTree(positions), key)
 
 
 def test_who_senses_when_is_what_brute_force_finds():
@@ -69,7 +69,7 @@ def crowd(steps=40, nodes=300, seed=2):
 @pytest.mark.parametrize("sensor", [AcousticEnergy(), RULER, Range(reach=60.0, own_cell=True)])
 def test_imperfections_that_are_none_leave_every_bit_as_it_was(sensor):
     points, positions = crowd()
-    plain = Sensed(1, points, positions, np.ones((300, 1)), sensor, KDTree(positions), 5)
+    plain = Readings(1, points, positions, np.ones((300, 1)), sensor, KDTree(positions), 5)
     same, made = imperfect(points, positions, sensor, target=1)
     assert not made.matter()
     for step in range(len(points)):

@@ -16,8 +16,8 @@ from wsnsim.base.rng import Streams, derive_all
 from wsnsim.base.tables import KIND, Memory
 from wsnsim.experiment import simulate
 from wsnsim.models.access import Csma
-from wsnsim.network.channel import Channel
-from wsnsim.network.search import Search
+from wsnsim.network.clusters.target_search import TargetSearch
+from wsnsim.network.radio.channel import Channel
 from wsnsim.network.world import World
 from wsnsim.trackers.ekf import ExtendedKalman
 
@@ -353,7 +353,7 @@ def test_how_often_nodes_look_for_a_target_changes_nothing_about_it(motion):
 
 def test_all_four_are_given_the_same_readings_and_the_same_nodes_are_awake(monkeypatch):
     seen: dict[str, list] = {}
-    sense, first = World._sense_awake, Search.first
+    sense, first = World._sense_awake, TargetSearch.first
 
     def record_step(self, target, readings):
         awake = [self._stage.fleet.rota.scheduled(node) for node in range(200)]
@@ -367,7 +367,7 @@ def test_all_four_are_given_the_same_readings_and_the_same_nodes_are_awake(monke
         return first(self, target, part)
 
     monkeypatch.setattr(World, "_sense_awake", record_step)
-    monkeypatch.setattr(Search, "first", record_look)
+    monkeypatch.setattr(TargetSearch, "first", record_look)
     for tracker in PAIRS:
         monkeypatch.setattr(World, "tag", tracker, raising=False)
         Run(scenario(tracker, duration=20.0))

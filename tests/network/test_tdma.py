@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from tests.network.places import Place
-from wsnsim.base.asks import PACKET_BITS, Parcel
 from wsnsim.base.radio import Mode
+from wsnsim.base.requests import PACKET_BITS, Parcel
 from wsnsim.base.tables import CAUSE
 from wsnsim.models.access import Csma, Tdma
 from wsnsim.models.energy import FirstOrder
 from wsnsim.models.links import Disk
-from wsnsim.network.medium import burst
+from wsnsim.network.radio.ideal_medium import burst
 
 STAR = [(0, 0), *((30 * np.cos(a), 30 * np.sin(a)) for a in np.linspace(0, 6, 8))]
 

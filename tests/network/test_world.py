@@ -13,7 +13,7 @@ from wsnsim.models.clusters import Central, StrongestSignal
 from wsnsim.models.energy import FirstOrder
 from wsnsim.models.links import Disk, MinimumHop
 from wsnsim.models.wakeup import NoWakeUp
-from wsnsim.network.fleet import SPENT
+from wsnsim.network.nodes import SPENT
 
 BIT = 50e-9
 AMP = 100e-12

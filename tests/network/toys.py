@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from wsnsim.base.asks import PACKET_BITS, Compute, Gather, Member, Parcel, Send
 from wsnsim.base.ports import Estimate
-from wsnsim.base.problem import Parts
+from wsnsim.base.requests import PACKET_BITS, Compute, Gather, Member, Parcel, Send
 from wsnsim.base.rng import Streams
 from wsnsim.base.rows import estimate_rows, truth_rows
+from wsnsim.base.setups import NetworkSetup
 from wsnsim.base.tables import Memory
 from wsnsim.models.access import IdealMac
 from wsnsim.models.acquire import AroundTruth, FromReadings
@@ -24,7 +24,7 @@ from wsnsim.models.motion import BoundedVelocity
 from wsnsim.models.sensing import AcousticEnergy
 from wsnsim.models.sleep import EventWake
 from wsnsim.models.wakeup import NoWakeUp
-from wsnsim.network.rows import woken_rows, write_rows
+from wsnsim.network.result_rows import woken_rows, write_rows
 from wsnsim.network.world import Outcome, World
 
 
@@ -75,7 +75,7 @@ class Centroid:
         return Estimate(scene.motion.advance(belief[:, None], scene.dt, scene.previous)[:, 0], np.eye(4))
 
 
-def parts(**changes: Any) -> Parts:
+def parts(**changes: Any) -> NetworkSetup:
     """The Jiang set-up for 50 steps, tracked by the centroid; `changes` replace parts."""
     motion, sensor = BoundedVelocity(start=(-45.0, -20.0, -50.0, -35.0)), AcousticEnergy()
     values: dict[str, Any] = {
@@ -107,13 +107,13 @@ def parts(**changes: Any) -> Parts:
     values.update(changes)
     if "motions" in changes:
         values["filter_motions"] = values["motions"]
-    return Parts(**values)
+    return NetworkSetup(**values)
 
 
 class Run:
     """One run of a world, with everything that it recorded."""
 
-    def __init__(self, made: Parts, positions: Any = None, truths: Any = None, replicate: int = 0) -> None:
+    def __init__(self, made: NetworkSetup, positions: Any = None, truths: Any = None, replicate: int = 0) -> None:
         streams = Streams(made.seed, replicate)
         self.parts = made
         self.memory = Memory()

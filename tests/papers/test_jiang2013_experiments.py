@@ -9,8 +9,8 @@ import pytest
 
 from tests.campaign.places import Inline
 from wsnsim import scenario
-from wsnsim.analysis.bounding.drawn import drawn
 from wsnsim.base.tables import Memory
+from wsnsim.bounds.initial_draws import drawn
 from wsnsim.experiment import simulate
 from wsnsim.papers import measures, reproduce
 from wsnsim.papers.jiang2013 import measures as jiang2013_measures

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from wsnsim.analysis import panels
+from wsnsim.analysis import figure_style
 from wsnsim.base import metrics
 from wsnsim.papers.liu2012 import pictures as liu2012
 from wsnsim.papers.ruan2020 import pictures as ruan2020
@@ -36,28 +36,28 @@ def test_a_band_is_between_the_percentiles_of_a_slow_loop_over_the_same_draws():
     rows = errors_of(12, 7)
     rows[:5, 2] = np.nan
     taken = np.random.Generator(np.random.Philox(12)).multinomial(12, np.full(12, 1 / 12), size=50)
-    np.testing.assert_allclose(panels.rmse_interval(rows, 50), slow_interval(rows, taken), rtol=1e-12)
+    np.testing.assert_allclose(figure_style.rmse_interval(rows, 50), slow_interval(rows, taken), rtol=1e-12)
 
 
 def test_a_band_is_that_of_other_draws_of_whole_runs_but_for_their_noise():
     rows = np.abs(np.random.default_rng(2).normal(size=(40, 5)))
     picks = np.random.default_rng(3).integers(0, 40, (4000, 40))
     other = slow_interval(rows, np.array([np.bincount(pick, minlength=40) for pick in picks]))
-    np.testing.assert_allclose(panels.rmse_interval(rows, 4000), other, rtol=0.02)
+    np.testing.assert_allclose(figure_style.rmse_interval(rows, 4000), other, rtol=0.02)
 
 
 def test_the_band_of_many_runs_holds_the_true_rmse_at_95_percent_of_the_steps():
-    low, high = panels.rmse_interval(np.random.default_rng(4).normal(scale=3.0, size=(200, 2000)))
+    low, high = figure_style.rmse_interval(np.random.default_rng(4).normal(scale=3.0, size=(200, 2000)))
     assert np.mean((low < 3.0) & (high > 3.0)) == pytest.approx(0.95, abs=0.03)
 
 
 def test_one_run_has_a_curve_and_no_band():
-    axes = panels.rmse_band(axes_of(), np.arange(1.0, 4.0), np.array([[1.0, 2.0, 3.0]]), "EKF", "#000000")
+    axes = figure_style.rmse_band(axes_of(), np.arange(1.0, 4.0), np.array([[1.0, 2.0, 3.0]]), "EKF", "#000000")
     (line,) = axes.get_lines()
     np.testing.assert_array_equal(line.get_ydata(), [1.0, 2.0, 3.0])
     assert not axes.collections
-    assert [panels.with_bands(1), panels.with_bands(4)] == ["one run", "4 runs"]
-    assert [panels.with_bands(5), panels.with_bands(20, "RKF")] == [
+    assert [figure_style.with_bands(1), figure_style.with_bands(4)] == ["one run", "4 runs"]
+    assert [figure_style.with_bands(5), figure_style.with_bands(20, "RKF")] == [
         "5 runs (bands: 95 %)",
         "20 runs (bands of RKF: 95 %)",
     ]
@@ -66,26 +66,26 @@ def test_one_run_has_a_curve_and_no_band():
 @pytest.mark.parametrize("missing", [np.nan, np.inf])
 def test_a_step_that_few_runs_know_has_no_band_and_spoils_no_other(missing):
     rows = errors_of(8, 4)
-    whole = np.array(panels.rmse_interval(rows))
+    whole = np.array(figure_style.rmse_interval(rows))
     rows[:, 0], rows[4:, 1], rows[5:, 2] = missing, missing, missing
-    low, high = panels.rmse_interval(rows)
+    low, high = figure_style.rmse_interval(rows)
     assert np.isnan([low[:2], high[:2]]).all()
     assert low[2] <= metrics.rmse(rows[:5, 2]) <= high[2]
     np.testing.assert_array_equal([low[3], high[3]], whole[:, 3])
-    assert len(panels.rmse_band(axes_of(), np.arange(4.0), rows, "EKF", "#000000").collections) == 1
+    assert len(figure_style.rmse_band(axes_of(), np.arange(4.0), rows, "EKF", "#000000").collections) == 1
 
 
 def test_what_a_band_has_beneath_all_curves_does_not_stretch_the_axes_and_what_it_has_above_does():
     x, rows = np.arange(1.0, 4.0), np.full((10, 3), 1e-6)
     rows[0] = 1.0, 2.0, 4.0
-    low, high = panels.rmse_interval(rows)
+    low, high = figure_style.rmse_interval(rows)
     assert low.max() < 1e-5
-    axes = panels.rmse_band(axes_of(), x, rows, "IPF", "#000000")
+    axes = figure_style.rmse_band(axes_of(), x, rows, "IPF", "#000000")
     bottom, top = axes.get_ylim()
     curve = metrics.per_step_rmse(rows)
     assert 0.5 * curve.min() < bottom < curve.min()
     assert high.max() < top < 2.0 * high.max()
-    bare = panels.rmse_band(axes_of(), x, rows, "IPF", "#000000", banded=False)
+    bare = figure_style.rmse_band(axes_of(), x, rows, "IPF", "#000000", banded=False)
     assert not bare.collections and bare.get_ylim()[1] < high.max()
 
 

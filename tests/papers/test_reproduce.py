@@ -16,9 +16,10 @@ import pytest
 
 import wsnsim
 from tests.campaign.places import Inline, wait_for, write_lab
-from wsnsim.analysis import bounds, statistics
+from wsnsim.analysis import statistics
 from wsnsim.base import metrics
 from wsnsim.base.errors import UsageError
+from wsnsim.bounds import crlb
 from wsnsim.cli import main
 from wsnsim.papers import digest, measures, reproduce, table
 from wsnsim.papers.reproduction import RULE, Claim, Experiment, Measured, Order, Row, Variant, judged, ordered
@@ -147,7 +148,7 @@ def test_rows_are_what_the_tables_of_the_campaign_hold(done):
 def test_the_bound_beside_a_row_is_that_of_its_scenario_and_says_whether_it_is_strict(done):
     folder = reproduce.place(done, "liu2012", SMALL)
     rows = {row.quantity: row for row in reproduce.rows("liu2012", SMALL, folder)}
-    along = bounds.bound({"extends": "scenarios/rkf.yaml", "duration": 15}, range(6), "per_trajectory")
+    along = crlb.bound({"extends": "scenarios/rkf.yaml", "duration": 15}, range(6), "per_trajectory")
     assert rows["RMSE, m (figure 1)"].bound == along.time_mean
     assert rows["RMSE, m (figure 1)"].bound_kind == "per_trajectory, not strict"
     assert rows["operations"].bound_kind == "" and math.isnan(rows["operations"].bound)
@@ -155,7 +156,7 @@ def test_the_bound_beside_a_row_is_that_of_its_scenario_and_says_whether_it_is_s
     assert rows["RMSE of a run, median, m"].bound == best.low
     assert "lower end of the 95 % interval of what 'ekf' measures" in rows["RMSE of a run, median, m"].caution
     speed = rows["RMSE of vx"]
-    over = bounds.bound({"extends": "scenarios/rkf.yaml", "duration": 15}, range(measures.TRUTHS))
+    over = crlb.bound({"extends": "scenarios/rkf.yaml", "duration": 15}, range(measures.TRUTHS))
     strict = not over.cautions
     assert speed.bound == np.sqrt(np.mean(over.columns[:, 1] ** 2))
     assert speed.verdict == ("cannot: beyond the bound" if strict else "does not reproduce")

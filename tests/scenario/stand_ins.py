@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from typing import Annotated, Any, ClassVar, Literal
 
 from wsnsim import scenario
-from wsnsim.base.errors import Fault, ScenarioError
+from wsnsim.base.errors import Issue, ScenarioError
 from wsnsim.base.part import Quantity, part
 
 
@@ -54,11 +54,11 @@ class Deploy(_Port):
     cover: bool = True
     path: str = ""
 
-    def faults(self, parts: Any) -> Iterator[Fault]:
+    def faults(self, parts: Any) -> Iterator[Issue]:
         if self.nodes < 3:
-            yield Fault(("deploy", "nodes"), f"{self.nodes} nodes cannot make a cluster")
+            yield Issue(("deploy", "nodes"), f"{self.nodes} nodes cannot make a cluster")
         if self.nodes < 2:
-            yield Fault(("clusters", "minimum_active"), "more members than nodes")
+            yield Issue(("clusters", "minimum_active"), "more members than nodes")
 
 
 @part
@@ -77,9 +77,9 @@ class Motion(_Port):
 class ShyMotion(Motion):
     """A motion that finds fault with other targets."""
 
-    def faults(self, parts: Any) -> Iterator[Fault]:
+    def faults(self, parts: Any) -> Iterator[Issue]:
         if len(parts.motions) > 1:
-            yield Fault(("motion", "start"), "does not like company")
+            yield Issue(("motion", "start"), "does not like company")
 
 
 @part
@@ -133,9 +133,9 @@ class Sheets(_Port):
     spare: Annotated[Sheet | None, "of another"] = None
     beacon: Sheet = Sheet(name="B", rate=1.0, sleep=0.5)
 
-    def faults(self, parts: Any) -> Iterator[Fault]:
+    def faults(self, parts: Any) -> Iterator[Issue]:
         if self.radio.sleep > 1:
-            yield Fault(("energy", "radio", "sleep"), "sleeps badly")
+            yield Issue(("energy", "radio", "sleep"), "sleeps badly")
 
 
 @part
@@ -157,13 +157,13 @@ class Trouble:
         if self.at == 13:
             raise ValueError("13 s brings bad luck")
 
-    def faults(self, parts: Any) -> Iterator[Fault]:
+    def faults(self, parts: Any) -> Iterator[Issue]:
         if self.at > 3:
-            yield Fault(("faults", "at"), f"{self.at:g} s is too late for {type(parts).__name__}")
+            yield Issue(("faults", "at"), f"{self.at:g} s is too late for {type(parts).__name__}")
         if self.nodes == ():
-            yield Fault(("faults",), "is aimed at nothing")
+            yield Issue(("faults",), "is aimed at nothing")
         if self.nodes == (7,):
-            yield Fault(("deploy", "nodes"), "there is no node 7")
+            yield Issue(("deploy", "nodes"), "there is no node 7")
 
 
 @part

@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 
 from wsnsim.scenario import axes
 from wsnsim.scenario.axes import Draw, Refused
+from wsnsim.scenario.located_values import LocatedValue, Text, plain
 from wsnsim.scenario.reader import of_dict
-from wsnsim.scenario.tree import Node, Text, plain
 from wsnsim.scenario.units import si
 
 KEYS = ("tracker", "particles")
@@ -25,13 +25,13 @@ WHOLE = st.integers(-(10**6), 10**6)
 REAL = st.floats(-1e9, 1e9, allow_nan=False)
 
 
-def node_of(value: Any) -> Node:
+def node_of(value: Any) -> LocatedValue:
     tree, faults = of_dict({"axis": value}, Text("", Path()))
     assert not faults
     return tree.value["axis"].node
 
 
-def axes_of(values: dict[str, Any]) -> dict[tuple[str, ...], Node]:
+def axes_of(values: dict[str, Any]) -> dict[tuple[str, ...], LocatedValue]:
     return {tuple(key.split(".")): node_of(value) for key, value in values.items()}
 
 

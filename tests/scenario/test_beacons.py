@@ -7,7 +7,7 @@ import json
 import pytest
 
 from wsnsim import scenario
-from wsnsim.base.problem import Beacons, Parts, Problem
+from wsnsim.base.setups import BeaconSetup, NetworkSetup, TrackingSetup
 
 from . import stand_ins
 from .stand_ins import base_scenario, beacon_scenario, faults_of, kind
@@ -17,7 +17,7 @@ OF_TARGETS = ("prior", "motion", "sensor", "wakeup", "clusters", "acquire", "det
 
 def test_beacons_need_no_target_and_nothing_that_follows_one() -> None:
     parts = scenario.build(scenario.load(beacon_scenario(faults=[{"kind": kind("Trouble"), "at": 2}])))
-    assert type(parts) is Beacons
+    assert type(parts) is BeaconSetup
     assert parts.workload == stand_ins.Beaconing()
     assert parts.link == stand_ins.Link(reach=75.0)
     assert parts.faults == (stand_ins.Trouble(at=2.0),)
@@ -40,7 +40,7 @@ def test_what_the_radio_needs_is_needed_all_the_same(role: str) -> None:
 def test_what_follows_a_target_is_checked_and_then_ignored() -> None:
     full = base_scenario(workload={"kind": kind("Beaconing")})
     parts = scenario.build(scenario.load(full))
-    assert type(parts) is Beacons and not hasattr(parts, "tracker")
+    assert type(parts) is BeaconSetup and not hasattr(parts, "tracker")
     assert faults_of(full | {"sensor": {"kind": kind("Sensor"), "reach": -1}}) == [
         "sensor.reach: error: must be greater than 0, is -1"
     ]
@@ -81,16 +81,16 @@ def test_what_makes_no_sense_without_a_target_is_a_fault(changes: dict, faults: 
 
 def test_the_kind_is_settled_by_set_too() -> None:
     changed = scenario.load(base_scenario(), [f"workload.kind={kind('Beaconing')}"])
-    assert type(scenario.build(changed)) is Beacons
+    assert type(scenario.build(changed)) is BeaconSetup
     back = scenario.load(base_scenario(workload={"kind": kind("Beaconing")}), ["workload.kind=tracking"])
-    assert type(scenario.build(back)) is Parts
+    assert type(scenario.build(back)) is NetworkSetup
 
 
 def test_a_resolved_scenario_of_beacons_loads_as_an_equal_one() -> None:
     loaded = scenario.load(beacon_scenario(step=0.5))
     written = json.dumps(scenario.resolved(loaded), allow_nan=False)
     assert scenario.load(json.loads(written)) == loaded
-    assert type(scenario.build(scenario.load(json.loads(written)))) is Beacons
+    assert type(scenario.build(scenario.load(json.loads(written)))) is BeaconSetup
 
 
 def test_kinds_that_are_ignored_are_not_named_for_provenance() -> None:
@@ -102,9 +102,9 @@ def test_kinds_that_are_ignored_are_not_named_for_provenance() -> None:
 
 def test_a_bench_and_a_network_have_what_is_theirs() -> None:
     bench = scenario.build(scenario.load(base_scenario(network="none")))
-    assert type(bench) is Problem and not hasattr(bench, "mac")
+    assert type(bench) is TrackingSetup and not hasattr(bench, "mac")
     network = scenario.build(scenario.load(base_scenario()))
-    assert type(network) is Parts and not hasattr(network, "workload")
+    assert type(network) is NetworkSetup and not hasattr(network, "workload")
     for role in ("packing", "cpu", "clock", "detection", "sink"):
         assert getattr(network, role) == stand_ins.Plain()
 
@@ -116,5 +116,5 @@ def test_beacons_with_the_parts_that_come_with_wsnsim_are_built() -> None:
         "mac": {"kind": "csma"}, "workload": {"kind": "beacons", "period": "1 s"},
     }  # fmt: skip
     parts = scenario.build(scenario.load(source))
-    assert (type(parts), parts.steps, parts.workload.period) == (Beacons, 20, 1.0)
+    assert (type(parts), parts.steps, parts.workload.period) == (BeaconSetup, 20, 1.0)
     assert set(scenario.resolved(scenario.load(source))).isdisjoint({*OF_TARGETS, "lost", "until"})

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wsnsim.scenario.catalog import ROLES, load_class
 from wsnsim.scenario.fields import fields_of, nested_of
+from wsnsim.scenario.registry import ROLES, load_class
 
 from .stand_ins import base_scenario, faults_of
 

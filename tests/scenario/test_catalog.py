@@ -13,8 +13,8 @@ import pytest
 
 from wsnsim import scenario
 from wsnsim.base.errors import UsageError
-from wsnsim.scenario.catalog import ROLES, Row, find, kinds, load_class, role_named
 from wsnsim.scenario.json_schema import json_schema
+from wsnsim.scenario.registry import ROLES, Row, find, kinds, load_class, role_named
 from wsnsim.scenario.schema import part_model
 from wsnsim.scenario.template import template
 
@@ -112,7 +112,7 @@ PROBE = """
 import json, sys
 from wsnsim import scenario
 from wsnsim.base.errors import ScenarioError
-from wsnsim.scenario.catalog import find, kinds
+from wsnsim.scenario.registry import find, kinds
 from wsnsim.scenario.json_schema import json_schema
 
 source = json.load(sys.stdin)

@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 from wsnsim import scenario
-from wsnsim.scenario.catalog import ROLES, kinds
+from wsnsim.scenario.registry import ROLES, kinds
 
 from . import stand_ins
 from .stand_ins import base_scenario, faults_of, kind

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from wsnsim.scenario.located_values import BROKEN, Text, plain, spot_of
 from wsnsim.scenario.reader import LARGEST, of_dict, read
-from wsnsim.scenario.tree import BROKEN, Text, plain, spot_of
 
 
 def text(content: str) -> Text:

@@ -10,10 +10,10 @@ import yaml
 
 from wsnsim import scenario
 from wsnsim.base.errors import ScenarioError
-from wsnsim.scenario import sheets
-from wsnsim.scenario.catalog import ROLES, load_class
+from wsnsim.scenario import datasheets
 from wsnsim.scenario.fields import names_of, nested_of
 from wsnsim.scenario.load import shipped_parts
+from wsnsim.scenario.registry import ROLES, load_class
 
 from . import stand_ins
 from .stand_ins import base_scenario, faults_of, kind
@@ -153,7 +153,7 @@ def test_what_a_tree_without_its_sheet_lacks_is_not_told_besides() -> None:
 
 @pytest.mark.parametrize("path", shipped_parts().values(), ids=shipped_parts())
 def test_every_shipped_sheet_is_whole_and_says_where_each_value_comes_from(path: Path) -> None:
-    profile = sheets.profile(path)
+    profile = datasheets.profile(path)
     assert profile.sheet in ("radio", "processor")
     told = {value.field: value.source for value in profile.values if value.source != "left out"}
     assert set(told) - {"name", "source"} >= {"rate", "sleep", "wake"}
@@ -171,7 +171,7 @@ def test_every_shipped_sheet_can_be_named_where_one_of_its_kind_is_wanted() -> N
     assert list(nested_of(states)) == ["radio", "processor"]
     for field, part in nested_of(states).items():
         other = {"radio": "processor=msp430f1611", "processor": "radio=cc2420"}[field]
-        for name in sheets.sheets(field):
+        for name in datasheets.sheets(field):
             loaded = scenario.load("pso_mhpf", ["energy.kind=states", f"energy.{other}", f"energy.{field}={name}"])
             assert set(names_of(part)) == set(type(getattr(loaded.energy, field)).model_fields)
 
@@ -184,5 +184,5 @@ def test_a_profile_of_a_bad_sheet_is_its_faults() -> None:
         ("a: 1\n", "tiny.yaml:1:1: error: sheet: is no data sheet"),
     ]:  # fmt: skip
         with pytest.raises(ScenarioError) as caught:
-            sheets.profile(Path(write("tiny.yaml", text)))
+            datasheets.profile(Path(write("tiny.yaml", text)))
         assert any(str(one).startswith(fault) for one in caught.value.faults), str(caught.value)

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from tests.trackers.linear import Cluster
-from wsnsim.base.asks import Compute, Gather, Send
 from wsnsim.base.ports import Estimate, Scene
+from wsnsim.base.requests import Compute, Gather, Send
 from wsnsim.models.linear import ConstantVelocity
 from wsnsim.models.ranging import Range
 

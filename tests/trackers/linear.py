@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from wsnsim.base.asks import Ask, Broadcast, Compute, Local, Member, Parcel, all_arrived
-from wsnsim.base.loopback import Lose, perform
 from wsnsim.base.ports import Estimate, Field, Scene
+from wsnsim.base.requests import Ask, Broadcast, Compute, Local, Member, Parcel, all_arrived
 from wsnsim.base.rng import derive, derive_all, normals
+from wsnsim.offline.loopback import Lose, perform
 
 AXIS = np.array([[1.0, 0.5], [0.0, 1.0]])
 AXIS_NOISE = 0.4 * np.array([[0.5**3 / 3, 0.5**2 / 2], [0.5**2 / 2, 0.5]])

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from tests.trackers.chase import Chase, asked, straight
-from wsnsim.base.loopback import silent
 from wsnsim.models.ranging import Range, Rssi
+from wsnsim.offline.loopback import silent
 from wsnsim.testing import check_tracker
 from wsnsim.trackers.awake_only import AwakeOnly
 from wsnsim.trackers.shared.localising import least_squares

@@ -12,12 +12,12 @@ from scipy import stats
 
 from tests.trackers.linear import Cluster, LinearSensor, against_kalman, sent
 from wsnsim.base.arrays import Floats
-from wsnsim.base.asks import Member
-from wsnsim.base.loopback import perform
 from wsnsim.base.ports import Estimate, Field, Scene
+from wsnsim.base.requests import Member
 from wsnsim.base.rng import derive, derive_all, normals, uniforms
 from wsnsim.models.motion import BoundedVelocity
 from wsnsim.models.ungm import Squared, Ungm
+from wsnsim.offline.loopback import perform
 from wsnsim.testing import check_tracker
 from wsnsim.trackers.cuckoo_pf import CuckooPf, ImprovedCuckooPf
 from wsnsim.trackers.shared import nests

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from tests.trackers.linear import Cluster, LinearMotion, LinearSensor, kalman, sent
-from wsnsim.base.loopback import silent
 from wsnsim.models.linear import ConstantVelocity
 from wsnsim.models.ranging import Range
+from wsnsim.offline.loopback import silent
 from wsnsim.testing import check_tracker
 from wsnsim.trackers.ekf import ExtendedKalman
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from tests.trackers.chase import Chase, asked, straight
-from wsnsim.base.asks import Compute, Send
-from wsnsim.base.loopback import silent
+from wsnsim.base.requests import Compute, Send
 from wsnsim.kernels.grey import equal_intervals, forecast
 from wsnsim.models.linear import ConstantAcceleration, ConstantVelocity
 from wsnsim.models.ranging import Range, Rssi
+from wsnsim.offline.loopback import silent
 from wsnsim.testing import check_tracker
 from wsnsim.trackers.grey import GreyTracking, grey_cycles
 from wsnsim.trackers.shared.localising import fix_cycles

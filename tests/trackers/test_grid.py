@@ -10,11 +10,11 @@ import pytest
 from scipy.integrate import quad
 from scipy.stats import norm
 
-from wsnsim.base.asks import Compute, Member, Send, all_arrived
-from wsnsim.base.loopback import perfect, perform, silent
 from wsnsim.base.ports import Estimate, Field, Scene
+from wsnsim.base.requests import Compute, Member, Send, all_arrived
 from wsnsim.base.rng import normals
 from wsnsim.models.motion import BoundedVelocity
+from wsnsim.offline.loopback import perfect, perform, silent
 from wsnsim.testing import check_tracker
 from wsnsim.trackers.grid import GridFilter
 

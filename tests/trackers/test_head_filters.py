@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from tests.trackers.linear import Cluster, LinearMotion, against_kalman, sent
-from wsnsim.base.asks import all_arrived
-from wsnsim.base.loopback import silent
+from wsnsim.base.requests import all_arrived
 from wsnsim.models.motion import BoundedVelocity
+from wsnsim.offline.loopback import silent
 from wsnsim.trackers.centralised import CentralPf
 from wsnsim.trackers.information_pf import InformationPf
 

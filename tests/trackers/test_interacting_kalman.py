@@ -10,12 +10,12 @@ import pytest
 from tests.kernels.test_relay import chain, combine_by_the_book, mix_by_the_book, update_each_by_the_book
 from tests.trackers.linear import Cluster, LinearMotion, against_kalman, kalman, sent
 from tests.trackers.test_relay_kalman import Line, losing
-from wsnsim.base.asks import Member
-from wsnsim.base.loopback import perform, silent
 from wsnsim.base.ports import Estimate
+from wsnsim.base.requests import Member
 from wsnsim.models.linear import ConstantAcceleration
 from wsnsim.models.ranging import Range
 from wsnsim.models.ungm import Squared, Ungm
+from wsnsim.offline.loopback import perform, silent
 from wsnsim.testing import check_tracker
 from wsnsim.trackers.ekf import ExtendedKalman
 from wsnsim.trackers.interacting_kalman import InteractingKalman

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from tests.trackers.chase import Chase, asked, straight
-from wsnsim.base.asks import Compute
-from wsnsim.base.loopback import silent
+from wsnsim.base.requests import Compute
 from wsnsim.models.linear import ConstantAcceleration
 from wsnsim.models.ranging import Range, Rssi
+from wsnsim.offline.loopback import silent
 from wsnsim.testing import check_tracker
 from wsnsim.trackers.markov import TwoPhase
 from wsnsim.trackers.shared.localising import fix_cycles, least_squares

@@ -12,11 +12,11 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from tests.trackers.chase import Chase, asked, straight
-from wsnsim.base.asks import Compute
 from wsnsim.base.errors import RunError
-from wsnsim.base.loopback import silent
+from wsnsim.base.requests import Compute
 from wsnsim.models.linear import ConstantAcceleration, ConstantVelocity
 from wsnsim.models.ranging import Range, Rssi
+from wsnsim.offline.loopback import silent
 from wsnsim.testing import check_tracker
 from wsnsim.trackers.mixture_pf import MixturePf, new_course
 from wsnsim.trackers.shared.localising import fix_cycles, fixed, usable

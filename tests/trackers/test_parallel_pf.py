@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from tests.trackers.linear import Cluster, against_kalman, sent
-from wsnsim.base.asks import Delivery, Gather, Scatter, all_arrived
-from wsnsim.base.loopback import silent
+from wsnsim.base.requests import Delivery, Gather, Scatter, all_arrived
 from wsnsim.kernels.allocation import allocate
+from wsnsim.offline.loopback import silent
 from wsnsim.trackers.parallel_pf import COUNTS, ParallelPf, replicate
 from wsnsim.trackers.shared.stacks import CLOUD, LOG_WEIGHTS, present
 

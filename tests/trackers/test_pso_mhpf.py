@@ -9,11 +9,11 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from tests.trackers.linear import VARIANCE, Cluster, sent
-from wsnsim.base.asks import all_arrived
-from wsnsim.base.loopback import silent
+from wsnsim.base.requests import all_arrived
 from wsnsim.base.rng import derive, uniforms
 from wsnsim.models.motion import BoundedVelocity
 from wsnsim.models.sensing import AcousticEnergy
+from wsnsim.offline.loopback import silent
 from wsnsim.trackers.pso_mhpf import PsoMhpf
 from wsnsim.trackers.shared.stacks import CLOUD, LOG_WEIGHTS, MOVE, PREDICT, present
 

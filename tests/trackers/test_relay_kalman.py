@@ -9,11 +9,11 @@ import pytest
 
 from tests.kernels.test_relay import chain, kalman_by_the_book, rkf_by_the_book
 from tests.trackers.linear import Cluster, LinearMotion, against_kalman, kalman, sent
-from wsnsim.base.asks import Member
-from wsnsim.base.loopback import perfect, perform, silent
 from wsnsim.base.ports import Estimate, Field, Scene
+from wsnsim.base.requests import Member
 from wsnsim.models.linear import ConstantAcceleration
 from wsnsim.models.ranging import Range
+from wsnsim.offline.loopback import perfect, perform, silent
 from wsnsim.testing import check_tracker
 from wsnsim.trackers.relay_kalman import RelayKalman
 from wsnsim.trackers.shared.sensors import arrived_probabilities, relayed, stay_over

@@ -12,9 +12,10 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from wsnsim.analysis import bounds, campaigns
+from wsnsim.analysis import campaigns
 from wsnsim.analysis.comparison import Compared
 from wsnsim.base.errors import WsnsimError
+from wsnsim.bounds import crlb
 from wsnsim.recording.folder import Folder
 
 MOST: Final = 100
@@ -61,7 +62,7 @@ def with_bounds(found: Compared, folder: Folder) -> Compared:
 def _limits(scenario: dict[str, object], replicates: Sequence[int]) -> Limits:
     nothing = float("nan")
     try:
-        each, whole = (bounds.bound(scenario, replicates, kind) for kind in ("per_trajectory", "unconditional"))
+        each, whole = (crlb.bound(scenario, replicates, kind) for kind in ("per_trajectory", "unconditional"))
     except WsnsimError as error:  # a point of which no replicate can be run has no bound either
         return Limits(nothing, nothing, str(error))
     return Limits(

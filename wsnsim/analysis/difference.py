@@ -14,8 +14,8 @@ from typing import Any, Final
 import numpy as np
 
 from wsnsim import recording
-from wsnsim.analysis.acts import BLOCK, plan_of, ranges, rows_in
-from wsnsim.analysis.wording import row_in_words
+from wsnsim.analysis.event_groups import BLOCK, plan_of, ranges, rows_in
+from wsnsim.analysis.phrases import row_in_words
 from wsnsim.base.errors import ResultError
 
 OF_THE_DAY: Final = ("start", "end")

@@ -21,7 +21,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from wsnsim.analysis import plots, sources, sweep_plots
+from wsnsim.analysis import plot_data, plots, sweep_plots
 from wsnsim.base.errors import ResultError, UsageError, did_you_mean
 from wsnsim.recording.folder import Folder
 
@@ -83,16 +83,16 @@ def draw(path: Path, out: Path, what: str = "all", choice: Choice | None = None)
     suffix_of(out)
     chosen = choice or Choice()
     if chosen.column is not None:
-        sources.layout(path).check(path, chosen.column)
-    wanted = tuple(sources.NEEDS) if what == "all" else (what,)
-    reasons = {name: sources.lacking(path, name) for name in wanted}
+        plot_data.layout(path).check(path, chosen.column)
+    wanted = tuple(plot_data.NEEDS) if what == "all" else (what,)
+    reasons = {name: plot_data.lacking(path, name) for name in wanted}
     left_out = {name: reason for name, reason in reasons.items() if reason}
     if len(left_out) == len(wanted):
         raise ResultError(f"{path}: cannot draw {what}: {'; '.join(dict.fromkeys(left_out.values()))}")
     panels = [panel for name in wanted if not reasons[name] for panel in _panels(path, name, chosen, what == "all")]
     with style.context(["default", STYLE]):
         figure = figure_of([draws for _, draws in panels])
-        figure.suptitle(sources.heading(path), x=0.01, ha="left", fontweight="bold")
+        figure.suptitle(plot_data.heading(path), x=0.01, ha="left", fontweight="bold")
         save(figure, out)
     return Drawn(out, tuple(name for name, _ in panels), left_out)
 
@@ -162,14 +162,14 @@ def _panels(path: Path, what: str, choice: Choice, among_all: bool) -> Iterator[
         case "track":
             yield what, lambda axes: plots.track(axes, path, replicate, target)
         case "states":
-            for column in _columns(sources.layout(path), choice.column, among_all):
+            for column in _columns(plot_data.layout(path), choice.column, among_all):
                 yield f"state {column}", partial(_state, path, column, replicate, target)
         case "error":
             yield what, lambda axes: plots.error(axes, path)
         case "energy":
             yield what, lambda axes: plots.energy(axes, path)
         case "particles":
-            last = sources.last_step_with_particles(path, replicate, target) if choice.step is None else choice.step
+            last = plot_data.last_step_with_particles(path, replicate, target) if choice.step is None else choice.step
             yield what, lambda axes: plots.particles(axes, path, last, choice.column, replicate, target)
 
 
@@ -177,7 +177,7 @@ def _state(path: Path, column: str, replicate: int, target: int, axes: Axes) -> 
     return plots.states(axes, path, column, replicate, target)
 
 
-def _columns(plan: sources.Layout, wanted: str | None, among_all: bool) -> tuple[str, ...]:
+def _columns(plan: plot_data.Layout, wanted: str | None, among_all: bool) -> tuple[str, ...]:
     """The state columns to draw: the one wanted, or all; none beside a track that shows the only one over time."""
     if wanted is not None:
         return (wanted,)

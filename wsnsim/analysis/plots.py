@@ -16,8 +16,8 @@ from typing import Any, Final
 import numpy as np
 from matplotlib.axes import Axes
 
-from wsnsim.analysis import possible, sources
-from wsnsim.analysis.sources import Columns, Layout, bracketed
+from wsnsim.analysis import plot_data, recorded_bounds
+from wsnsim.analysis.plot_data import Columns, Layout, bracketed
 from wsnsim.base import metrics
 from wsnsim.base.arrays import Floats
 from wsnsim.base.tables import CAUSES
@@ -37,34 +37,34 @@ LEAST_WEIGHT: Final = 1e-6
 
 def track(axes: Axes, path: str | Path, replicate: int = 0, target: int = 0) -> Axes:
     """The plane with the true path, the estimates, the sensors and who led; on a line, the position over time."""
-    sources.demand(path, "track")
-    plan = sources.layout(path)
-    truth, guess = sources.course(path, plan.position, replicate, target)
-    nodes = sources.nodes_of(path, replicate)
+    plot_data.demand(path, "track")
+    plan = plot_data.layout(path)
+    truth, guess = plot_data.course(path, plan.position, replicate, target)
+    nodes = plot_data.nodes_of(path, replicate)
     if len(plan.position) == 1:
         _over_time(axes, plan, plan.position[0], truth, guess)
         if nodes:
             _beside(axes, nodes["x"])
     else:
-        _in_plane(axes, plan, truth, guess, nodes, sources.woken_regions(path, replicate, target))
+        _in_plane(axes, plan, truth, guess, nodes, plot_data.woken_regions(path, replicate, target))
     return _titled(axes, f"track of {_which(replicate, target)}")
 
 
 def states(axes: Axes, path: str | Path, column: str, replicate: int = 0, target: int = 0) -> Axes:
     """One state column over time, true and estimated; a position with ±2 of the sd that the filter claims."""
-    plan = sources.layout(path)
+    plan = plot_data.layout(path)
     plan.check(path, column)
-    sources.demand(path, "states")
-    _over_time(axes, plan, column, *sources.course(path, (column,), replicate, target))
+    plot_data.demand(path, "states")
+    _over_time(axes, plan, column, *plot_data.course(path, (column,), replicate, target))
     return _titled(axes, f"{column} of {_which(replicate, target)}")
 
 
 def error(axes: Axes, path: str | Path) -> Axes:
     """The position error at each step over all runs: RMSE (Jiang 2013, eq. 26), median, quartiles; and the bound."""
-    sources.demand(path, "error")
-    plan = sources.layout(path)
-    rows, times = sources.errors(path)
-    runs, targets, lost = sources.counts(path)
+    plot_data.demand(path, "error")
+    plan = plot_data.layout(path)
+    rows, times = plot_data.errors(path)
+    runs, targets, lost = plot_data.counts(path)
     counted = _counted("run", runs) + (f" × {targets} targets" if targets > 1 else "")
     mean = metrics.per_step_rmse(rows)
     shown = mean
@@ -75,8 +75,8 @@ def error(axes: Axes, path: str | Path) -> Axes:
         shown = np.concatenate([mean, middle])
     told = f"error of {counted}" if len(rows) == 1 else "RMSE"
     axes.plot(times, mean, color=VERMILLION, linewidth=1.2, label=told, **_marks(mean))
-    if (limit := possible.in_range(path)) is not None:
-        bound = limit.rmse[sources.steps_of(path) - 1]
+    if (limit := recorded_bounds.in_range(path)) is not None:
+        bound = limit.rmse[plot_data.steps_of(path) - 1]
         axes.plot(times, bound, color=BLACK, linewidth=1.0, linestyle=":", label="bound along each truth")
         shown = np.concatenate([shown, bound])
     _scaled(axes, shown)
@@ -89,8 +89,8 @@ def error(axes: Axes, path: str | Path) -> Axes:
 
 def energy(axes: Axes, path: str | Path) -> Axes:
     """What the network has spent by each step, stacked by cause; the mean over all runs."""
-    sources.demand(path, "energy")
-    joules, times, runs = sources.spent(path)
+    plot_data.demand(path, "energy")
+    joules, times, runs = plot_data.spent(path)
     words = [cause for cause, row in zip(CAUSES, joules, strict=True) if row.any()]
     axes.stackplot(
         times,
@@ -112,12 +112,12 @@ def particles(
 
     A cloud is drawn where the position has two columns and no `column` is named; its dots' areas grow with the weights.
     """
-    plan = sources.layout(path)
+    plan = plot_data.layout(path)
     if column is not None:
         plan.check(path, column)
-    sources.demand(path, "particles")
+    plot_data.demand(path, "particles")
     names = (column,) if column else plan.position
-    held, truth = sources.cloud(path, names, step, replicate, target)
+    held, truth = plot_data.cloud(path, names, step, replicate, target)
     seen = held["weight"] > LEAST_WEIGHT * held["weight"].max()
     weights, values = held["weight"][seen], [held[name][seen] for name in names]
     label = ("" if seen.all() else f"{weights.size:,} of ") + _counted("particle", seen.size)

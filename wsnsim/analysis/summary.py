@@ -105,10 +105,10 @@ def limit_of(report: Report) -> Limit:
 
     Who was active and what arrived is known of a network whose events, estimates and clusters are recorded.
     """
-    from wsnsim.analysis import bounds
+    from wsnsim.bounds import crlb
 
     kind = "per_trajectory"
-    found = bounds.bound(report.scenario, range(len(report.summaries)), kind)
+    found = crlb.bound(report.scenario, range(len(report.summaries)), kind)
     if found.reason:
         return Limit(reason=found.reason)
     steps = found.each.shape[-1]
@@ -118,7 +118,7 @@ def limit_of(report: Report) -> Limit:
     limit = Limit(found.time_mean_at(errors), kind)
     if without_network(report) or not math.isfinite(limit.rmse):
         return limit
-    active, arrived = (bounds.bound_of_run(report.out, of, kind).time_mean_at(errors) for of in ("active", "arrived"))
+    active, arrived = (crlb.bound_of_run(report.out, of, kind).time_mean_at(errors) for of in ("active", "arrived"))
     return limit._replace(active=active, arrived=arrived)
 
 

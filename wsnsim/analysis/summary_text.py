@@ -9,16 +9,16 @@ import math
 from collections.abc import Mapping
 from typing import Any, Final
 
-from wsnsim.analysis import possible
+from wsnsim.analysis import recorded_bounds
 from wsnsim.analysis.summary import OF_THREE, UNASKED, Limit, as_json, without_network
 from wsnsim.experiment import Report
 
 Row = tuple[str, str, str]
 """What it is, what was measured, what the paper printed."""
 BOUNDS: Final = {
-    "bound": possible.WORDS["in_range"],
-    "bound_active": possible.WORDS["active"],
-    "bound_arrived": possible.WORDS["arrived"],
+    "bound": recorded_bounds.WORDS["in_range"],
+    "bound_active": recorded_bounds.WORDS["active"],
+    "bound_arrived": recorded_bounds.WORDS["arrived"],
 }
 
 

@@ -14,7 +14,7 @@ from typing import Any, Final
 import numpy as np
 
 from wsnsim import scenario
-from wsnsim.analysis import campaigns, comparison, sources
+from wsnsim.analysis import campaigns, comparison, plot_data
 from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import UsageError, did_you_mean
 from wsnsim.base.tables import TABLES
@@ -219,5 +219,5 @@ def _unit_of_metric(folder: Folder, manifest: Manifest, metric: str) -> str:
     if not column.of_position:
         return "" if column.units == "1" else column.units
     batches = (batch for point in manifest.points for batch in folder.batches(point.id))
-    layout = sources.layout(next(batches).path)
+    layout = plot_data.layout(next(batches).path)
     return layout.units[layout.position[0]]

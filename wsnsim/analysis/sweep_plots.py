@@ -17,8 +17,8 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.ticker import LogLocator
 
+from wsnsim.analysis.plot_data import bracketed
 from wsnsim.analysis.plots import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION
-from wsnsim.analysis.sources import bracketed
 from wsnsim.analysis.sweep_lines import Line, Lines, lines_of
 from wsnsim.base.arrays import Floats
 

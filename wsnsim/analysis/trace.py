@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 
 from wsnsim import recording
-from wsnsim.analysis.acts import Act, Row, elsewhere, gathered, plan_of, rows_at
+from wsnsim.analysis.event_groups import Act, Row, elsewhere, gathered, plan_of, rows_at
 from wsnsim.analysis.messages import Message
-from wsnsim.analysis.narration import told
-from wsnsim.analysis.wording import Line, Speaker, counted, energy_in_words
+from wsnsim.analysis.phrases import Line, Speaker, counted, energy_in_words
+from wsnsim.analysis.step_text import told
 from wsnsim.base.errors import ResultError, UsageError
 
 Record = Mapping[str, Any]

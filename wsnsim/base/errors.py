@@ -28,7 +28,7 @@ class UsageError(WsnsimError):
 
 
 @dataclass(frozen=True)
-class Fault:
+class Issue:
     """One fault of a scenario: where (a path of keys such as ('tracker', 'kind')), and what.
 
     `place` is where the text stands ('x.yaml:14:9' or '--set link.reach'), `excerpt` the line with a caret under it;
@@ -51,7 +51,7 @@ class ScenarioError(WsnsimError):
 
     exit_code = 2
 
-    def __init__(self, faults: Iterable[Fault]) -> None:
+    def __init__(self, faults: Iterable[Issue]) -> None:
         self.faults = tuple(faults)
         super().__init__("\n".join(str(fault) for fault in self.faults))
 

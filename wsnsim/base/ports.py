@@ -14,7 +14,7 @@ from typing import Any, Protocol, TypeVar, runtime_checkable
 import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats, Ints, Keys
-from wsnsim.base.asks import Flow, Member
+from wsnsim.base.requests import Flow, Member
 from wsnsim.base.tables import Words
 
 B = TypeVar("B")

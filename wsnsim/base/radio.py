@@ -27,7 +27,7 @@ class Mode(IntEnum):
     """By its schedule of sleep, now AWAKE, now ASLEEP (see `base.sleeping`)."""
 
 
-class Draw(NamedTuple):
+class ModePower(NamedTuple):
     """What a node draws all the time in a mode, in W, and whether each part of it is booked as sleep (else as idle)."""
 
     radio: float
@@ -54,13 +54,13 @@ class EnergyModel(Protocol):
 
 
 @runtime_checkable
-class Draws(Protocol):
+class ContinuousPower(Protocol):
     """What an energy model may offer besides: what time costs, and what switching does. Without it, nothing.
 
     While a node sends or receives, its radio's draw is not charged besides; while it computes, its processor's is not.
     """
 
-    def draw(self, mode: Mode) -> Draw:
+    def draw(self, mode: Mode) -> ModePower:
         """The draw in a mode; all zero where the model knows no such cost."""
         ...
 

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from wsnsim.base.arrays import Floats
-from wsnsim.base.asks import Member
 from wsnsim.base.ports import Estimate, MotionModel, Recorder, Snapshots
+from wsnsim.base.requests import Member
 
 NAN = float("nan")
 

@@ -50,7 +50,7 @@ class SleepSchedule(Protocol):
         ...
 
 
-class Plan(NamedTuple):
+class WakeUpPlan(NamedTuple):
     """What a main node knows when it composes a message that wakes nodes for one step.
 
     `fix` is its last fix, `heading` the displacement between the last two, (0, 0) if there is one; `prediction` where
@@ -75,7 +75,7 @@ class Plan(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Message:
+class WakeUpMessage:
     """What wakes nodes ahead of a target for one step, as it is on the air: `sender` is who sent this copy, at `place`.
 
     The region to be woken is a disc of `radius` about `centre`; after `expires` nobody heeds the message. `belief` is
@@ -130,11 +130,11 @@ class WakeUp(Protocol):
     @property
     def call(self) -> float: ...
 
-    def compose(self, plan: Plan, belief: Any) -> Message:
+    def compose(self, plan: WakeUpPlan, belief: Any) -> WakeUpMessage:
         """The message of a main node."""
         ...
 
-    def decide(self, place: Point, message: Message, seen: bool, now: float, chance: float) -> Decision:
+    def decide(self, place: Point, message: WakeUpMessage, seen: bool, now: float, chance: float) -> Decision:
         """What a node at `place` does about a message; pure. `seen`: it has heeded this message before.
 
         `chance`: a uniform draw of the node for this message, on [0, 1).

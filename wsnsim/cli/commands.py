@@ -81,7 +81,7 @@ def run(
         told = summary.as_json(report, printed, limit) if as_json else summary_text.text(report, printed, paper, limit)
     echo_json(told) if isinstance(told, dict) else click.echo(told)
     if page:
-        from wsnsim.analysis import report as reports
+        from wsnsim.report import html_page as reports
 
         written = reports.write([place], page, published=published)
         if not quiet:
@@ -191,7 +191,7 @@ def info(source: str, as_json: bool) -> None:
 @json_option
 def verify(result: Path, as_json: bool) -> int:
     """Run a result's scenario again and compare the fingerprints."""
-    from wsnsim.analysis import verification
+    from wsnsim import verification
 
     answer = verification.verify(result)
     if as_json:

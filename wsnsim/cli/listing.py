@@ -13,9 +13,9 @@ from collections.abc import Sequence
 from typing import Any, Final
 
 from wsnsim.scenario import shipped
-from wsnsim.scenario.catalog import ROLES, Role, Row, kinds, role_named
+from wsnsim.scenario.datasheets import sheet_of
 from wsnsim.scenario.load import shipped_parts, shipped_sweeps
-from wsnsim.scenario.sheets import sheet_of
+from wsnsim.scenario.registry import ROLES, Role, Row, kinds, role_named
 
 COLUMNS: Final = ("kind", "idea", "paper")
 TRACKER_COLUMNS: Final = ("kind", "paper", "idea", "state", "messages", "variants")

@@ -14,11 +14,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from wsnsim.base.asks import PACKET_BITS
 from wsnsim.base.errors import UsageError, did_you_mean
-from wsnsim.base.radio import Draws, Mode
+from wsnsim.base.radio import ContinuousPower, Mode
+from wsnsim.base.requests import PACKET_BITS
 from wsnsim.cli.listing import table
-from wsnsim.scenario import sheets
+from wsnsim.scenario import datasheets
 from wsnsim.scenario.load import find_or_none, shipped, shipped_parts
 
 ROLES: Final = ("energy", "mac", "link")
@@ -78,16 +78,16 @@ def profile(source: str) -> Profile:
     Raises:
         ScenarioError: with every fault of the file. UsageError: a scenario without a network.
     """
-    file = sheets.find(source, Path())
-    if file is not None and sheets.sheet_of(file):
-        return _of_sheet(sheets.profile(file))
+    file = datasheets.find(source, Path())
+    if file is not None and datasheets.sheet_of(file):
+        return _of_sheet(datasheets.profile(file))
     if find_or_none(source) is None:
         nearest = did_you_mean(Path(source).stem, [*shipped(), *shipped_parts()])
         raise UsageError(f"there is no result, scenario or data sheet '{source[:80]}' ({nearest})")
     return _of_scenario(source)
 
 
-def _of_sheet(sheet: sheets.Profile) -> Profile:
+def _of_sheet(sheet: datasheets.Profile) -> Profile:
     said = {value.field: value for value in sheet.values}
     head = [str(said[name].value) for name in ("name", "source") if name in said]
     rows = [_sheet_row(value) for value in sheet.values if value.field not in ("name", "source")]
@@ -100,7 +100,7 @@ def _of_sheet(sheet: sheets.Profile) -> Profile:
     return Profile([section], plain | {name: said[name].value for name in ("name", "source") if name in said})
 
 
-def _sheet_row(value: sheets.Value) -> Row:
+def _sheet_row(value: datasheets.Value) -> Row:
     """A value as the sheet writes it."""
     shown, unit = _written(value.written, value.unit)
     return Row(value.field, shown, unit, value.source, value.value, value.unit, value.about)
@@ -131,11 +131,11 @@ def _number(value: Any) -> str:
 
 def _of_scenario(source: str) -> Profile:
     from wsnsim import scenario
-    from wsnsim.base.problem import Radio
+    from wsnsim.base.setups import RadioSetup
 
     loaded = scenario.load(source)
     parts = scenario.build(loaded)
-    if not isinstance(parts, Radio):
+    if not isinstance(parts, RadioSetup):
         raise UsageError(f"{source} has no network (network: none): there is no radio to tell of")
     sections, plain = [], {}
     for role in ROLES:
@@ -194,7 +194,7 @@ def _of_energy(parts: Any) -> Iterator[Row]:
     reach = parts.link.reach
     yield _row("packet sent", sum(energy.transmit(bits, reach)), "J", f"{bits} bits on the air over {reach:.4g} m")
     yield _row("packet received", energy.receive(bits), "J", "the same at its receiver")
-    if isinstance(energy, Draws):
+    if isinstance(energy, ContinuousPower):
         for mode in (Mode.DORMANT, Mode.AWAKE, Mode.ASLEEP):
             draw = energy.draw(mode)
             words = f"radio {draw.radio:.4g} W, processor {draw.processor:.4g} W"

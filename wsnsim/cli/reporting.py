@@ -31,8 +31,8 @@ from wsnsim.cli.shared import group, writable
 def report(results: tuple[Path, ...], out: Path | None, replicate: int | None, megabytes: float) -> None:
     """Write one HTML page of results, with a replay; it needs no network."""
     from wsnsim import recording
-    from wsnsim.analysis import report as reports
     from wsnsim.papers.published import published
+    from wsnsim.report import html_page as reports
 
     for result in results:
         recording.attributes(result)

@@ -12,11 +12,11 @@ from typing import Annotated
 import numpy as np
 
 from wsnsim.base.arrays import Floats
-from wsnsim.base.asks import PACKET_BITS
-from wsnsim.base.errors import Fault
+from wsnsim.base.errors import Issue
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Estimate, MotionModel, SensorModel
-from wsnsim.base.problem import Parts, Problem
+from wsnsim.base.requests import PACKET_BITS
+from wsnsim.base.setups import NetworkSetup, TrackingSetup
 from wsnsim.models.bounds import DEVIATION, STATE
 
 DEVIATIONS = (5.0, 3.0, 5.0, 3.0)
@@ -43,12 +43,12 @@ class AroundTruth:
         mean = start + sd * rng.standard_normal(sd.size) if self.mean is None else np.array(self.mean)
         return Estimate(mean=mean, cov=np.diag(sd**2))
 
-    def faults(self, parts: Problem) -> Iterator[Fault]:
+    def faults(self, parts: TrackingSetup) -> Iterator[Issue]:
         """A prior of another dimension than the state."""
         columns = parts.motions[0].columns
         for key, values in (("sd", self.sd), ("mean", self.mean)):
             if values is not None and len(values) != len(columns):
-                yield Fault(
+                yield Issue(
                     ("prior", key), f"{len(values)} values for a state of {len(columns)} columns: {' '.join(columns)}"
                 )
 
@@ -102,19 +102,19 @@ class FromReadings:
         cov[np.ix_(place, place)] = _bounded(spread, self.floor, sensor.reach)
         return Estimate(mean=mean, cov=cov)
 
-    def faults(self, parts: Problem) -> Iterator[Fault]:
+    def faults(self, parts: TrackingSetup) -> Iterator[Issue]:
         """A sensor without end: a target that may be anywhere cannot be looked for on a lattice."""
         if np.isinf(parts.sensor.reach):
-            yield Fault(("sensor",), "its reach must be finite in a network: a new track is looked for within it")
-        if self.poll is not None and isinstance(parts, Parts) and parts.clusters.moves:
+            yield Issue(("sensor",), "its reach must be finite in a network: a new track is looked for within it")
+        if self.poll is not None and isinstance(parts, NetworkSetup) and parts.clusters.moves:
             times = parts.dt / self.poll
             if times * parts.steps > MOST_LOOKS:
-                yield Fault(
+                yield Issue(
                     ("acquire", "poll"),
                     f"{times * parts.steps:.3g} looks in a run are too many; {MOST_LOOKS:,} are allowed",
                 )
             if abs(times - round(times)) > 1e-9 * times or round(times) < 1:
-                yield Fault(
+                yield Issue(
                     ("acquire", "poll"), f"a step of {parts.dt:g} s must be a whole number of times {self.poll:g} s"
                 )
 

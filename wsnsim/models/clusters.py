@@ -15,9 +15,9 @@ from typing import Annotated, ClassVar, Final, Literal
 import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats
-from wsnsim.base.errors import Fault
+from wsnsim.base.errors import Issue
 from wsnsim.base.part import Quantity, part
-from wsnsim.base.problem import Parts
+from wsnsim.base.setups import NetworkSetup
 from wsnsim.models.bounds import MOST_NODES, PLACE
 
 SAMPLED: Final = 64
@@ -69,7 +69,7 @@ class StrongestSignal:
         """The able node nearest to the predicted position (2,). None if nobody is able."""
         return _nearest(forecast, positions, able)
 
-    def faults(self, parts: Parts) -> Iterator[Fault]:
+    def faults(self, parts: NetworkSetup) -> Iterator[Issue]:
         """A battery that lets nobody lead."""
         yield from _too_little_charge(parts)
 
@@ -105,7 +105,7 @@ class Central:
         """The able node nearest to (x, y), wherever the target goes. None if nobody is able."""
         return _nearest(np.array([self.x, self.y]), positions, able)
 
-    def faults(self, parts: Parts) -> Iterator[Fault]:
+    def faults(self, parts: NetworkSetup) -> Iterator[Issue]:
         """A battery that lets nobody lead."""
         yield from _too_little_charge(parts)
 
@@ -148,27 +148,27 @@ class MovingHead:
         """The able node nearest to the predicted position (2,). None if nobody is able."""
         return _nearest(forecast, positions, able)
 
-    def faults(self, parts: Parts) -> Iterator[Fault]:
+    def faults(self, parts: NetworkSetup) -> Iterator[Issue]:
         """A battery that lets nobody lead; times that do not fit; a wake-up or a tracker that does not go with it."""
         yield from _too_little_charge(parts)
         if self.quiet > self.cap:
-            yield Fault(("clusters", "quiet"), f"{self.quiet:g} s is more than cap = {self.cap:g} s")
+            yield Issue(("clusters", "quiet"), f"{self.quiet:g} s is more than cap = {self.cap:g} s")
         if self.sampling + self.cap >= parts.dt:
             longest = self.sampling + self.cap
-            yield Fault(("clusters", "cap"), f"readings would come in for {longest:g} s, a step lasts {parts.dt:g} s")
+            yield Issue(("clusters", "cap"), f"readings would come in for {longest:g} s, a step lasts {parts.dt:g} s")
         mechanism = parts.wakeup.mechanism
         if self.main == "prediction" and mechanism == "none":
-            yield Fault(
+            yield Issue(
                 ("clusters", "main"),
                 "where nobody is woken nobody can lead by a prediction: use main: detection",
             )
         if self.main == "detection" and mechanism == "region":
-            yield Fault(
+            yield Issue(
                 ("clusters", "main"),
                 "with wakeup: region the node nearest to the prediction leads: use main: prediction",
             )
         if getattr(parts.tracker, "member_cycles", 0.0) > 0:
-            yield Fault(
+            yield Issue(
                 ("clusters", "kind"),
                 "the members change at each step: the tracker must keep its belief in the head (gmtt, tsstp, cluster, "
                 "ris, ekf, pf ...), and this one spreads it over the members",
@@ -196,13 +196,13 @@ def _squared(positions: Floats, point: Floats) -> Floats:
     return squared
 
 
-def _too_little_charge(parts: Parts) -> Iterator[Fault]:
+def _too_little_charge(parts: NetworkSetup) -> Iterator[Issue]:
     """A full battery that does not exceed the threshold, or else what a packet each way and a step take."""
     energy, least, source = parts.energy, parts.head_threshold, "clusters.threshold"
     if parts.clusters.threshold is None:
         source = f"a packet sent over {parts.link.reach:g} m, one received, and a step's computing"
     if energy.battery <= least:
-        yield Fault(
+        yield Issue(
             ("energy", "battery"),
             f"{energy.battery:g} J lets nobody lead: a head must hold more than {least:g} J ({source})",
         )

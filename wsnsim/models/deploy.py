@@ -14,10 +14,10 @@ from typing import Annotated, Final
 import numpy as np
 
 from wsnsim.base.arrays import Floats
-from wsnsim.base.errors import Fault, RunError
+from wsnsim.base.errors import Issue, RunError
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Field
-from wsnsim.base.problem import Common, Parts, Problem, Radio
+from wsnsim.base.setups import NetworkSetup, RadioSetup, Setup, TrackingSetup
 from wsnsim.models.bounds import LENGTH, MOST_NODES, PLACE
 from wsnsim.models.coverage import TOLERANCE, coverage, covers, nodes_needed
 from wsnsim.models.csvfile import read_columns
@@ -49,7 +49,7 @@ class Uniform:
         size = np.array([self.width, self.height])
         return _until_covered(self, lambda: (rng.random((self.nodes, 2)) - 0.5) * size, reach)
 
-    def faults(self, parts: Common) -> Iterator[Fault]:
+    def faults(self, parts: Setup) -> Iterator[Issue]:
         """Too few nodes to cover the field, or to make a cluster."""
         yield from _too_few(self, parts)
 
@@ -72,7 +72,7 @@ class Grid:
         """(N, 2) positions, row by row from the lower left; nothing is drawn."""
         return cells(self.nodes, self.width, self.height)[0]
 
-    def faults(self, parts: Common) -> Iterator[Fault]:
+    def faults(self, parts: Setup) -> Iterator[Issue]:
         """Too few nodes to make a cluster, or a grid that does not cover the field."""
         yield from _too_few(self, parts)
         yield from _uncovered(self, cells(self.nodes, self.width, self.height)[0], parts)
@@ -99,7 +99,7 @@ class JitteredGrid:
         centres, sizes = cells(self.nodes, self.width, self.height)
         return _until_covered(self, lambda: centres + self.jitter * sizes * (rng.random((self.nodes, 2)) - 0.5), reach)
 
-    def faults(self, parts: Common) -> Iterator[Fault]:
+    def faults(self, parts: Setup) -> Iterator[Issue]:
         """Too few nodes to cover the field, or to make a cluster."""
         yield from _too_few(self, parts)
 
@@ -122,12 +122,12 @@ class FromFile:
         """(N, 2) positions in the file's order. Raises RunError naming file and line if it cannot be read."""
         return read_positions(self.path, self.field)
 
-    def faults(self, parts: Common) -> Iterator[Fault]:
+    def faults(self, parts: Setup) -> Iterator[Issue]:
         """A file that cannot be read, too few nodes in it, or nodes that do not cover the field."""
         try:
             positions = read_positions(self.path, self.field)
         except RunError as error:
-            yield Fault(("deploy", "path"), str(error))
+            yield Issue(("deploy", "path"), str(error))
             return
         yield from _too_few_for_a_cluster(len(positions), "path", parts)
         yield from _uncovered(self, positions, parts)
@@ -170,12 +170,12 @@ class Anchors:
         """(N, 2) positions in the order of the places; nothing is drawn."""
         return np.array(self.places, dtype=np.float64)
 
-    def faults(self, parts: Common) -> Iterator[Fault]:
+    def faults(self, parts: Setup) -> Iterator[Issue]:
         """Nodes outside the field, too few to make a cluster, or nodes that do not cover the field."""
         positions = np.array(self.places, dtype=np.float64)
         inside = self.field.contains(positions)
         for i in np.nonzero(~inside)[0].tolist():
-            yield Fault(("deploy", "places", i), _outside(self.places[i], self.field))
+            yield Issue(("deploy", "places", i), _outside(self.places[i], self.field))
         yield from _too_few_for_a_cluster(len(positions), "places", parts)
         if inside.all():
             yield from _uncovered(self, positions, parts)
@@ -225,19 +225,19 @@ def _until_covered(part: Uniform | JitteredGrid, draw: Callable[[], Floats], rea
     )
 
 
-def _covering(parts: Common) -> tuple[str, float]:
+def _covering(parts: Setup) -> tuple[str, float]:
     """What covers the field: the sensors; without any, the links."""
-    if isinstance(parts, Problem):
+    if isinstance(parts, TrackingSetup):
         return "a sensing reach", parts.sensor.reach
-    assert isinstance(parts, Radio)
+    assert isinstance(parts, RadioSetup)
     return "a link's reach", parts.link.reach
 
 
-def _too_few(part: Uniform | Grid | JitteredGrid, parts: Common) -> Iterator[Fault]:
+def _too_few(part: Uniform | Grid | JitteredGrid, parts: Setup) -> Iterator[Issue]:
     what, reach = _covering(parts)
     needed = nodes_needed(reach, part.width, part.height)
     if part.cover and part.nodes < needed:
-        yield Fault(
+        yield Issue(
             ("deploy", "cover"),
             f"{part.nodes:g} nodes with {what} of {reach:g} m cannot cover {part.width:g} m by "
             f"{part.height:g} m: at least {needed:g} are needed, or cover: false",
@@ -245,22 +245,22 @@ def _too_few(part: Uniform | Grid | JitteredGrid, parts: Common) -> Iterator[Fau
     yield from _too_few_for_a_cluster(part.nodes, "nodes", parts)
 
 
-def _too_few_for_a_cluster(nodes: int, key: str, parts: Common) -> Iterator[Fault]:
+def _too_few_for_a_cluster(nodes: int, key: str, parts: Setup) -> Iterator[Issue]:
     """Fewer nodes than a cluster needs, where there is a network and so are clusters."""
-    minimum = parts.clusters.minimum_active if isinstance(parts, Parts) else 0
+    minimum = parts.clusters.minimum_active if isinstance(parts, NetworkSetup) else 0
     if nodes < minimum:
-        yield Fault(
+        yield Issue(
             ("deploy", key), f"{nodes} nodes cannot make a cluster of clusters.minimum_active = {minimum} members"
         )
 
 
-def _uncovered(part: Grid | FromFile | Anchors, positions: Floats, parts: Common) -> Iterator[Fault]:
+def _uncovered(part: Grid | FromFile | Anchors, positions: Floats, parts: Setup) -> Iterator[Issue]:
     """Fixed positions that leave a part of the field out of reach, unless their number alone is too small."""
     (what, reach), width, height = _covering(parts), part.field.width, part.field.height
     about = positions - np.array(part.field.centre)
     if part.cover and len(about) >= nodes_needed(reach, width, height) and not covers(about, reach, width, height):
         share = coverage(about, reach, width, height)
-        yield Fault(
+        yield Issue(
             ("deploy", "cover"),
             f"these {len(about)} nodes with {what} of {reach:g} m leave about "
             f"{100 * (1 - share):.2g} % of the field uncovered; use more nodes, a longer reach, or cover: false",

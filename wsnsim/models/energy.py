@@ -15,14 +15,14 @@ from collections.abc import Iterator
 from functools import cached_property
 from typing import Annotated, Any, Final
 
-from wsnsim.base.errors import Fault
+from wsnsim.base.errors import Issue
 from wsnsim.base.part import Quantity, part
-from wsnsim.base.problem import Common, Radio
-from wsnsim.base.radio import Draw, Mode
+from wsnsim.base.radio import Mode, ModePower
+from wsnsim.base.setups import RadioSetup, Setup
+from wsnsim.models.datasheets import ProcessorSheet, RadioSheet
 from wsnsim.models.links import LogNormal
-from wsnsim.models.sheets import ProcessorSheet, RadioSheet
 
-NOTHING: Final = Draw(0.0, False, 0.0, False)
+NOTHING: Final = ModePower(0.0, False, 0.0, False)
 """What a node draws that is down."""
 
 
@@ -55,11 +55,13 @@ class Supply:
         """Joules of one reading."""
         return self.sensing
 
-    def draw(self, mode: Mode) -> Draw:
+    def draw(self, mode: Mode) -> ModePower:
         """`idle` while the receiver is on, `sleep` while it is not; nothing of a node that is down."""
         if mode is Mode.DOWN:
             return NOTHING
-        return Draw(self.sleep, True, 0.0, True) if mode is Mode.ASLEEP else Draw(self.idle, False, 0.0, False)
+        return (
+            ModePower(self.sleep, True, 0.0, True) if mode is Mode.ASLEEP else ModePower(self.idle, False, 0.0, False)
+        )
 
     def switching(self, before: Mode, after: Mode) -> float:
         """Joules of a change of mode; to go down and to come back costs nothing."""
@@ -154,14 +156,14 @@ class States:
         """Joules of one reading."""
         return self.sensing
 
-    def draw(self, mode: Mode) -> Draw:
+    def draw(self, mode: Mode) -> ModePower:
         """The sheets' powers in the mode."""
         radio, processor = self.radio, self.processor
         if mode is Mode.DORMANT:
-            return Draw(radio.listen, False, processor.sleep, True)
+            return ModePower(radio.listen, False, processor.sleep, True)
         if mode is Mode.AWAKE:
-            return Draw(radio.listen, False, processor.idle, False)
-        return Draw(radio.sleep, True, processor.sleep, True) if mode is Mode.ASLEEP else NOTHING
+            return ModePower(radio.listen, False, processor.idle, False)
+        return ModePower(radio.sleep, True, processor.sleep, True) if mode is Mode.ASLEEP else NOTHING
 
     def switching(self, before: Mode, after: Mode) -> float:
         """Joules of a change of mode: the radio's start or stop, and the processor's waking."""
@@ -184,26 +186,26 @@ class States:
         """How long the processor is busy with so many cycles."""
         return cycles / self.processor.rate
 
-    def faults(self, parts: Common) -> Iterator[Fault]:
+    def faults(self, parts: Setup) -> Iterator[Issue]:
         """An output power that the radio does not have, or a link or a MAC of another radio."""
         levels = self.radio.levels
         if self.power not in levels:
             nearest = min(levels, key=lambda level: abs(level - self.power))
-            yield Fault(
+            yield Issue(
                 ("energy", "power"),
                 f"{self.power:g} dBm is no output power of {self.radio.name}: it has "
                 f"{', '.join(f'{level:g}' for level in levels)} dBm (nearest: {nearest:g} dBm)",
             )
-        link = parts.link if isinstance(parts, Radio) else None
+        link = parts.link if isinstance(parts, RadioSetup) else None
         if isinstance(link, LogNormal) and link.power != self.power:
-            yield Fault(
+            yield Issue(
                 ("energy", "power"), f"{self.power:g} dBm is not link.power = {link.power:g} dBm: they must agree"
             )
         yield from self._other_radio(parts)
 
-    def _other_radio(self, parts: Common) -> Iterator[Fault]:
+    def _other_radio(self, parts: Setup) -> Iterator[Issue]:
         """What the sheet says otherwise than the link or the MAC."""
-        if not isinstance(parts, Radio):
+        if not isinstance(parts, RadioSetup):
             return
         pairs: list[tuple[str, str, str, Any]] = [("mac", "turnaround", "s", self.radio.turnaround)]
         if isinstance(parts.link, LogNormal):
@@ -212,7 +214,7 @@ class States:
         for role, name, unit, said in pairs:
             found = getattr(getattr(parts, role), name, said)
             if found != said:
-                yield Fault(
+                yield Issue(
                     (role, name),
                     f"{found} {unit}".strip() + f" is not that of {self.radio.name}: {said} {unit}".rstrip(),
                 )

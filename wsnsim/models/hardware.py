@@ -11,11 +11,11 @@ from typing import Annotated, ClassVar
 import numpy as np
 
 from wsnsim.base.arrays import Floats, Keys
-from wsnsim.base.asks import PACKET_BITS
-from wsnsim.base.errors import Fault
+from wsnsim.base.errors import Issue
 from wsnsim.base.part import Quantity, part
-from wsnsim.base.problem import Common, Radio
+from wsnsim.base.requests import PACKET_BITS
 from wsnsim.base.rng import normals, uniforms
+from wsnsim.base.setups import RadioSetup, Setup
 from wsnsim.models.bounds import PLACE
 from wsnsim.models.draws import truncated_normals
 
@@ -37,11 +37,11 @@ class Processor:
         """Simulated seconds that so many cycles take."""
         return 0.0 if self.rate is None else cycles / self.rate
 
-    def faults(self, parts: Common) -> Iterator[Fault]:
+    def faults(self, parts: Setup) -> Iterator[Issue]:
         """A rate that is not that of the processor on whose data sheet the energy model rests."""
-        sheet = getattr(parts.energy, "processor", None) if isinstance(parts, Radio) else None
+        sheet = getattr(parts.energy, "processor", None) if isinstance(parts, RadioSetup) else None
         if sheet is not None and self.rate is not None and self.rate != sheet.rate:
-            yield Fault(
+            yield Issue(
                 ("cpu", "rate"),
                 f"{self.rate:g} Hz is not the rate of energy.processor ({sheet.name}): {sheet.rate:g} Hz",
             )
@@ -128,15 +128,15 @@ class Frames:
         held = max(1, most_bits // packet_bits)
         return held if self.most is None else min(held, self.most)
 
-    def faults(self, parts: Common) -> Iterator[Fault]:
+    def faults(self, parts: Setup) -> Iterator[Issue]:
         """A MAC without frames, or frames that hold fewer packets."""
-        if not isinstance(parts, Radio):
+        if not isinstance(parts, RadioSetup):
             return
         payload = getattr(parts.mac, "payload_bits", None)
         if payload is None:
-            yield Fault(("packing", "kind"), f"there are no frames in mac '{parts.mac.mechanism}': use kind none")
+            yield Issue(("packing", "kind"), f"there are no frames in mac '{parts.mac.mechanism}': use kind none")
         elif self.most is not None and self.most * PACKET_BITS > payload >= PACKET_BITS:
-            yield Fault(
+            yield Issue(
                 ("packing", "most"),
                 f"{self.most} packets of {PACKET_BITS} bits do not fit a frame, which holds {payload // PACKET_BITS}; "
                 f"left out, frames are filled",
@@ -171,9 +171,9 @@ class NearestNode:
         """(x, y) in m."""
         return self.x, self.y
 
-    def faults(self, parts: Common) -> Iterator[Fault]:
+    def faults(self, parts: Setup) -> Iterator[Issue]:
         """Reports at other instants than steps."""
         if self.every is not None:
             steps = self.every / parts.dt
             if abs(steps - round(steps)) > 1e-9 * steps or round(steps) < 1:
-                yield Fault(("sink", "every"), f"{self.every:g} s must be a whole number of steps of {parts.dt:g} s")
+                yield Issue(("sink", "every"), f"{self.every:g} s must be a whole number of steps of {parts.dt:g} s")

@@ -15,9 +15,9 @@ from typing import Annotated, ClassVar, Final, Literal, NamedTuple
 import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats, Keys, stateful
-from wsnsim.base.errors import Fault, RunError
+from wsnsim.base.errors import Issue, RunError
 from wsnsim.base.part import Quantity, part
-from wsnsim.base.problem import Problem
+from wsnsim.base.setups import TrackingSetup
 from wsnsim.kernels import linear as kernels
 from wsnsim.models.bounds import PLACE, STATE
 from wsnsim.models.motion import FARTHEST
@@ -74,7 +74,7 @@ class ConstantAcceleration:
             "the transition has no density; use a tracker, or a variant of it, that does not ask for it"
         )
 
-    def faults(self, parts: Problem) -> Iterator[Fault]:
+    def faults(self, parts: TrackingSetup) -> Iterator[Issue]:
         """A start outside the field of a network."""
         yield from start_faults(self, parts)
 
@@ -189,7 +189,7 @@ class ConstantVelocity:
         after, before = stateful(after, len(self.columns)), stateful(before, len(self.columns))
         return kernels.log_transition(after, before, process.transition, process.root)
 
-    def faults(self, parts: Problem) -> Iterator[Fault]:
+    def faults(self, parts: TrackingSetup) -> Iterator[Issue]:
         """A start outside the field of a network."""
         yield from start_faults(self, parts)
 

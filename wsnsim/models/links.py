@@ -16,9 +16,9 @@ from typing import Annotated, ClassVar, Final, Literal
 import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats, Keys
-from wsnsim.base.errors import Fault
+from wsnsim.base.errors import Issue
 from wsnsim.base.part import Quantity, part
-from wsnsim.base.problem import Common
+from wsnsim.base.setups import Setup
 from wsnsim.models.bounds import LENGTH
 from wsnsim.models.draws import MOST_DEVIATIONS, truncated_normals
 from wsnsim.models.modulation import Modulation, bit_error, snr_at_sensitivity, snr_for, success
@@ -154,10 +154,10 @@ class LogNormal:
         """(n,) whether a node takes the channel for busy when it hears so much."""
         return np.asarray(powers) >= self.carrier_sense
 
-    def faults(self, parts: Common) -> Iterator[Fault]:
+    def faults(self, parts: Setup) -> Iterator[Issue]:
         """A radio so weak that the mean link is dead at 1 m already."""
         if self.reach < 1.0:
-            yield Fault(
+            yield Issue(
                 ("link", "power"),
                 f"{self.power:g} dBm arrives with {float(self._mean(np.ones(1))[0]):g} dBm at 1 m, which is below "
                 f"link.sensitivity = {self.sensitivity:g} dBm: nobody hears anybody",

@@ -16,9 +16,9 @@ from typing import Annotated, ClassVar, Literal, NamedTuple
 import numpy as np
 
 from wsnsim.base.arrays import Floats, Keys, stateful
-from wsnsim.base.errors import Fault, RunError
+from wsnsim.base.errors import Issue, RunError
 from wsnsim.base.part import Quantity, part
-from wsnsim.base.problem import Problem
+from wsnsim.base.setups import TrackingSetup
 from wsnsim.kernels import motion as kernels
 from wsnsim.models.bounds import STATE
 from wsnsim.models.starts import start_faults
@@ -103,7 +103,7 @@ class BoundedVelocity:
         """The model as a filter believes it: process covariance times `noise_scale`, since both terms grow with it."""
         return dataclasses.replace(self, q=self.q * noise_scale, sigma0=self.sigma0 * math.sqrt(noise_scale))
 
-    def faults(self, parts: Problem) -> Iterator[Fault]:
+    def faults(self, parts: TrackingSetup) -> Iterator[Issue]:
         """A start outside the field."""
         yield from start_faults(self, parts)
 

@@ -15,9 +15,9 @@ from typing import Annotated, ClassVar, Final, Literal, Self
 import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats, Ints, planar
-from wsnsim.base.errors import Fault
+from wsnsim.base.errors import Issue
 from wsnsim.base.part import Quantity, part
-from wsnsim.base.problem import Parts, Problem
+from wsnsim.base.setups import NetworkSetup, TrackingSetup
 from wsnsim.kernels import ranging as kernels
 from wsnsim.models.bounds import LENGTH
 from wsnsim.models.sensing import coordinates, fisher
@@ -127,16 +127,16 @@ class Range(_OfDistance):
         distances, gradients, variances = self.linearise(points, positions, traits)
         return fisher(gradients, np.where(distances <= self._within, 1.0 / variances, 0.0))
 
-    def faults(self, parts: Problem) -> Iterator[Fault]:
+    def faults(self, parts: TrackingSetup) -> Iterator[Issue]:
         """Readings of noise in a network, or for one cell alone; a reach beyond measure."""
         yield from _too_long_a_reach(self.reach)
-        if self.beyond == "noise" and isinstance(parts, Parts):
-            yield Fault(
+        if self.beyond == "noise" and isinstance(parts, NetworkSetup):
+            yield Issue(
                 ("sensor", "beyond"),
                 "in a network a node out of reach sleeps and reads no noise: use beyond: silent, or network: none",
             )
         if self.beyond == "noise" and self.own_cell:
-            yield Fault(("sensor", "own_cell"), "with beyond: noise every sensor has a reading: use beyond: silent")
+            yield Issue(("sensor", "own_cell"), "with beyond: noise every sensor has a reading: use beyond: silent")
 
     @property
     def _within(self) -> float:
@@ -198,7 +198,7 @@ class Rssi(_OfDistance):
         exponents = np.minimum(math.log(10.0) * (self.z0 - readings) / (10.0 * self.eta), LARGEST_EXPONENT)
         return np.maximum(self.d0 * np.exp(exponents), self.floor)
 
-    def faults(self, parts: Problem) -> Iterator[Fault]:
+    def faults(self, parts: TrackingSetup) -> Iterator[Issue]:
         """A reach beyond measure."""
         yield from _too_long_a_reach(self.reach)
 
@@ -210,10 +210,10 @@ class Rssi(_OfDistance):
         return offset, slope, float(self.floor), float(self.sd) ** 2, math.inf, True
 
 
-def _too_long_a_reach(reach: float) -> Iterator[Fault]:
+def _too_long_a_reach(reach: float) -> Iterator[Issue]:
     """A reach that is finite, and longer than any length in a scenario may be."""
     if LENGTH.le is not None and LENGTH.le < reach < math.inf:
-        yield Fault(("sensor", "reach"), f"must be at most {LENGTH.le:g}, or .inf, is {reach:g}")
+        yield Issue(("sensor", "reach"), f"must be at most {LENGTH.le:g}, or .inf, is {reach:g}")
 
 
 def _squared(points: Floats, positions: Floats) -> Floats:

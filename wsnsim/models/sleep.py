@@ -15,11 +15,11 @@ from typing import Annotated, ClassVar, Final, Literal
 import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats, Ints, Keys
-from wsnsim.base.errors import Fault
+from wsnsim.base.errors import Issue
 from wsnsim.base.part import Quantity, part
-from wsnsim.base.problem import Common
 from wsnsim.base.radio import Mode
 from wsnsim.base.rng import derive_each, uniforms
+from wsnsim.base.setups import Setup
 
 PERIOD: Final = Quantity("s", ge=1e-2, le=1e9)
 MOST_PERIODS: Final = 10_000_000
@@ -120,11 +120,11 @@ class _Periodic:
             switches += spells[begun] + spells[over] if self._sleeps_within else _prefixes(on != before)[begun]
         return awake[1:] - awake[0], switches[1:] - switches[0]
 
-    def faults(self, parts: Common) -> Iterator[Fault]:
+    def faults(self, parts: Setup) -> Iterator[Issue]:
         """A period so short that hardly a frame fits, or that a node has too many of them in a run."""
         lasts = parts.steps * parts.dt
         if lasts > MOST_PERIODS * self.period:
-            yield Fault(
+            yield Issue(
                 ("sleep", "period"),
                 f"a run of {lasts:g} s has {lasts / self.period:.3g} periods of {self.period:g} s; at most "
                 f"{MOST_PERIODS:,} are allowed",
@@ -134,7 +134,7 @@ class _Periodic:
             return
         frame = airtime(parts.mac.bits(parts.mac.payload_bits))  # type: ignore[attr-defined]
         if self._length < 2.0 * frame:
-            yield Fault(
+            yield Issue(
                 ("sleep", "period"),
                 f"nodes would be awake for {1000 * self._length:.3g} ms at a time: not two of the longest frames "
                 f"({1000 * frame:.3g} ms) fit",

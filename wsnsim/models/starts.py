@@ -11,17 +11,17 @@ from typing import Any
 import numpy as np
 
 from wsnsim.base.arrays import planar
-from wsnsim.base.errors import Fault
-from wsnsim.base.problem import Parts, Problem
+from wsnsim.base.errors import Issue
+from wsnsim.base.setups import NetworkSetup, TrackingSetup
 
 
-def start_faults(motion: Any, parts: Problem) -> Iterator[Fault]:
+def start_faults(motion: Any, parts: TrackingSetup) -> Iterator[Issue]:
     """A start outside the field. Without a network, nobody monitors one."""
-    if not isinstance(parts, Parts):
+    if not isinstance(parts, NetworkSetup):
         return
     field = parts.deploy.field
     point = planar(np.array([motion.start[column] for column in motion.position]))
     if not field.contains(point):
         (x, y), (x0, y0) = point, field.centre
         size = f"{field.width:g} m by {field.height:g} m around ({x0:g}, {y0:g})"
-        yield Fault(("motion", "start"), f"({x:g}, {y:g}) m is outside the field of {size}")
+        yield Issue(("motion", "start"), f"({x:g}, {y:g}) m is outside the field of {size}")

@@ -13,9 +13,9 @@ from typing import Annotated, ClassVar
 import numpy as np
 
 from wsnsim.base.arrays import Floats, Ints, Keys, stateful
-from wsnsim.base.errors import Fault, RunError
+from wsnsim.base.errors import Issue, RunError
 from wsnsim.base.part import Quantity, part
-from wsnsim.base.problem import Problem
+from wsnsim.base.setups import TrackingSetup
 from wsnsim.kernels import ungm as kernels
 from wsnsim.models.bounds import STATE
 
@@ -129,12 +129,12 @@ class Squared:
         """The model itself: there are no gains."""
         return self
 
-    def faults(self, parts: Problem) -> Iterator[Fault]:
+    def faults(self, parts: TrackingSetup) -> Iterator[Issue]:
         """A target that moves in the plane, which has no one number to square."""
         for motion in parts.motions:
             if len(motion.position) != 1:
                 names = " ".join(motion.columns[column] for column in motion.position)
-                yield Fault(
+                yield Issue(
                     ("sensor", "kind"),
                     f"squared measures a position of one column, and that of the motion has {len(motion.position)} "
                     f"({names}); it can go with ungm or constant_acceleration",

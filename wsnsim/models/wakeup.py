@@ -11,10 +11,10 @@ import math
 from collections.abc import Iterator
 from typing import Annotated, Any, ClassVar, Final, Literal
 
-from wsnsim.base.errors import Fault
+from wsnsim.base.errors import Issue
 from wsnsim.base.part import Quantity, part
-from wsnsim.base.problem import Parts
-from wsnsim.base.sleeping import Decision, Message, Plan, Point
+from wsnsim.base.setups import NetworkSetup
+from wsnsim.base.sleeping import Decision, Point, WakeUpMessage, WakeUpPlan
 from wsnsim.models.bounds import LENGTH
 
 SEQUENCES: Final = 256
@@ -41,11 +41,11 @@ class NoWakeUp:
     wait: ClassVar[float] = 0.0
     call: ClassVar[float] = 0.0
 
-    def compose(self, plan: Plan, belief: Any) -> Message:
+    def compose(self, plan: WakeUpPlan, belief: Any) -> WakeUpMessage:
         """Never asked for."""
         raise NotImplementedError("nobody is woken")
 
-    def decide(self, place: Point, message: Message, seen: bool, now: float, chance: float) -> Decision:
+    def decide(self, place: Point, message: WakeUpMessage, seen: bool, now: float, chance: float) -> Decision:
         """Nothing is done."""
         return Decision.STOP
 
@@ -62,17 +62,17 @@ class _Wakes:
     ] = 3.0
     call: Annotated[float, Quantity("s", ge=0.0, le=10.0), "of a call on the wake-up radio, at both ends"] = 5e-3
 
-    def faults(self, parts: Parts) -> Iterator[Fault]:
+    def faults(self, parts: NetworkSetup) -> Iterator[Issue]:
         """Messages that are heeded for so long that their sequence number comes again."""
         if self.expiry >= MOST_STEPS * parts.dt:
-            yield Fault(
+            yield Issue(
                 ("wakeup", "expiry"),
                 f"{self.expiry:g} s are too many steps of {parts.dt:g} s: a sequence number of one byte would come "
                 f"again; less than {MOST_STEPS * parts.dt:g} s is allowed",
             )
 
-    def _message(self, plan: Plan, belief: Any, radius: float, bits: int) -> Message:
-        return Message(
+    def _message(self, plan: WakeUpPlan, belief: Any, radius: float, bits: int) -> WakeUpMessage:
+        return WakeUpMessage(
             target=plan.target,
             step=plan.step,
             sequence=plan.sequence % SEQUENCES,
@@ -100,7 +100,7 @@ class _WakesRegion(_Wakes):
         float, Quantity("m/s", ge=0.0, le=1e6), "v_max: how fast the target may be, as long as it cannot be predicted"
     ] = 8.0
 
-    def _region(self, plan: Plan) -> float:
+    def _region(self, plan: WakeUpPlan) -> float:
         """r about a prediction; min(R, r + v_max dt) about a last fix."""
         radius = plan.sensing if self.radius is None else self.radius
         return radius if plan.foreseen else min(plan.reach, radius + self.speed * plan.ahead)
@@ -121,11 +121,11 @@ class DirectedFlood(_WakesRegion):
     mechanism: ClassVar[str] = "flood"
     carries_belief: ClassVar[bool] = True
 
-    def compose(self, plan: Plan, belief: Any) -> Message:
+    def compose(self, plan: WakeUpPlan, belief: Any) -> WakeUpMessage:
         """The message of figure 1: 13 bytes, and the positions of the belief."""
         return self._message(plan, belief, self._region(plan), HEADER_BITS + plan.payload_bits)
 
-    def decide(self, place: Point, message: Message, seen: bool, now: float, chance: float) -> Decision:
+    def decide(self, place: Point, message: WakeUpMessage, seen: bool, now: float, chance: float) -> Decision:
         """The rule of figure 2: drop, track, forward or stop."""
         if now > message.expires:
             return Decision.DROP
@@ -147,11 +147,11 @@ class Region(_WakesRegion):
     mechanism: ClassVar[str] = "region"
     carries_belief: ClassVar[bool] = False
 
-    def compose(self, plan: Plan, belief: Any) -> Message:
+    def compose(self, plan: WakeUpPlan, belief: Any) -> WakeUpMessage:
         """An announcement of 13 bytes; the belief goes from head to head by itself."""
         return self._message(plan, None, self._region(plan), HEADER_BITS)
 
-    def decide(self, place: Point, message: Message, seen: bool, now: float, chance: float) -> Decision:
+    def decide(self, place: Point, message: WakeUpMessage, seen: bool, now: float, chance: float) -> Decision:
         """Whoever is in the region tracks."""
         if now > message.expires:
             return Decision.DROP
@@ -181,17 +181,17 @@ class ExperienceZones(_Wakes):
         "inside r and ahead, inside r and not, beyond r and ahead, beyond r and not; left out: those of `levels`",
     ] = None
 
-    def compose(self, plan: Plan, belief: Any) -> Message:
+    def compose(self, plan: WakeUpPlan, belief: Any) -> WakeUpMessage:
         """An invitation of 17 bytes."""
         return self._message(plan, None, plan.reach, INVITATION_BITS)
 
-    def decide(self, place: Point, message: Message, seen: bool, now: float, chance: float) -> Decision:
+    def decide(self, place: Point, message: WakeUpMessage, seen: bool, now: float, chance: float) -> Decision:
         """Track by chance, as often as the zone says."""
         if now > message.expires:
             return Decision.DROP
         return Decision.TRACK if not seen and chance < self.probability(place, message) else Decision.STOP
 
-    def probability(self, place: Point, message: Message) -> float:
+    def probability(self, place: Point, message: WakeUpMessage) -> float:
         """How likely a node tracks that has been invited."""
         inside_ahead, inside, beyond_ahead, beyond = self.probabilities or EXPERIENCE[self.levels]
         x, y = place[0] - message.fix[0], place[1] - message.fix[1]
@@ -201,11 +201,11 @@ class ExperienceZones(_Wakes):
             return inside_ahead if ahead else inside
         return beyond_ahead if ahead else beyond
 
-    def faults(self, parts: Parts) -> Iterator[Fault]:
+    def faults(self, parts: NetworkSetup) -> Iterator[Issue]:
         """Probabilities that let nobody track, or an expiry that is too long."""
         yield from super().faults(parts)
         if self.probabilities is not None and not any(self.probabilities):
-            yield Fault(("wakeup", "probabilities"), "all are 0: nobody would ever track; at least one must be more")
+            yield Issue(("wakeup", "probabilities"), "all are 0: nobody would ever track; at least one must be more")
 
 
 def _apart(a: Point, b: Point) -> float:

@@ -18,9 +18,9 @@ from typing import Annotated, ClassVar, Literal, NamedTuple, Self
 import numpy as np
 
 from wsnsim.base.arrays import Floats, Keys, stateful
-from wsnsim.base.errors import Fault, RunError
+from wsnsim.base.errors import Issue, RunError
 from wsnsim.base.part import Quantity, part
-from wsnsim.base.problem import Problem
+from wsnsim.base.setups import TrackingSetup
 from wsnsim.kernels import linear as kernels
 from wsnsim.models.bounds import LENGTH, PLACE
 from wsnsim.models.csvfile import read_columns
@@ -98,11 +98,11 @@ class RandomWaypoint(_Straight):
             if least > most:
                 raise ValueError(f"{name}: the first is the least, the second the greatest, got {[least, most]}")
 
-    def faults(self, parts: Problem) -> Iterator[Fault]:
+    def faults(self, parts: TrackingSetup) -> Iterator[Issue]:
         """More legs than can be drawn in reasonable time."""
         legs = parts.steps * parts.dt / (self.mean_leg() / self.mean_speed() + sum(self.pause) / 2.0)
         if legs > MOST_LEGS:
-            yield Fault(
+            yield Issue(
                 ("motion", "speed"),
                 f"about {legs:.2g} legs in {parts.steps * parts.dt:g} s are too many (at most {MOST_LEGS:g}); "
                 "lower it, enlarge the area, or pause",
@@ -197,12 +197,12 @@ class Waypoints(_Straight):
         rows = np.array(self._rows())
         return _sampled(rows[:, 0], rows[:, 1:], steps, dt)
 
-    def faults(self, parts: Problem) -> Iterator[Fault]:
+    def faults(self, parts: TrackingSetup) -> Iterator[Issue]:
         """A file that cannot be read, or that holds no way."""
         try:
             self._rows()
         except RunError as error:
-            yield Fault(("motion", "path"), str(error))
+            yield Issue(("motion", "path"), str(error))
 
     def _rows(self) -> list[tuple[float, ...]]:
         if self.path is None:

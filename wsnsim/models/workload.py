@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Annotated, ClassVar
 
-from wsnsim.base.asks import PACKET_BITS
-from wsnsim.base.errors import Fault
+from wsnsim.base.errors import Issue
 from wsnsim.base.part import Quantity, part
-from wsnsim.base.problem import Common, Radio
+from wsnsim.base.requests import PACKET_BITS
+from wsnsim.base.setups import RadioSetup, Setup
 from wsnsim.models.access import Framed, IdealMac
 
 
@@ -31,15 +31,15 @@ class Periodic:
     period: Annotated[float, Quantity("s", ge=1e-3, le=1e6), "between a node's beacons, on its own clock"] = 1.0
     bits: Annotated[int, Quantity("", ge=1, le=1_000_000), "payload of a beacon"] = PACKET_BITS
 
-    def faults(self, parts: Common) -> Iterator[Fault]:
+    def faults(self, parts: Setup) -> Iterator[Issue]:
         """Beacons that are due faster than one node alone can send them."""
-        mac = parts.mac if isinstance(parts, Radio) else None
+        mac = parts.mac if isinstance(parts, RadioSetup) else None
         airtime = 0.0
         if isinstance(mac, Framed):
             airtime = mac.airtime(mac.bits(self.bits))
         elif isinstance(mac, IdealMac) and mac.rate is not None:
             airtime = self.bits / mac.rate
         if airtime > self.period:
-            yield Fault(
+            yield Issue(
                 ("workload", "period"), f"a beacon of {self.bits} bits takes {airtime:g} s, more than its period"
             )

@@ -14,15 +14,15 @@ import simpy
 
 from wsnsim.base.arrays import Floats
 from wsnsim.base.ports import Recorder
-from wsnsim.base.problem import Beacons
 from wsnsim.base.rng import Streams, derive_all, uniforms
+from wsnsim.base.setups import BeaconSetup
 from wsnsim.base.tables import EVENT_CAUSE, KIND
-from wsnsim.network.costs import StepCosts
-from wsnsim.network.counts import Counts
-from wsnsim.network.ether import make_ether, run_until
+from wsnsim.network.energy.energy_steps import EnergySteps
+from wsnsim.network.event_log import EventLog
 from wsnsim.network.faults import Faults, Site
-from wsnsim.network.fleet import Fleet
-from wsnsim.network.journal import Journal
+from wsnsim.network.nodes import Nodes
+from wsnsim.network.radio.counters import Counters
+from wsnsim.network.radio.radio_stack import make_radio_stack, run_until
 
 NONE = EVENT_CAUSE["none"]
 Beaconing = Generator[simpy.Event, Any, None]
@@ -34,8 +34,8 @@ class BeaconOutcome:
     were awake; `cycles`: nothing is computed.
     """
 
-    fleet: Fleet
-    counts: Counts
+    fleet: Nodes
+    counts: Counters
     beacons: int
     fingerprint: int
     awake: float
@@ -46,13 +46,13 @@ class BeaconWorld:
     """One network whose nodes broadcast."""
 
     def __init__(
-        self, problem: Beacons, replicate: int, positions: Floats, streams: Streams, recorder: Recorder
+        self, problem: BeaconSetup, replicate: int, positions: Floats, streams: Streams, recorder: Recorder
     ) -> None:
         self._problem = problem
         self._replicate = replicate
         self._recorder = recorder
-        self._journal = Journal(recorder, replicate)
-        ether = make_ether(problem, positions, np.ones((len(positions), 0)), streams, self._journal)
+        self._journal = EventLog(recorder, replicate)
+        ether = make_radio_stack(problem, positions, np.ones((len(positions), 0)), streams, self._journal)
         if ether.wiring.sharp:
             ether.wiring.survey()
         self._env = env = ether.env
@@ -61,7 +61,7 @@ class BeaconWorld:
         if recorder.wants("links"):
             self._mac.count_links()
         fleet.on_death = self._bury
-        self._costs = StepCosts(env, fleet, recorder)
+        self._costs = EnergySteps(env, fleet, recorder)
         self._beacons = 0
         self._code = self._journal.code("beacon")
         phases = uniforms(derive_all(streams.key("beacons"), np.arange(fleet.size)), 0)

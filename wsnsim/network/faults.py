@@ -24,9 +24,9 @@ from wsnsim.base.radio import FaultEvent
 from wsnsim.base.rng import derive, derive_all, uniforms
 from wsnsim.base.tables import CAUSE, EVENT_CAUSE, KIND
 from wsnsim.network.clocks import Clocks
-from wsnsim.network.fleet import Fleet
-from wsnsim.network.journal import Journal
-from wsnsim.network.sensed import Defect
+from wsnsim.network.event_log import EventLog
+from wsnsim.network.nodes import Nodes
+from wsnsim.network.readings import Defect
 
 NOBODY: Final = -1
 SAME: Final = 1e-9
@@ -46,8 +46,8 @@ class Site:
     """
 
     env: simpy.Environment
-    fleet: Fleet
-    journal: Journal
+    fleet: Nodes
+    journal: EventLog
     clocks: Clocks
     crash: Callable[[int], None]
     restart: Callable[[int], None]

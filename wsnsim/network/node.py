@@ -12,14 +12,14 @@ from typing import Any
 
 import simpy
 
-from wsnsim.base.asks import PACKET_BITS, Parcel
 from wsnsim.base.radio import Mode
-from wsnsim.network.lead import lead
-from wsnsim.network.mission import Crew, Mission
-from wsnsim.network.pursuit import pursue
-from wsnsim.network.stage import Stage
-from wsnsim.network.tenure import tenure
-from wsnsim.network.track import Election, Track
+from wsnsim.base.requests import PACKET_BITS, Parcel
+from wsnsim.network.clusters.handover import Crew, Handover
+from wsnsim.network.clusters.head_life_cycle import tenure
+from wsnsim.network.clusters.moving_head import pursue
+from wsnsim.network.clusters.standing_cluster import lead
+from wsnsim.network.clusters.track import Election, Track
+from wsnsim.network.run_context import RunContext
 
 TARGET, FRAME, CALL = "target", "frame", "call"
 """What makes a node wake, or sleep again."""
@@ -32,7 +32,7 @@ class Node:
     it stays awake for a while.
     """
 
-    def __init__(self, stage: Stage, crew: Crew, index: int) -> None:
+    def __init__(self, stage: RunContext, crew: Crew, index: int) -> None:
         self.index = index
         self.senses: set[int] = set()
         self.serves: set[int] = set()
@@ -91,7 +91,7 @@ class Node:
         else:
             self.relax(target)
 
-    def take_lead(self, track: Track, mission: Mission) -> None:
+    def take_lead(self, track: Track, mission: Handover) -> None:
         """Lead a track from now on: a duty of its own, so that a death in this very instant ends it too."""
         self.serve(track.target)
         life = pursue if self._stage.parts.clusters.moves else lead
@@ -160,7 +160,7 @@ class Node:
         if winner == self.index and election.fills_vacancy and stage.fleet.alive[self.index]:
             stage.log("elect", track.target, self.index)
             readings = election.readings_at(self.index)
-            mission = Mission(election.step, readings=readings, elected=True, at_once=True)
+            mission = Handover(election.step, readings=readings, elected=True, at_once=True)
             self._crew.appoint(track, self.index, mission)
 
 

@@ -20,27 +20,27 @@ import simpy
 from wsnsim.base.arrays import Floats, Ints, planar
 from wsnsim.base.errors import RunError
 from wsnsim.base.ports import Estimate, Recorder
-from wsnsim.base.problem import Parts
 from wsnsim.base.radio import Mode
 from wsnsim.base.rng import Streams
+from wsnsim.base.setups import NetworkSetup
 from wsnsim.base.tables import CAUSE, EVENT_CAUSE, KIND
-from wsnsim.network.air import Air
-from wsnsim.network.cluster import Cluster
-from wsnsim.network.costs import StepCosts
-from wsnsim.network.counts import Counts
-from wsnsim.network.ether import make_ether, run_until
+from wsnsim.network.clusters.cluster import Cluster
+from wsnsim.network.clusters.handover import Crew, Handover
+from wsnsim.network.clusters.target_search import TargetSearch
+from wsnsim.network.clusters.track import Election, Track, ballot_box
+from wsnsim.network.clusters.wake_up_service import WakeUpService
+from wsnsim.network.energy.energy_steps import EnergySteps
+from wsnsim.network.event_log import EventLog
 from wsnsim.network.faults import Faults, Site
-from wsnsim.network.fleet import Fleet
-from wsnsim.network.journal import Journal
-from wsnsim.network.mission import Crew, Mission
 from wsnsim.network.node import Node
-from wsnsim.network.reports import Reports
-from wsnsim.network.routing import Router
-from wsnsim.network.search import Search
-from wsnsim.network.sensed import make_senses
-from wsnsim.network.stage import Stage
-from wsnsim.network.track import Election, Track, ballot_box
-from wsnsim.network.waking import Waker
+from wsnsim.network.nodes import Nodes
+from wsnsim.network.radio.counters import Counters
+from wsnsim.network.radio.radio_stack import make_radio_stack, run_until
+from wsnsim.network.radio.routing import Router
+from wsnsim.network.radio.transport import Transport
+from wsnsim.network.readings import make_senses
+from wsnsim.network.run_context import RunContext
+from wsnsim.network.sink_reports import Reports
 
 SENSE: Final = KIND["sense"]
 MECHANISMS: Final = ("none", "flood", "region", "invite")
@@ -55,12 +55,12 @@ class Outcome:
     estimate of (target, step). `awake`: the share of the nodes' time that they were awake.
     """
 
-    fleet: Fleet
+    fleet: Nodes
     tracks: tuple[Track, ...]
     woken: Ints
     received: Mapping[tuple[int, int], float]
     steps: int
-    counts: Counts
+    counts: Counters
     cycles: float
     fingerprint: int
     awake: float
@@ -71,7 +71,7 @@ class World:
 
     def __init__(
         self,
-        parts: Parts,
+        parts: NetworkSetup,
         replicate: int,
         positions: Floats,
         traits: Floats,
@@ -83,8 +83,8 @@ class World:
     ) -> None:
         """`paths`: the truths with `parts.polls` instants a step, left out where there is one."""
         _refuse_the_unknown(parts)
-        journal = Journal(recorder, replicate)
-        ether = make_ether(parts, positions, traits, streams, journal)
+        journal = EventLog(recorder, replicate)
+        ether = make_radio_stack(parts, positions, traits, streams, journal)
         env, self._mac = ether.env, ether.mac
         self._env = env
         fleet, wiring, clocks = ether.fleet, ether.wiring, ether.clocks
@@ -92,8 +92,8 @@ class World:
         self._nodes: dict[int, Node] = {}
         self._router = Router(env, fleet, wiring, parts.energy, parts.routing.weight, parts.link.audible)
         sensed, imperfections = make_senses(parts, truths, fleet, clocks, streams.key("sense"))
-        air = Air(env, fleet, wiring, self._mac, self._router, journal)
-        self._stage = Stage(
+        air = Transport(env, fleet, wiring, self._mac, self._router, journal)
+        self._stage = RunContext(
             env=env,
             parts=parts,
             fleet=fleet,
@@ -109,9 +109,9 @@ class World:
             recorder=recorder,
             sensing=[{} for _ in truths],
         )
-        self._costs = StepCosts(env, fleet, recorder)
+        self._costs = EnergySteps(env, fleet, recorder)
         self._wake_up(air, streams)
-        self._search = Search(self._stage, paths or truths, streams, sensed, imperfections)
+        self._search = TargetSearch(self._stage, paths or truths, streams, sensed, imperfections)
         self._points = [truth[:, list(motion.position)] for truth, motion in zip(truths, parts.motions, strict=True)]
         self._inside = [parts.deploy.field.contains(planar(points)).tolist() for points in self._points]
         self._tracks = tuple(Track(target, prior, env.event()) for target, prior in enumerate(priors))
@@ -240,7 +240,7 @@ class World:
         found = self._search.first(track.target, part)
         if found is not None:
             head, detected = found
-            self._appoint(track, head, Mission(self._stage.step, at_once=True, detected=detected))
+            self._appoint(track, head, Handover(self._stage.step, at_once=True, detected=detected))
 
     def _fill_vacancy(self, track: Track) -> None:
         stage, policy = self._stage, self._stage.parts.clusters
@@ -248,7 +248,7 @@ class World:
             able = stage.fleet.able(stage.threshold)
             head = policy.successor(np.zeros(2), stage.fleet.positions, able)
             if head is not None and (stage.sensing[track.target] or stage.step == 0):
-                self._appoint(track, head, Mission(stage.step, readings={}, elected=True, at_once=True))
+                self._appoint(track, head, Handover(stage.step, readings={}, elected=True, at_once=True))
             return
         election = ballot_box(stage, track, fills_vacancy=True)
         if election.strengths:
@@ -261,11 +261,11 @@ class World:
             node = self._nodes[index] = Node(self._stage, self._crew, index)
         return node
 
-    def _wake_up(self, air: Air, streams: Streams) -> None:
+    def _wake_up(self, air: Transport, streams: Streams) -> None:
         """Make what wakes nodes, if anything does, and keep the sink awake."""
         stage = self._stage
         if stage.parts.wakeup.mechanism != "none":
-            stage.waker = Waker(
+            stage.waker = WakeUpService(
                 stage,
                 streams.key("wakeup"),
                 lambda node, target, until, why: self._node(node).watch(target, until, why),
@@ -276,7 +276,7 @@ class World:
             stage.fleet.sleepless.add(stage.reports.node)
             stage.fleet.set_mode(stage.reports.node, Mode.AWAKE)
 
-    def _appoint(self, track: Track, head: int, mission: Mission) -> None:
+    def _appoint(self, track: Track, head: int, mission: Handover) -> None:
         track.head = head
         self._node(head).take_lead(track, mission)
 
@@ -360,7 +360,7 @@ class World:
             self._nodes[index].die()
 
 
-def _refuse_the_unknown(parts: Parts) -> None:
+def _refuse_the_unknown(parts: NetworkSetup) -> None:
     """A part that this network would have to ignore must not look as if it had been obeyed."""
     if parts.wakeup.mechanism not in MECHANISMS:
         known = ", ".join(MECHANISMS)

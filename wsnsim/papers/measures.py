@@ -28,9 +28,10 @@ import numpy as np
 import pandas as pd
 
 from wsnsim import recording
-from wsnsim.analysis import bounds, campaigns, statistics
+from wsnsim.analysis import campaigns, statistics
 from wsnsim.base import metrics
 from wsnsim.base.arrays import Floats
+from wsnsim.bounds import crlb
 from wsnsim.papers.reproduction import Limit, Measured
 from wsnsim.recording.folder import Folder
 
@@ -55,7 +56,7 @@ class Data:
         self.errors = functools.cache(self._errors)
         self.scenario = functools.cache(self._scenario)
         self.bound = functools.cache(self._bound)
-        self.bounds: dict[tuple[str, int, str, str], bounds.Bound] = {}
+        self.bounds: dict[tuple[str, int, str, str], crlb.Bound] = {}
 
     def of(self, variant: str, table: str) -> pd.DataFrame:
         """The rows of one variant."""
@@ -68,14 +69,14 @@ class Data:
     def _scenario(self, variant: str) -> Mapping[str, Any]:
         return json.loads(self.folder.scenario(self.manifest.points[self.variants.index(variant)].id))
 
-    def _bound(self, variant: str, kind: str) -> bounds.Bound:
+    def _bound(self, variant: str, kind: str) -> crlb.Bound:
         point = self.manifest.points[self.variants.index(variant)]
         runs = TRUTHS if kind == "unconditional" else min(point.replicates, TRUTHS)
         assumes = self.scenario(variant)["tracker"].get("assumes") or {}
         gains = "known" if kind == "unconditional" else assumes.get("gains", "known")
         key = point.world, runs, kind, gains
         if key not in self.bounds:
-            self.bounds[key] = bounds.bound(self.scenario(variant), range(runs), kind, gains)
+            self.bounds[key] = crlb.bound(self.scenario(variant), range(runs), kind, gains)
         return self.bounds[key]
 
     def states(self, variant: str) -> tuple[tuple[str, str], ...]:
@@ -163,12 +164,12 @@ def of_log(data: Data, variant: str, readings: str) -> pd.Series:
     point = data.manifest.points[data.variants.index(variant)]
     found: dict[int, float] = {}
     for batch in data.folder.batches(point.id):
-        bound = bounds.bound_of_run(batch.path, readings, "per_trajectory")
+        bound = crlb.bound_of_run(batch.path, readings, "per_trajectory")
         found |= dict(zip(bound.asked.replicates, bound.of_replicates.tolist(), strict=True))
     return pd.Series(found)
 
 
-def _in_terms(found: bounds.Bound, measure: str, states: Sequence[tuple[str, str]]) -> float:
+def _in_terms(found: crlb.Bound, measure: str, states: Sequence[tuple[str, str]]) -> float:
     name, _, column = measure.partition(":")
     if name == "rmse":
         return found.time_mean

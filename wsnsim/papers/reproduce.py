@@ -142,7 +142,7 @@ def lines(experiment: Experiment, where: Path) -> list[str]:
 
 def draw(paper: str, experiment: Experiment, where: Path, into: Path) -> list[Path]:
     """Draw the pictures of an experiment, whose campaign is in a folder, to INTO/PAPER_NAME.png."""
-    from wsnsim.analysis.panels import panels
+    from wsnsim.analysis.figure_style import panels
 
     into.mkdir(parents=True, exist_ok=True)
     data, drawn = Data(Folder(where)), []

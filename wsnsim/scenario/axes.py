@@ -18,14 +18,14 @@ from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
 
-from wsnsim.base.errors import Fault
+from wsnsim.base.errors import Issue
 from wsnsim.scenario.fields import described
-from wsnsim.scenario.tree import Keys, Node, assigned, child, dotted, plain, sequence
+from wsnsim.scenario.located_values import Keys, LocatedValue, assigned, child, dotted, plain, sequence
 from wsnsim.scenario.units import NUMBER, shown
 
-Settings: TypeAlias = tuple[tuple[Keys, Node], ...]
+Settings: TypeAlias = tuple[tuple[Keys, LocatedValue], ...]
 """What one point lays on the scenario."""
-Axes: TypeAlias = Mapping[Keys, Node]
+Axes: TypeAlias = Mapping[Keys, LocatedValue]
 MOST_POINTS: Final = 20_000
 LARGEST: Final = sys.float_info.max
 RANGES: Final = ("range", "log_range")
@@ -36,11 +36,11 @@ WRITTEN: Final = re.compile(rf"({NUMBER})\s*(.*)", re.ASCII)
 class Refused(Exception):
     """What is wrong with an axis, and the node at which it stands."""
 
-    def __init__(self, node: Node, message: str) -> None:
+    def __init__(self, node: LocatedValue, message: str) -> None:
         super().__init__(message)
         self.node = node
 
-    def within(self, tree: Node) -> Fault:
+    def within(self, tree: LocatedValue) -> Issue:
         """The fault at its place, with the path under which it is written in the tree."""
         path = next((path for path, node in _walk(tree, ()) if node is self.node), ())
         return self.node.spot.fault(path, str(self))
@@ -89,7 +89,7 @@ class Draw(NamedTuple):
     over: Axes
 
 
-def values_of(node: Node, path: Keys) -> list[Node]:
+def values_of(node: LocatedValue, path: Keys) -> list[LocatedValue]:
     """The values of one axis, in order, each once.
 
     Raises:
@@ -106,7 +106,7 @@ def values_of(node: Node, path: Keys) -> list[Node]:
     raise Refused(node, f"expected values such as {example}, got {described(plain(node))}")
 
 
-def of_reals(node: Node) -> Node:
+def of_reals(node: LocatedValue) -> LocatedValue:
     """The axis with the ends of its range as real numbers, so that the values between are not rounded."""
     changed = node
     for name in RANGES:
@@ -116,7 +116,7 @@ def of_reals(node: Node) -> Node:
     return changed
 
 
-def count_of(node: Node) -> int:
+def count_of(node: LocatedValue) -> int:
     """How many values an axis has, before they are listed."""
     if isinstance(node.value, dict) and any(name in node.value for name in RANGES):
         return _count(node, _span(node))
@@ -162,7 +162,7 @@ def latin_hypercube(draw: Draw) -> list[Settings]:
     return _placed(draw, sampler.random(draw.points))
 
 
-def demand_few(count: int, node: Node) -> None:
+def demand_few(count: int, node: LocatedValue) -> None:
     """Refuse what nobody can wait for."""
     if count > MOST_POINTS:
         raise Refused(node, f"makes {_large(count)} points; at most {MOST_POINTS:,} are allowed")
@@ -182,7 +182,7 @@ def _placed(draw: Draw, uniforms: np.ndarray) -> list[Settings]:
     return list(points.values())
 
 
-def _picker(node: Node, keys: Keys) -> Callable[[float], Node]:
+def _picker(node: LocatedValue, keys: Keys) -> Callable[[float], LocatedValue]:
     """How a uniform number becomes a value of the axis: one of a list, or a point of a range."""
     if isinstance(node.value, list):
         values = values_of(node, keys)
@@ -193,10 +193,10 @@ def _picker(node: Node, keys: Keys) -> Callable[[float], Node]:
         if name in node.value:
             raise Refused(node.value[name].node, f"'{name}' has no meaning where points are drawn")
     span = _span(node)
-    return lambda share: Node(span.drawn(share), node.spot)
+    return lambda share: LocatedValue(span.drawn(share), node.spot)
 
 
-def _spaced(node: Node) -> list[Node]:
+def _spaced(node: LocatedValue) -> list[LocatedValue]:
     span = _span(node)
     count = _count(node, span)
     demand_few(count, node)
@@ -207,10 +207,10 @@ def _spaced(node: Node) -> list[Node]:
         width = span.high - span.low
         pace = _number(step, "a step")[0]
         values = [span.at(i * pace / width if width else 0.0) for i in range(count)]
-    return [Node(value, node.spot) for value in dict.fromkeys(values)]
+    return [LocatedValue(value, node.spot) for value in dict.fromkeys(values)]
 
 
-def _count(node: Node, span: Span) -> int:
+def _count(node: LocatedValue, span: Span) -> int:
     """How many values a range has: `count`, or as many as `step` fits in."""
     count, step = child(node, "count"), child(node, "step")
     if (count is None) == (step is None):
@@ -232,7 +232,7 @@ def _count(node: Node, span: Span) -> int:
     return math.floor(steps * (1 + 1e-12) + 1e-9) + 1
 
 
-def _span(node: Node) -> Span:
+def _span(node: LocatedValue) -> Span:
     name = next(name for name in RANGES if name in node.value)
     strange = [key for key in node.value if key not in (name, *SPACING)]
     if strange:
@@ -250,7 +250,7 @@ def _span(node: Node) -> Span:
     return Span(low, high, unit, logarithmic, whole and also and paced)
 
 
-def _number(node: Node, what: str) -> tuple[float, str, bool]:
+def _number(node: LocatedValue, what: str) -> tuple[float, str, bool]:
     """A number, the unit it is written in, and whether it is written as a whole number without one."""
     value = node.value
     if isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= LARGEST:
@@ -262,12 +262,12 @@ def _number(node: Node, what: str) -> tuple[float, str, bool]:
     return number, match[2], False
 
 
-def _real(end: Node) -> Node:
+def _real(end: LocatedValue) -> LocatedValue:
     whole = isinstance(end.value, int) and not isinstance(end.value, bool) and abs(end.value) <= LARGEST
-    return Node(float(end.value), end.spot) if whole else end
+    return LocatedValue(float(end.value), end.spot) if whole else end
 
 
-def _walk(node: Node, path: Keys) -> Iterator[tuple[Keys, Node]]:
+def _walk(node: LocatedValue, path: Keys) -> Iterator[tuple[Keys, LocatedValue]]:
     yield path, node
     if isinstance(node.value, dict):
         for key, entry in node.value.items():
@@ -277,7 +277,7 @@ def _walk(node: Node, path: Keys) -> Iterator[tuple[Keys, Node]]:
             yield from _walk(item, (*path, i))
 
 
-def _refuse_twins(nodes: Sequence[Node]) -> None:
+def _refuse_twins(nodes: Sequence[LocatedValue]) -> None:
     seen: dict[str, Any] = {}
     for node in nodes:
         text = repr(plain(node))

@@ -12,23 +12,23 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
-from wsnsim.base.errors import Fault, ScenarioError
-from wsnsim.scenario.catalog import ROLES, Role, find
+from wsnsim.base.errors import Issue, ScenarioError
+from wsnsim.scenario.registry import ROLES, Role, find
 
 if TYPE_CHECKING:
-    from wsnsim.base.problem import Beacons, Problem
+    from wsnsim.base.setups import BeaconSetup, TrackingSetup
     from wsnsim.scenario.schema import Scenario
 
 Keys = tuple[str | int, ...]
 
 
-def build(scenario: Scenario) -> Problem | Beacons:
+def build(scenario: Scenario) -> TrackingSetup | BeaconSetup:
     """The scenario's parts: `Parts` for a network, `Beacons` for one without a target, a bare `Problem` for a bench.
 
     Raises:
         ScenarioError: with every fault that a part finds in itself or in the company of the others.
     """
-    from wsnsim.scenario.tree import in_order
+    from wsnsim.scenario.located_values import in_order
 
     made, faults = _made(scenario)
     if faults:
@@ -75,7 +75,7 @@ def _models(scenario: Scenario) -> list[tuple[Role, Keys, Any]]:
     return [(role, path, model) for role in used for path, model in scenario.written(role)]
 
 
-def _made(scenario: Scenario) -> tuple[dict[Keys, Any], list[Fault]]:
+def _made(scenario: Scenario) -> tuple[dict[Keys, Any], list[Issue]]:
     """Every part by its path; and what the classes themselves refuse."""
     from wsnsim.scenario.schema import Refused, built
 
@@ -89,8 +89,8 @@ def _made(scenario: Scenario) -> tuple[dict[Keys, Any], list[Fault]]:
     return made, faults
 
 
-def _parts(scenario: Scenario, made: dict[Keys, Any]) -> Problem | Beacons:
-    from wsnsim.base.problem import Beacons, Parts, Problem
+def _parts(scenario: Scenario, made: dict[Keys, Any]) -> TrackingSetup | BeaconSetup:
+    from wsnsim.base.setups import BeaconSetup, NetworkSetup, TrackingSetup
 
     scope = scenario.scope
     common = {
@@ -104,12 +104,12 @@ def _parts(scenario: Scenario, made: dict[Keys, Any]) -> Problem | Beacons:
         common["faults"] = tuple(made[path] for path, _ in scenario.written(ROLES["fault"]))
     roles = {str(path[0]): part for path, part in made.items() if path[0] in ROLES and path[0] != "motion"}
     if not scope.targets:
-        return Beacons(**common, **roles)
+        return BeaconSetup(**common, **roles)
     roles.pop("workload", None)
     problem = {**common, **roles, **_of_targets(scenario, made)}
     if not scope.network:
-        return Problem(**problem)
-    return Parts(**problem, until_clusters=scenario.until.clusters if scenario.until else None)
+        return TrackingSetup(**problem)
+    return NetworkSetup(**problem, until_clusters=scenario.until.clusters if scenario.until else None)
 
 
 def _of_targets(scenario: Scenario, made: dict[Keys, Any]) -> dict[str, Any]:
@@ -125,9 +125,9 @@ def _of_targets(scenario: Scenario, made: dict[Keys, Any]) -> dict[str, Any]:
     }
 
 
-def _found(scenario: Scenario, parts: Problem | Beacons, made: dict[Keys, Any]) -> Iterator[Fault]:
+def _found(scenario: Scenario, parts: TrackingSetup | BeaconSetup, made: dict[Keys, Any]) -> Iterator[Issue]:
     """What the parts say of one another, each fault once."""
-    from wsnsim.base.problem import Problem
+    from wsnsim.base.setups import TrackingSetup
 
     yield from _out_of_scope(scenario)
     said = {
@@ -137,57 +137,57 @@ def _found(scenario: Scenario, parts: Problem | Beacons, made: dict[Keys, Any]) 
         for fault in part.faults(parts)
     }
     yield from sorted(said, key=lambda fault: ([str(key) for key in fault.path], fault.message))
-    if isinstance(parts, Problem):
+    if isinstance(parts, TrackingSetup):
         yield from _lacking(scenario, parts)
         yield from _other_columns(scenario, parts)
 
 
 def _within(path: Keys, said: Keys) -> Keys:
     """The path of a fault, where a part of a list names its list or its role: with its place in the list."""
-    from wsnsim.scenario.roles import AT_TOP
+    from wsnsim.scenario.kinds import AT_TOP
 
     role = AT_TOP[str(path[0])]
     of_itself = len(path) > 1 and bool(said) and said[0] in (role.name, role.listed)
     return (*path, *said[1:]) if of_itself else said
 
 
-def _out_of_scope(scenario: Scenario) -> Iterator[Fault]:
+def _out_of_scope(scenario: Scenario) -> Iterator[Issue]:
     """What is said of clusters and tracks where there are none."""
     if not scenario.scope.network and scenario.until:
-        yield Fault(("until",), "without a network there are no clusters to end at")
+        yield Issue(("until",), "without a network there are no clusters to end at")
     if not scenario.scope.targets:
         if scenario.until:
-            yield Fault(("until",), "without a target there are no clusters to end at")
+            yield Issue(("until",), "without a target there are no clusters to end at")
         if "lost" in scenario.model_fields_set:
-            yield Fault(("lost",), "without a target there is no track that could be lost")
+            yield Issue(("lost",), "without a target there is no track that could be lost")
 
 
-def _other_columns(scenario: Scenario, parts: Problem) -> Iterator[Fault]:
+def _other_columns(scenario: Scenario, parts: TrackingSetup) -> Iterator[Issue]:
     """Targets whose state is not that of the first."""
     first = parts.motions[0].columns
     for (path, _), motion in zip(scenario.written(ROLES["motion"]), parts.motions, strict=True):
         if motion.columns != first:
             names = " ".join(motion.columns), " ".join(first)
-            yield Fault(path, f"its state is ({names[0]}), the first target's ({names[1]}): all must have the same")
+            yield Issue(path, f"its state is ({names[0]}), the first target's ({names[1]}): all must have the same")
 
 
-def _lacking(scenario: Scenario, parts: Problem) -> Iterator[Fault]:
+def _lacking(scenario: Scenario, parts: TrackingSetup) -> Iterator[Issue]:
     """What the tracker needs of its sensor, and what it assumes of it, where the sensor has no such thing."""
     sensor, tracker = scenario.sensor, scenario.tracker  # type: ignore[attr-defined]
     for ability in getattr(parts.tracker, "needs", ()):
         if not callable(getattr(parts.filter_sensor, ability, None)):
             able = ", ".join(_kinds_with("sensor", ability)) or "none that is known"
-            yield Fault(
+            yield Issue(
                 ("tracker", "kind"),
                 f"{tracker.kind} needs a sensor that gives '{ability}', and {sensor.kind} does not; it can use: {able}",
             )
     if tracker.assumes.gains != "known" and "gain" not in parts.sensor.trait_names:
-        yield Fault(("tracker", "assumes", "gains"), f"{sensor.kind} has no gains that could be unknown")
+        yield Issue(("tracker", "assumes", "gains"), f"{sensor.kind} has no gains that could be unknown")
 
 
 def _kinds_with(role: str, ability: str) -> Iterator[str]:
     """The kinds of a role whose class has a method of this name."""
-    from wsnsim.scenario.catalog import kinds, load_class
+    from wsnsim.scenario.registry import kinds, load_class
 
     for row in kinds(role).values():
         try:

@@ -13,20 +13,31 @@ from typing import Any, Final
 
 from pydantic import ValidationError
 
-from wsnsim.base.errors import Fault
-from wsnsim.scenario.catalog import kinds
+from wsnsim.base.errors import Issue
+from wsnsim.scenario.datasheets import spelt_out
 from wsnsim.scenario.fields import PartError, described, names_of
+from wsnsim.scenario.kinds import AT_TOP, ROLES, Role, Scope
+from wsnsim.scenario.located_values import (
+    BROKEN,
+    Entry,
+    Keys,
+    LocatedValue,
+    at,
+    child,
+    mapping,
+    plain,
+    sequence,
+    spot_of,
+)
 from wsnsim.scenario.messages import faults_of
-from wsnsim.scenario.roles import AT_TOP, ROLES, Role, Scope
+from wsnsim.scenario.registry import kinds
 from wsnsim.scenario.schema import Chosen, PartModel, Scenario, is_without_target, part_model, scenario_model
-from wsnsim.scenario.sheets import spelt_out
-from wsnsim.scenario.tree import BROKEN, Entry, Keys, Node, at, child, mapping, plain, sequence, spot_of
 
 BEACON_STEP: Final = 1.0
 """s: between the rows of a network without a target, where the scenario says nothing else."""
 
 
-def validate(tree: Node) -> tuple[Scenario | None, list[Fault]]:
+def validate(tree: LocatedValue) -> tuple[Scenario | None, list[Issue]]:
     """The scenario that a tree says, or every fault of it."""
     if not isinstance(tree.value, dict):
         message = f"expected keys such as 'name', got {described(plain(tree))}"
@@ -53,14 +64,14 @@ def validate(tree: Node) -> tuple[Scenario | None, list[Fault]]:
     return (None if faults else scenario), faults
 
 
-def with_sheets(tree: Node) -> Node:
+def with_sheets(tree: LocatedValue) -> LocatedValue:
     """The tree with the fields of data sheets in place of their names, as far as they are found."""
     chosen, _ = _choose(tree, Scope())
     spelt, faults = spelt_out(tree, chosen)
     return tree if faults else spelt
 
 
-def _scope(tree: Node) -> tuple[Scope, list[Fault]]:
+def _scope(tree: LocatedValue) -> tuple[Scope, list[Issue]]:
     """Which roles the scenario uses."""
     said, kind = at(tree, ("network",)), at(tree, ("workload", "kind"))
     network, targets = said is None or said.value != "none", kind is None or not _is_without_target(kind.value)
@@ -77,16 +88,16 @@ def _is_without_target(kind: Any) -> bool:
         return False
 
 
-def _with_defaults(tree: Node, scope: Scope) -> Node:
+def _with_defaults(tree: LocatedValue, scope: Scope) -> LocatedValue:
     """The tree with an empty mapping for each role that is left out and has a default kind, or an empty list."""
     spot = tree.spot
-    missing = {} if scope.targets else {"step": Entry(spot, Node(BEACON_STEP, spot))}
+    missing = {} if scope.targets else {"step": Entry(spot, LocatedValue(BEACON_STEP, spot))}
     for role in filter(scope.uses, ROLES.values()):
         if role.optional:
             missing[role.listed] = Entry(spot, sequence([], spot))
         elif default := scope.default(role):
-            kind = {"kind": Entry(spot, Node(default, spot))} if default != role.default else {}
-            missing[role.name] = Entry(spot, Node(kind, spot))
+            kind = {"kind": Entry(spot, LocatedValue(default, spot))} if default != role.default else {}
+            missing[role.name] = Entry(spot, LocatedValue(kind, spot))
             given = child(tree, role.name)
             if kind and given is not None and isinstance(given.value, dict):
                 tree = mapping(
@@ -95,10 +106,10 @@ def _with_defaults(tree: Node, scope: Scope) -> Node:
     return mapping(missing | tree.value, spot)
 
 
-def _choose(tree: Node, scope: Scope) -> tuple[Chosen, list[Fault]]:
+def _choose(tree: LocatedValue, scope: Scope) -> tuple[Chosen, list[Issue]]:
     """The models behind each key, by their kinds; a key of which no kind is known is left out."""
     chosen: dict[str, tuple[type[PartModel] | None, ...]] = {}
-    faults: list[Fault] = []
+    faults: list[Issue] = []
     for key, path_and_node in _role_nodes(tree, scope, faults):
         found = tuple(_model_at(node, path, faults) for path, node in path_and_node)
         if any(found) or not found:
@@ -106,7 +117,9 @@ def _choose(tree: Node, scope: Scope) -> tuple[Chosen, list[Fault]]:
     return tuple(chosen.items()), faults
 
 
-def _role_nodes(tree: Node, scope: Scope, faults: list[Fault]) -> Iterator[tuple[str, list[tuple[Keys, Node]]]]:
+def _role_nodes(
+    tree: LocatedValue, scope: Scope, faults: list[Issue]
+) -> Iterator[tuple[str, list[tuple[Keys, LocatedValue]]]]:
     """(key, its mappings with their paths): one under a role's own name, several in a list."""
     for role in ROLES.values():
         alone = None if role.optional else child(tree, role.name)
@@ -125,7 +138,7 @@ def _role_nodes(tree: Node, scope: Scope, faults: list[Fault]) -> Iterator[tuple
             faults.append(tree.spot.fault((role.name,), f"is missing: {role.purpose}{also}"))
 
 
-def _items(several: Node, role: Role, faults: list[Fault]) -> list[tuple[Keys, Node]] | None:
+def _items(several: LocatedValue, role: Role, faults: list[Issue]) -> list[tuple[Keys, LocatedValue]] | None:
     """The mappings of a list with their paths; None if it is none, or an empty one where there must be some."""
     if not isinstance(several.value, list) or not (several.value or role.optional):
         if several.value is not BROKEN:
@@ -135,7 +148,7 @@ def _items(several: Node, role: Role, faults: list[Fault]) -> list[tuple[Keys, N
     return [((role.listed, i), node) for i, node in enumerate(several.value)]
 
 
-def _model_at(node: Node, path: Keys, faults: list[Fault]) -> type[PartModel] | None:
+def _model_at(node: LocatedValue, path: Keys, faults: list[Issue]) -> type[PartModel] | None:
     role = AT_TOP[str(path[0])]
     kind_path = (*path, "kind")
     written = child(node, "kind")
@@ -158,7 +171,7 @@ def _model_at(node: Node, path: Keys, faults: list[Fault]) -> type[PartModel] | 
         return None
 
 
-def _located(tree: Node, chosen: Chosen) -> dict[str, Any]:
+def _located(tree: LocatedValue, chosen: Chosen) -> dict[str, Any]:
     """The plain values; file names (fields `path`, `..._path`) are taken from the folder of the text they stand in."""
     data: dict[str, Any] = plain(tree)
     for key, models in chosen:

@@ -12,9 +12,9 @@ from typing import Any
 from pydantic import BaseModel, Field, create_model
 
 from wsnsim.scenario.build import plain_json
-from wsnsim.scenario.catalog import kinds
 from wsnsim.scenario.fields import PartError, PartModel
-from wsnsim.scenario.roles import AT_TOP, ROLES
+from wsnsim.scenario.kinds import AT_TOP, ROLES
+from wsnsim.scenario.registry import kinds
 from wsnsim.scenario.schema import BEACONS, Scenario, part_model
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"

@@ -11,14 +11,14 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias
 
-from wsnsim.base.errors import Fault, ScenarioError, did_you_mean
+from wsnsim.base.errors import Issue, ScenarioError, did_you_mean
 from wsnsim.scenario.build import resolved
 
 if TYPE_CHECKING:
+    from wsnsim.scenario.located_values import LocatedValue, Text
     from wsnsim.scenario.schema import Scenario
-    from wsnsim.scenario.tree import Node, Text
 
-Assignment: TypeAlias = "tuple[tuple[str | int, ...], Node]"
+Assignment: TypeAlias = "tuple[tuple[str | int, ...], LocatedValue]"
 """A path of keys, and what is laid there."""
 LARGEST_FILE: Final = 10_000_000
 SUFFIXES: Final = (".yaml", ".yml")
@@ -46,8 +46,8 @@ def load(source: str | Path | Mapping[str, Any] | Scenario, overrides: Iterable[
 class Gathered(NamedTuple):
     """A scenario's text before it is checked: its tree (None if it cannot be read), and where it comes from."""
 
-    tree: Node | None
-    faults: list[Fault]
+    tree: LocatedValue | None
+    faults: list[Issue]
     origin: tuple[str, str]
 
 
@@ -56,14 +56,14 @@ def gathered(source: str | Path | Mapping[str, Any]) -> Gathered:
     return Gathered(*(_from_dict(source) if isinstance(source, Mapping) else _from_file(source)))
 
 
-def finished(text: Gathered, assignments: Iterable[Assignment], wrong: Iterable[Fault] = ()) -> Scenario:
+def finished(text: Gathered, assignments: Iterable[Assignment], wrong: Iterable[Issue] = ()) -> Scenario:
     """The scenario that a text says once values are laid on it. Many may be made of one text.
 
     Raises:
         ScenarioError: with every fault found, those in `wrong` among them.
     """
     from wsnsim.scenario.check import validate
-    from wsnsim.scenario.tree import in_order
+    from wsnsim.scenario.located_values import in_order
 
     assert text.tree is not None
     changed, unfit = _laid(text.tree, assignments)
@@ -100,8 +100,8 @@ def find(source: str | Path, folder: Path | None = None) -> Path | None:
     return known or (start if start.is_dir() else None)
 
 
-def _from_file(source: str | Path) -> tuple[Node | None, list[Fault], tuple[str, str]]:
-    from wsnsim.scenario.tree import Text
+def _from_file(source: str | Path) -> tuple[LocatedValue | None, list[Issue], tuple[str, str]]:
+    from wsnsim.scenario.located_values import Text
 
     path = find_or_none(source)
     if path is None:
@@ -129,8 +129,8 @@ def find_or_none(source: str | Path, folder: Path | None = None) -> Path | None:
         return None
 
 
-def _nowhere(source: str | Path, text: Text) -> Fault:
-    from wsnsim.scenario.tree import Spot
+def _nowhere(source: str | Path, text: Text) -> Issue:
+    from wsnsim.scenario.located_values import Spot
 
     return Spot(text).fault((), f"there is no such file, and no shipped scenario of this name ({_nearest(source)})")
 
@@ -139,30 +139,30 @@ def _nearest(source: str | Path) -> str:
     return did_you_mean(Path(source).stem, shipped())
 
 
-def content_of(path: Path) -> tuple[str | None, list[Fault]]:
+def content_of(path: Path) -> tuple[str | None, list[Issue]]:
     """The text of a file; None and a fault if it is no text."""
     try:
         with path.open("rb") as file:
             raw = file.read(LARGEST_FILE + 1)
     except IsADirectoryError:
-        return None, [Fault((), "is a folder, expected a scenario file", str(path))]
+        return None, [Issue((), "is a folder, expected a scenario file", str(path))]
     except OSError as error:
-        return None, [Fault((), f"cannot be read: {error.strerror}", str(path))]
+        return None, [Issue((), f"cannot be read: {error.strerror}", str(path))]
     if len(raw) > LARGEST_FILE:
-        return None, [Fault((), f"is larger than {LARGEST_FILE // 1_000_000} MB, which no scenario is", str(path))]
+        return None, [Issue((), f"is larger than {LARGEST_FILE // 1_000_000} MB, which no scenario is", str(path))]
     try:
         text = raw.decode("utf-8-sig")
     except UnicodeDecodeError:
         text = "\0"
     if "\0" in text:
-        return None, [Fault((), "is a binary file (or not UTF-8), expected YAML text", str(path))]
+        return None, [Issue((), "is a binary file (or not UTF-8), expected YAML text", str(path))]
     return text, []
 
 
-def _gathered(path: Path, content: str, through: tuple[Path, ...]) -> tuple[Node | None, list[Fault]]:
+def _gathered(path: Path, content: str, through: tuple[Path, ...]) -> tuple[LocatedValue | None, list[Issue]]:
     """The tree of a file, laid on that of the file it extends. `through`: the files that led here."""
+    from wsnsim.scenario.located_values import Text
     from wsnsim.scenario.reader import read
-    from wsnsim.scenario.tree import Text
 
     text = Text(str(path), path.parent, tuple(content.splitlines()) or ("",))
     tree, faults = read(content, text)
@@ -172,9 +172,9 @@ def _gathered(path: Path, content: str, through: tuple[Path, ...]) -> tuple[Node
 
 
 def _extended(
-    tree: Node, faults: list[Fault], folder: Path, through: tuple[Path, ...]
-) -> tuple[Node | None, list[Fault]]:
-    from wsnsim.scenario.tree import mapping, merged
+    tree: LocatedValue, faults: list[Issue], folder: Path, through: tuple[Path, ...]
+) -> tuple[LocatedValue | None, list[Issue]]:
+    from wsnsim.scenario.located_values import mapping, merged
 
     own = mapping({key: entry for key, entry in tree.value.items() if key != "extends"}, tree.spot)
     node = tree.value["extends"].node
@@ -191,11 +191,11 @@ def _extended(
     return (own if base is None else merged(base, own)), [*faults, *found]
 
 
-def _from_dict(source: Mapping[str, Any]) -> tuple[Node | None, list[Fault], tuple[str, str]]:
+def _from_dict(source: Mapping[str, Any]) -> tuple[LocatedValue | None, list[Issue], tuple[str, str]]:
     import yaml
 
+    from wsnsim.scenario.located_values import BROKEN, Text, plain
     from wsnsim.scenario.reader import of_dict
-    from wsnsim.scenario.tree import BROKEN, Text, plain
 
     tree, faults = of_dict(source, Text("", Path.cwd()))
     if tree.value is BROKEN or faults:
@@ -206,7 +206,7 @@ def _from_dict(source: Mapping[str, Any]) -> tuple[Node | None, list[Fault], tup
     return *_extended(tree, faults, Path.cwd(), ()), ("", written)
 
 
-def assignments_of(overrides: Iterable[str]) -> tuple[list[Assignment], list[Fault]]:
+def assignments_of(overrides: Iterable[str]) -> tuple[list[Assignment], list[Issue]]:
     """What 'a.b.c=value' assigns, for each that can be read, and what is wrong with the others."""
     read = [_assignment(override) for override in overrides]
     return [(keys, node) for keys, node, _ in read if node is not None], [
@@ -214,12 +214,12 @@ def assignments_of(overrides: Iterable[str]) -> tuple[list[Assignment], list[Fau
     ]
 
 
-def _laid(tree: Node, assignments: Iterable[Assignment]) -> tuple[Node, list[Fault]]:
+def _laid(tree: LocatedValue, assignments: Iterable[Assignment]) -> tuple[LocatedValue, list[Issue]]:
     """The tree with each value laid on it: whole roles and kinds first, since they replace what a role said before."""
     from wsnsim.scenario.check import with_sheets
-    from wsnsim.scenario.tree import assigned
+    from wsnsim.scenario.located_values import assigned
 
-    faults: list[Fault] = []
+    faults: list[Issue] = []
     for keys, node in sorted(assignments, key=lambda pair: len(pair[0]) > 1 and pair[0][-1] != "kind"):
         if not isinstance(tree.value, dict):
             continue
@@ -232,16 +232,16 @@ def _laid(tree: Node, assignments: Iterable[Assignment]) -> tuple[Node, list[Fau
     return tree, faults
 
 
-def _assignment(override: str) -> tuple[tuple[str | int, ...], Node | None, list[Fault]]:
+def _assignment(override: str) -> tuple[tuple[str | int, ...], LocatedValue | None, list[Issue]]:
+    from wsnsim.scenario.located_values import Text, dotted
     from wsnsim.scenario.reader import read
-    from wsnsim.scenario.tree import Text, dotted
 
     written, sign, value = override.partition("=")
     keys = keys_of(written)
     if not sign or not keys or not value.strip():
-        return (), None, [Fault((), "expected KEY=VALUE, such as link.reach='80 m'", f"--set {override}")]
+        return (), None, [Issue((), "expected KEY=VALUE, such as link.reach='80 m'", f"--set {override}")]
     if keys[0] == "extends":
-        return (), None, [Fault((), "'extends' can be written in a file only", f"--set {written}")]
+        return (), None, [Issue((), "'extends' can be written in a file only", f"--set {written}")]
     node, faults = read(value, Text(f"--set {dotted(keys)}", Path.cwd(), (), keys))
     return keys, node, faults
 

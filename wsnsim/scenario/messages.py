@@ -9,9 +9,9 @@ from typing import Any, Final, get_args
 
 from pydantic import BaseModel, ValidationError
 
-from wsnsim.base.errors import Fault, did_you_mean
+from wsnsim.base.errors import Issue, did_you_mean
 from wsnsim.scenario.fields import described
-from wsnsim.scenario.tree import BROKEN, Key, Keys, Node, at, child, spot_of
+from wsnsim.scenario.located_values import BROKEN, Key, Keys, LocatedValue, at, child, spot_of
 from wsnsim.scenario.units import shown
 
 BOUNDS: Final = {
@@ -29,7 +29,7 @@ EXPECTED: Final = {
 }
 
 
-def faults_of(error: ValidationError, model: type[BaseModel], tree: Node) -> list[Fault]:
+def faults_of(error: ValidationError, model: type[BaseModel], tree: LocatedValue) -> list[Issue]:
     """One fault a path: alternatives of a union that all fail are said in one message."""
     said: dict[Keys, list[str]] = {}
     at_key = set()
@@ -45,10 +45,10 @@ def faults_of(error: ValidationError, model: type[BaseModel], tree: Node) -> lis
     return [spot_of(tree, path, path in at_key).fault(path, "; or ".join(words)) for path, words in said.items()]
 
 
-def _written(location: tuple[Key, ...], tree: Node) -> Keys:
+def _written(location: tuple[Key, ...], tree: LocatedValue) -> Keys:
     """The location without the marks that pydantic leaves where it tried the alternatives of a union."""
     path: list[Key] = []
-    node: Node | None = tree
+    node: LocatedValue | None = tree
     for key in location:
         if node is not None and isinstance(node.value, dict if isinstance(key, str) else list):
             path.append(key)
@@ -56,7 +56,7 @@ def _written(location: tuple[Key, ...], tree: Node) -> Keys:
     return tuple(path)
 
 
-def _is_broken(tree: Node, path: Keys) -> bool:
+def _is_broken(tree: LocatedValue, path: Keys) -> bool:
     node = at(tree, path)
     return node is not None and node.value is BROKEN
 

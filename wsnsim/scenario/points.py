@@ -12,13 +12,13 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from wsnsim.base.errors import Fault, ScenarioError
+from wsnsim.base.errors import Issue, ScenarioError
 from wsnsim.scenario.axes import Settings
 from wsnsim.scenario.build import build, resolved
 from wsnsim.scenario.load import Assignment, Gathered, finished
+from wsnsim.scenario.located_values import Keys, LocatedValue, dotted, in_order, plain
 from wsnsim.scenario.schema import Scenario
 from wsnsim.scenario.sweep_schema import Point
-from wsnsim.scenario.tree import Keys, Node, dotted, in_order, plain
 
 LEFT_OUT: Final = ("name", "replicates")
 """What a scenario says that changes no replicate of it."""
@@ -36,7 +36,7 @@ def points_of(bases: Sequence[Gathered], common: Sequence[Assignment], settings:
     Raises:
         ScenarioError: with the faults of every point, as far as they differ, or two points that are one.
     """
-    faults: dict[Keys, Fault] = {}
+    faults: dict[Keys, Issue] = {}
     points: dict[str, Point] = {}
     chosen = list(settings)
     for base in bases:
@@ -55,7 +55,7 @@ def points_of(bases: Sequence[Gathered], common: Sequence[Assignment], settings:
             if twin is not point:
                 said = f"{_words(twin)} and {_words(point)} are the same point: nothing that they say differs"
                 keys, node = laid[-1] if laid else ((), None)
-                faults.setdefault((said,), node.spot.fault(keys, said) if node else Fault((), said))
+                faults.setdefault((said,), node.spot.fault(keys, said) if node else Issue((), said))
     if faults:
         raise ScenarioError(in_order(faults.values()))
     return list(points.values())
@@ -96,7 +96,7 @@ def _point(scenario: Scenario, laid: Settings, first: Mapping[str, Any]) -> Poin
     return Point(_digest(decides), {**first, **values}, json.dumps(said), _digest(world))
 
 
-def _leaves(keys: Keys, node: Node, said: Mapping[str, Any]) -> list[tuple[str, Any]]:
+def _leaves(keys: Keys, node: LocatedValue, said: Mapping[str, Any]) -> list[tuple[str, Any]]:
     """(column, value in SI units) of everything that one setting writes: of a whole role, each of its keys."""
     if isinstance(node.value, dict):
         return [leaf for key, entry in node.value.items() for leaf in _leaves((*keys, key), entry.node, said)]

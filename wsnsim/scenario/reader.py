@@ -16,8 +16,8 @@ from typing import Any, Final
 
 import yaml
 
-from wsnsim.base.errors import Fault
-from wsnsim.scenario.tree import BROKEN, Entry, Keys, Node, Spot, Text, mapping, sequence
+from wsnsim.base.errors import Issue
+from wsnsim.scenario.located_values import BROKEN, Entry, Keys, LocatedValue, Spot, Text, mapping, sequence
 from wsnsim.scenario.units import shown
 
 DEEPEST: Final = 40
@@ -55,7 +55,7 @@ for _tag, _pattern, _first in (
     _CoreLoader.add_implicit_resolver(TAG + _tag, re.compile(f"(?:{_pattern.pattern})$"), _first)
 
 
-def read(content: str, text: Text) -> tuple[Node | None, list[Fault]]:
+def read(content: str, text: Text) -> tuple[LocatedValue | None, list[Issue]]:
     """The tree of a YAML text. None if it is no YAML, or holds nothing; the faults say why."""
     try:
         node = yaml.compose(content, Loader=_CoreLoader)
@@ -71,14 +71,14 @@ def read(content: str, text: Text) -> tuple[Node | None, list[Fault]]:
     return reading.node(node, ()), reading.faults
 
 
-def _syntax_fault(error: yaml.MarkedYAMLError, text: Text) -> Fault:
+def _syntax_fault(error: yaml.MarkedYAMLError, text: Text) -> Issue:
     mark = error.problem_mark or error.context_mark
     spot = Spot(text, mark.line, mark.column) if mark else Spot(text)
     said = ", ".join(piece for piece in (error.context, error.problem) if piece)
     return spot.fault(text.keys, f"not valid YAML: {said}")
 
 
-def _character_fault(content: str, error: yaml.reader.ReaderError, text: Text) -> Fault:
+def _character_fault(content: str, error: yaml.reader.ReaderError, text: Text) -> Issue:
     before = content[: error.position]
     spot = Spot(text, before.count("\n"), len(before) - before.rfind("\n") - 1)
     code = error.character if isinstance(error.character, int) else ord(error.character)
@@ -90,11 +90,11 @@ class _Reading:
     """One text being read: its faults, what each node gave, and the nodes still open (an alias to one has no end)."""
 
     text: Text
-    faults: list[Fault] = field(default_factory=list)
-    known: dict[int, Node] = field(default_factory=dict)
+    faults: list[Issue] = field(default_factory=list)
+    known: dict[int, LocatedValue] = field(default_factory=dict)
     open: set[int] = field(default_factory=set)
 
-    def node(self, source: yaml.Node, path: Keys) -> Node:
+    def node(self, source: yaml.Node, path: Keys) -> LocatedValue:
         if id(source) in self.known:
             return self.known[id(source)]
         if id(source) in self.open:
@@ -107,7 +107,7 @@ class _Reading:
         self.known[id(source)] = node
         return node
 
-    def fresh(self, source: yaml.Node, path: Keys) -> Node:
+    def fresh(self, source: yaml.Node, path: Keys) -> LocatedValue:
         if isinstance(source, yaml.ScalarNode):
             return self.scalar(source, path)
         if source.tag not in (TAG + "map", TAG + "seq"):
@@ -143,21 +143,21 @@ class _Reading:
                 self.complain(item, path, "'<<' merges mappings only")
         return found
 
-    def scalar(self, source: yaml.ScalarNode, path: Keys) -> Node:
+    def scalar(self, source: yaml.ScalarNode, path: Keys) -> LocatedValue:
         tag = source.tag.removeprefix(TAG)
         if tag not in ("str", "int", "float", "bool", "null", "merge", "!"):
             return self.complain(source, path, f"unknown tag {shown(tag)}")
         try:
-            return Node(_value(tag, source.value), self.spot(source))
+            return LocatedValue(_value(tag, source.value), self.spot(source))
         except ValueError as error:
             return self.complain(source, path, str(error))
 
     def spot(self, source: yaml.Node) -> Spot:
         return Spot(self.text, source.start_mark.line, source.start_mark.column)
 
-    def complain(self, source: yaml.Node, path: Keys, message: str) -> Node:
+    def complain(self, source: yaml.Node, path: Keys, message: str) -> LocatedValue:
         self.faults.append(self.spot(source).fault((*self.text.keys, *path), message))
-        return Node(BROKEN, self.spot(source))
+        return LocatedValue(BROKEN, self.spot(source))
 
 
 def _value(tag: str, text: str) -> Any:
@@ -189,23 +189,25 @@ def _real(text: str) -> float:
     return value
 
 
-def of_dict(values: Any, text: Text, path: Keys = (), inside: frozenset[int] = frozenset()) -> tuple[Node, list[Fault]]:
+def of_dict(
+    values: Any, text: Text, path: Keys = (), inside: frozenset[int] = frozenset()
+) -> tuple[LocatedValue, list[Issue]]:
     """The tree of a caller's dict; tuples and arrays are lists, NumPy scalars their values, paths text."""
     spot = Spot(text)
     if len(path) > DEEPEST or id(values) in inside:
-        return Node(BROKEN, spot), [spot.fault(path, f"nested deeper than {DEEPEST} levels, or within itself")]
+        return LocatedValue(BROKEN, spot), [spot.fault(path, f"nested deeper than {DEEPEST} levels, or within itself")]
     if hasattr(values, "tolist"):
         values = values.tolist()
     if isinstance(values, Mapping | list | tuple):
         return _of_many(values, text, path, inside | {id(values)})
     if hasattr(values, "__fspath__"):
-        return Node(str(values), spot), []
+        return LocatedValue(str(values), spot), []
     if values is None or isinstance(values, bool | int | float | str):
-        return Node(values, spot), []
-    return Node(BROKEN, spot), [spot.fault(path, f"a {type(values).__name__} cannot stand in a scenario")]
+        return LocatedValue(values, spot), []
+    return LocatedValue(BROKEN, spot), [spot.fault(path, f"a {type(values).__name__} cannot stand in a scenario")]
 
 
-def _of_many(values: Any, text: Text, path: Keys, inside: frozenset[int]) -> tuple[Node, list[Fault]]:
+def _of_many(values: Any, text: Text, path: Keys, inside: frozenset[int]) -> tuple[LocatedValue, list[Issue]]:
     spot = Spot(text)
     pairs = values.items() if isinstance(values, Mapping) else enumerate(values)
     inner = {}

@@ -24,7 +24,6 @@ from pydantic import (
 from wsnsim.base import metrics, ports, radio, sleeping
 from wsnsim.base.part import Quantity
 from wsnsim.base.tables import RECORDED_BY_DEFAULT
-from wsnsim.scenario.catalog import ROLES, find, load_class
 from wsnsim.scenario.fields import (
     FROZEN,
     Number,
@@ -36,8 +35,9 @@ from wsnsim.scenario.fields import (
     names_of,
     refusal,
 )
-from wsnsim.scenario.roles import AT_TOP, Role, Scope
-from wsnsim.scenario.tree import Keys, Node, Spot, spot_of
+from wsnsim.scenario.kinds import AT_TOP, Role, Scope
+from wsnsim.scenario.located_values import Keys, LocatedValue, Spot, spot_of
+from wsnsim.scenario.registry import ROLES, find, load_class
 from wsnsim.scenario.units import shown
 
 MOST_STEPS: Final = 10_000_000
@@ -166,7 +166,7 @@ class Scenario(BaseModel):
     until: Until | None = Field(None, description="what ends a run before its duration does")
     record: Record = Field(Record(), description="which tables the result holds")  # type: ignore[valid-type]
 
-    _tree: Node = PrivateAttr()
+    _tree: LocatedValue = PrivateAttr()
     _source: tuple[str, str] = PrivateAttr(("", ""))
 
     @field_validator("duration")

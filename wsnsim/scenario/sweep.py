@@ -42,14 +42,10 @@ from wsnsim.scenario.load import (
     keys_of,
     shipped_sweeps,
 )
-from wsnsim.scenario.messages import faults_of
-from wsnsim.scenario.points import LEFT_OUT, SCENARIO, demand_no_axis, keys_of_points, points_of, reals_of
-from wsnsim.scenario.reader import of_dict, read
-from wsnsim.scenario.sweep_schema import Plan, Written
-from wsnsim.scenario.tree import (
+from wsnsim.scenario.located_values import (
     Entry,
     Keys,
-    Node,
+    LocatedValue,
     Spot,
     Text,
     assigned,
@@ -61,6 +57,10 @@ from wsnsim.scenario.tree import (
     plain,
     sequence,
 )
+from wsnsim.scenario.messages import faults_of
+from wsnsim.scenario.points import LEFT_OUT, SCENARIO, demand_no_axis, keys_of_points, points_of, reals_of
+from wsnsim.scenario.reader import of_dict, read
+from wsnsim.scenario.sweep_schema import Plan, Written
 
 KEPT: Final = ("runs", "tracks")
 """What a campaign records where nobody asks for more."""
@@ -137,7 +137,7 @@ def load_sweep(
     )
 
 
-def _bases(tree: Node) -> list[Gathered]:
+def _bases(tree: LocatedValue) -> list[Gathered]:
     """The scenarios that the sweep names: files from its folder, or shipped ones."""
     node = tree.value["scenario"].node
     if node.value == []:
@@ -155,7 +155,7 @@ def _bases(tree: Node) -> list[Gathered]:
     return found
 
 
-def _read(source: str | Path | Mapping[str, Any] | Sequence[str]) -> tuple[Node, str, str]:
+def _read(source: str | Path | Mapping[str, Any] | Sequence[str]) -> tuple[LocatedValue, str, str]:
     """(tree, name that the sweep has where it gives none, text)."""
     if isinstance(source, Mapping):
         tree, faults = of_dict(source, Text("", Path.cwd()))
@@ -172,7 +172,7 @@ def _read(source: str | Path | Mapping[str, Any] | Sequence[str]) -> tuple[Node,
         return node, path.stem, content or ""
     names = [str(source)] if isinstance(source, str | Path) else [str(name) for name in source]
     spot = Spot(Text("", Path.cwd()))
-    nodes = [Node(name, spot) for name in names]
+    nodes = [LocatedValue(name, spot) for name in names]
     given = nodes[0] if len(nodes) == 1 else sequence(nodes, spot)
     stems = "_".join(Path(name).stem for name in names[:4])
     return mapping({"scenario": Entry(spot, given)}, spot), re.sub(r"^\W|[^\w.\-]", "_", stems)[:100] or "sweep", ""
@@ -194,7 +194,7 @@ def _sweep_file(source: str | Path) -> Path | None:
     return shipped_sweeps().get(str(source).removesuffix(".yaml"))
 
 
-def _with_vary(tree: Node, vary: Iterable[str]) -> Node:
+def _with_vary(tree: LocatedValue, vary: Iterable[str]) -> LocatedValue:
     """The tree with the axes of the command line in its grid, in place of what the file says of the same key."""
     added: dict[str, Entry] = {}
     for text in vary:
@@ -219,20 +219,22 @@ def _with_vary(tree: Node, vary: Iterable[str]) -> Node:
     return mapping({**tree.value, "grid": Entry(tree.spot, grid)}, tree.spot)
 
 
-def _with_given(tree: Node, given: Mapping[str, Any], name: str) -> Node:
+def _with_given(tree: LocatedValue, given: Mapping[str, Any], name: str) -> LocatedValue:
     """The tree with what the command line says laid over it; --replicates ends a stopping rule, too."""
-    default = {"name": Entry(tree.spot, Node(name, tree.spot))}
+    default = {"name": Entry(tree.spot, LocatedValue(name, tree.spot))}
     spots = {key: Spot(Text(f"--{key}", Path.cwd(), (), (key,))) for key in given}
-    said = {key: Entry(spots[key], Node(value, spots[key])) for key, value in given.items() if value is not None}
+    said = {
+        key: Entry(spots[key], LocatedValue(value, spots[key])) for key, value in given.items() if value is not None
+    }
     kept = {key: entry for key, entry in tree.value.items() if not ("replicates" in said and key == "until")}
     return mapping({**default, **kept, **said}, tree.spot)
 
 
 def _record(spot: Spot) -> list[Assignment]:
-    return [(("record", table), Node(table in KEPT, spot)) for table in TABLES]
+    return [(("record", table), LocatedValue(table in KEPT, spot)) for table in TABLES]
 
 
-def _assigned(node: Node | None) -> list[Assignment]:
+def _assigned(node: LocatedValue | None) -> list[Assignment]:
     """What a mapping of dotted keys lays on a scenario."""
     if node is None:
         return []
@@ -246,9 +248,9 @@ def _keys(key: str, entry: Entry) -> Keys:
     return keys
 
 
-def _axes(node: Node) -> shapes.Axes:
+def _axes(node: LocatedValue) -> shapes.Axes:
     """The axes of a block, each under its path."""
-    axes: dict[Keys, Node] = {}
+    axes: dict[Keys, LocatedValue] = {}
     for keys, values in _assigned(node):
         if keys in axes:
             raise Refused(values, f"'{dotted(keys)}' is an axis twice")
@@ -256,7 +258,7 @@ def _axes(node: Node) -> shapes.Axes:
     return axes
 
 
-def _with_reals(tree: Node, bases: Iterable[Gathered], common: Sequence[Assignment]) -> Node:
+def _with_reals(tree: LocatedValue, bases: Iterable[Gathered], common: Sequence[Assignment]) -> LocatedValue:
     """The tree in which ranges between whole numbers are of real numbers, where the scenarios have one at their key."""
     is_real = reals_of(bases, common)
     for block in BLOCKS:
@@ -267,7 +269,7 @@ def _with_reals(tree: Node, bases: Iterable[Gathered], common: Sequence[Assignme
     return tree
 
 
-def _combined(tree: Node, written: Written) -> list[Settings]:
+def _combined(tree: LocatedValue, written: Written) -> list[Settings]:
     """Every point: one of each block, combined with each other."""
     blocks: list[list[Settings]] = []
     for name in ("grid", "zip"):
@@ -299,6 +301,6 @@ def _joined(chosen: Iterable[Settings]) -> Settings:
     return together
 
 
-def _demand_few_runs(tree: Node, runs: int) -> None:
+def _demand_few_runs(tree: LocatedValue, runs: int) -> None:
     if runs > MOST_RUNS:
         raise ScenarioError([tree.spot.fault((), f"makes {runs:,} runs; at most {MOST_RUNS:,} are allowed")])

@@ -15,11 +15,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wsnsim.base.arrays import Bools
-from wsnsim.base.asks import Ask, Broadcast, Compute, Gather, Local, Member, Parcel, Scatter, Send
-from wsnsim.base.loopback import Lose, silent
 from wsnsim.base.ports import Estimate, MotionModel, SensorModel, Tracker
+from wsnsim.base.requests import Ask, Broadcast, Compute, Gather, Local, Member, Parcel, Scatter, Send
 from wsnsim.models.motion import BoundedVelocity
 from wsnsim.models.sensing import AcousticEnergy
+from wsnsim.offline.loopback import Lose, silent
 from wsnsim.testing.privacy import examine, same
 from wsnsim.testing.table import FIRST, SECOND, Table, track
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from wsnsim.base.asks import Ask, Local, Member
+from wsnsim.base.requests import Ask, Local, Member
 from wsnsim.base.rng import derive
 
 

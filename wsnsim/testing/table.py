@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from wsnsim.base.arrays import Floats, planar
-from wsnsim.base.asks import Ask, Member
-from wsnsim.base.loopback import Lose, perfect, perform
 from wsnsim.base.ports import Estimate, Field, MotionModel, Scene, SensorModel, Tracker
+from wsnsim.base.requests import Ask, Member
 from wsnsim.base.rng import derive, derive_all, normals
+from wsnsim.offline.loopback import Lose, perfect, perform
 
 DT = 0.04
 FARTHEST = 100.0

@@ -13,10 +13,10 @@ import math
 from collections.abc import Iterator
 from typing import Annotated, ClassVar, Literal
 
-from wsnsim.base.errors import Fault
+from wsnsim.base.errors import Issue
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Scene
-from wsnsim.base.problem import Problem
+from wsnsim.base.setups import TrackingSetup
 from wsnsim.trackers.shared.dealing import PREDICT_CYCLES
 from wsnsim.trackers.shared.heads import MOVE_CYCLES, WEIGH_CYCLES, CloudBelief, HeadCloud, Prediction
 from wsnsim.trackers.shared.moments import noise_faults
@@ -40,7 +40,7 @@ class Nests:
     )
     move: Annotated[Move, "which columns of the state the search moves"] = "all"
 
-    def faults(self, parts: Problem) -> Iterator[Fault]:
+    def faults(self, parts: TrackingSetup) -> Iterator[Issue]:
         """A process noise without a density, under a Metropolis test, which needs that of the motion's transition."""
         if self.variant == "metropolis":
             yield from noise_faults(parts, "variant: metropolis")

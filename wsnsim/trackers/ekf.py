@@ -13,9 +13,9 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 
 from wsnsim.base.arrays import Floats, planar
-from wsnsim.base.asks import Compute, Flow, Gather, Member, Parcel, Scatter
 from wsnsim.base.part import part
 from wsnsim.base.ports import Scene
+from wsnsim.base.requests import Compute, Flow, Gather, Member, Parcel, Scatter
 from wsnsim.kernels.relay import kalman
 from wsnsim.trackers.shared.heads import GaussianBelief, HeadFilter
 from wsnsim.trackers.shared.moments import predicted

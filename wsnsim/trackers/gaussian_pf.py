@@ -19,9 +19,9 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 
 from wsnsim.base.arrays import Floats
-from wsnsim.base.asks import Compute, Flow, Member
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Scene
+from wsnsim.base.requests import Compute, Flow, Member
 from wsnsim.kernels.gaussian import sample
 from wsnsim.kernels.gravity import attract
 from wsnsim.kernels.swarm import NOWHERE, fly

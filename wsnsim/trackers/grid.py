@@ -14,11 +14,11 @@ from typing import Annotated, ClassVar
 import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats
-from wsnsim.base.asks import Compute, Flow, Member, Send
-from wsnsim.base.errors import Fault, RunError
+from wsnsim.base.errors import Issue, RunError
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Estimate, MotionModel, Scene
-from wsnsim.base.problem import Problem
+from wsnsim.base.requests import Compute, Flow, Member, Send
+from wsnsim.base.setups import TrackingSetup
 from wsnsim.kernels.grid import WINDOW, spread, weigh
 from wsnsim.trackers.shared.heads import WEIGH_CYCLES, GaussianBelief, HeadFilter
 from wsnsim.trackers.shared.parcels import moment_packets, parcel, weight_packets
@@ -58,17 +58,17 @@ class GridFilter(HeadFilter):
     low: Annotated[float, EDGE, "where the grid begins, in SI units"] = -60.0
     high: Annotated[float, EDGE, "where it ends"] = 60.0
 
-    def faults(self, parts: Problem) -> Iterator[Fault]:
+    def faults(self, parts: TrackingSetup) -> Iterator[Issue]:
         """A state of more than one column; a grid without extent."""
         for motion in parts.filter_motions:
             if len(motion.columns) != 1:
-                yield Fault(
+                yield Issue(
                     ("tracker", "kind"),
                     f"grid holds the density of a state of one column, and that of this motion has "
                     f"{len(motion.columns)} ({' '.join(motion.columns)}); it can go with ungm",
                 )
         if not self.high - self.low >= LEAST_EXTENT:
-            yield Fault(("tracker", "high"), f"the grid must reach from low ({self.low:g}) up to high ({self.high:g})")
+            yield Issue(("tracker", "high"), f"the grid must reach from low ({self.low:g}) up to high ({self.high:g})")
 
     @property
     def width(self) -> float:

@@ -14,11 +14,11 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats
-from wsnsim.base.asks import Compute, Flow, Member, Send
-from wsnsim.base.errors import Fault
+from wsnsim.base.errors import Issue
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Estimate, Scene
-from wsnsim.base.problem import Parts
+from wsnsim.base.requests import Compute, Flow, Member, Send
+from wsnsim.base.setups import NetworkSetup
 from wsnsim.kernels import gaussian
 from wsnsim.kernels.noise import particle_keys
 from wsnsim.kernels.particles import moments, weigh
@@ -75,7 +75,7 @@ class InformationPf:
     threshold: Annotated[float, Quantity("", ge=0, le=1), "resample below this fraction of effective particles"] = 0.5
     handover: Annotated[Literal["particles", "gaussian"], "what a handover carries"] = "particles"
 
-    def faults(self, parts: Parts) -> Iterator[Fault]:
+    def faults(self, parts: NetworkSetup) -> Iterator[Issue]:
         """The weights need a transition density, and so a process noise that can be inverted."""
         yield from noise_faults(parts, "the weight of ipf")
 

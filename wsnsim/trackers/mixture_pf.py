@@ -15,12 +15,12 @@ from typing import Annotated, ClassVar, Final
 import numpy as np
 
 from wsnsim.base.arrays import Floats, Ints
-from wsnsim.base.asks import Compute, Flow, Parcel, Send
-from wsnsim.base.errors import Fault, RunError
+from wsnsim.base.errors import Issue, RunError
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Estimate, Scene
-from wsnsim.base.problem import Problem
+from wsnsim.base.requests import Compute, Flow, Parcel, Send
 from wsnsim.base.rng import derive, derive_all, uniforms
+from wsnsim.base.setups import TrackingSetup
 from wsnsim.trackers.shared.fixes import gather_ranges
 from wsnsim.trackers.shared.heads import HeadFilter
 from wsnsim.trackers.shared.localising import fix_cycles, fixed, usable
@@ -153,11 +153,11 @@ class MixturePf(HeadFilter):
         """100 bytes."""
         return MOMENTS_BITS
 
-    def faults(self, parts: Problem) -> Iterator[Fault]:
+    def faults(self, parts: TrackingSetup) -> Iterator[Issue]:
         """A state that is not of positions and velocities in the plane."""
         for motion in parts.filter_motions:
             if motion.columns != COLUMNS:
-                yield Fault(("tracker", "kind"), _other_state(motion.columns))
+                yield Issue(("tracker", "kind"), _other_state(motion.columns))
                 return
 
     def turn_probability(self, dt: float) -> float:

@@ -14,11 +14,11 @@ from typing import Annotated, ClassVar, Literal, NamedTuple
 import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats
-from wsnsim.base.asks import PACKET_BITS, Broadcast, Flow, Gather, Local, Member, Parcel
-from wsnsim.base.errors import Fault
+from wsnsim.base.errors import Issue
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Estimate, Scene
-from wsnsim.base.problem import Parts
+from wsnsim.base.requests import PACKET_BITS, Broadcast, Flow, Gather, Local, Member, Parcel
+from wsnsim.base.setups import NetworkSetup
 from wsnsim.kernels.gaussian import fit, fuse, log_density
 from wsnsim.kernels.particles import moments, weigh
 from wsnsim.trackers.shared.dealing import (
@@ -124,7 +124,7 @@ class PsoMhpf:
     )
     handover: Annotated[Literal["particles", "gaussian"], "what a handover carries"] = "particles"
 
-    def faults(self, parts: Parts) -> Iterator[Fault]:
+    def faults(self, parts: NetworkSetup) -> Iterator[Issue]:
         """The transition density needs a process noise that can be inverted."""
         if self.acceptance == "transition":
             yield from noise_faults(parts, "acceptance: transition")

@@ -13,9 +13,9 @@ from typing import Annotated, ClassVar
 import numpy as np
 
 from wsnsim.base.arrays import Floats
-from wsnsim.base.asks import Compute, Flow, Send
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Estimate, Scene
+from wsnsim.base.requests import Compute, Flow, Send
 from wsnsim.kernels.relay import filter_each
 from wsnsim.trackers.shared.heads import GaussianBelief, HeadFilter
 from wsnsim.trackers.shared.moments import predicted

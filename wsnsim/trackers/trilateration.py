@@ -15,11 +15,11 @@ from typing import Annotated, ClassVar, Final, NamedTuple, Protocol, cast
 import numpy as np
 
 from wsnsim.base.arrays import Floats
-from wsnsim.base.asks import Compute, Flow
-from wsnsim.base.errors import Fault
+from wsnsim.base.errors import Issue
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Scene
-from wsnsim.base.problem import Problem
+from wsnsim.base.requests import Compute, Flow
+from wsnsim.base.setups import TrackingSetup
 from wsnsim.trackers.shared.dealing import PREDICT_CYCLES
 from wsnsim.trackers.shared.heads import GaussianBelief, HeadFilter, only_predicted
 from wsnsim.trackers.shared.readings import Evidence, gather_readings
@@ -78,10 +78,10 @@ class Trilateration(HeadFilter):
         float, Quantity("m", ge=1e-6, le=1e7), "standard deviation that the position has if all pairs agree"
     ] = 0.1
 
-    def faults(self, parts: Problem) -> Iterator[Fault]:
+    def faults(self, parts: TrackingSetup) -> Iterator[Issue]:
         """Circles cross in the plane."""
         if any(len(motion.position) != 2 for motion in parts.filter_motions):
-            yield Fault(
+            yield Issue(
                 ("tracker", "kind"),
                 "trilateration finds a position of two columns; this motion has one; it can use constant_velocity or "
                 "bounded_velocity",

@@ -20,7 +20,7 @@ from matplotlib.text import Annotation
 from matplotlib.ticker import LogLocator, NullLocator
 from matplotlib.transforms import Bbox
 
-from wsnsim.analysis.panels import BOUND, COLOURS
+from wsnsim.analysis.figure_style import BOUND, COLOURS
 from wsnsim.papers.frontier.measures import (
     LEAST_IN_TIME,
     MOST_LOST,

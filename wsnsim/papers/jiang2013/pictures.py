@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 from matplotlib.patheffects import withStroke
 
-from wsnsim.analysis.panels import BOUND, COLOURS, PUBLISHED, band, rmse_band, with_bands
+from wsnsim.analysis.figure_style import BOUND, COLOURS, PUBLISHED, band, rmse_band, with_bands
 from wsnsim.base import metrics
 from wsnsim.base.arrays import Floats
 from wsnsim.papers.jiang2013 import ENERGY, RMSE, STEP_ENERGY

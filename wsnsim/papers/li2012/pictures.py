@@ -15,7 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FormatStrFormatter, NullLocator
 
-from wsnsim.analysis.panels import COLOURS, PUBLISHED
+from wsnsim.analysis.figure_style import COLOURS, PUBLISHED
 from wsnsim.papers import measures
 from wsnsim.papers.li2012 import measures as li2012_measures
 from wsnsim.papers.li2012.experiments import DELAY, ERROR, MIDDLE, REPAIRED, TRACKED

@@ -21,7 +21,7 @@ from wsnsim import scenario as scenarios
 from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import ResultError
 from wsnsim.base.ports import Estimate
-from wsnsim.base.problem import Problem
+from wsnsim.base.setups import TrackingSetup
 from wsnsim.base.tables import Memory
 from wsnsim.papers.measures import Data
 
@@ -100,7 +100,7 @@ def probabilities(data: Data, variant: str) -> Mapping[int, Floats]:
 def made_again(data: Data, variant: str) -> Mapping[int, Floats]:
     """As `probabilities`, run by run."""
     problem = scenarios.build(scenarios.load(dict(data.scenario(variant))))
-    assert isinstance(problem, Problem), "figures 3 and 4 have a target"
+    assert isinstance(problem, TrackingSetup), "figures 3 and 4 have a target"
     recorded, found = data.of(variant, "estimates"), {}
     for replicate in sorted(data.of(variant, "runs")["replicate"].tolist()):
         watched, memory = _Watched(problem.tracker), Memory({"estimates": True})

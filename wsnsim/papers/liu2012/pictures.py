@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from wsnsim.analysis.panels import BOUND, COLOURS, band, rmse_band, with_bands
+from wsnsim.analysis.figure_style import BOUND, COLOURS, band, rmse_band, with_bands
 from wsnsim.base.arrays import Floats
 from wsnsim.papers.liu2012.measures import TAKES_PART, probabilities
 from wsnsim.papers.measures import Data

@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FormatStrFormatter, LogLocator, NullLocator
 
-from wsnsim.analysis.panels import BOUND, COLOURS, PUBLISHED, rmse_band, with_bands
+from wsnsim.analysis.figure_style import BOUND, COLOURS, PUBLISHED, rmse_band, with_bands
 from wsnsim.base import metrics
 from wsnsim.base.arrays import Floats
 from wsnsim.papers.measures import Data

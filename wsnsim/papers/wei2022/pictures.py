@@ -13,7 +13,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from wsnsim.analysis.panels import BOUND, COLOURS, PUBLISHED, band, rmse_band, with_bands
+from wsnsim.analysis.figure_style import BOUND, COLOURS, PUBLISHED, band, rmse_band, with_bands
 from wsnsim.base import metrics
 from wsnsim.base.arrays import Floats
 from wsnsim.papers.measures import Data

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats, Ints
-from wsnsim.base.asks import Broadcast, Compute, Flow, Gather, Local, Member, Parcel, Scatter, Send
 from wsnsim.base.ports import Scene
+from wsnsim.base.requests import Broadcast, Compute, Flow, Gather, Local, Member, Parcel, Scatter, Send
 from wsnsim.base.rng import uniforms
 from wsnsim.kernels.allocation import allocate
 from wsnsim.kernels.particles import moments, systematic

@@ -15,11 +15,11 @@ from typing import Annotated, ClassVar
 import numpy as np
 
 from wsnsim.base.arrays import Floats, Ints
-from wsnsim.base.asks import Compute, Flow, Gather, Member, Parcel, Send
-from wsnsim.base.errors import Fault
+from wsnsim.base.errors import Issue
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Estimate, Scene
-from wsnsim.base.problem import Problem
+from wsnsim.base.requests import Compute, Flow, Gather, Member, Parcel, Send
+from wsnsim.base.setups import TrackingSetup
 from wsnsim.trackers.shared.heads import HeadFilter
 from wsnsim.trackers.shared.localising import Fix, Point, Ranged, fix_cycles, fixed, usable
 from wsnsim.trackers.shared.moments import forecast, predicted
@@ -92,10 +92,10 @@ class RangeFix(HeadFilter):
         moved = forecast(Estimate(belief.mean, belief.cov), scene, ahead)
         return self._placed(moved, belief, scene.time + ahead * scene.dt, scene)
 
-    def faults(self, parts: Problem) -> Iterator[Fault]:
+    def faults(self, parts: TrackingSetup) -> Iterator[Issue]:
         """Circles cross in the plane."""
         if any(len(motion.position) != 2 for motion in parts.filter_motions):
-            yield Fault(
+            yield Issue(
                 ("tracker", "kind"),
                 "it fixes a position of two columns by ranges; this motion has one; take a motion in the plane",
             )

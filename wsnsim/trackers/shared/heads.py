@@ -15,9 +15,9 @@ from typing import Annotated, Any, Literal, NamedTuple
 import numpy as np
 
 from wsnsim.base.arrays import Floats, Keys
-from wsnsim.base.asks import Compute, Flow, Member
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Estimate, Scene
+from wsnsim.base.requests import Compute, Flow, Member
 from wsnsim.base.rng import derive
 from wsnsim.kernels.noise import particle_keys
 from wsnsim.kernels.particles import moments, weigh

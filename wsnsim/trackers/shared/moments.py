@@ -7,9 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from wsnsim.base.arrays import Floats
-from wsnsim.base.errors import Fault
+from wsnsim.base.errors import Issue
 from wsnsim.base.ports import Estimate, MotionModel, Scene
-from wsnsim.base.problem import Problem
+from wsnsim.base.setups import TrackingSetup
 
 LEAST_VARIANCE = 1e-9
 LEAST_EIGENVALUE = 1e-9
@@ -56,14 +56,14 @@ def fused_by_variance(means: Floats, variances: Floats) -> tuple[Floats, Floats,
     return mean, around.T @ around, np.diag(1.0 / precisions.sum(axis=0))
 
 
-def noise_faults(parts: Problem, why: str) -> Iterator[Fault]:
+def noise_faults(parts: TrackingSetup, why: str) -> Iterator[Issue]:
     """A fault for each filter's motion model whose process noise has no inverse, which `why` needs."""
     for number, motion in enumerate(parts.filter_motions):
         _, noise = motion.matrices(np.zeros((len(motion.columns), 1)), parts.dt, 0.0)
         if _is_singular(noise):
             path = ("motion",) if len(parts.filter_motions) == 1 else ("targets", number)
             remedy = "take a noise that acts on every column (see the motion's `noise` or `noise_input`)"
-            yield Fault(path, f"the process noise is singular, and {why} needs its density: {remedy}")
+            yield Issue(path, f"the process noise is singular, and {why} needs its density: {remedy}")
 
 
 def _is_singular(noise: Floats) -> bool:

@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats
-from wsnsim.base.asks import PACKET_BITS, Parcel, all_arrived
+from wsnsim.base.requests import PACKET_BITS, Parcel, all_arrived
 
 PARTICLES: Final = "particles"
 MOMENTS: Final = "moments"

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from wsnsim.base.arrays import Floats
-from wsnsim.base.asks import Broadcast, Delivery, Flow, Gather, Member, Parcel, Scatter
 from wsnsim.base.ports import Scene
+from wsnsim.base.requests import Broadcast, Delivery, Flow, Gather, Member, Parcel, Scatter
 from wsnsim.trackers.shared.parcels import is_whole, parcel, weight_packets
 
 READINGS = "readings"

@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats
-from wsnsim.base.asks import Flow
 from wsnsim.base.ports import Scene
+from wsnsim.base.requests import Flow
 from wsnsim.trackers.shared.parcels import weight_packets
 from wsnsim.trackers.shared.readings import gather_readings
 

@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 from typing import TypeVar
 
 from wsnsim.base.arrays import Floats
-from wsnsim.base.asks import Flow, Member
 from wsnsim.base.ports import Estimate, Scene
+from wsnsim.base.requests import Flow, Member
 from wsnsim.trackers.shared.dealing import Deal, Pool, no_particles, send_all, send_moments, undealt, up_to_date
 from wsnsim.trackers.shared.moments import predicted
 from wsnsim.trackers.shared.stacks import present, snapshot

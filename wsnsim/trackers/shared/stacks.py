@@ -18,8 +18,8 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from wsnsim.base.arrays import Floats, Ints, Keys
-from wsnsim.base.asks import Delivery, Member
 from wsnsim.base.ports import Scene, SensorModel
+from wsnsim.base.requests import Delivery, Member
 from wsnsim.base.rng import uniforms
 from wsnsim.kernels.gaussian import cholesky
 from wsnsim.kernels.noise import particle_keys

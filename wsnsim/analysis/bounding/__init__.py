@@ -1,1 +1,0 @@
-"""How bounds on the tracking error come about: what was drawn, what readings tell, and what is left of the doubt."""

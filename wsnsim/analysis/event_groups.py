@@ -1,0 +1,282 @@
+"""The events of a result, row by row, and what they add up to: acts of nodes, and messages with their hops and frames.
+
+rows_at(path, replicate, step) -> [Row];   ranges(path, table) -> {replicate: slice};   rows_in(path, slice) -> [Row]
+elsewhere(path, replicate, step, rows) -> {sequence: Elsewhere}       what other steps know of the step's messages
+gathered(rows, elsewhere) -> [Act | Message]                           in the order in which they began
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from wsnsim import recording
+from wsnsim.analysis.messages import EVERYONE, Frame, Message
+from wsnsim.analysis.plot_data import Layout, layout
+
+BLOCK: Final = 1 << 22
+"""Rows of two columns that are in memory at once while a step is looked for."""
+ON_THE_AIR: Final = ("send", "relay")
+OUTCOMES: Final = ("receive", "drop", "collide")
+CALLS: Final = ("call", "called")
+WAKING: Final = ("track", "announce", "invitation")
+"""What a message that wakes nodes is called in the log."""
+EXPIRED: Final = "expired"
+ACK: Final = "ack"
+
+
+class Row(NamedTuple):
+    """One event; the fields are the columns of `events`, categories as words ('' where there is none)."""
+
+    time: float
+    step: int
+    target: int
+    node: int
+    kind: str
+    what: str
+    frame: int
+    sequence: int
+    peer: int
+    packets: int
+    bits: int
+    joules: float
+    cause: str
+
+
+@dataclass(slots=True)
+class Act:
+    """The same thing, done by each of several nodes once: from `time` to `until`, for `joules` in all.
+
+    `peer`: the other node, -1 for none. `count`: rows; `packets` and `bits` are sums over them.
+    """
+
+    time: float
+    until: float
+    kind: str
+    what: str
+    target: int
+    peer: int
+    nodes: list[int] = field(default_factory=list)
+    count: int = 0
+    packets: int = 0
+    bits: int = 0
+    joules: float = 0.0
+
+    def add(self, row: Row) -> None:
+        """One more row of it."""
+        self.until = row.time
+        self.nodes.append(row.node)
+        self.count += 1
+        self.packets += row.packets
+        self.bits += row.bits
+        self.joules += row.joules
+
+
+def plan_of(path: str | Path) -> Layout:
+    """How the states are laid out; empty where there is no target."""
+    return layout(path) if recording.attributes(path)["states"] else Layout({}, ())
+
+
+def ranges(path: str | Path, table: str = "events") -> dict[int, slice]:
+    """Which rows of a table each replicate has: from its first to its last."""
+    found: dict[int, slice] = {}
+    for start, columns in _blocks(path, ["replicate"], table):
+        numbers = columns["replicate"]
+        for number in np.unique(numbers).tolist():
+            at = np.flatnonzero(numbers == number)
+            first = found[number].start if number in found else start + int(at[0])
+            found[number] = slice(first, start + int(at[-1]) + 1)
+    return found
+
+
+def rows_at(path: str | Path, replicate: int, step: int) -> list[Row]:
+    """The events of one step. Two columns are looked through, a block at a time; then only the step's rows are read."""
+    first, last = None, 0
+    for start, columns in _blocks(path, ["replicate", "step"]):
+        at = np.flatnonzero((columns["replicate"] == replicate) & (columns["step"] == step))
+        if at.size:
+            first, last = (start + int(at[0]) if first is None else first), start + int(at[-1]) + 1
+    if first is None:
+        return []
+    return [row for number, row in _read(path, slice(first, last)) if number == replicate and row.step == step]
+
+
+class Elsewhere(NamedTuple):
+    """What other steps know of a message: whether it began before, whether it goes on after, and what it is."""
+
+    before: bool
+    after: bool
+    what: str
+
+
+def elsewhere(path: str | Path, replicate: int, step: int, rows: Sequence[Row]) -> dict[int, Elsewhere]:
+    """What other steps know of the messages of which these rows are; those of this step alone are left out."""
+    wanted = np.array(sorted({row.sequence for row in rows if row.sequence}), dtype=np.int64)
+    words = recording.meanings(path, "events", "what")
+    known: dict[int, Elsewhere] = {}
+    for _, columns in _blocks(path, ["replicate", "step", "sequence", "frame", "what"]) if wanted.size else ():
+        at = (columns["replicate"] == replicate) & (columns["step"] != step) & np.isin(columns["sequence"], wanted)
+        for i in np.flatnonzero(at).tolist():
+            sequence, later = int(columns["sequence"][i]), bool(columns["step"][i] > step)
+            old = known.get(sequence, Elsewhere(False, False, ""))
+            word = _word(words, int(columns["what"][i])) if columns["frame"][i] else ""
+            what = old.what or (word if word != ACK else "")
+            known[sequence] = Elsewhere(old.before or not later, old.after or later, what)
+    return known
+
+
+def rows_in(path: str | Path, rows: slice) -> list[Row]:
+    """The events in a range of rows."""
+    return [row for _, row in _read(path, rows)]
+
+
+def gathered(rows: Iterable[Row], known: Mapping[int, Elsewhere] | None = None) -> list[Act | Message]:
+    """What the rows add up to: a message a sequence number, and what nodes did besides, alike things together.
+
+    A node that does the same again begins a new act, so that rounds stay apart. `known`: see `elsewhere`.
+    """
+    found: list[Act | Message] = []
+    messages: dict[tuple[bool, int], Message] = {}
+    acts: dict[tuple[object, ...], tuple[Act, set[int]]] = {}
+    rows = list(rows)
+    leads = {row.node for row in rows if row.kind in ("estimate", "announce", "allocate", "handover")}
+    for row in rows:
+        if _is_too_late(row):
+            message = messages.get((True, row.sequence))
+            if message is None:
+                _join(row, False, acts, found.append)
+            else:
+                message.expired.append(row.node)
+        elif row.kind in ON_THE_AIR or row.kind in OUTCOMES:
+            _take(row, messages, found.append, (known or {}).get(row.sequence, Elsewhere(False, False, "")))
+        elif row.kind not in CALLS:
+            _join(row, row.kind == "compute" and row.node in leads, acts, found.append)
+    for row in _call([row for row in rows if row.kind in CALLS], list(messages.values())):
+        _join(row, False, acts, found.append)
+    return sorted(found, key=lambda one: one.time)
+
+
+def _is_too_late(row: Row) -> bool:
+    """Whether a node dropped a message that it had, because that had expired."""
+    return row.kind == "drop" and row.frame == 0 and row.what == EXPIRED
+
+
+def _call(rows: Sequence[Row], messages: Sequence[Message]) -> list[Row]:
+    """Give each call on the wake-up radio to the message that it hands on; the rows of calls that hand on none.
+
+    A caller has sent or heard that message, or has been called with it; of several it is the nearest in time (our
+    choice: calls have no sequence numbers). Who calls one node and then sends it a letter has called it for that.
+    """
+    rings: dict[tuple[float, int, int], list[Row]] = {}
+    for row in rows:
+        rings.setdefault((row.time, row.target, row.node if row.kind == "call" else row.peer), []).append(row)
+    letters = {(one.source, one.to) for message in messages if not message.is_broadcast for one in message.frames}
+    left = []
+    for (time, target, caller), ring in rings.items():
+        woken = [row.node for row in ring if row.kind == "called"]
+        able = [one for one in messages if one.is_broadcast and (one.target, one.what in WAKING) == (target, True)]
+        able = [one for one in able if caller == one.source or caller in one.heard or caller in one.woken]
+        if not able or (len(woken) == 1 and (caller, woken[0]) in letters):
+            left += ring
+            continue
+        message = min(able, key=lambda one: abs(one.time - time))
+        message.callers += [caller] if caller not in message.callers else []
+        message.woken += woken
+        message.joules += sum(row.joules for row in ring)
+        message.time, message.until = min(message.time, time), max(message.until, time)
+    return left
+
+
+def _join(
+    row: Row, leads: bool, acts: dict[tuple[object, ...], tuple[Act, set[int]]], note: Callable[[Act], None]
+) -> None:
+    """Put a row of no frame, or one that was overheard, with those like it."""
+    overheard = row.kind == "overhear"
+    key = (row.kind,) if overheard else (row.kind, row.what, row.target, row.peer, leads)
+    act, nodes = acts.get(key, (None, set()))
+    if act is None or (row.node in nodes and not overheard):
+        act, nodes = Act(row.time, row.time, row.kind, row.what, row.target, -1 if overheard else row.peer), set()
+        acts[key] = act, nodes
+        note(act)
+    nodes.add(row.node)
+    act.add(row)
+
+
+def _take(
+    row: Row, messages: dict[tuple[bool, int], Message], note: Callable[[Message], None], other: Elsewhere
+) -> None:
+    """Put a row of a frame where it belongs."""
+    key = (row.sequence > 0, row.sequence or row.frame)
+    message = messages.get(key) if key[1] else None
+    if message is None:
+        message = _opened(row, other)
+        note(message)
+        if key[1]:
+            messages[key] = message
+    message.until = row.time
+    message.joules += row.joules
+    if row.what == ACK:
+        message.acknowledgements += row.kind == "receive"
+    elif row.kind in ON_THE_AIR:
+        message.frames.append(Frame(row.frame, row.node, row.peer, row.packets, row.bits))
+        message.to = EVERYONE if row.peer == EVERYONE else message.to
+        message.most = max(message.most, row.packets)
+        message.what = message.what or row.what
+    elif row.frame == 0:
+        message.ended = row.what or "no_reason"
+        message.most = max(message.most, row.packets)
+    else:
+        _settle(message, row)
+
+
+def _opened(row: Row, other: Elsewhere) -> Message:
+    """A message, from the first row of it that there is: it was begun earlier where that is no sending."""
+    what = other.what if row.frame == 0 or row.what == ACK else row.what
+    if row.what == ACK and row.kind in ON_THE_AIR:
+        return Message(row.time, row.time, what, row.target, row.peer, row.node, False, other.after)
+    if row.kind in ON_THE_AIR or row.frame == 0:
+        begun = row.kind != "relay" and not other.before
+        relayed = row.kind == "relay"
+        return Message(row.time, row.time, what, row.target, row.node, row.peer, begun, other.after, relayed)
+    return Message(row.time, row.time, what, row.target, row.peer, row.node, False, other.after)
+
+
+def _settle(message: Message, row: Row) -> None:
+    """What became of a frame at one node."""
+    frame = next((one for one in reversed(message.frames) if one.number == row.frame), None)
+    if frame is None:
+        frame = Frame(row.frame, row.peer, row.node, row.packets, row.bits)
+        message.frames.append(frame)
+    if row.kind == "receive":
+        frame.received[row.node] = row.packets
+    else:
+        (frame.collided if row.kind == "collide" else frame.dropped).append(row.node)
+
+
+def _blocks(
+    path: str | Path, columns: Sequence[str], table: str = "events"
+) -> Iterator[tuple[int, dict[str, np.ndarray]]]:
+    """(first row, columns) of one block after the other."""
+    count = recording.tables(path)[table].rows
+    for start in range(0, count, BLOCK):
+        yield start, recording.read_table(path, table, columns, slice(start, start + BLOCK))
+
+
+def _read(path: str | Path, rows: slice) -> Iterator[tuple[int, Row]]:
+    """(replicate, event) of each row in a range."""
+    columns = recording.read_table(path, "events", ["replicate", *Row._fields], rows)
+    lists = [columns["replicate"].tolist()]
+    for name in Row._fields:
+        words = recording.meanings(path, "events", name)
+        values = columns[name].tolist()
+        lists.append([_word(words, code) for code in values] if words else values)
+    return ((replicate, Row(*values)) for replicate, *values in zip(*lists, strict=True))
+
+
+def _word(words: Sequence[str], code: int) -> str:
+    word = words[code] if code < len(words) else f"unknown_{code}"
+    return "" if word == "none" else word

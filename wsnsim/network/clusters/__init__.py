@@ -1,0 +1,1 @@
+"""Clusters: election, formation, handover, head protocols, the driver of tracker requests, and wake-up ahead."""

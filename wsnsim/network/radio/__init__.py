@@ -1,0 +1,1 @@
+"""How a burst travels: topology, channel access, the channel, reception, fragmentation, routing and transport."""

@@ -1,0 +1,139 @@
+"""What a network leaves behind, as rows of the result's tables.
+
+write_rows(outcome, replicate, parts, recorder)     run_row(outcome, parts) -> columns of `runs`
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import fields
+from typing import Any, Protocol
+
+import numpy as np
+
+from wsnsim.base.ports import Recorder
+from wsnsim.base.setups import NetworkSetup
+from wsnsim.network.clusters.track import ClusterRecord, Track
+from wsnsim.network.clusters.wake_up_service import WakeUpRound
+from wsnsim.network.nodes import Nodes
+from wsnsim.network.radio.counters import Counters
+from wsnsim.network.world import Outcome
+
+NAN = float("nan")
+
+
+class Left(Protocol):
+    """What every run leaves behind, with targets or without."""
+
+    @property
+    def fleet(self) -> Nodes: ...
+
+    @property
+    def counts(self) -> Counters: ...
+
+    @property
+    def cycles(self) -> float: ...
+
+    @property
+    def fingerprint(self) -> int: ...
+
+    @property
+    def awake(self) -> float: ...
+
+
+def write_rows(outcome: Outcome, replicate: int, parts: NetworkSetup, recorder: Recorder) -> None:
+    """Write the tables of nodes, energy and clusters of a run that ended."""
+    write_network(outcome.fleet, replicate, parts.sensor.trait_names, recorder)
+    for track in outcome.tracks:
+        _write(recorder, "clusters", replicate, {"target": track.target, **_clusters(track.clusters)})
+        if track.wakings:
+            _write(recorder, "wakeups", replicate, {"target": track.target, **_wakeups(track.wakings)})
+
+
+def write_network(fleet: Nodes, replicate: int, trait_names: tuple[str, ...], recorder: Recorder) -> None:
+    """Write the tables of nodes and energy."""
+    _write(recorder, "nodes", replicate, _nodes(fleet, trait_names))
+    _write(recorder, "energy", replicate, _energy(fleet))
+
+
+def woken_rows(outcome: Outcome, track: Track) -> dict[str, Any]:
+    """The columns of the table `estimates` that only a network has."""
+    woken = outcome.woken[track.target, 1 : outcome.steps + 1]
+    received = [outcome.received.get((track.target, step), NAN) for step in range(1, outcome.steps + 1)]
+    return {"woken": woken[:, 0], "ineffective": woken[:, 1], "received": np.array(received)}
+
+
+def called_row(track: Track) -> dict[str, int]:
+    """What the table `tracks` says of calls on the wake-up radio."""
+    return {name: sum(getattr(waking, name) for waking in track.wakings) for name in ("called", "dismissed")}
+
+
+def run_row(outcome: Left, tracks: Sequence[Track]) -> dict[str, Any]:
+    """What the table `runs` says of the network."""
+    fleet = outcome.fleet
+    deaths = sorted(fleet.died_at.values())
+    half = (fleet.size + 1) // 2
+    return {
+        "energy": float(sum(fleet.totals)),
+        "handovers": sum(track.handovers for track in tracks),
+        **count_columns(outcome.counts),
+        "cycles": outcome.cycles,
+        "awake": outcome.awake,
+        "alive": sum(fleet.alive),
+        "first_death": deaths[0] if deaths else NAN,
+        "half_dead": deaths[half - 1] if len(deaths) >= half else NAN,
+        "fingerprint": outcome.fingerprint,
+    }
+
+
+def count_columns(counts: Counters) -> dict[str, int]:
+    """What the table `runs` says of the air."""
+    names = (
+        "frames_sent", "frames_lost", "packets_sent", "in_range", "delivered", "collided", "access_failures", "retries",
+    )  # fmt: skip
+    return {name: getattr(counts, name) for name in names}
+
+
+def _write(recorder: Recorder, table: str, replicate: int, columns: dict[str, Any]) -> None:
+    if recorder.wants(table):
+        recorder.write(table, {"replicate": replicate, **columns})
+
+
+def _nodes(fleet: Nodes, trait_names: tuple[str, ...]) -> dict[str, Any]:
+    gain = fleet.traits[:, trait_names.index("gain")] if "gain" in trait_names else np.ones(fleet.size)
+    died = np.full(fleet.size, NAN)
+    for node, time in fleet.died_at.items():
+        died[node] = time
+    return {
+        "node": np.arange(fleet.size),
+        "x": fleet.positions[:, 0],
+        "y": fleet.positions[:, 1],
+        "gain": gain,
+        "energy_initial": np.full(fleet.size, fleet.battery),
+        "energy_left": fleet.all_left(),
+        "died_at": died,
+    }
+
+
+def _energy(fleet: Nodes) -> dict[str, Any]:
+    touched = np.flatnonzero(fleet.spent)
+    books = fleet.ledger[:, touched].T
+    row, cause = np.nonzero(books)
+    return {"node": touched[row], "cause": cause, "joules": books[row, cause]}
+
+
+def _clusters(clusters: Sequence[ClusterRecord]) -> dict[str, Any]:
+    names = {"number": "cluster"}
+    return {
+        names.get(f.name, f.name): np.array([getattr(cluster, f.name) for cluster in clusters], dtype=np.float64)
+        for f in fields(ClusterRecord)
+    }
+
+
+def _wakeups(wakings: Sequence[WakeUpRound]) -> dict[str, Any]:
+    own = ("time", "node", "sequence", "foreseen", "forwards", "called", "dismissed", "woken", "ineffective", "expired")
+    columns = {name: np.array([getattr(waking, name) for waking in wakings], dtype=np.float64) for name in own}
+    for name in ("step", "radius", "expires"):
+        columns[name] = np.array([getattr(waking.message, name) for waking in wakings], dtype=np.float64)
+    columns["x"], columns["y"] = np.array([waking.message.centre for waking in wakings]).T
+    return columns

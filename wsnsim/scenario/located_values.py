@@ -1,0 +1,191 @@
+"""A scenario's values, each knowing where it stands: what files, `--set` and dicts have in common.
+
+    Node: a value (a scalar, a list of Nodes, or a dict of Entries) and its Spot;  Entry: a key's Spot and its Node
+
+Trees are never changed: `merged` and `assigned` give new ones that share what stays.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final, TypeAlias
+
+from wsnsim.base.errors import Issue
+from wsnsim.scenario.kinds import AT_TOP
+
+Key: TypeAlias = str | int
+Keys: TypeAlias = tuple[Key, ...]
+WIDTH: Final = 110
+BROKEN: Final = object()
+"""Stands for a value that already has its fault: nothing more is said of it."""
+
+
+@dataclass(frozen=True)
+class Text:
+    """What values come from: a file (name and lines), one `--set` (name and keys), or a caller's dict (no name).
+
+    `folder` is what relative paths in it start from.
+    """
+
+    name: str
+    folder: Path
+    lines: tuple[str, ...] = ()
+    keys: Keys = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Spot:
+    """A line and a column (from 0) of a text."""
+
+    text: Text
+    line: int = 0
+    column: int = 0
+
+    def fault(self, path: Keys, message: str) -> Issue:
+        """A fault of this spot: 'x.yaml:3:5' with the line and a caret; else '--set a.b', or the keys of the dict."""
+        if self.text.lines:
+            return Issue(path, message, f"{self.text.name}:{self.line + 1}:{self.column + 1}", self._excerpt())
+        if self.text.name:
+            return Issue(() if path == self.text.keys else path, message, self.text.name)
+        return Issue((), message, dotted(path) or "scenario")
+
+    def _excerpt(self) -> str:
+        line = self.text.lines[self.line] if self.line < len(self.text.lines) else ""
+        line = "".join(c if c.isprintable() else " " for c in line)
+        if not line.strip():
+            return ""
+        start = max(0, self.column - WIDTH // 2) if len(line) > WIDTH else 0
+        return f"    {line[start : start + WIDTH].rstrip()}\n    {' ' * (self.column - start)}^"
+
+
+@dataclass(frozen=True, slots=True)
+class LocatedValue:
+    """A value where it stands; `size` counts the values in it, those behind aliases once for each use."""
+
+    value: Any
+    spot: Spot
+    size: int = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """A key where it stands, and what it holds."""
+
+    spot: Spot
+    node: LocatedValue
+
+
+def dotted(path: Keys) -> str:
+    """A path as messages write it: targets.0.bound."""
+    return ".".join(str(key) for key in path)
+
+
+def mapping(entries: dict[str, Entry], spot: Spot) -> LocatedValue:
+    """A node that holds these entries."""
+    return LocatedValue(entries, spot, 1 + sum(entry.node.size for entry in entries.values()))
+
+
+def sequence(items: list[LocatedValue], spot: Spot) -> LocatedValue:
+    """A node that holds these items."""
+    return LocatedValue(items, spot, 1 + sum(item.size for item in items))
+
+
+def plain(node: LocatedValue) -> Any:
+    """The values alone, as dicts, lists and scalars."""
+    if isinstance(node.value, dict):
+        return {key: plain(entry.node) for key, entry in node.value.items()}
+    return [plain(item) for item in node.value] if isinstance(node.value, list) else node.value
+
+
+def child(node: LocatedValue, key: Key) -> LocatedValue | None:
+    """What stands under a key or at an index; None if nothing does."""
+    if isinstance(node.value, dict):
+        entry = node.value.get(key)
+        return entry.node if entry else None
+    return node.value[key] if isinstance(node.value, list) and isinstance(key, int) and key < len(node.value) else None
+
+
+def at(root: LocatedValue, path: Keys) -> LocatedValue | None:
+    """What stands at a path; None if nothing does."""
+    node: LocatedValue | None = root
+    for key in path:
+        node = child(node, key) if node is not None else None
+    return node
+
+
+def spot_of(root: LocatedValue, path: Keys, of_key: bool = False) -> Spot:
+    """Where the value at a path stands (or its key), or else the nearest thing around it that is written."""
+    node = root
+    for depth, key in enumerate(path):
+        inner = child(node, key)
+        if inner is None:
+            return node.spot
+        if of_key and depth == len(path) - 1 and isinstance(node.value, dict):
+            return node.value[key].spot
+        node = inner
+    return node.spot
+
+
+def merged(base: LocatedValue, over: LocatedValue, path: Keys = ()) -> LocatedValue:
+    """`over` laid on `base`: mappings key by key, anything else replaced, and so is a role whose kind changes."""
+    if not (isinstance(base.value, dict) and isinstance(over.value, dict)):
+        return over
+    new = child(over, "kind")
+    if len(path) == 1 and new is not None and plain(new) != _kind(base, path):
+        return over
+    kept = base.value if path else {key: entry for key, entry in base.value.items() if not _is_replaced(key, over)}
+    laid = {
+        key: Entry(entry.spot, merged(kept[key].node, entry.node, (*path, key))) if key in kept else entry
+        for key, entry in over.value.items()
+    }
+    return mapping(kept | laid, over.spot)
+
+
+def _kind(node: LocatedValue, path: Keys) -> Any:
+    """The kind that a role's mapping has, written or by default."""
+    written = child(node, "kind")
+    role = AT_TOP.get(str(path[0]))
+    return plain(written) if written else role.default if role else None
+
+
+def _is_replaced(key: str, over: LocatedValue) -> bool:
+    """`motion` and `targets` are two ways to say one thing."""
+    return key in AT_TOP and any(other in over.value for other in AT_TOP[key].keys if other != key)
+
+
+def assigned(node: LocatedValue, path: Keys, new: LocatedValue, depth: int = 0) -> LocatedValue:
+    """The tree with `new` at a path; mappings that are missing on the way are made. A new kind replaces its role.
+
+    Raises:
+        LookupError: the path leads through a value that holds nothing, or to an item that the list has not.
+    """
+    if depth == len(path):
+        return new
+    key, here = path[depth], dotted(path[:depth])
+    if isinstance(node.value, list):
+        if not (isinstance(key, int) and key < len(node.value)):
+            raise LookupError(
+                f"there is no item {key} in {here}, which is a list of {len(node.value)} (the first is 0)"
+            )
+        items = list(node.value)
+        items[key] = assigned(items[key], path, new, depth + 1)
+        return sequence(items, node.spot)
+    if not isinstance(node.value, dict):
+        raise LookupError(f"{here} is a single value and has no '{key}'")
+    if depth > 0 and path[depth:] == ("kind",) and plain(new) != _kind(node, path):
+        return mapping({"kind": Entry(new.spot, new)}, new.spot)
+    old = node.value.get(str(key))
+    inner = assigned(old.node if old else LocatedValue({}, new.spot), path, new, depth + 1)
+    return mapping({**node.value, str(key): Entry(old.spot if old else new.spot, inner)}, node.spot)
+
+
+def in_order(faults: Iterable[Issue]) -> list[Issue]:
+    """Faults in the order of their text, as far as they stand in one; each once."""
+
+    def place(fault: Issue) -> tuple[str, int, int]:
+        name, line, column = [*fault.place.rsplit(":", 2), "", ""][:3]
+        return (name, int(line), int(column)) if line.isdigit() and column.isdigit() else (fault.place, 0, 0)
+
+    return sorted(dict.fromkeys(faults), key=place)
