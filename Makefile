@@ -7,10 +7,10 @@ PYTHON   ?=
 VENV     := .venv
 PY       := $(VENV)/bin/python
 READY    := $(VENV)/.ready
-# A clone that was moved or copied along with its .venv: what is installed there points to the old place.
+# A clone that was moved or copied together with its .venv: the installation there points to the old place.
 MOVED    := $(shell test -e $(READY) && ! grep -qxF "$(CURDIR)" $(READY) && echo moved)
 
-# A shipped sweep is a campaign in results/NAME, whose table is there once it is complete, and a picture.
+# Each shipped sweep becomes a campaign in results/NAME, with a table once it is complete, and a figure.
 SWEEP      ?= scenarios/sweeps/particles.yaml
 TRACKERS   ?= pso_mhpf,ipf,ppf
 REPLICATES ?=
@@ -25,53 +25,53 @@ CHOSEN      = $(if $(REPLICATES),--replicates $(REPLICATES)) $(ARGS)
 .PHONY: help run test check interpreted format lint types imports bench sweep compare reproduce figures readme lock clean moved asked
 .DELETE_ON_ERROR:
 
-help:  ## this list
+help:  ## list the targets
 	@echo "make TARGET [SCENARIO=scenarios/pso_mhpf.yaml] [REPLICATES=30] [ARGS='further arguments'] [PYTHON=python3.12]"
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/\1|\2/p' $(firstword $(MAKEFILE_LIST)) | while IFS='|' read -r name what; do \
 	    printf '  %-13s%s\n' "$$name" "$$what"; done
 
-run: $(READY)  ## run a scenario, print its summary, write its file and its page; SCENARIO=..., ARGS='--replicates 30'
+run: $(READY)  ## run a scenario: summary, result file and HTML page; SCENARIO=..., ARGS='--replicates 30'
 	@$(PY) -m wsnsim run "$(SCENARIO)" --report $(ARGS)
 
-test: $(READY)  ## the whole test suite; ARGS='-k handover'
+test: $(READY)  ## run the whole test suite; ARGS='-k handover'
 	@$(PY) -m pytest -n 2 --dist worksteal $(ARGS)
 
-check: format lint types imports test interpreted  ## format, lint, types, import contracts and tests
+check: format lint types imports test interpreted  ## check format, lint, types and import contracts, and run all tests
 
-interpreted: $(READY)  ## the kernels' tests with the kernels as plain Python, for debugging and coverage
+interpreted: $(READY)  ## run the kernels' tests without compilation, for debugging and coverage
 	@NUMBA_DISABLE_JIT=1 $(PY) -m pytest -n 2 -W ignore::RuntimeWarning tests/kernels $(ARGS)
 
-format: $(READY)  ## whether the code is formatted
+format: $(READY)  ## check that the code is formatted
 	@$(PY) -m ruff format --check .
 
-lint: $(READY)  ## what the linter says
+lint: $(READY)  ## run the linter
 	@$(PY) -m ruff check .
 
-types: $(READY)  ## what the type checker says
+types: $(READY)  ## run the type checker
 	@$(PY) -m mypy
 
-imports: $(READY)  ## whether every import goes down the floors of the house
+imports: $(READY)  ## check the import contracts between layers
 	@$(PY) -c 'from importlinter.cli import lint_imports_command as lint; lint()'
 
-bench: $(READY)  ## processor time of each tracker and of the seam; also results/bench.json
+bench: $(READY)  ## run the benchmarks; also writes results/bench.json
 	@$(PY) -m tests.bench --json results/bench.json $(ARGS)
 
-sweep: $(READY)  ## run a sweep, or go on with it; SWEEP=scenarios/sweeps/particles.yaml REPLICATES=100
+sweep: $(READY)  ## run or resume a sweep; SWEEP=scenarios/sweeps/particles.yaml REPLICATES=100
 	@$(PY) -m wsnsim sweep "$(SWEEP)" $(CHOSEN)
 
 compare: $(READY)  ## compare trackers in one scenario; SCENARIO=... TRACKERS=pso_mhpf,ipf,ppf REPLICATES=100
 	@$(PY) -m wsnsim compare "$(SCENARIO)" --trackers "$(TRACKERS)" $(CHOSEN)
 
-reproduce: $(READY)  ## the tables and figures of the papers: published, measured, possible; PAPERS='li2012 frontier'
+reproduce: $(READY)  ## reproduce the papers' tables and figures; PAPERS='li2012 frontier'
 	@$(PY) -m wsnsim reproduce $(PAPERS) $(ARGS)
 
-figures: $(FIGURES) $(READY)  ## results/figures/*.png of every shipped sweep, paper and the frontier; runs what is not complete
+figures: $(FIGURES) $(READY)  ## draw results/figures/*.png of every shipped sweep and paper; runs what is incomplete
 	@mkdir -p results/figures
 	@$(PY) -m wsnsim reproduce $(or $(PAPERS),$(PAGES)) --figures results/figures > results/figures/papers.txt
 	@echo "figures, and their table papers.txt, are in results/figures"
 
-# What is on disk is not run again, whatever make thinks: a campaign that was stopped is gone on with. Scenarios that
-# changed, or other REPLICATES, only let it look.
+# A sweep never repeats runs that are on disk: a stopped campaign is resumed. Changed scenarios or REPLICATES only start
+# the check for missing runs.
 $(TABLES): results/%/table.csv: scenarios/sweeps/%.yaml $(wildcard scenarios/*.yaml scenarios/bases/*.yaml) \
         $(if $(REPLICATES)$(ARGS),asked) | $(READY)
 	@mkdir -p $(@D)
@@ -82,19 +82,19 @@ $(FIGURES): results/figures/%.png: results/%/table.csv
 	@mkdir -p $(@D)
 	@$(PY) -m wsnsim plot results/$* --out $@
 
-readme: $(READY)  ## the README's tables of results anew; an hour and more if the runs are not there
+readme: $(READY)  ## regenerate the README's tables of results; more than an hour if the runs are missing
 	@$(PY) -m tests.readme
 
-lock:  ## write requirements.lock anew from pyproject.toml (needs uv)
+lock:  ## regenerate requirements.lock from pyproject.toml (needs uv)
 	@command -v uv >/dev/null || { echo "make lock needs uv: pip install uv, or https://docs.astral.sh/uv/" >&2; exit 1; }
 	uv pip compile --quiet --universal --generate-hashes --python-version 3.11 --extra dev --no-header --no-annotate \
 	    -o requirements.lock pyproject.toml
 
-clean:  ## remove .venv and every cache; results stay
+clean:  ## remove .venv and all caches; results stay
 	rm -rf $(VENV) build dist .mypy_cache .ruff_cache .import_linter_cache .hypothesis .pytest_cache
 	find wsnsim tests -name __pycache__ -prune -exec rm -rf {} +
 
-# Written last: an installation that was interrupted is taken up again.
+# Written last, so that an interrupted installation is repeated.
 $(READY): pyproject.toml requirements.lock $(MOVED)
 	@set -euo pipefail; \
 	for python in $(PYTHON) python3.11 python3 python3.12 python3.13; do \
