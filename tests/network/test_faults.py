@@ -48,7 +48,7 @@ class Bed:
 
     def rows(self) -> list[tuple[float, str, str, int]]:
         """(time, kind, what, node) of every event so far."""
-        self.journal.drain(everything=True)
+        self.journal.flush(everything=True)
         table = self.memory.table("events")
         if not table:
             return []

@@ -16,15 +16,14 @@ from wsnsim.base.arrays import Floats
 from wsnsim.base.ports import Recorder
 from wsnsim.base.rng import Streams, derive_all, uniforms
 from wsnsim.base.setups import BeaconSetup
-from wsnsim.base.tables import EVENT_CAUSE, KIND
+from wsnsim.base.tables import KIND
 from wsnsim.network.energy.energy_steps import EnergySteps
-from wsnsim.network.event_log import EventLog
+from wsnsim.network.event_log import EventLog, event
 from wsnsim.network.faults import Faults, Site
 from wsnsim.network.nodes import Nodes
 from wsnsim.network.radio.counters import Counters
 from wsnsim.network.radio.radio_stack import make_radio_stack, run_until
 
-NONE = EVENT_CAUSE["none"]
 Beaconing = Generator[simpy.Event, Any, None]
 
 
@@ -84,7 +83,7 @@ class BeaconWorld:
         dt = self._problem.dt
         for step in range(self._problem.steps):
             self._journal.step = step
-            self._journal.drain()
+            self._journal.flush()
             if progress:
                 progress(self._env.now)
             yield self._env.timeout((step + 1) * dt - self._env.now)
@@ -115,7 +114,7 @@ class BeaconWorld:
         self._mac.silence(node)
 
     def _log(self, kind: str, node: int) -> None:
-        self._journal.add((self._env.now, self._journal.step, -1, node, KIND[kind], 0, 0, 0, -1, 0, 0, 0.0, NONE))
+        self._journal.add(event(self._env.now, self._journal.step, -1, node, KIND[kind]))
 
     def _write_links(self) -> None:
         if self._recorder.wants("links"):

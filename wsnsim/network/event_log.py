@@ -1,11 +1,11 @@
-"""What happened, in order: the event log, handed on a chunk at a time, and its fingerprint.
+"""The event log of a run: one row per event, written to the recorder in chunks, and the log's fingerprint.
 
-    journal.add((time, step, target, node, kind, what, frame, sequence, peer, packets, bits, joules, cause))
-    journal.add_all((time, step, target, EACH, kind, ...), nodes)      the same event at each of several nodes
+    log.add(event(time, step, target, node, kind, ...))                one event
+    log.add_all(event(time, step, target, EACH, kind, ...), nodes)     the same event at each of several nodes
 
-`add` is a list's own append: it is called a hundred thousand times a second. The fingerprint is the sum of a 64-bit
-hash of each event's (time, node, kind, peer, bits), so it does not depend on the order at equal times, nor on whether
-events are recorded.
+`event` composes every row; `add` is the append method of a list, since it is called about 100 000 times a second. The
+fingerprint is the sum over all events of a 64-bit hash of (time, node, kind, peer, bits). It therefore depends neither
+on the order of events at equal times nor on whether events are recorded.
 """
 
 from __future__ import annotations
@@ -19,70 +19,90 @@ import numpy as np
 from wsnsim.base.arrays import Floats, Ints
 from wsnsim.base.ports import Recorder
 from wsnsim.base.rng import derive_each
-from wsnsim.base.tables import TABLES
+from wsnsim.base.tables import EVENT_CAUSE, TABLES
 
-NAMES: Final = tuple(column.name for column in TABLES["events"])[1:]
-CHUNK: Final = 8192
-EACH: Final = -2
-"""In the place of a node's number: the event is that of each of several nodes."""
-TYPES: Final = {column.name: np.dtype(column.dtype) for column in TABLES["events"][1:]}
+TYPES: Final = {column.name: np.dtype(column.dtype) for column in TABLES["events"] if column.name != "replicate"}
+NAMES: Final = tuple(TYPES)
 NODE: Final = NAMES.index("node")
+CHUNK: Final = 8192
+"""Rows after which the log is written to the recorder."""
+EACH: Final = -2
+"""Stands for the node's number in an event that is shared by several nodes."""
+NONE: Final = EVENT_CAUSE["none"]
 
 Event = tuple[float, int, int, int, int, int, int, int, int, int, int, float, int]
 
 
+def event(
+    time: float, step: int, target: int, node: int, kind: int, what: int = 0, frame: int = 0, sequence: int = 0,
+    peer: int = -1, packets: int = 0, bits: int = 0, joules: float = 0.0, cause: int = NONE,
+) -> Event:  # fmt: skip
+    """Return one row of the table `events`, without its first column `replicate`.
+
+    The parameters are the columns, in their order. Frequent callers pass them by position, which is faster.
+    """
+    return (time, step, target, node, kind, what, frame, sequence, peer, packets, bits, joules, cause)
+
+
 class EventLog:
-    """The event log of one run. Nothing is kept longer than a chunk. `step` is the number of the present step."""
+    """The event log of one run. It holds at most one chunk of events in memory.
+
+    Attributes:
+        step: The number of the present step.
+        add: Appends one event.
+        extend: Appends several events.
+        code: Returns the code of a word in the column `what`.
+    """
 
     def __init__(self, recorder: Recorder, replicate: int) -> None:
         self._recorder = recorder
         self._replicate = replicate
         self._wanted = recorder.wants("events")
         self._rows: list[Event] = []
-        self._nodes: list[Ints] = []
-        self._waiting = 0
-        self.step = 0
+        self._shared_nodes: list[Ints] = []
+        self._shared_rows = 0
         self._sum = 0
+        self.step = 0
         self.add: Callable[[Event], None] = self._rows.append
         self.extend: Callable[[Any], None] = self._rows.extend
         self.code = recorder.words.code
 
-    def add_all(self, event: Event, nodes: Ints) -> None:
-        """The same event at each of the nodes; `event` has EACH in a node's place."""
-        self._rows.append(event)
-        self._nodes.append(nodes)
-        self._waiting += nodes.size
-        if self._waiting >= CHUNK:
-            self.drain(everything=True)
+    def add_all(self, row: Event, nodes: Ints) -> None:
+        """Append one event for each of the nodes; `row` has EACH in the place of the node."""
+        self._rows.append(row)
+        self._shared_nodes.append(nodes)
+        self._shared_rows += nodes.size
+        if self._shared_rows >= CHUNK:
+            self.flush(everything=True)
 
-    def drain(self, everything: bool = False) -> None:
-        """Hand on what has gathered, once it is a chunk."""
+    def flush(self, everything: bool = False) -> None:
+        """Write the events to the recorder if they fill a chunk, or in any case with `everything`."""
         if len(self._rows) < CHUNK and not (everything and self._rows):
             return
         flat = np.fromiter(itertools.chain.from_iterable(self._rows), np.float64, len(self._rows) * len(NAMES))
         self._rows.clear()
-        columns = self._spread(flat.reshape(-1, len(NAMES)))
+        columns = self._columns(flat.reshape(-1, len(NAMES)))
         self._sum = (self._sum + _digest(columns)) & 0xFFFF_FFFF_FFFF_FFFF
         if self._wanted:
             self._recorder.write("events", {"replicate": self._replicate, **columns})
 
-    def _spread(self, rows: Floats) -> dict[str, np.ndarray[Any, Any]]:
-        """The columns of events in their own types, with a row for each node of those that several share."""
+    def _columns(self, rows: Floats) -> dict[str, np.ndarray[Any, Any]]:
+        """Typed columns of events; an event that several nodes share becomes one row for each of them."""
         columns = {name: _typed(rows[:, i], dtype) for i, (name, dtype) in enumerate(TYPES.items())}
-        if not self._nodes:
+        if not self._shared_nodes:
             return columns
         shared = rows[:, NODE] == EACH
-        counts = np.ones(len(rows), dtype=np.int64)
-        counts[shared] = [nodes.size for nodes in self._nodes]
-        spread = {name: np.repeat(values, counts) for name, values in columns.items()}
-        spread["node"][np.repeat(shared, counts)] = np.concatenate(self._nodes)
-        self._nodes.clear()
-        self._waiting = 0
-        return spread
+        repeats = np.ones(len(rows), dtype=np.int64)
+        repeats[shared] = [nodes.size for nodes in self._shared_nodes]
+        columns = {name: np.repeat(values, repeats) for name, values in columns.items()}
+        columns["node"][np.repeat(shared, repeats)] = np.concatenate(self._shared_nodes)
+        self._shared_nodes.clear()
+        self._shared_rows = 0
+        return columns
 
     def fingerprint(self) -> int:
-        """The 64-bit digest of all that was added."""
-        self.drain(everything=True)
+        """Return the 64-bit digest of all events so far."""
+        self.flush(everything=True)
         return self._sum
 
 

@@ -24,7 +24,7 @@ from wsnsim.base.radio import FaultEvent
 from wsnsim.base.rng import derive, derive_all, uniforms
 from wsnsim.base.tables import CAUSE, EVENT_CAUSE, KIND
 from wsnsim.network.clocks import Clocks
-from wsnsim.network.event_log import EventLog
+from wsnsim.network.event_log import EventLog, event
 from wsnsim.network.nodes import Nodes
 from wsnsim.network.readings import Defect
 
@@ -218,4 +218,4 @@ class Faults:
         journal, target = self._site.journal, -1 if fault.head is None else fault.head
         code, cause = journal.code(what), EVENT_CAUSE["leak" if joules else "none"]
         now = self._site.env.now
-        journal.add((now, journal.step, target, node, KIND[kind], code, 0, 0, -1, 0, 0, joules, cause))
+        journal.add(event(now, journal.step, target, node, KIND[kind], code, joules=joules, cause=cause))

@@ -10,9 +10,9 @@ import simpy
 
 from wsnsim.base.ports import Field, Recorder
 from wsnsim.base.setups import NetworkSetup
-from wsnsim.base.tables import EVENT_CAUSE, KIND
+from wsnsim.base.tables import KIND
 from wsnsim.network.clocks import Clocks
-from wsnsim.network.event_log import EventLog
+from wsnsim.network.event_log import EventLog, event
 from wsnsim.network.nodes import Nodes
 from wsnsim.network.radio.transport import Transport
 from wsnsim.network.readings import Readings
@@ -51,10 +51,10 @@ class RunContext:
         self, kind: str, target: int, node: int, what: str = "", peer: int = -1, packets: int = 0, bits: int = 0
     ) -> None:
         """An event that costs no energy of its own."""
+        code = self.journal.code(what)
         self.journal.add(
-            (self.env.now, self.step, target, node, KIND[kind], self.journal.code(what), 0, 0, peer, packets, bits, 0.0,
-             EVENT_CAUSE["none"])
-        )  # fmt: skip
+            event(self.env.now, self.step, target, node, KIND[kind], code, peer=peer, packets=packets, bits=bits)
+        )
 
     def able(self, node: int) -> bool:
         """Whether a node lives and its charge exceeds the threshold (Jiang 2013, section 4, step 2)."""

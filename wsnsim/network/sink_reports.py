@@ -10,12 +10,12 @@ import simpy
 
 from wsnsim.base.radio import Sink
 from wsnsim.base.requests import Parcel
-from wsnsim.base.tables import EVENT_CAUSE, KIND
-from wsnsim.network.event_log import EventLog
+from wsnsim.base.tables import KIND
+from wsnsim.network.event_log import EventLog, event
 from wsnsim.network.nodes import Nodes
 from wsnsim.network.radio.transport import Datagram, Transport, datagram
 
-REPORT, NONE = KIND["report"], EVENT_CAUSE["none"]
+REPORT = KIND["report"]
 
 
 class Reports:
@@ -45,7 +45,7 @@ class Reports:
         if not report.arrived:
             return
         self.received[target, step] = self._env.now
+        code, step_now = self._journal.code("report"), self._journal.step
         self._journal.add(
-            (self._env.now, self._journal.step, target, report.to, REPORT, self._journal.code("report"), 0, 0,
-             report.source, 1, 0, 0.0, NONE)
-        )  # fmt: skip
+            event(self._env.now, step_now, target, report.to, REPORT, code, peer=report.source, packets=1)
+        )

@@ -30,7 +30,7 @@ from wsnsim.network.clusters.target_search import TargetSearch
 from wsnsim.network.clusters.track import Election, Track, ballot_box
 from wsnsim.network.clusters.wake_up_service import WakeUpService
 from wsnsim.network.energy.energy_steps import EnergySteps
-from wsnsim.network.event_log import EventLog
+from wsnsim.network.event_log import EventLog, event
 from wsnsim.network.faults import Faults, Site
 from wsnsim.network.node import Node
 from wsnsim.network.nodes import Nodes
@@ -143,7 +143,7 @@ class World:
             if step:
                 self._costs.close(step - 1)
             stage.step = stage.journal.step = step
-            stage.journal.drain()
+            stage.journal.flush()
             for track in self._tracks:
                 self._sense(track.target, step)
             for track in self._tracks:
@@ -183,7 +183,7 @@ class World:
             readings = {index: value for index, value in readings.items() if alive[index]}
         now = self._env.now
         stage.journal.extend(
-            [(now, step, target, index, SENSE, 0, 0, 0, -1, 0, 0, spent, cause) for index, spent in paid.items()]
+            [event(now, step, target, index, SENSE, joules=spent, cause=cause) for index, spent in paid.items()]
         )
         stage.sensing[target] = readings
 

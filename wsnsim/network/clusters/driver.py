@@ -16,6 +16,7 @@ from wsnsim.base.arrays import Bools
 from wsnsim.base.errors import RunError
 from wsnsim.base.requests import Broadcast, Compute, Delivery, Flow, Gather, Local, Member, Parcel, Scatter, Send
 from wsnsim.base.tables import CAUSE, EVENT_CAUSE, KIND
+from wsnsim.network.event_log import event
 from wsnsim.network.radio.transport import Datagram, datagram
 from wsnsim.network.run_context import RunContext
 
@@ -117,7 +118,8 @@ class Driver:
             stage.fleet.drain.compute(node, cycles)
         if joules > 0:
             spent = stage.fleet.spend(node, CPU_LEDGER, joules)
-            stage.journal.add((stage.env.now, stage.step, self._target, node, COMPUTE, 0, 0, 0, -1, 0, 0, spent, CPU))
+            now = stage.env.now
+            stage.journal.add(event(now, stage.step, self._target, node, COMPUTE, joules=spent, cause=CPU))
         return parts.cpu.seconds(cycles)
 
     def _gather(self, ask: Gather) -> Generator[simpy.Event, Any, dict[int, tuple[Any, Bools]]]:

@@ -21,6 +21,7 @@ from wsnsim.base.rng import derive, derive_all, uniforms
 from wsnsim.base.sleeping import Decision, WakeUpMessage
 from wsnsim.base.tables import EVENT_CAUSE, KIND
 from wsnsim.network.clusters.track import Track
+from wsnsim.network.event_log import event
 from wsnsim.network.run_context import RunContext
 
 CALL, CALLED, DROP = KIND["call"], KIND["called"], KIND["drop"]
@@ -231,5 +232,5 @@ class WakeUpService:
     ) -> None:  # fmt: skip
         stage = self._stage
         code, packets = stage.journal.code(what), int(bits > 0)
-        row = stage.env.now, stage.step, target, node, kind, code, 0, sequence, peer, packets, bits, joules, cause
-        stage.journal.add(row)
+        now, step = stage.env.now, stage.step
+        stage.journal.add(event(now, step, target, node, kind, code, 0, sequence, peer, packets, bits, joules, cause))

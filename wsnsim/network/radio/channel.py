@@ -17,7 +17,7 @@ import simpy
 from wsnsim.base.arrays import Ints
 from wsnsim.base.radio import ContinuousPower, EnergyModel, FramedMac, LinkModel
 from wsnsim.base.tables import CAUSE, EVENT_CAUSE
-from wsnsim.network.event_log import EventLog
+from wsnsim.network.event_log import EventLog, event
 from wsnsim.network.nodes import Nodes
 from wsnsim.network.radio.counters import Counters
 from wsnsim.network.radio.ideal_medium import EVERYONE
@@ -105,8 +105,8 @@ class Channel:
             own[:] = [other for other in own if other.end > now - self._window]
         own.append(one)
         self._sending[source] = one
-        event = env.timeout(end - now, one)
-        event.callbacks.append(self._land)
+        ended = env.timeout(end - now, one)
+        ended.callbacks.append(self._land)
         return one
 
     def is_sending(self, node: int) -> bool:
@@ -184,8 +184,8 @@ class Channel:
         sent = fleet.spend_transmit(source, electronics, amplifier, bits, airtime + turning)
         joules = (electronics + amplifier) * sent / bits
         self._journal.add(
-            (self._env.now, self._journal.step, message.target, source, message.kind, message.code, one.number,
-             message.sequence, message.to, message.packets, sent, joules, TX)
+            event(self._env.now, self._journal.step, message.target, source, message.kind, message.code, one.number,
+                  message.sequence, message.to, message.packets, sent, joules, TX)
         )  # fmt: skip
         if self._turning and fleet.alive[source]:
             fleet.spend(source, SWITCH, self._turning)

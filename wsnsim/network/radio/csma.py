@@ -19,9 +19,9 @@ import simpy
 
 from wsnsim.base.radio import ContendingMac
 from wsnsim.base.rng import GOLDEN, MASK, derive, mix
-from wsnsim.base.tables import EVENT_CAUSE, KIND
+from wsnsim.base.tables import KIND
 from wsnsim.network.clocks import Clocks
-from wsnsim.network.event_log import EventLog
+from wsnsim.network.event_log import EventLog, event
 from wsnsim.network.nodes import Nodes
 from wsnsim.network.radio.channel import Channel
 from wsnsim.network.radio.counters import Counters
@@ -29,7 +29,7 @@ from wsnsim.network.radio.fragmentation import Fragmentation
 from wsnsim.network.radio.ideal_medium import EVERYONE, SEND, Burst
 from wsnsim.network.radio.transmission import Heard, MacFrame, Transmission
 
-DROP, NONE = KIND["drop"], EVENT_CAUSE["none"]
+DROP = KIND["drop"]
 
 
 class Offered(MacFrame):
@@ -194,8 +194,10 @@ class CsmaMechanism:
         message = station.message
         self.counts.access_failures += 1
         self._journal.add(
-            (self._env.now, self._journal.step, message.target, station.node, DROP, self._no_channel, 0,
-             message.sequence, message.to, message.packets, 0, 0.0, NONE)
+            event(
+                self._env.now, self._journal.step, message.target, station.node, DROP, self._no_channel,
+                sequence=message.sequence, peer=message.to, packets=message.packets,
+            )
         )  # fmt: skip
         self._finish(station, True if station.received else None)
 

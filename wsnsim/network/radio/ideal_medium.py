@@ -15,7 +15,7 @@ from wsnsim.base.radio import EnergyModel
 from wsnsim.base.requests import Parcel, all_arrived
 from wsnsim.base.rng import derive, derive_all, uniforms
 from wsnsim.base.tables import EVENT_CAUSE, KIND
-from wsnsim.network.event_log import EventLog
+from wsnsim.network.event_log import EventLog, event
 from wsnsim.network.nodes import Nodes
 from wsnsim.network.radio.counters import Counters, Uses
 from wsnsim.network.radio.topology import Topology
@@ -196,19 +196,6 @@ class IdealMedium:
         joules: float, cause: int,
     ) -> None:  # fmt: skip
         self._journal.add(
-            (
-                self._env.now,
-                self._journal.step,
-                frame.target,
-                node,
-                kind,
-                code,
-                number,
-                frame.sequence,
-                peer,
-                packets,
-                bits,
-                joules,
-                cause,
-            )
-        )
+            event(self._env.now, self._journal.step, frame.target, node, kind, code, number, frame.sequence, peer,
+                  packets, bits, joules, cause)
+        )  # fmt: skip

@@ -17,7 +17,7 @@ from wsnsim.base.arrays import Bools, Floats, Ints
 from wsnsim.base.radio import LinkModel
 from wsnsim.base.rng import derive, derive_all, uniforms
 from wsnsim.base.tables import CAUSE, EVENT_CAUSE, KIND
-from wsnsim.network.event_log import EACH, EventLog
+from wsnsim.network.event_log import EACH, EventLog, event
 from wsnsim.network.nodes import Nodes
 from wsnsim.network.radio.counters import Counters, Uses
 from wsnsim.network.radio.ideal_medium import EVERYONE
@@ -264,7 +264,7 @@ class Reception:
     def _log_each(self, one: Transmission, kind: int, nodes: Ints, bits: int, joules: float, cause: int) -> None:
         message = one.message
         self._journal.add_all(
-            (self._env.now, self._journal.step, message.target, EACH, kind, message.code, one.number,
-             message.sequence, one.source, message.packets, bits, joules, cause),
+            event(self._env.now, self._journal.step, message.target, EACH, kind, message.code, one.number,
+                  message.sequence, one.source, message.packets, bits, joules, cause),
             nodes,
         )  # fmt: skip

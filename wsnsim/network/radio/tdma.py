@@ -21,9 +21,9 @@ import simpy
 from wsnsim.base.arrays import Ints
 from wsnsim.base.radio import SlottedMac
 from wsnsim.base.requests import Parcel
-from wsnsim.base.tables import EVENT_CAUSE, KIND
+from wsnsim.base.tables import KIND
 from wsnsim.network.clocks import Clocks
-from wsnsim.network.event_log import EventLog
+from wsnsim.network.event_log import EventLog, event
 from wsnsim.network.nodes import Nodes
 from wsnsim.network.radio.channel import Channel
 from wsnsim.network.radio.counters import Counters
@@ -32,7 +32,7 @@ from wsnsim.network.radio.fragmentation import Fragment, Fragmentation
 from wsnsim.network.radio.ideal_medium import EVERYONE, Burst, burst
 from wsnsim.network.radio.transmission import Heard, MacFrame, Transmission
 
-DROP, SEND, NONE = KIND["drop"], KIND["send"], EVENT_CAUSE["none"]
+DROP, SEND = KIND["drop"], KIND["send"]
 Round = Generator[simpy.Event, Any, None]
 
 
@@ -145,8 +145,10 @@ class TdmaMechanism:
     def _miss(self, frame: Burst, why: str) -> None:
         """A member that does not know its slot, or misses it, sends nothing that the head could hear."""
         self._journal.add(
-            (self._env.now, self._journal.step, frame.target, frame.source, DROP, self._journal.code(why), 0,
-             frame.sequence, frame.to, frame.packets, 0, 0.0, NONE)
+            event(
+                self._env.now, self._journal.step, frame.target, frame.source, DROP, self._journal.code(why),
+                sequence=frame.sequence, peer=frame.to, packets=frame.packets,
+            )
         )  # fmt: skip
         self.counts.frames_lost += 1
         nothing_arrives(frame)

@@ -16,13 +16,15 @@ import simpy
 
 from wsnsim.base.arrays import Bools
 from wsnsim.base.requests import Parcel, all_arrived
-from wsnsim.base.tables import EVENT_CAUSE, KIND
-from wsnsim.network.event_log import EventLog
+from wsnsim.base.tables import KIND
+from wsnsim.network.event_log import EventLog, event
 from wsnsim.network.nodes import Nodes
 from wsnsim.network.radio.ideal_medium import EVERYONE, Burst, burst
 from wsnsim.network.radio.mac import Access
 from wsnsim.network.radio.routing import Router
 from wsnsim.network.radio.topology import Neighbours, Topology
+
+DROP = KIND["drop"]
 
 
 @dataclass(slots=True)
@@ -128,7 +130,7 @@ class Transport:
 
     def _no_path(self, item: Datagram, target: int) -> None:
         item.mask = np.zeros(item.parcel.packets, dtype=np.bool_)
+        code, packets = self._journal.code("no_path"), item.parcel.packets
         self._journal.add(
-            (self._env.now, self._journal.step, target, item.source, KIND["drop"], self._journal.code("no_path"), 0, 0,
-             item.to, item.parcel.packets, 0, 0.0, EVENT_CAUSE["none"])
-        )  # fmt: skip
+            event(self._env.now, self._journal.step, target, item.source, DROP, code, peer=item.to, packets=packets)
+        )
