@@ -30,9 +30,9 @@ def company(kind=NetworkSetup, **given):
     return kind(**nothing | {role: part for role, part in roles.items() if role in nothing} | given)
 
 
-def faults(part, parts=None):
-    found = part.faults(parts or company())
-    return [(".".join(map(str, fault.path)), fault.message) for fault in found]
+def issues(part, parts=None):
+    found = part.check(parts or company())
+    return [(".".join(map(str, issue.path)), issue.message) for issue in found]
 
 
 def test_a_packet_of_twelve_bytes_is_on_the_air_for_58_symbols():
@@ -76,7 +76,7 @@ def test_a_slot_holds_its_frame_between_two_guards_and_the_acknowledgement_if_th
 @pytest.mark.parametrize("mac", [IdealMac(), IdealMac(rate=250e3), Csma(), Tdma(), Tdma(slot=1.5e-3)])
 def test_the_defaults_are_in_good_company(mac):
     for parts in (company(mac=mac), company(BeaconSetup, mac=mac), company(TrackingSetup)):
-        assert faults(mac, parts) == []
+        assert issues(mac, parts) == []
 
 
 @pytest.mark.parametrize(
@@ -91,30 +91,30 @@ def test_the_defaults_are_in_good_company(mac):
     ],
 )
 def test_contradictions_in_a_mac_are_faults(mac, path, words):
-    ((found, message),) = faults(mac)
+    ((found, message),) = issues(mac)
     assert found == path
     assert words in message
 
 
 def test_no_acknowledgement_needs_no_wait():
-    assert faults(Csma(ack_wait=500e-6, acks=False)) == []
-    assert faults(Tdma(ack_wait=500e-6)) == []
+    assert issues(Csma(ack_wait=500e-6, acks=False)) == []
+    assert issues(Tdma(ack_wait=500e-6)) == []
 
 
 @pytest.mark.parametrize("mac", [IdealMac(rate=250e3), Csma()])
 def test_the_air_has_the_rate_of_the_data_sheets_radio(mac):
-    ((path, message),) = faults(mac, company(energy=SLOW))
+    ((path, message),) = issues(mac, company(energy=SLOW))
     assert path == "mac.rate"
     assert "19200 bit/s" in message
-    assert faults(IdealMac(rate=19.2e3), company(energy=SLOW)) == []
-    assert faults(IdealMac(), company(energy=SLOW)) == []
+    assert issues(IdealMac(rate=19.2e3), company(energy=SLOW)) == []
+    assert issues(IdealMac(), company(energy=SLOW)) == []
 
 
 def test_reports_and_beacons_fit_a_frame():
-    assert faults(Csma(), company(sink=NearestNode(bits=928))) == []
-    ((path, message),) = faults(Csma(), company(sink=NearestNode(bits=929)))
+    assert issues(Csma(), company(sink=NearestNode(bits=928))) == []
+    ((path, message),) = issues(Csma(), company(sink=NearestNode(bits=929)))
     assert (path, "a report of 929 bits" in message) == ("sink.bits", True)
-    ((path, message),) = faults(Csma(), company(BeaconSetup, workload=Periodic(bits=1000)))
+    ((path, message),) = issues(Csma(), company(BeaconSetup, workload=Periodic(bits=1000)))
     assert (path, "a beacon of 1000 bits" in message) == ("workload.bits", True)
 
 
@@ -122,10 +122,10 @@ def test_beacons_are_not_due_faster_than_they_can_be_sent():
     assert Tracking().mechanism == "tracking"
     assert Periodic().mechanism == "beacons"
     for mac in (IdealMac(), IdealMac(rate=250e3), Csma()):
-        assert faults(Periodic(), company(BeaconSetup, mac=mac)) == []
-    ((path, message),) = faults(Periodic(period=2e-3, bits=480), company(BeaconSetup, mac=Csma()))
+        assert issues(Periodic(), company(BeaconSetup, mac=mac)) == []
+    ((path, message),) = issues(Periodic(period=2e-3, bits=480), company(BeaconSetup, mac=Csma()))
     assert (path, "0.002464 s" in message) == ("workload.period", True)  # 17 + 60 bytes
-    ((path, _),) = faults(Periodic(bits=1000), company(BeaconSetup, mac=IdealMac(rate=999.0)))
+    ((path, _),) = issues(Periodic(bits=1000), company(BeaconSetup, mac=IdealMac(rate=999.0)))
     assert path == "workload.period"
 
 
@@ -138,16 +138,16 @@ def test_frames_are_filled_as_far_as_they_hold():
 
 
 def test_packing_needs_frames_that_hold_as_much():
-    assert faults(Frames(), company(mac=Csma())) == faults(Frames(most=9), company(mac=Csma())) == []
-    ((path, message),) = faults(Frames(most=10), company(mac=Csma()))
+    assert issues(Frames(), company(mac=Csma())) == issues(Frames(most=9), company(mac=Csma())) == []
+    ((path, message),) = issues(Frames(most=10), company(mac=Csma()))
     assert (path, "which holds 9" in message) == ("packing.most", True)
-    ((path, message),) = faults(Frames(), company(mac=IdealMac()))
+    ((path, message),) = issues(Frames(), company(mac=IdealMac()))
     assert (path, "'ideal'" in message) == ("packing.kind", True)
 
 
 def test_the_cpu_runs_at_the_rate_of_the_data_sheets_processor():
-    assert faults(Processor(), company(energy=SLOW)) == []
-    assert faults(Processor(rate=8e6), company(energy=SLOW)) == []
-    ((path, message),) = faults(Processor(rate=16e6), company(energy=SLOW))
+    assert issues(Processor(), company(energy=SLOW)) == []
+    assert issues(Processor(rate=8e6), company(energy=SLOW)) == []
+    ((path, message),) = issues(Processor(rate=16e6), company(energy=SLOW))
     assert (path, "8e+06 Hz" in message) == ("cpu.rate", True)
-    assert faults(Processor(rate=16e6), company(TrackingSetup)) == []
+    assert issues(Processor(rate=16e6), company(TrackingSetup)) == []

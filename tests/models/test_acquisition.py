@@ -137,11 +137,11 @@ def test_a_prior_may_be_given():
 
 def test_a_prior_of_another_dimension_is_a_fault():
     parts = SimpleNamespace(motions=(MOTION,))
-    [fault] = AroundTruth(sd=(5.0, 3.0)).faults(parts)
-    assert fault.path == ("prior", "sd")
-    assert "2 values for a state of 4 columns" in fault.message
-    assert [fault.path for fault in AroundTruth(mean=(1.0,)).faults(parts)] == [("prior", "mean")]
-    assert not list(AroundTruth().faults(parts))
+    [issue] = AroundTruth(sd=(5.0, 3.0)).check(parts)
+    assert issue.path == ("prior", "sd")
+    assert "2 values for a state of 4 columns" in issue.message
+    assert [issue.path for issue in AroundTruth(mean=(1.0,)).check(parts)] == [("prior", "mean")]
+    assert not list(AroundTruth().check(parts))
 
 
 LINE = SimpleNamespace(position=(0,), columns=("px", "vx", "ax"))
@@ -184,14 +184,14 @@ def test_on_a_line_one_range_spans_the_places_on_both_sides_of_its_node():
 
 def test_a_sensor_that_reaches_everywhere_leaves_nothing_to_search():
     for sensor, count in ((Range(reach=np.inf), 1), (RangeFromOrigin(), 1), (Range(), 0), (SENSOR, 0)):
-        found = [fault.path for fault in FromReadings().faults(SimpleNamespace(sensor=sensor))]
+        found = [issue.path for issue in FromReadings().check(SimpleNamespace(sensor=sensor))]
         assert found == [("sensor",)] * count
 
 
 def test_the_prior_of_a_line_is_drawn_in_its_own_dimension():
     prior = AroundTruth(sd=(1.0, 0.1, 0.01))
     assert prior.draw(np.array([1.0, 0.1, 0.01]), np.random.default_rng(0)).mean.shape == (3,)
-    assert not list(prior.faults(SimpleNamespace(motions=(LINE,))))
+    assert not list(prior.check(SimpleNamespace(motions=(LINE,))))
 
 
 @pytest.mark.parametrize(("poll", "step", "whole"), [
@@ -202,20 +202,20 @@ def test_the_prior_of_a_line_is_drawn_in_its_own_dimension():
 def test_a_step_is_a_whole_number_of_looks_for_a_lost_target_where_heads_move(poll, step, whole, policy):
     names = dict.fromkeys(field.name for field in dataclasses.fields(NetworkSetup))
     company = NetworkSetup(**names | {"sensor": SENSOR, "clusters": policy, "dt": step, "steps": 100})
-    found = list(FromReadings(poll=poll).faults(company))
-    assert [fault.path for fault in found] == ([] if whole or not policy.moves else [("acquire", "poll")])
+    found = list(FromReadings(poll=poll).check(company))
+    assert [issue.path for issue in found] == ([] if whole or not policy.moves else [("acquire", "poll")])
 
 
 def test_a_run_has_no_more_looks_than_it_could_bear():
     names = dict.fromkeys(field.name for field in dataclasses.fields(NetworkSetup))
     for steps, faults in ((10_000, 0), (10_001, 1)):
         company = NetworkSetup(**names | {"sensor": SENSOR, "clusters": MovingHead(), "dt": 1.0, "steps": steps})
-        assert len(list(FromReadings(poll=0.01).faults(company))) == faults
+        assert len(list(FromReadings(poll=0.01).check(company))) == faults
 
 
 def test_without_a_network_nobody_minds_how_often_a_target_is_looked_for():
     names = dict.fromkeys(field.name for field in dataclasses.fields(TrackingSetup))
-    assert not list(FromReadings(poll=0.7).faults(TrackingSetup(**names | {"sensor": SENSOR, "dt": 2.0})))
+    assert not list(FromReadings(poll=0.7).check(TrackingSetup(**names | {"sensor": SENSOR, "dt": 2.0})))
 
 
 def test_words_of_acquisition_are_packets_unless_said_otherwise():

@@ -20,10 +20,10 @@ LIU = tuple((x, 10.0) for x in (-1.0, 150.0, 300.0, 450.0, 600.0, 750.0, 900.0, 
 ROOM = ((0.0, 5.0), (5.0, 10.0), (10.0, 0.0))
 
 
-def faults(part: Anchors, reach: float = 400.0, kind: type[TrackingSetup] = TrackingSetup) -> list[tuple[str, str]]:
+def issues(part: Anchors, reach: float = 400.0, kind: type[TrackingSetup] = TrackingSetup) -> list[tuple[str, str]]:
     given: dict[str, Any] = dict.fromkeys(field.name for field in dataclasses.fields(kind))
     given |= {"sensor": Range(reach=reach)} | ({"clusters": StrongestSignal()} if kind is NetworkSetup else {})
-    return [(".".join(map(str, fault.path)), fault.message) for fault in part.faults(kind(**given))]
+    return [(".".join(map(str, issue.path)), issue.message) for issue in part.check(kind(**given))]
 
 
 def test_nodes_stand_at_the_places_in_their_order_and_nothing_is_drawn() -> None:
@@ -47,23 +47,23 @@ def test_what_is_said_of_the_field_goes_before_what_the_places_span() -> None:
 
 
 def test_a_place_outside_the_field_is_a_fault_that_names_it() -> None:
-    found = faults(Anchors(places=ROOM, centre=(4.0, 5.0)))
+    found = issues(Anchors(places=ROOM, centre=(4.0, 5.0)))
     assert found == [("deploy.places.2", "(10, 0) m is outside the field of 10 m by 10 m around (4, 5)")]
 
 
 def test_anchors_must_cover_a_field_wherever_it_lies_if_asked() -> None:
     far = tuple((x + 1e4, y - 2e4) for x, y in ROOM)
     for places in (ROOM, far):
-        assert faults(Anchors(places=places, cover=True), reach=7.0) == []
-        [(path, message)] = faults(Anchors(places=places, cover=True), reach=5.5)
+        assert issues(Anchors(places=places, cover=True), reach=7.0) == []
+        [(path, message)] = issues(Anchors(places=places, cover=True), reach=5.5)
         assert path == "deploy.cover" and "of the field uncovered" in message
-        assert faults(Anchors(places=places), reach=5.5) == []
+        assert issues(Anchors(places=places), reach=5.5) == []
 
 
 def test_too_few_anchors_for_a_cluster_are_a_fault_in_a_network_only() -> None:
-    assert [path for path, _ in faults(Anchors(), kind=NetworkSetup)] == ["deploy.places"]
-    assert faults(Anchors()) == []
-    assert faults(Anchors(places=ROOM), kind=NetworkSetup) == []
+    assert [path for path, _ in issues(Anchors(), kind=NetworkSetup)] == ["deploy.places"]
+    assert issues(Anchors()) == []
+    assert issues(Anchors(places=ROOM), kind=NetworkSetup) == []
 
 
 def test_a_list_without_places_is_refused() -> None:

@@ -118,7 +118,7 @@ def moving(head, wakeup, tracker=None, dt=2.0):
         "energy": FirstOrder(), "link": Disk(), "clusters": head, "wakeup": wakeup, "dt": dt,
         "tracker": tracker or Gathered(), "cpu": Processor(),
     })  # fmt: skip
-    return [(fault.path, fault.message) for fault in head.faults(company)]
+    return [(issue.path, issue.message) for issue in head.check(company)]
 
 
 class Spread:
@@ -178,8 +178,8 @@ def test_a_battery_that_does_not_exceed_what_a_head_must_hold_is_a_fault(policy)
             "tracker": SimpleNamespace(member_cycles=operations), "cpu": Processor(cycles_per_flop=per_flop),
             "wakeup": DirectedFlood(), "dt": 1.0,
         })  # fmt: skip
-        found = [(fault.path, fault.message) for fault in company.clusters.faults(company)]
-        return [fault for fault in found if fault[0][0] == "energy"]
+        found = [(issue.path, issue.message) for issue in company.clusters.check(company)]
+        return [issue for issue in found if issue[0][0] == "energy"]
 
     [(path, message)] = found(63.5e-6)
     assert path == ("energy", "battery")

@@ -29,8 +29,8 @@ def of_kind(kind, **given):
     return kind(**dict.fromkeys(field.name for field in dataclasses.fields(kind)) | given)
 
 
-def faults(part, reach=60.0, parts=None):
-    return [(".".join(map(str, fault.path)), fault.message) for fault in part.faults(parts or company(reach))]
+def issues(part, reach=60.0, parts=None):
+    return [(".".join(map(str, issue.path)), issue.message) for issue in part.check(parts or company(reach))]
 
 
 def written(folder, text):
@@ -67,13 +67,13 @@ def test_a_field_that_no_draw_covers_is_an_error_that_counts_the_draws():
 
 def test_too_few_nodes_to_cover_are_a_fault_that_says_how_many_are_needed():
     said = "17 nodes with a sensing reach of 60 m cannot cover 400 m by 400 m: at least 18 are needed, or cover: false"
-    assert faults(Uniform(nodes=17)) == [("deploy.cover", said)]
-    assert not faults(Uniform(nodes=18))
-    assert not faults(Uniform(nodes=17, cover=False))
+    assert issues(Uniform(nodes=17)) == [("deploy.cover", said)]
+    assert not issues(Uniform(nodes=18))
+    assert not issues(Uniform(nodes=17, cover=False))
 
 
 def test_fewer_nodes_than_a_cluster_needs_are_a_fault():
-    assert faults(Uniform(nodes=2, cover=False)) == [
+    assert issues(Uniform(nodes=2, cover=False)) == [
         ("deploy.nodes", "2 nodes cannot make a cluster of clusters.minimum_active = 3 members")
     ]
 
@@ -95,11 +95,11 @@ def test_a_square_number_of_nodes_makes_a_square_grid():
 
 
 def test_a_grid_that_does_not_cover_is_a_fault():
-    assert not faults(Grid(nodes=16), reach=70.8)
-    [(path, message)] = faults(Grid(nodes=16), reach=70.6)
+    assert not issues(Grid(nodes=16), reach=70.8)
+    [(path, message)] = issues(Grid(nodes=16), reach=70.6)
     assert path == "deploy.cover"
     assert "uncovered" in message
-    assert not faults(Grid(nodes=16, cover=False), reach=70.6)
+    assert not issues(Grid(nodes=16, cover=False), reach=70.6)
 
 
 def test_jitter_keeps_a_node_in_its_part_of_the_cell():
@@ -119,7 +119,7 @@ def test_positions_come_from_a_file_in_its_order(tmp_path):
     path = written(tmp_path, "node, x ,y\n0,1.5,-2\n\n1,0,0\n2,0,0\n")
     part = FromFile(path=path, cover=False)
     assert np.array_equal(part.draw(60.0, generator()), [[1.5, -2.0], [0.0, 0.0], [0.0, 0.0]])
-    assert not faults(part)
+    assert not issues(part)
 
 
 @pytest.mark.parametrize(
@@ -139,7 +139,7 @@ def test_a_faulty_file_is_named_with_its_line(tmp_path, text, said):
     with pytest.raises(RunError) as caught:
         part.draw(60.0, generator())
     assert said in str(caught.value)
-    [(path, message)] = faults(part)
+    [(path, message)] = issues(part)
     assert path == "deploy.path"
     assert said in message
 
@@ -159,8 +159,8 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path):
 
 def test_nodes_from_a_file_must_cover_and_suffice(tmp_path):
     part = FromFile(path=written(tmp_path, "x,y\n0,0\n"), width=100, height=100)
-    assert [path for path, _ in faults(part, reach=80.0)] == ["deploy.path"]
-    assert [path for path, _ in faults(part, reach=70.0)] == ["deploy.path", "deploy.cover"]
+    assert [path for path, _ in issues(part, reach=80.0)] == ["deploy.path"]
+    assert [path for path, _ in issues(part, reach=70.0)] == ["deploy.path", "deploy.cover"]
 
 
 def test_every_deployment_names_its_field(tmp_path):
@@ -174,9 +174,9 @@ def test_without_a_network_there_is_no_cluster_to_be_too_small_for(tmp_path):
     alone = of_kind(TrackingSetup, sensor=AcousticEnergy())
     path = written(tmp_path, "x,y\n0,0\n")
     for part in (Uniform(nodes=2, cover=False), Grid(nodes=2, cover=False), FromFile(path=path, cover=False)):
-        assert faults(part, parts=alone) == []
-        assert len(faults(part)) == 1
-    assert [path for path, _ in faults(Uniform(nodes=2), parts=alone)] == ["deploy.cover"]
+        assert issues(part, parts=alone) == []
+        assert len(issues(part)) == 1
+    assert [path for path, _ in issues(Uniform(nodes=2), parts=alone)] == ["deploy.cover"]
 
 
 @pytest.mark.parametrize("reach", [np.inf, 1e300])
@@ -184,7 +184,7 @@ def test_one_sensor_without_end_covers_any_field(reach, tmp_path):
     alone = of_kind(TrackingSetup, sensor=Range(reach=reach))
     path = written(tmp_path, "x,y\n-7,3\n")
     for part in (Uniform(nodes=1), Grid(nodes=1), JitteredGrid(nodes=1), FromFile(path=path)):
-        assert faults(part, parts=alone) == []
+        assert issues(part, parts=alone) == []
         assert part.draw(reach, generator()).shape == (1, 2)
     assert covers(np.zeros((1, 2)), reach, 400.0, 400.0)
     assert not covers(np.empty((0, 2)), reach, 400.0, 400.0)

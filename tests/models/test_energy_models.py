@@ -43,10 +43,10 @@ def radio_of(**given):
     return dataclasses.replace(RADIO, **given)
 
 
-def faults(part, kind=BeaconSetup, **given):
+def issues(part, kind=BeaconSetup, **given):
     """What a part says of a scenario of which only what is given matters."""
     parts = kind(**dict.fromkeys(field.name for field in dataclasses.fields(kind)) | given)
-    return [(".".join(map(str, fault.path)), fault.message) for fault in part.faults(parts)]
+    return [(".".join(map(str, issue.path)), issue.message) for issue in part.check(parts)]
 
 
 def test_a_packet_of_twelve_bytes_over_seventy_five_metres():
@@ -155,18 +155,18 @@ def test_changes_of_mode_cost_what_their_transitions_draw():
 
 
 def test_an_output_power_that_the_radio_does_not_have_is_a_fault_that_names_the_levels():
-    ((path, message),) = faults(states(power=-4.0), link=Disk())
+    ((path, message),) = issues(states(power=-4.0), link=Disk())
     assert path == "energy.power"
     assert "0, -5, -25 dBm (nearest: -5 dBm)" in message
-    assert faults(states(power=-25.0), link=Disk()) == []
+    assert issues(states(power=-25.0), link=Disk()) == []
 
 
 def test_the_energy_models_output_power_is_the_links():
-    assert faults(states(), link=LogNormal()) == []
-    ((path, message),) = faults(states(power=-5.0), link=LogNormal(power=0.0))
+    assert issues(states(), link=LogNormal()) == []
+    ((path, message),) = issues(states(power=-5.0), link=LogNormal(power=0.0))
     assert path == "energy.power"
     assert "link.power = 0 dBm" in message
-    assert faults(states(), kind=TrackingSetup) == []  # a bench has no link
+    assert issues(states(), kind=TrackingSetup) == []  # a bench has no link
 
 
 @pytest.mark.parametrize(

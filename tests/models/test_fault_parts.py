@@ -28,16 +28,16 @@ def company(kind=NetworkSetup, **given):
     return kind(**dict.fromkeys(names) | {name: value for name, value in roles.items() if name in names} | given)
 
 
-def faults(part, parts=None):
-    found = part.faults(parts or company())
-    return [(".".join(map(str, fault.path)), fault.message) for fault in found]
+def issues(part, parts=None):
+    found = part.check(parts or company())
+    return [(".".join(map(str, issue.path)), issue.message) for issue in found]
 
 
 @pytest.mark.parametrize("mechanism", EACH)
 def test_each_of_them_names_its_mechanism_and_can_be(mechanism):
     part = EACH[mechanism]
     assert part.mechanism == mechanism
-    assert faults(part) == []
+    assert issues(part) == []
 
 
 def test_they_last_for_good_unless_they_say_how_long_and_a_restart_no_time():
@@ -63,37 +63,37 @@ def test_they_last_for_good_unless_they_say_how_long_and_a_restart_no_time():
     ],
 )
 def test_what_cannot_be_is_a_fault(part, path, words):
-    ((found, message),) = faults(part)
+    ((found, message),) = issues(part)
     assert found == path
     assert words in message
 
 
 def test_the_last_instant_and_the_fields_edge_and_corner_belong_to_the_run():
-    assert faults(Crash(at=10.0, head=0)) == []
-    assert faults(Blackout(at=1.0, region=(300.0, 0.0, 100.0))) == []
-    assert faults(Blackout(at=1.0, region=(203.0, 204.0, 5.0))) == []  # 5 m from the corner
-    assert len(faults(Blackout(at=1.0, region=(203.0, 204.0, 4.99)))) == 1
+    assert issues(Crash(at=10.0, head=0)) == []
+    assert issues(Blackout(at=1.0, region=(300.0, 0.0, 100.0))) == []
+    assert issues(Blackout(at=1.0, region=(203.0, 204.0, 5.0))) == []  # 5 m from the corner
+    assert len(issues(Blackout(at=1.0, region=(203.0, 204.0, 4.99)))) == 1
 
 
 def test_nodes_are_counted_where_the_deployment_can_tell():
     two = company(deploy=Anchors(places=((0.0, 0.0), (5.0, 5.0))))
-    assert faults(Crash(at=1.0, nodes=(1,)), two) == []
-    assert "the 2 nodes" in faults(Crash(at=1.0, nodes=(2,)), two)[0][1]
-    assert faults(Crash(at=1.0, nodes=(99,)), company(deploy=FromFile(path="nodes.csv"))) == []
+    assert issues(Crash(at=1.0, nodes=(1,)), two) == []
+    assert "the 2 nodes" in issues(Crash(at=1.0, nodes=(2,)), two)[0][1]
+    assert issues(Crash(at=1.0, nodes=(99,)), company(deploy=FromFile(path="nodes.csv"))) == []
 
 
 def test_without_a_target_nobody_leads_and_nothing_is_read():
     beacons = company(BeaconSetup)
-    assert faults(Crash(at=1.0, nodes=(1,)), beacons) == []
-    ((path, message),) = faults(Crash(at=1.0, head=0), beacons)
+    assert issues(Crash(at=1.0, nodes=(1,)), beacons) == []
+    ((path, message),) = issues(Crash(at=1.0, head=0), beacons)
     assert (path, "without a target" in message) == ("faults.head", True)
     for part in (Stuck(at=1.0, nodes=(1,)), Bias(at=1.0, nodes=(1,), offset=1.0)):
-        ((path, _),) = faults(part, beacons)
+        ((path, _),) = issues(part, beacons)
         assert path == "faults.kind"
 
 
 def test_a_battery_without_limit_has_no_share():
     endless = company(energy=FirstOrder(battery=float("inf")))
-    assert faults(Drain(at=1.0, head=0, joules=1.0), endless) == []
-    ((path, message),) = faults(Drain(at=1.0, head=0, share=0.5), endless)
+    assert issues(Drain(at=1.0, head=0, joules=1.0), endless) == []
+    ((path, message),) = issues(Drain(at=1.0, head=0, share=0.5), endless)
     assert (path, "give joules" in message) == ("faults.share", True)

@@ -88,6 +88,6 @@ def test_a_sink_is_a_place_or_nobody():
 ])  # fmt: skip
 def test_reports_are_due_every_whole_number_of_steps(every, step, whole):
     sink = NearestNode(every=every)
-    found = list(sink.faults(SimpleNamespace(dt=step)))
-    assert [fault.path for fault in found] == ([] if whole else [("sink", "every")])
-    assert all(f"{every:g} s must be a whole number of steps of {step:g} s" in fault.message for fault in found)
+    found = list(sink.check(SimpleNamespace(dt=step)))
+    assert [issue.path for issue in found] == ([] if whole else [("sink", "every")])
+    assert all(f"{every:g} s must be a whole number of steps of {step:g} s" in issue.message for issue in found)

@@ -165,10 +165,10 @@ def test_the_stronger_of_two_frames_survives_where_frames_capture_and_neither_wh
 
 def test_a_radio_that_is_dead_at_a_metre_is_a_fault():
     parts = BeaconSetup(**dict.fromkeys(field.name for field in dataclasses.fields(BeaconSetup)))
-    assert list(LogNormal().faults(parts)) == []
-    (fault,) = LogNormal(power=-50.0).faults(parts)
-    assert fault.path == ("link", "power")
-    assert "-105 dBm at 1 m" in fault.message
+    assert list(LogNormal().check(parts)) == []
+    (issue,) = LogNormal(power=-50.0).check(parts)
+    assert issue.path == ("link", "power")
+    assert "-105 dBm at 1 m" in issue.message
 
 
 def test_parts_that_the_network_performs_name_their_mechanism():

@@ -208,4 +208,4 @@ def problem(with_network: bool) -> TrackingSetup:
     ],
 )
 def test_what_cannot_be_is_a_fault(sensor: Any, with_network: bool, paths: list[Any]) -> None:
-    assert [fault.path for fault in sensor.faults(problem(with_network))] == paths
+    assert [issue.path for issue in sensor.check(problem(with_network))] == paths

@@ -318,7 +318,7 @@ def company(schedule, mac, steps=100, dt=2.0):
 
 def found(schedule, mac=None, **times):
     parts = company(schedule, mac or Csma(), **times)
-    return [(fault.path, fault.message) for fault in schedule.faults(parts)]
+    return [(issue.path, issue.message) for issue in schedule.check(parts)]
 
 
 def test_the_papers_schedule_has_no_fault():

@@ -12,7 +12,7 @@ OUTSIDE = {
 }
 
 
-def faults(*motions: dict, **changes) -> list[str]:
+def issues(*motions: dict, **changes) -> list[str]:
     source = scenario.resolved(scenario.load("jiang_field")) | changes
     del source["motion"]
     size = 3 if motions[-1]["kind"] == "constant_acceleration" else 4
@@ -27,16 +27,16 @@ def faults(*motions: dict, **changes) -> list[str]:
 
 @pytest.mark.parametrize("kind", OUTSIDE)
 def test_a_start_outside_the_field_is_a_fault(kind: str) -> None:
-    (fault,) = faults({"kind": kind, **OUTSIDE[kind]})
-    assert fault.startswith("motion.start: error: (") and "outside the field of 400 m by 400 m around (0, 0)" in fault
+    (issue,) = issues({"kind": kind, **OUTSIDE[kind]})
+    assert issue.startswith("motion.start: error: (") and "outside the field of 400 m by 400 m around (0, 0)" in issue
 
 
 def test_the_fault_is_that_of_the_target_which_it_concerns() -> None:
     inside = {"kind": "bounded_velocity", "start": [0, 0, 199, 0]}
-    (fault,) = faults(inside, {"kind": "bounded_velocity", **OUTSIDE["bounded_velocity"]})
-    assert fault.startswith("targets.1.start: error: ")
+    (issue,) = issues(inside, {"kind": "bounded_velocity", **OUTSIDE["bounded_velocity"]})
+    assert issue.startswith("targets.1.start: error: ")
 
 
 @pytest.mark.parametrize("kind", OUTSIDE)
 def test_without_a_network_nobody_monitors_a_field(kind: str) -> None:
-    assert faults({"kind": kind, **OUTSIDE[kind]}, network="none") == []
+    assert issues({"kind": kind, **OUTSIDE[kind]}, network="none") == []

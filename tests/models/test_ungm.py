@@ -186,12 +186,12 @@ def test_there_are_no_gains_to_assume() -> None:
 
 def test_a_target_in_the_plane_is_a_fault() -> None:
     plane: Any = SimpleNamespace(motions=(ConstantVelocity(),))
-    (fault,) = Squared().faults(plane)
-    assert fault.path == ("sensor", "kind")
-    assert "2 (px py); it can go with ungm or constant_acceleration" in fault.message
+    (issue,) = Squared().check(plane)
+    assert issue.path == ("sensor", "kind")
+    assert "2 (px py); it can go with ungm or constant_acceleration" in issue.message
     for motion in (Ungm(), ConstantAcceleration()):
         line: Any = SimpleNamespace(motions=(motion,))
-        assert not list(Squared().faults(line))
+        assert not list(Squared().check(line))
 
 
 def test_a_scenario_can_write_every_field() -> None:

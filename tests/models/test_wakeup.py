@@ -207,18 +207,18 @@ STEPS_OF_TWO: Any = SimpleNamespace(dt=2.0)
 
 
 def test_probabilities_that_are_all_zero_are_a_fault():
-    [fault] = ExperienceZones(probabilities=(0.0, 0.0, 0.0, 0.0)).faults(STEPS_OF_TWO)
-    assert fault.path == ("wakeup", "probabilities")
-    assert "nobody would ever track" in fault.message
-    assert not list(ExperienceZones(probabilities=(0.0, 0.0, 0.0, 0.1)).faults(STEPS_OF_TWO))
-    assert not list(ExperienceZones().faults(STEPS_OF_TWO))
+    [issue] = ExperienceZones(probabilities=(0.0, 0.0, 0.0, 0.0)).check(STEPS_OF_TWO)
+    assert issue.path == ("wakeup", "probabilities")
+    assert "nobody would ever track" in issue.message
+    assert not list(ExperienceZones(probabilities=(0.0, 0.0, 0.0, 0.1)).check(STEPS_OF_TWO))
+    assert not list(ExperienceZones().check(STEPS_OF_TWO))
 
 
 @pytest.mark.parametrize("protocol", [DirectedFlood, Region, ExperienceZones])
 def test_a_message_is_not_heeded_until_its_number_comes_again(protocol):
-    [fault] = protocol(expiry=256.0).faults(STEPS_OF_TWO)
-    assert fault.path == ("wakeup", "expiry") and "less than 256 s" in fault.message
-    assert not list(protocol(expiry=255.0).faults(STEPS_OF_TWO))
+    [issue] = protocol(expiry=256.0).check(STEPS_OF_TWO)
+    assert issue.path == ("wakeup", "expiry") and "less than 256 s" in issue.message
+    assert not list(protocol(expiry=255.0).check(STEPS_OF_TWO))
 
 
 def test_where_nobody_is_woken_there_is_no_message_and_nothing_to_decide():

@@ -238,7 +238,7 @@ def test_a_file_gives_the_way_of_its_columns_whatever_their_order(tmp_path: Path
     path.write_text("\n".join(lines), encoding="utf-8-sig")
     given, read = Waypoints(points=STOPS), Waypoints(path=str(path))
     assert np.array_equal(given.truth(70, 1.0, np.random.default_rng(0)), read.truth(70, 1.0, np.random.default_rng(0)))
-    assert list(read.faults(None)) == []  # type: ignore[arg-type]
+    assert list(read.check(None)) == []  # type: ignore[arg-type]
 
 
 BAD = {
@@ -259,14 +259,14 @@ def test_a_bad_file_is_refused_at_its_line(text: str, said: str, tmp_path: Path)
     path.write_text(text, encoding="utf-8")
     with pytest.raises(RunError, match=said) as refused:
         Waypoints(path=str(path)).truth(3, 1.0, np.random.default_rng(0))
-    (fault,) = Waypoints(path=str(path)).faults(None)  # type: ignore[arg-type]
+    (issue,) = Waypoints(path=str(path)).check(None)  # type: ignore[arg-type]
     assert str(path) in str(refused.value)
-    assert (fault.path[0], fault.message) == ("motion", str(refused.value))
+    assert (issue.path[0], issue.message) == ("motion", str(refused.value))
 
 
 def test_a_missing_file_is_a_fault_and_so_are_both_or_neither(tmp_path: Path) -> None:
-    (fault,) = Waypoints(path=str(tmp_path / "none.csv")).faults(None)  # type: ignore[arg-type]
-    assert "none.csv: cannot be read" in fault.message
+    (issue,) = Waypoints(path=str(tmp_path / "none.csv")).check(None)  # type: ignore[arg-type]
+    assert "none.csv: cannot be read" in issue.message
     for given in ({}, {"points": STOPS, "path": "way.csv"}):
         with pytest.raises(ValueError, match="either points"):
             Waypoints(**given)  # type: ignore[arg-type]

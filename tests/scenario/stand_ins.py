@@ -54,7 +54,7 @@ class Deploy(_Port):
     cover: bool = True
     path: str = ""
 
-    def faults(self, parts: Any) -> Iterator[Issue]:
+    def check(self, setup: Any) -> Iterator[Issue]:
         if self.nodes < 3:
             yield Issue(("deploy", "nodes"), f"{self.nodes} nodes cannot make a cluster")
         if self.nodes < 2:
@@ -77,8 +77,8 @@ class Motion(_Port):
 class ShyMotion(Motion):
     """A motion that finds fault with other targets."""
 
-    def faults(self, parts: Any) -> Iterator[Issue]:
-        if len(parts.motions) > 1:
+    def check(self, setup: Any) -> Iterator[Issue]:
+        if len(setup.motions) > 1:
             yield Issue(("motion", "start"), "does not like company")
 
 
@@ -133,7 +133,7 @@ class Sheets(_Port):
     spare: Annotated[Sheet | None, "of another"] = None
     beacon: Sheet = Sheet(name="B", rate=1.0, sleep=0.5)
 
-    def faults(self, parts: Any) -> Iterator[Issue]:
+    def check(self, setup: Any) -> Iterator[Issue]:
         if self.radio.sleep > 1:
             yield Issue(("energy", "radio", "sleep"), "sleeps badly")
 
@@ -157,9 +157,9 @@ class Trouble:
         if self.at == 13:
             raise ValueError("13 s brings bad luck")
 
-    def faults(self, parts: Any) -> Iterator[Issue]:
+    def check(self, setup: Any) -> Iterator[Issue]:
         if self.at > 3:
-            yield Issue(("faults", "at"), f"{self.at:g} s is too late for {type(parts).__name__}")
+            yield Issue(("faults", "at"), f"{self.at:g} s is too late for {type(setup).__name__}")
         if self.nodes == ():
             yield Issue(("faults",), "is aimed at nothing")
         if self.nodes == (7,):
@@ -263,5 +263,5 @@ def faults_of(source: Any, *overrides: str) -> list[str]:
     try:
         scenario.build(scenario.load(source, overrides))
     except ScenarioError as error:
-        return [str(fault).partition("\n")[0] for fault in error.faults]
+        return [str(fault).partition("\n")[0] for fault in error.issues]
     return []

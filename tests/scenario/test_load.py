@@ -362,4 +362,4 @@ def test_any_pieces_of_scenarios_are_a_scenario_or_a_scenario_error(
     path.write_text("\n".join(lines), encoding="utf-8")
     with pytest.raises(ScenarioError) as caught:
         scenario.load(path, overrides)
-    assert all(str(fault) for fault in caught.value.faults)
+    assert all(str(fault) for fault in caught.value.issues)

@@ -185,4 +185,4 @@ def test_a_profile_of_a_bad_sheet_is_its_faults() -> None:
     ]:  # fmt: skip
         with pytest.raises(ScenarioError) as caught:
             datasheets.profile(Path(write("tiny.yaml", text)))
-        assert any(str(one).startswith(fault) for one in caught.value.faults), str(caught.value)
+        assert any(str(one).startswith(fault) for one in caught.value.issues), str(caught.value)

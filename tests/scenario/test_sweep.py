@@ -51,7 +51,7 @@ def faults_of(source: Any, *arguments: Any, **given: Any) -> list[str]:
     try:
         load_sweep(source, *arguments, **given)
     except ScenarioError as error:
-        return [str(fault).partition("\n")[0] for fault in error.faults]
+        return [str(fault).partition("\n")[0] for fault in error.issues]
     return []
 
 
@@ -368,7 +368,7 @@ def test_a_fault_of_a_file_stands_at_its_place_with_a_caret(written: str, mark: 
     content = f"scenario: small\n{written}\n"
     with pytest.raises(ScenarioError) as refused:
         load_sweep(write("s.yaml", content))
-    (fault,) = refused.value.faults
+    (fault,) = refused.value.issues
     line = written.splitlines()[-1]
     place = f"s.yaml:{1 + len(written.splitlines())}:{line.rindex(mark) + 1}"
     assert str(fault).partition("\n")[0] == f"{place}: error: {message}"

@@ -289,10 +289,10 @@ def test_metropolis_refuses_a_process_noise_without_a_density() -> None:
         return SimpleNamespace(filter_motions=(BoundedVelocity(noise=noise),), dt=0.04)
 
     for kind in BOTH:
-        assert list(kind(variant="metropolis").faults(parts("both"))) == []
-        (fault,) = kind(variant="metropolis").faults(parts("g_only"))
-        assert fault.path == ("motion",) and "singular" in fault.message
-        assert list(kind().faults(parts("g_only"))) == []
+        assert list(kind(variant="metropolis").check(parts("both"))) == []
+        (issue,) = kind(variant="metropolis").check(parts("g_only"))
+        assert issue.path == ("motion",) and "singular" in issue.message
+        assert list(kind().check(parts("g_only"))) == []
 
 
 @pytest.mark.parametrize("kind", BOTH)

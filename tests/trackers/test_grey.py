@@ -158,9 +158,9 @@ def test_a_step_costs_its_fix_and_from_four_fixes_on_two_models() -> None:
 def test_it_needs_ranges_and_a_plane() -> None:
     tracker = GreyTracking()
     assert all(hasattr(Range, need) and hasattr(Rssi, need) for need in tracker.needs)
-    assert list(tracker.faults(SimpleNamespace(filter_motions=(ConstantVelocity(),)))) == []
-    (fault,) = tracker.faults(SimpleNamespace(filter_motions=(ConstantVelocity(), ConstantAcceleration())))
-    assert fault.path == ("tracker", "kind") and "two columns" in fault.message
+    assert list(tracker.check(SimpleNamespace(filter_motions=(ConstantVelocity(),)))) == []
+    (issue,) = tracker.check(SimpleNamespace(filter_motions=(ConstantVelocity(), ConstantAcceleration())))
+    assert issue.path == ("tracker", "kind") and "two columns" in issue.message
 
 
 @pytest.mark.parametrize("sensor", [Range(), Range(sd=50.0), Rssi(), Rssi(sd=30.0)])

@@ -269,12 +269,12 @@ def test_a_step_costs_every_cell_that_a_cell_is_spread_over_and_every_reading_of
 def test_a_motion_of_more_than_one_column_is_a_fault_and_so_is_a_grid_that_is_upside_down() -> None:
     line = SimpleNamespace(filter_motions=(Walk(),))
     plane = SimpleNamespace(filter_motions=(BoundedVelocity(),))
-    assert list(GridFilter().faults(line)) == []
-    (fault,) = GridFilter().faults(plane)
-    assert fault.path == ("tracker", "kind")
-    assert "a state of one column" in fault.message and "4 (px vx py vy)" in fault.message and "ungm" in fault.message
-    (fault,) = replace(FINE, low=1.0, high=-1.0).faults(line)
-    assert fault.path == ("tracker", "high") and "from low (1) up to high (-1)" in fault.message
+    assert list(GridFilter().check(line)) == []
+    (issue,) = GridFilter().check(plane)
+    assert issue.path == ("tracker", "kind")
+    assert "a state of one column" in issue.message and "4 (px vx py vy)" in issue.message and "ungm" in issue.message
+    (issue,) = replace(FINE, low=1.0, high=-1.0).check(line)
+    assert issue.path == ("tracker", "high") and "from low (1) up to high (-1)" in issue.message
 
 
 @pytest.mark.parametrize("cells", [2, 400])

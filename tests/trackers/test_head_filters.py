@@ -165,10 +165,10 @@ def test_the_ipf_refuses_a_process_noise_without_a_density() -> None:
         return SimpleNamespace(filter_motions=(BoundedVelocity(noise=noise),) * targets, dt=0.04)
 
     tracker = InformationPf()
-    assert list(tracker.faults(parts("both"))) == [] and list(tracker.faults(parts("q_only"))) == []
-    (fault,) = tracker.faults(parts("g_only"))
-    assert fault.path == ("motion",) and "singular" in fault.message
-    assert [fault.path for fault in tracker.faults(parts("g_only", 2))] == [
+    assert list(tracker.check(parts("both"))) == [] and list(tracker.check(parts("q_only"))) == []
+    (issue,) = tracker.check(parts("g_only"))
+    assert issue.path == ("motion",) and "singular" in issue.message
+    assert [issue.path for issue in tracker.check(parts("g_only", 2))] == [
         ("targets", 0),
         ("targets", 1),
     ]

@@ -65,7 +65,7 @@ def test_a_step_costs_its_fix_and_a_displacement() -> None:
 
 
 def test_it_needs_a_plane_and_keeps_the_rules_of_the_seam() -> None:
-    (fault,) = TwoPhase().faults(SimpleNamespace(filter_motions=(ConstantAcceleration(),)))
-    assert fault.path == ("tracker", "kind")
+    (issue,) = TwoPhase().check(SimpleNamespace(filter_motions=(ConstantAcceleration(),)))
+    assert issue.path == ("tracker", "kind")
     for sensor in (Range(), Range(sd=50.0), Rssi()):
         check_tracker(TwoPhase(), sensor=sensor)

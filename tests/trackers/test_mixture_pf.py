@@ -213,9 +213,9 @@ def test_a_step_of_1500_particles_takes_a_few_milliseconds() -> None:
 def test_it_needs_ranges_and_its_own_state() -> None:
     tracker = MixturePf()
     assert all(hasattr(Range, need) and hasattr(Rssi, need) for need in tracker.needs)
-    assert list(tracker.faults(SimpleNamespace(filter_motions=(ConstantVelocity(),)))) == []
-    (fault,) = tracker.faults(SimpleNamespace(filter_motions=(ConstantVelocity(), ConstantAcceleration())))
-    assert fault.path == ("tracker", "kind") and "px vx py vy" in fault.message
+    assert list(tracker.check(SimpleNamespace(filter_motions=(ConstantVelocity(),)))) == []
+    (issue,) = tracker.check(SimpleNamespace(filter_motions=(ConstantVelocity(), ConstantAcceleration())))
+    assert issue.path == ("tracker", "kind") and "px vx py vy" in issue.message
     chase = Chase(PATH, PLACES)
     chase.motion = ConstantAcceleration()
     with pytest.raises(RunError, match="px vx py vy"):

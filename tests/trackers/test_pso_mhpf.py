@@ -357,8 +357,8 @@ def test_the_defaults_track_and_the_literal_move_and_the_bare_likelihood_visibly
 
 def test_the_transition_density_needs_a_process_noise_that_has_one() -> None:
     parts = SimpleNamespace(filter_motions=(BoundedVelocity(noise="g_only"),), dt=0.04)
-    assert [fault.path for fault in PsoMhpf(acceptance="transition").faults(parts)] == [("motion",)]
-    assert list(PsoMhpf().faults(parts)) == []
+    assert [issue.path for issue in PsoMhpf(acceptance="transition").check(parts)] == [("motion",)]
+    assert list(PsoMhpf().check(parts)) == []
 
 
 def test_a_snapshot_shows_every_particle_where_it_is_and_changes_nothing() -> None:

@@ -188,9 +188,9 @@ def test_a_distance_that_is_none_is_left_out() -> None:
 def test_it_needs_ranges_and_a_plane() -> None:
     tracker = Trilateration()
     assert all(hasattr(Range, need) and hasattr(Rssi, need) for need in tracker.needs)
-    assert list(tracker.faults(SimpleNamespace(filter_motions=(ConstantVelocity(),)))) == []
-    (fault,) = tracker.faults(SimpleNamespace(filter_motions=(ConstantAcceleration(),)))
-    assert fault.path == ("tracker", "kind") and "two columns" in fault.message
+    assert list(tracker.check(SimpleNamespace(filter_motions=(ConstantVelocity(),)))) == []
+    (issue,) = tracker.check(SimpleNamespace(filter_motions=(ConstantAcceleration(),)))
+    assert issue.path == ("tracker", "kind") and "two columns" in issue.message
 
 
 @pytest.mark.parametrize("sensor", [Range(), Range(sd=50.0), Rssi(), Rssi(sd=30.0)])

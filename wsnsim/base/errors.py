@@ -1,38 +1,42 @@
-"""What can go wrong, as one tree.
+"""The errors of wsnsim, as one tree.
 
 WsnsimError                    exit code
-├── UsageError                 2   the command line asks for what is not there
-├── ScenarioError              2   a scenario says what cannot be: carries every Fault of the file at once
+├── UsageError                 2   the command line is wrong
+├── ScenarioError              2   a scenario is invalid; carries every Issue of the file
 ├── ResultError                1   a result file cannot be read, written or trusted
-│   └── StorageError           1   it cannot be written: nor could any other beside it
-└── RunError                   1   a simulation could not go on: names seed, replicate and simulated time
+│   └── StorageError           1   it cannot be written, and neither can any other file of the folder
+└── RunError                   1   a simulation failed; names seed, replicate and simulated time
 """
 
 from __future__ import annotations
 
 import difflib
+import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass
 
 
 class WsnsimError(Exception):
-    """Whatever a user of wsnsim can act on. `str(error)` is the whole message."""
+    """An error that a user of wsnsim can act on. `str(error)` is the whole message."""
 
     exit_code = 1
 
 
 class UsageError(WsnsimError):
-    """The command line asks for what is not there."""
+    """The command line is wrong: an unknown name, or options that exclude each other."""
 
     exit_code = 2
 
 
 @dataclass(frozen=True)
 class Issue:
-    """One fault of a scenario: where (a path of keys such as ('tracker', 'kind')), and what.
+    """One finding of the validation: where it is, and what is wrong.
 
-    `place` is where the text stands ('x.yaml:14:9' or '--set link.reach'), `excerpt` the line with a caret under it;
-    both are filled in by the loader, which alone knows the text.
+    Attributes:
+        path: keys that lead to the value, such as ('tracker', 'kind').
+        message: what is wrong, what is allowed, and what is nearest.
+        place: position in the text ('x.yaml:14:9' or '--set link.reach'); filled in by the loader.
+        excerpt: the line of the text with a caret under it; filled in by the loader.
     """
 
     path: tuple[str | int, ...]
@@ -47,13 +51,19 @@ class Issue:
 
 
 class ScenarioError(WsnsimError):
-    """A scenario says what cannot be; `faults` holds every fault found."""
+    """A scenario is invalid. `issues` holds everything that is wrong with it."""
 
     exit_code = 2
 
-    def __init__(self, faults: Iterable[Issue]) -> None:
-        self.faults = tuple(faults)
-        super().__init__("\n".join(str(fault) for fault in self.faults))
+    def __init__(self, issues: Iterable[Issue]) -> None:
+        self.issues = tuple(issues)
+        super().__init__("\n".join(str(issue) for issue in self.issues))
+
+    @property
+    def faults(self) -> tuple[Issue, ...]:
+        """The old name of `issues`."""
+        warnings.warn("ScenarioError.faults is now ScenarioError.issues", DeprecationWarning, stacklevel=2)
+        return self.issues
 
 
 class ResultError(WsnsimError):
@@ -61,15 +71,15 @@ class ResultError(WsnsimError):
 
 
 class StorageError(ResultError):
-    """A result cannot be written: the disk is full, the folder is gone or takes nothing."""
+    """A result cannot be written: the disk is full, or the folder is missing or read-only."""
 
 
 class RunError(WsnsimError):
-    """A simulation could not go on."""
+    """A simulation failed."""
 
 
 def failed_run(time: float, seed: int, replicate: int, reason: BaseException) -> RunError:
-    """The error of a run that failed: where it can be repeated, and why it ended."""
+    """Return the error of a run that failed: how to repeat it, and the reason."""
     name = "" if isinstance(reason, WsnsimError) else f"{type(reason).__name__}: "
     return RunError(
         f"the run failed at {time:g} s of simulated time (seed {seed}, replicate {replicate}): {name}{reason}"
@@ -77,10 +87,18 @@ def failed_run(time: float, seed: int, replicate: int, reason: BaseException) ->
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """The closing words of a message about an unknown name: the nearest known one, or all of them if none is near."""
+    """Return the end of a message about an unknown name: the nearest known name, or all of them if none is near."""
     names = sorted(known)
     near = difflib.get_close_matches(word.lower(), [name.lower() for name in names], n=1, cutoff=0.6)
     if near:
         original = next(name for name in names if name.lower() == near[0])
         return f"did you mean '{original}'?"
     return "known: " + ", ".join(names) if names else "none is known"
+
+
+def __getattr__(name: str) -> type[Issue]:
+    """Return a class by its old name."""
+    if name != "Fault":
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    warnings.warn("wsnsim.base.errors.Fault is now Issue", DeprecationWarning, stacklevel=2)
+    return Issue

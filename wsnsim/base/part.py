@@ -1,27 +1,27 @@
-"""A part: a frozen, keyword-only bundle of parameters behind a role of the scenario.
+"""A component: a frozen, keyword-only bundle of parameters that plays one role of a scenario.
 
-Its fields are its YAML keys; bounds and units stand in the annotations, defaults are the paper's:
+Its fields are the keys in YAML. Units and bounds stand in the annotations; defaults are those of the paper:
 
     @part
     class Disk:
-        '''Two nodes hear each other within a fixed reach.'''
+        '''Two nodes hear each other within a fixed range.'''
         reach: Annotated[float, Quantity("m", gt=0), "nominal range of a link"]
 
-A part may say what cannot be in the company of the others: `def faults(self, parts: Parts) -> Iterator[Fault]`, with
-paths that start at the role's name.
+A component that depends on the others may check them: `def check(self, setup: NetworkSetup) -> Iterator[Issue]`. The
+paths of these issues start at the name of a role.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, TypeVar, dataclass_transform
+from typing import TypeVar, dataclass_transform
 
 T = TypeVar("T")
 
 
 @dataclass(frozen=True)
 class Quantity:
-    """The unit (as in `scenario.units`; '' for a pure number) and the bounds of a field. Values are SI."""
+    """The unit (as in `scenario.units`; '' for a pure number) and the bounds of a field. Values are in SI units."""
 
     unit: str = ""
     gt: float | None = None
@@ -32,10 +32,5 @@ class Quantity:
 
 @dataclass_transform(frozen_default=True, kw_only_default=True)
 def part(cls: type[T]) -> type[T]:
-    """Make a class a frozen, keyword-only dataclass. It is the whole of what a plug-in class needs."""
+    """Return the class as a frozen, keyword-only dataclass. A plug-in class needs nothing else."""
     return dataclass(frozen=True, kw_only=True)(cls)
-
-
-def kind_of(thing: Any) -> str:
-    """The class name of a part, for messages."""
-    return type(thing).__name__

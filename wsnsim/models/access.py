@@ -33,10 +33,10 @@ class IdealMac:
 
     rate: Annotated[float | None, Quantity("bit/s", ge=1e-3), "of the air; left out: no time passes"] = None
 
-    def faults(self, parts: Setup) -> Iterator[Issue]:
+    def check(self, setup: Setup) -> Iterator[Issue]:
         """A rate that is not the radio's."""
         if self.rate is not None:
-            yield from _other_rate(self.rate, parts)
+            yield from _other_rate(self.rate, setup)
 
 
 @part
@@ -86,9 +86,9 @@ class Framed:
         """Seconds that a sender waits after a frame of so many bits on the air: SIFS or LIFS, by its PSDU."""
         return self.sifs if bits / 8 - self.phy_overhead <= self.sifs_bytes else self.lifs
 
-    def faults(self, parts: Setup) -> Iterator[Issue]:
+    def check(self, setup: Setup) -> Iterator[Issue]:
         """Frames without room, a wait that no acknowledgement meets, a rate that is not the radio's."""
-        yield from self._too_small(parts)
+        yield from self._too_small(setup)
         needed = self.turnaround + self.airtime(self.ack_bits)
         if self.acks and self.ack_wait < needed:
             yield Issue(
@@ -96,9 +96,9 @@ class Framed:
                 f"{self.ack_wait:g} s is over before an acknowledgement of {self.ack_bytes} bytes at {self.rate:g} "
                 f"bit/s has come: at least {needed:g} s are needed, or acks: false",
             )
-        yield from _other_rate(self.rate, parts)
+        yield from _other_rate(self.rate, setup)
 
-    def _too_small(self, parts: Setup) -> Iterator[Issue]:
+    def _too_small(self, setup: Setup) -> Iterator[Issue]:
         """A frame that cannot carry a payload at all, or not what the scenario sends in one piece."""
         if self.header >= self.max_psdu:
             yield Issue(
@@ -106,7 +106,7 @@ class Framed:
                 f"{self.header} bytes leave no payload in a PSDU of mac.max_psdu = {self.max_psdu} bytes",
             )
             return
-        for path, bits, what in _pieces(parts):
+        for path, bits, what in _pieces(setup):
             if bits > self.payload_bits:
                 yield Issue(path, f"{what} of {bits} bits does not fit a frame, which carries {self.payload_bits} bits")
 
@@ -129,9 +129,9 @@ class Csma(Framed):
     max_backoffs: Annotated[int, Quantity("", ge=0, le=100), "macMaxCSMABackoffs: attempts after the first"] = 4
     cca: Annotated[float, TICK, "how long the channel is listened to"] = 128e-6
 
-    def faults(self, parts: Setup) -> Iterator[Issue]:
+    def check(self, setup: Setup) -> Iterator[Issue]:
         """What `Framed` finds, and backoff exponents that shrink."""
-        yield from Framed.faults(self, parts)
+        yield from Framed.check(self, setup)
         if self.min_be > self.max_be:
             yield Issue(("mac", "max_be"), f"{self.max_be} is less than mac.min_be = {self.min_be}")
 
@@ -167,9 +167,9 @@ class Tdma(Csma):
         answer = self.turnaround + self.airtime(self.ack_bits) if self.acks else 0.0
         return max(self.guard, self.turnaround) + self.airtime(bits) + answer + self.guard
 
-    def faults(self, parts: Setup) -> Iterator[Issue]:
+    def check(self, setup: Setup) -> Iterator[Issue]:
         """What `Csma` finds, and slots in which not even one packet of 12 bytes can be sent."""
-        yield from Csma.faults(self, parts)
+        yield from Csma.check(self, setup)
         needed = self.slot_needed(self.bits(PACKET_BITS))
         if self.slot is not None and self.slot < needed:
             guards = f"its guards of {self.guard:g} s" + (" and its acknowledgement" if self.acks else "")
@@ -180,19 +180,19 @@ class Tdma(Csma):
             )
 
 
-def _pieces(parts: Setup) -> Iterator[tuple[tuple[str, ...], int, str]]:
+def _pieces(setup: Setup) -> Iterator[tuple[tuple[str, ...], int, str]]:
     """What the scenario sends in one piece: the path that says so, its bits, and what it is."""
-    if isinstance(parts, BeaconSetup):
-        yield ("workload", "bits"), int(getattr(parts.workload, "bits", 0)), "a beacon"
-    if isinstance(parts, NetworkSetup):
+    if isinstance(setup, BeaconSetup):
+        yield ("workload", "bits"), int(getattr(setup.workload, "bits", 0)), "a beacon"
+    if isinstance(setup, NetworkSetup):
         yield ("mac", "max_psdu"), PACKET_BITS, "a packet"
-        if parts.sink.point is not None:
-            yield ("sink", "bits"), parts.sink.bits, "a report"
+        if setup.sink.point is not None:
+            yield ("sink", "bits"), setup.sink.bits, "a report"
 
 
-def _other_rate(rate: float, parts: Setup) -> Iterator[Issue]:
+def _other_rate(rate: float, setup: Setup) -> Iterator[Issue]:
     """A radio, on whose data sheet the energy model rests, that has another rate."""
-    radio = getattr(parts.energy, "radio", None) if isinstance(parts, RadioSetup) else None
+    radio = getattr(setup.energy, "radio", None) if isinstance(setup, RadioSetup) else None
     if radio is not None and radio.rate != rate:
         yield Issue(
             ("mac", "rate"), f"{rate:g} bit/s is not the rate of energy.radio ({radio.name}): {radio.rate:g} bit/s"

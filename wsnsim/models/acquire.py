@@ -43,9 +43,9 @@ class AroundTruth:
         mean = start + sd * rng.standard_normal(sd.size) if self.mean is None else np.array(self.mean)
         return Estimate(mean=mean, cov=np.diag(sd**2))
 
-    def faults(self, parts: TrackingSetup) -> Iterator[Issue]:
+    def check(self, setup: TrackingSetup) -> Iterator[Issue]:
         """A prior of another dimension than the state."""
-        columns = parts.motions[0].columns
+        columns = setup.motions[0].columns
         for key, values in (("sd", self.sd), ("mean", self.mean)):
             if values is not None and len(values) != len(columns):
                 yield Issue(
@@ -102,20 +102,20 @@ class FromReadings:
         cov[np.ix_(place, place)] = _bounded(spread, self.floor, sensor.reach)
         return Estimate(mean=mean, cov=cov)
 
-    def faults(self, parts: TrackingSetup) -> Iterator[Issue]:
+    def check(self, setup: TrackingSetup) -> Iterator[Issue]:
         """A sensor without end: a target that may be anywhere cannot be looked for on a lattice."""
-        if np.isinf(parts.sensor.reach):
+        if np.isinf(setup.sensor.reach):
             yield Issue(("sensor",), "its reach must be finite in a network: a new track is looked for within it")
-        if self.poll is not None and isinstance(parts, NetworkSetup) and parts.clusters.moves:
-            times = parts.dt / self.poll
-            if times * parts.steps > MOST_LOOKS:
+        if self.poll is not None and isinstance(setup, NetworkSetup) and setup.clusters.moves:
+            times = setup.dt / self.poll
+            if times * setup.steps > MOST_LOOKS:
                 yield Issue(
                     ("acquire", "poll"),
-                    f"{times * parts.steps:.3g} looks in a run are too many; {MOST_LOOKS:,} are allowed",
+                    f"{times * setup.steps:.3g} looks in a run are too many; {MOST_LOOKS:,} are allowed",
                 )
             if abs(times - round(times)) > 1e-9 * times or round(times) < 1:
                 yield Issue(
-                    ("acquire", "poll"), f"a step of {parts.dt:g} s must be a whole number of times {self.poll:g} s"
+                    ("acquire", "poll"), f"a step of {setup.dt:g} s must be a whole number of times {self.poll:g} s"
                 )
 
     def _locate(

@@ -69,9 +69,9 @@ class StrongestSignal:
         """The able node nearest to the predicted position (2,). None if nobody is able."""
         return _nearest(forecast, positions, able)
 
-    def faults(self, parts: NetworkSetup) -> Iterator[Issue]:
+    def check(self, setup: NetworkSetup) -> Iterator[Issue]:
         """A battery that lets nobody lead."""
-        yield from _too_little_charge(parts)
+        yield from _too_little_charge(setup)
 
 
 @part
@@ -105,9 +105,9 @@ class Central:
         """The able node nearest to (x, y), wherever the target goes. None if nobody is able."""
         return _nearest(np.array([self.x, self.y]), positions, able)
 
-    def faults(self, parts: NetworkSetup) -> Iterator[Issue]:
+    def check(self, setup: NetworkSetup) -> Iterator[Issue]:
         """A battery that lets nobody lead."""
-        yield from _too_little_charge(parts)
+        yield from _too_little_charge(setup)
 
 
 @part
@@ -148,15 +148,15 @@ class MovingHead:
         """The able node nearest to the predicted position (2,). None if nobody is able."""
         return _nearest(forecast, positions, able)
 
-    def faults(self, parts: NetworkSetup) -> Iterator[Issue]:
+    def check(self, setup: NetworkSetup) -> Iterator[Issue]:
         """A battery that lets nobody lead; times that do not fit; a wake-up or a tracker that does not go with it."""
-        yield from _too_little_charge(parts)
+        yield from _too_little_charge(setup)
         if self.quiet > self.cap:
             yield Issue(("clusters", "quiet"), f"{self.quiet:g} s is more than cap = {self.cap:g} s")
-        if self.sampling + self.cap >= parts.dt:
+        if self.sampling + self.cap >= setup.dt:
             longest = self.sampling + self.cap
-            yield Issue(("clusters", "cap"), f"readings would come in for {longest:g} s, a step lasts {parts.dt:g} s")
-        mechanism = parts.wakeup.mechanism
+            yield Issue(("clusters", "cap"), f"readings would come in for {longest:g} s, a step lasts {setup.dt:g} s")
+        mechanism = setup.wakeup.mechanism
         if self.main == "prediction" and mechanism == "none":
             yield Issue(
                 ("clusters", "main"),
@@ -167,7 +167,7 @@ class MovingHead:
                 ("clusters", "main"),
                 "with wakeup: region the node nearest to the prediction leads: use main: prediction",
             )
-        if getattr(parts.tracker, "member_cycles", 0.0) > 0:
+        if getattr(setup.tracker, "member_cycles", 0.0) > 0:
             yield Issue(
                 ("clusters", "kind"),
                 "the members change at each step: the tracker must keep its belief in the head (gmtt, tsstp, cluster, "
@@ -196,11 +196,11 @@ def _squared(positions: Floats, point: Floats) -> Floats:
     return squared
 
 
-def _too_little_charge(parts: NetworkSetup) -> Iterator[Issue]:
+def _too_little_charge(setup: NetworkSetup) -> Iterator[Issue]:
     """A full battery that does not exceed the threshold, or else what a packet each way and a step take."""
-    energy, least, source = parts.energy, parts.head_threshold, "clusters.threshold"
-    if parts.clusters.threshold is None:
-        source = f"a packet sent over {parts.link.reach:g} m, one received, and a step's computing"
+    energy, least, source = setup.energy, setup.head_threshold, "clusters.threshold"
+    if setup.clusters.threshold is None:
+        source = f"a packet sent over {setup.link.reach:g} m, one received, and a step's computing"
     if energy.battery <= least:
         yield Issue(
             ("energy", "battery"),

@@ -49,9 +49,9 @@ class Uniform:
         size = np.array([self.width, self.height])
         return _until_covered(self, lambda: (rng.random((self.nodes, 2)) - 0.5) * size, reach)
 
-    def faults(self, parts: Setup) -> Iterator[Issue]:
+    def check(self, setup: Setup) -> Iterator[Issue]:
         """Too few nodes to cover the field, or to make a cluster."""
-        yield from _too_few(self, parts)
+        yield from _too_few(self, setup)
 
 
 @part
@@ -72,10 +72,10 @@ class Grid:
         """(N, 2) positions, row by row from the lower left; nothing is drawn."""
         return cells(self.nodes, self.width, self.height)[0]
 
-    def faults(self, parts: Setup) -> Iterator[Issue]:
+    def check(self, setup: Setup) -> Iterator[Issue]:
         """Too few nodes to make a cluster, or a grid that does not cover the field."""
-        yield from _too_few(self, parts)
-        yield from _uncovered(self, cells(self.nodes, self.width, self.height)[0], parts)
+        yield from _too_few(self, setup)
+        yield from _uncovered(self, cells(self.nodes, self.width, self.height)[0], setup)
 
 
 @part
@@ -99,9 +99,9 @@ class JitteredGrid:
         centres, sizes = cells(self.nodes, self.width, self.height)
         return _until_covered(self, lambda: centres + self.jitter * sizes * (rng.random((self.nodes, 2)) - 0.5), reach)
 
-    def faults(self, parts: Setup) -> Iterator[Issue]:
+    def check(self, setup: Setup) -> Iterator[Issue]:
         """Too few nodes to cover the field, or to make a cluster."""
-        yield from _too_few(self, parts)
+        yield from _too_few(self, setup)
 
 
 @part
@@ -122,15 +122,15 @@ class FromFile:
         """(N, 2) positions in the file's order. Raises RunError naming file and line if it cannot be read."""
         return read_positions(self.path, self.field)
 
-    def faults(self, parts: Setup) -> Iterator[Issue]:
+    def check(self, setup: Setup) -> Iterator[Issue]:
         """A file that cannot be read, too few nodes in it, or nodes that do not cover the field."""
         try:
             positions = read_positions(self.path, self.field)
         except RunError as error:
             yield Issue(("deploy", "path"), str(error))
             return
-        yield from _too_few_for_a_cluster(len(positions), "path", parts)
-        yield from _uncovered(self, positions, parts)
+        yield from _too_few_for_a_cluster(len(positions), "path", setup)
+        yield from _uncovered(self, positions, setup)
 
 
 @part
@@ -170,15 +170,15 @@ class Anchors:
         """(N, 2) positions in the order of the places; nothing is drawn."""
         return np.array(self.places, dtype=np.float64)
 
-    def faults(self, parts: Setup) -> Iterator[Issue]:
+    def check(self, setup: Setup) -> Iterator[Issue]:
         """Nodes outside the field, too few to make a cluster, or nodes that do not cover the field."""
         positions = np.array(self.places, dtype=np.float64)
         inside = self.field.contains(positions)
         for i in np.nonzero(~inside)[0].tolist():
             yield Issue(("deploy", "places", i), _outside(self.places[i], self.field))
-        yield from _too_few_for_a_cluster(len(positions), "places", parts)
+        yield from _too_few_for_a_cluster(len(positions), "places", setup)
         if inside.all():
-            yield from _uncovered(self, positions, parts)
+            yield from _uncovered(self, positions, setup)
 
 
 def cells(nodes: int, width: float, height: float) -> tuple[Floats, Floats]:
@@ -225,16 +225,16 @@ def _until_covered(part: Uniform | JitteredGrid, draw: Callable[[], Floats], rea
     )
 
 
-def _covering(parts: Setup) -> tuple[str, float]:
+def _covering(setup: Setup) -> tuple[str, float]:
     """What covers the field: the sensors; without any, the links."""
-    if isinstance(parts, TrackingSetup):
-        return "a sensing reach", parts.sensor.reach
-    assert isinstance(parts, RadioSetup)
-    return "a link's reach", parts.link.reach
+    if isinstance(setup, TrackingSetup):
+        return "a sensing reach", setup.sensor.reach
+    assert isinstance(setup, RadioSetup)
+    return "a link's reach", setup.link.reach
 
 
-def _too_few(part: Uniform | Grid | JitteredGrid, parts: Setup) -> Iterator[Issue]:
-    what, reach = _covering(parts)
+def _too_few(part: Uniform | Grid | JitteredGrid, setup: Setup) -> Iterator[Issue]:
+    what, reach = _covering(setup)
     needed = nodes_needed(reach, part.width, part.height)
     if part.cover and part.nodes < needed:
         yield Issue(
@@ -242,21 +242,21 @@ def _too_few(part: Uniform | Grid | JitteredGrid, parts: Setup) -> Iterator[Issu
             f"{part.nodes:g} nodes with {what} of {reach:g} m cannot cover {part.width:g} m by "
             f"{part.height:g} m: at least {needed:g} are needed, or cover: false",
         )
-    yield from _too_few_for_a_cluster(part.nodes, "nodes", parts)
+    yield from _too_few_for_a_cluster(part.nodes, "nodes", setup)
 
 
-def _too_few_for_a_cluster(nodes: int, key: str, parts: Setup) -> Iterator[Issue]:
+def _too_few_for_a_cluster(nodes: int, key: str, setup: Setup) -> Iterator[Issue]:
     """Fewer nodes than a cluster needs, where there is a network and so are clusters."""
-    minimum = parts.clusters.minimum_active if isinstance(parts, NetworkSetup) else 0
+    minimum = setup.clusters.minimum_active if isinstance(setup, NetworkSetup) else 0
     if nodes < minimum:
         yield Issue(
             ("deploy", key), f"{nodes} nodes cannot make a cluster of clusters.minimum_active = {minimum} members"
         )
 
 
-def _uncovered(part: Grid | FromFile | Anchors, positions: Floats, parts: Setup) -> Iterator[Issue]:
+def _uncovered(part: Grid | FromFile | Anchors, positions: Floats, setup: Setup) -> Iterator[Issue]:
     """Fixed positions that leave a part of the field out of reach, unless their number alone is too small."""
-    (what, reach), width, height = _covering(parts), part.field.width, part.field.height
+    (what, reach), width, height = _covering(setup), part.field.width, part.field.height
     about = positions - np.array(part.field.centre)
     if part.cover and len(about) >= nodes_needed(reach, width, height) and not covers(about, reach, width, height):
         share = coverage(about, reach, width, height)

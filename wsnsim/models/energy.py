@@ -186,7 +186,7 @@ class States:
         """How long the processor is busy with so many cycles."""
         return cycles / self.processor.rate
 
-    def faults(self, parts: Setup) -> Iterator[Issue]:
+    def check(self, setup: Setup) -> Iterator[Issue]:
         """An output power that the radio does not have, or a link or a MAC of another radio."""
         levels = self.radio.levels
         if self.power not in levels:
@@ -196,23 +196,23 @@ class States:
                 f"{self.power:g} dBm is no output power of {self.radio.name}: it has "
                 f"{', '.join(f'{level:g}' for level in levels)} dBm (nearest: {nearest:g} dBm)",
             )
-        link = parts.link if isinstance(parts, RadioSetup) else None
+        link = setup.link if isinstance(setup, RadioSetup) else None
         if isinstance(link, LogNormal) and link.power != self.power:
             yield Issue(
                 ("energy", "power"), f"{self.power:g} dBm is not link.power = {link.power:g} dBm: they must agree"
             )
-        yield from self._other_radio(parts)
+        yield from self._other_radio(setup)
 
-    def _other_radio(self, parts: Setup) -> Iterator[Issue]:
+    def _other_radio(self, setup: Setup) -> Iterator[Issue]:
         """What the sheet says otherwise than the link or the MAC."""
-        if not isinstance(parts, RadioSetup):
+        if not isinstance(setup, RadioSetup):
             return
         pairs: list[tuple[str, str, str, Any]] = [("mac", "turnaround", "s", self.radio.turnaround)]
-        if isinstance(parts.link, LogNormal):
+        if isinstance(setup.link, LogNormal):
             pairs.append(("link", "sensitivity", "dBm", self.radio.sensitivity))
             pairs.append(("link", "modulation", "", self.radio.modulation))
         for role, name, unit, said in pairs:
-            found = getattr(getattr(parts, role), name, said)
+            found = getattr(getattr(setup, role), name, said)
             if found != said:
                 yield Issue(
                     (role, name),

@@ -2,7 +2,7 @@
 
     mechanism    at (s), duration (s, None: for good)    exactly one of nodes, fraction, region, head
 
-Not to be confused with `base.errors.Fault`, which is what a scenario says wrong. Paths of those name the role and the
+Not to be confused with `base.errors.Issue`, a finding of the validation. Paths of those name the role and the
 field, ("faults", "region"); which of the list it is, the scenario room puts between.
 """
 
@@ -39,27 +39,27 @@ class Aimed:
         int | None, Quantity("", ge=0, le=10_000), "whom it hits: who leads this target's cluster at that instant"
     ] = None
 
-    def faults(self, parts: Setup) -> Iterator[Issue]:
+    def check(self, setup: Setup) -> Iterator[Issue]:
         """A time after the run's end; aim at nothing, at several things, or at what is not there."""
-        if self.at > parts.steps * parts.dt:
-            yield _fault("at", f"{self.at:g} s is after the end of the run at {parts.steps * parts.dt:g} s")
+        if self.at > setup.steps * setup.dt:
+            yield _fault("at", f"{self.at:g} s is after the end of the run at {setup.steps * setup.dt:g} s")
         aims = [name for name in SELECTORS if getattr(self, name) is not None]
         if len(aims) != 1:
             given = f"aimed by {' and '.join(aims)} at once" if aims else "aimed at nothing"
             yield Issue(("faults",), f"is {given}: give exactly one of {', '.join(SELECTORS)}")
-        count = getattr(parts.deploy, "nodes", None)
+        count = getattr(setup.deploy, "nodes", None)
         if self.fraction is not None and count is not None and round(self.fraction * count) == 0:
             yield _fault("fraction", f"{self.fraction:g} of {count} nodes is nobody")
-        yield from self._unknown_nodes(parts)
-        yield from self._unknown_region(parts.deploy.field)
-        yield from self._unknown_head(parts)
+        yield from self._unknown_nodes(setup)
+        yield from self._unknown_region(setup.deploy.field)
+        yield from self._unknown_head(setup)
 
-    def _unknown_nodes(self, parts: Setup) -> Iterator[Issue]:
+    def _unknown_nodes(self, setup: Setup) -> Iterator[Issue]:
         if self.nodes is None:
             return
         if not self.nodes:
             yield _fault("nodes", "names no node: give at least one, such as [0]")
-        number = _number_of_nodes(parts)
+        number = _number_of_nodes(setup)
         beyond = [node for node in self.nodes if number is not None and node >= number]
         if beyond:
             yield _fault("nodes", f"there is no node {beyond[0]}: the {number} nodes are numbered from 0")
@@ -79,13 +79,13 @@ class Aimed:
                 f"{field.height:g} m around ({field.centre[0]:g}, {field.centre[1]:g})",
             )
 
-    def _unknown_head(self, parts: Setup) -> Iterator[Issue]:
+    def _unknown_head(self, setup: Setup) -> Iterator[Issue]:
         if self.head is None:
             return
-        if isinstance(parts, BeaconSetup):
+        if isinstance(setup, BeaconSetup):
             yield _fault("head", "nobody leads in a network without a target")
-        elif isinstance(parts, TrackingSetup) and self.head >= len(parts.motions):
-            number = len(parts.motions)
+        elif isinstance(setup, TrackingSetup) and self.head >= len(setup.motions):
+            number = len(setup.motions)
             yield _fault("head", f"there is no target {self.head}: the targets are numbered from 0 to {number - 1}")
 
 
@@ -104,9 +104,9 @@ class Restart(Aimed):
 
     duration: Annotated[float | None, TIME, "how long starting takes"] = 0.0
 
-    def faults(self, parts: Setup) -> Iterator[Issue]:
+    def check(self, setup: Setup) -> Iterator[Issue]:
         """What all of them share, and a start that never ends."""
-        yield from Aimed.faults(self, parts)
+        yield from Aimed.check(self, setup)
         if self.duration is None:
             yield _fault("duration", "a restart ends: say after how long (a crash without a duration is for good)")
 
@@ -120,14 +120,14 @@ class Drain(Aimed):
     joules: Annotated[float | None, Quantity("J", gt=0.0, lt=inf), "charge lost"] = None
     share: Annotated[float | None, Quantity("", gt=0.0, le=1.0), "charge lost, as a share of what is left"] = None
 
-    def faults(self, parts: Setup) -> Iterator[Issue]:
+    def check(self, setup: Setup) -> Iterator[Issue]:
         """What all of them share; an amount that is not said, or is without limit; a duration."""
-        yield from Aimed.faults(self, parts)
+        yield from Aimed.check(self, setup)
         if (self.joules is None) == (self.share is None):
             yield Issue(("faults",), "a drain takes either joules or a share: give exactly one of them")
         if self.duration is not None:
             yield _fault("duration", "a drain happens at once and is not undone: leave the duration out")
-        if self.share is not None and isinstance(parts, RadioSetup) and isinf(parts.energy.battery):
+        if self.share is not None and isinstance(setup, RadioSetup) and isinf(setup.energy.battery):
             yield _fault("share", "there is no share of a battery without limit (energy.battery = .inf): give joules")
 
 
@@ -155,10 +155,10 @@ class ClockStep(Aimed):
 
     offset: Annotated[float, Quantity("s", ge=-1e6, le=1e6), "how far it jumps; positive: the clock is ahead"]
 
-    def faults(self, parts: Setup) -> Iterator[Issue]:
+    def check(self, setup: Setup) -> Iterator[Issue]:
         """What all of them share, and a network that asks no clock for the time."""
-        yield from Aimed.faults(self, parts)
-        if isinstance(parts, BeaconSetup):
+        yield from Aimed.check(self, setup)
+        if isinstance(setup, BeaconSetup):
             yield _fault("kind", "without a target nobody asks a clock for the time: a jump would change nothing")
 
 
@@ -166,10 +166,10 @@ class ClockStep(Aimed):
 class OfReading(Aimed):
     """What those share that change a node's readings."""
 
-    def faults(self, parts: Setup) -> Iterator[Issue]:
+    def check(self, setup: Setup) -> Iterator[Issue]:
         """What all of them share, and a network in which nothing is sensed."""
-        yield from Aimed.faults(self, parts)
-        if isinstance(parts, BeaconSetup):
+        yield from Aimed.check(self, setup)
+        if isinstance(setup, BeaconSetup):
             yield _fault("kind", "there are no readings in a network without a target")
 
 
@@ -199,7 +199,7 @@ def _fault(key: str, message: str) -> Issue:
     return Issue(("faults", key), message)
 
 
-def _number_of_nodes(parts: Setup) -> int | None:
+def _number_of_nodes(setup: Setup) -> int | None:
     """How many nodes there are, if the deployment can tell before it is drawn."""
-    places = getattr(parts.deploy, "places", None)
-    return getattr(parts.deploy, "nodes", None) if places is None else len(places)
+    places = getattr(setup.deploy, "places", None)
+    return getattr(setup.deploy, "nodes", None) if places is None else len(places)

@@ -37,9 +37,9 @@ class Processor:
         """Simulated seconds that so many cycles take."""
         return 0.0 if self.rate is None else cycles / self.rate
 
-    def faults(self, parts: Setup) -> Iterator[Issue]:
+    def check(self, setup: Setup) -> Iterator[Issue]:
         """A rate that is not that of the processor on whose data sheet the energy model rests."""
-        sheet = getattr(parts.energy, "processor", None) if isinstance(parts, RadioSetup) else None
+        sheet = getattr(setup.energy, "processor", None) if isinstance(setup, RadioSetup) else None
         if sheet is not None and self.rate is not None and self.rate != sheet.rate:
             yield Issue(
                 ("cpu", "rate"),
@@ -128,13 +128,13 @@ class Frames:
         held = max(1, most_bits // packet_bits)
         return held if self.most is None else min(held, self.most)
 
-    def faults(self, parts: Setup) -> Iterator[Issue]:
+    def check(self, setup: Setup) -> Iterator[Issue]:
         """A MAC without frames, or frames that hold fewer packets."""
-        if not isinstance(parts, RadioSetup):
+        if not isinstance(setup, RadioSetup):
             return
-        payload = getattr(parts.mac, "payload_bits", None)
+        payload = getattr(setup.mac, "payload_bits", None)
         if payload is None:
-            yield Issue(("packing", "kind"), f"there are no frames in mac '{parts.mac.mechanism}': use kind none")
+            yield Issue(("packing", "kind"), f"there are no frames in mac '{setup.mac.mechanism}': use kind none")
         elif self.most is not None and self.most * PACKET_BITS > payload >= PACKET_BITS:
             yield Issue(
                 ("packing", "most"),
@@ -171,9 +171,9 @@ class NearestNode:
         """(x, y) in m."""
         return self.x, self.y
 
-    def faults(self, parts: Setup) -> Iterator[Issue]:
+    def check(self, setup: Setup) -> Iterator[Issue]:
         """Reports at other instants than steps."""
         if self.every is not None:
-            steps = self.every / parts.dt
+            steps = self.every / setup.dt
             if abs(steps - round(steps)) > 1e-9 * steps or round(steps) < 1:
-                yield Issue(("sink", "every"), f"{self.every:g} s must be a whole number of steps of {parts.dt:g} s")
+                yield Issue(("sink", "every"), f"{self.every:g} s must be a whole number of steps of {setup.dt:g} s")

@@ -21,7 +21,7 @@ from wsnsim.base.setups import TrackingSetup
 from wsnsim.kernels import linear as kernels
 from wsnsim.models.bounds import PLACE, STATE
 from wsnsim.models.motion import FARTHEST
-from wsnsim.models.starts import start_faults
+from wsnsim.models.starts import start_issues
 
 BATCH: Final = 256
 """How many truths are drawn at once where most are thrown away; fewer where they are longer than 1024 steps."""
@@ -74,9 +74,9 @@ class ConstantAcceleration:
             "the transition has no density; use a tracker, or a variant of it, that does not ask for it"
         )
 
-    def faults(self, parts: TrackingSetup) -> Iterator[Issue]:
+    def check(self, setup: TrackingSetup) -> Iterator[Issue]:
         """A start outside the field of a network."""
-        yield from start_faults(self, parts)
+        yield from start_issues(self, setup)
 
     def assumed(self, noise_scale: float) -> ConstantAcceleration:
         """The model as a filter believes it: process covariance times `noise_scale`."""
@@ -189,9 +189,9 @@ class ConstantVelocity:
         after, before = stateful(after, len(self.columns)), stateful(before, len(self.columns))
         return kernels.log_transition(after, before, process.transition, process.root)
 
-    def faults(self, parts: TrackingSetup) -> Iterator[Issue]:
+    def check(self, setup: TrackingSetup) -> Iterator[Issue]:
         """A start outside the field of a network."""
-        yield from start_faults(self, parts)
+        yield from start_issues(self, setup)
 
     def assumed(self, noise_scale: float) -> ConstantVelocity:
         """The model as a filter believes it: process covariance times `noise_scale`."""

@@ -154,7 +154,7 @@ class LogNormal:
         """(n,) whether a node takes the channel for busy when it hears so much."""
         return np.asarray(powers) >= self.carrier_sense
 
-    def faults(self, parts: Setup) -> Iterator[Issue]:
+    def check(self, setup: Setup) -> Iterator[Issue]:
         """A radio so weak that the mean link is dead at 1 m already."""
         if self.reach < 1.0:
             yield Issue(

@@ -21,7 +21,7 @@ from wsnsim.base.part import Quantity, part
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.kernels import motion as kernels
 from wsnsim.models.bounds import STATE
-from wsnsim.models.starts import start_faults
+from wsnsim.models.starts import start_issues
 
 START = (-45.0, -20.0, -50.0, -35.0)
 FARTHEST = 1e12
@@ -103,9 +103,9 @@ class BoundedVelocity:
         """The model as a filter believes it: process covariance times `noise_scale`, since both terms grow with it."""
         return dataclasses.replace(self, q=self.q * noise_scale, sigma0=self.sigma0 * math.sqrt(noise_scale))
 
-    def faults(self, parts: TrackingSetup) -> Iterator[Issue]:
+    def check(self, setup: TrackingSetup) -> Iterator[Issue]:
         """A start outside the field."""
-        yield from start_faults(self, parts)
+        yield from start_issues(self, setup)
 
     def _law(self, dt: float) -> kernels.Drift:
         return dt, self.bound, self.c1, self.c2

@@ -127,10 +127,10 @@ class Range(_OfDistance):
         distances, gradients, variances = self.linearise(points, positions, traits)
         return fisher(gradients, np.where(distances <= self._within, 1.0 / variances, 0.0))
 
-    def faults(self, parts: TrackingSetup) -> Iterator[Issue]:
+    def check(self, setup: TrackingSetup) -> Iterator[Issue]:
         """Readings of noise in a network, or for one cell alone; a reach beyond measure."""
         yield from _too_long_a_reach(self.reach)
-        if self.beyond == "noise" and isinstance(parts, NetworkSetup):
+        if self.beyond == "noise" and isinstance(setup, NetworkSetup):
             yield Issue(
                 ("sensor", "beyond"),
                 "in a network a node out of reach sleeps and reads no noise: use beyond: silent, or network: none",
@@ -198,7 +198,7 @@ class Rssi(_OfDistance):
         exponents = np.minimum(math.log(10.0) * (self.z0 - readings) / (10.0 * self.eta), LARGEST_EXPONENT)
         return np.maximum(self.d0 * np.exp(exponents), self.floor)
 
-    def faults(self, parts: TrackingSetup) -> Iterator[Issue]:
+    def check(self, setup: TrackingSetup) -> Iterator[Issue]:
         """A reach beyond measure."""
         yield from _too_long_a_reach(self.reach)
 

@@ -120,19 +120,19 @@ class _Periodic:
             switches += spells[begun] + spells[over] if self._sleeps_within else _prefixes(on != before)[begun]
         return awake[1:] - awake[0], switches[1:] - switches[0]
 
-    def faults(self, parts: Setup) -> Iterator[Issue]:
+    def check(self, setup: Setup) -> Iterator[Issue]:
         """A period so short that hardly a frame fits, or that a node has too many of them in a run."""
-        lasts = parts.steps * parts.dt
+        lasts = setup.steps * setup.dt
         if lasts > MOST_PERIODS * self.period:
             yield Issue(
                 ("sleep", "period"),
                 f"a run of {lasts:g} s has {lasts / self.period:.3g} periods of {self.period:g} s; at most "
                 f"{MOST_PERIODS:,} are allowed",
             )
-        airtime = getattr(getattr(parts, "mac", None), "airtime", None)
+        airtime = getattr(getattr(setup, "mac", None), "airtime", None)
         if airtime is None:
             return
-        frame = airtime(parts.mac.bits(parts.mac.payload_bits))  # type: ignore[attr-defined]
+        frame = airtime(setup.mac.bits(setup.mac.payload_bits))  # type: ignore[attr-defined]
         if self._length < 2.0 * frame:
             yield Issue(
                 ("sleep", "period"),

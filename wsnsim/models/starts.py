@@ -1,6 +1,6 @@
 """Where a target may start: in a network, within the field that it monitors.
 
-start_faults(motion, parts) -> Iterator[Fault]
+start_issues(motion, setup) -> Iterator[Issue]
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from wsnsim.base.errors import Issue
 from wsnsim.base.setups import NetworkSetup, TrackingSetup
 
 
-def start_faults(motion: Any, parts: TrackingSetup) -> Iterator[Issue]:
+def start_issues(motion: Any, setup: TrackingSetup) -> Iterator[Issue]:
     """A start outside the field. Without a network, nobody monitors one."""
-    if not isinstance(parts, NetworkSetup):
+    if not isinstance(setup, NetworkSetup):
         return
-    field = parts.deploy.field
+    field = setup.deploy.field
     point = planar(np.array([motion.start[column] for column in motion.position]))
     if not field.contains(point):
         (x, y), (x0, y0) = point, field.centre

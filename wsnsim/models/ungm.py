@@ -129,9 +129,9 @@ class Squared:
         """The model itself: there are no gains."""
         return self
 
-    def faults(self, parts: TrackingSetup) -> Iterator[Issue]:
+    def check(self, setup: TrackingSetup) -> Iterator[Issue]:
         """A target that moves in the plane, which has no one number to square."""
-        for motion in parts.motions:
+        for motion in setup.motions:
             if len(motion.position) != 1:
                 names = " ".join(motion.columns[column] for column in motion.position)
                 yield Issue(

@@ -62,13 +62,13 @@ class _Wakes:
     ] = 3.0
     call: Annotated[float, Quantity("s", ge=0.0, le=10.0), "of a call on the wake-up radio, at both ends"] = 5e-3
 
-    def faults(self, parts: NetworkSetup) -> Iterator[Issue]:
+    def check(self, setup: NetworkSetup) -> Iterator[Issue]:
         """Messages that are heeded for so long that their sequence number comes again."""
-        if self.expiry >= MOST_STEPS * parts.dt:
+        if self.expiry >= MOST_STEPS * setup.dt:
             yield Issue(
                 ("wakeup", "expiry"),
-                f"{self.expiry:g} s are too many steps of {parts.dt:g} s: a sequence number of one byte would come "
-                f"again; less than {MOST_STEPS * parts.dt:g} s is allowed",
+                f"{self.expiry:g} s are too many steps of {setup.dt:g} s: a sequence number of one byte would come "
+                f"again; less than {MOST_STEPS * setup.dt:g} s is allowed",
             )
 
     def _message(self, plan: WakeUpPlan, belief: Any, radius: float, bits: int) -> WakeUpMessage:
@@ -201,9 +201,9 @@ class ExperienceZones(_Wakes):
             return inside_ahead if ahead else inside
         return beyond_ahead if ahead else beyond
 
-    def faults(self, parts: NetworkSetup) -> Iterator[Issue]:
+    def check(self, setup: NetworkSetup) -> Iterator[Issue]:
         """Probabilities that let nobody track, or an expiry that is too long."""
-        yield from super().faults(parts)
+        yield from super().check(setup)
         if self.probabilities is not None and not any(self.probabilities):
             yield Issue(("wakeup", "probabilities"), "all are 0: nobody would ever track; at least one must be more")
 

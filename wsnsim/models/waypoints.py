@@ -98,13 +98,13 @@ class RandomWaypoint(_Straight):
             if least > most:
                 raise ValueError(f"{name}: the first is the least, the second the greatest, got {[least, most]}")
 
-    def faults(self, parts: TrackingSetup) -> Iterator[Issue]:
+    def check(self, setup: TrackingSetup) -> Iterator[Issue]:
         """More legs than can be drawn in reasonable time."""
-        legs = parts.steps * parts.dt / (self.mean_leg() / self.mean_speed() + sum(self.pause) / 2.0)
+        legs = setup.steps * setup.dt / (self.mean_leg() / self.mean_speed() + sum(self.pause) / 2.0)
         if legs > MOST_LEGS:
             yield Issue(
                 ("motion", "speed"),
-                f"about {legs:.2g} legs in {parts.steps * parts.dt:g} s are too many (at most {MOST_LEGS:g}); "
+                f"about {legs:.2g} legs in {setup.steps * setup.dt:g} s are too many (at most {MOST_LEGS:g}); "
                 "lower it, enlarge the area, or pause",
             )
 
@@ -197,7 +197,7 @@ class Waypoints(_Straight):
         rows = np.array(self._rows())
         return _sampled(rows[:, 0], rows[:, 1:], steps, dt)
 
-    def faults(self, parts: TrackingSetup) -> Iterator[Issue]:
+    def check(self, setup: TrackingSetup) -> Iterator[Issue]:
         """A file that cannot be read, or that holds no way."""
         try:
             self._rows()

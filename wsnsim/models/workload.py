@@ -31,9 +31,9 @@ class Periodic:
     period: Annotated[float, Quantity("s", ge=1e-3, le=1e6), "between a node's beacons, on its own clock"] = 1.0
     bits: Annotated[int, Quantity("", ge=1, le=1_000_000), "payload of a beacon"] = PACKET_BITS
 
-    def faults(self, parts: Setup) -> Iterator[Issue]:
+    def check(self, setup: Setup) -> Iterator[Issue]:
         """Beacons that are due faster than one node alone can send them."""
-        mac = parts.mac if isinstance(parts, RadioSetup) else None
+        mac = setup.mac if isinstance(setup, RadioSetup) else None
         airtime = 0.0
         if isinstance(mac, Framed):
             airtime = mac.airtime(mac.bits(self.bits))

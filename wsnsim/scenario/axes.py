@@ -43,7 +43,7 @@ class Refused(Exception):
     def within(self, tree: LocatedValue) -> Issue:
         """The fault at its place, with the path under which it is written in the tree."""
         path = next((path for path, node in _walk(tree, ()) if node is self.node), ())
-        return self.node.spot.fault(path, str(self))
+        return self.node.spot.issue(path, str(self))
 
 
 class Span(NamedTuple):

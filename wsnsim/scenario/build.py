@@ -9,14 +9,15 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator
+import warnings
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Any
 
 from wsnsim.base.errors import Issue, ScenarioError
 from wsnsim.scenario.registry import ROLES, Role, find
 
 if TYPE_CHECKING:
-    from wsnsim.base.setups import BeaconSetup, TrackingSetup
+    from wsnsim.base.setups import BeaconSetup, Setup, TrackingSetup
     from wsnsim.scenario.schema import Scenario
 
 Keys = tuple[str | int, ...]
@@ -30,13 +31,13 @@ def build(scenario: Scenario) -> TrackingSetup | BeaconSetup:
     """
     from wsnsim.scenario.located_values import in_order
 
-    made, faults = _made(scenario)
-    if faults:
-        raise ScenarioError(in_order(faults))
+    made, issues = _made(scenario)
+    if issues:
+        raise ScenarioError(in_order(issues))
     parts = _parts(scenario, made)
-    faults = [scenario.spot(fault.path).fault(fault.path, fault.message) for fault in _found(scenario, parts, made)]
-    if faults:
-        raise ScenarioError(in_order(faults))
+    issues = [scenario.spot(issue.path).issue(issue.path, issue.message) for issue in _found(scenario, parts, made)]
+    if issues:
+        raise ScenarioError(in_order(issues))
     return parts
 
 
@@ -80,13 +81,13 @@ def _made(scenario: Scenario) -> tuple[dict[Keys, Any], list[Issue]]:
     from wsnsim.scenario.schema import Refused, built
 
     made: dict[Keys, Any] = {}
-    faults = []
+    issues = []
     for _, path, model in _models(scenario):
         try:
             made[path] = built(model, path)
         except Refused as refused:
-            faults.append(scenario.spot(refused.path).fault(refused.path, str(refused)))
-    return made, faults
+            issues.append(scenario.spot(refused.path).issue(refused.path, str(refused)))
+    return made, issues
 
 
 def _parts(scenario: Scenario, made: dict[Keys, Any]) -> TrackingSetup | BeaconSetup:
@@ -131,15 +132,24 @@ def _found(scenario: Scenario, parts: TrackingSetup | BeaconSetup, made: dict[Ke
 
     yield from _out_of_scope(scenario)
     said = {
-        dataclasses.replace(fault, path=_within(path, fault.path))
+        dataclasses.replace(issue, path=_within(path, issue.path))
         for path, part in made.items()
-        if hasattr(part, "faults")
-        for fault in part.faults(parts)
+        for issue in _checked(part, parts)
     }
-    yield from sorted(said, key=lambda fault: ([str(key) for key in fault.path], fault.message))
+    yield from sorted(said, key=lambda issue: ([str(key) for key in issue.path], issue.message))
     if isinstance(parts, TrackingSetup):
         yield from _lacking(scenario, parts)
         yield from _other_columns(scenario, parts)
+
+
+def _checked(part: Any, setup: Setup) -> Iterable[Issue]:
+    """Return what a component finds wrong with the setup; `faults` is the old name of a plug-in's `check`."""
+    if hasattr(part, "check"):
+        return part.check(setup)
+    if hasattr(part, "faults"):
+        warnings.warn(f"{type(part).__name__}.faults is now named check", DeprecationWarning, stacklevel=2)
+        return part.faults(setup)
+    return ()
 
 
 def _within(path: Keys, said: Keys) -> Keys:

@@ -29,7 +29,7 @@ from wsnsim.scenario.located_values import (
     sequence,
     spot_of,
 )
-from wsnsim.scenario.messages import faults_of
+from wsnsim.scenario.messages import issues_of
 from wsnsim.scenario.registry import kinds
 from wsnsim.scenario.schema import Chosen, PartModel, Scenario, is_without_target, part_model, scenario_model
 
@@ -41,16 +41,16 @@ def validate(tree: LocatedValue) -> tuple[Scenario | None, list[Issue]]:
     """The scenario that a tree says, or every fault of it."""
     if not isinstance(tree.value, dict):
         message = f"expected keys such as 'name', got {described(plain(tree))}"
-        return None, [] if tree.value is BROKEN else [tree.spot.fault((), message)]
+        return None, [] if tree.value is BROKEN else [tree.spot.issue((), message)]
     sheet = child(tree, "sheet")
     if sheet is not None:
         said = f"is the data sheet of a {plain(sheet)}, and no scenario: name it in energy, as in radio: cc2420"
-        return None, [tree.spot.fault((), said)]
-    scope, faults = _scope(tree)
+        return None, [tree.spot.issue((), said)]
+    scope, issues = _scope(tree)
     tree = _with_defaults(tree, scope)
     chosen, wrong = _choose(tree, scope)
     tree, unknown = spelt_out(tree, chosen)
-    faults += wrong + unknown
+    issues += wrong + unknown
     model = scenario_model(chosen)
     data = _located(tree, chosen)
     for key in AT_TOP:
@@ -59,16 +59,16 @@ def validate(tree: LocatedValue) -> tuple[Scenario | None, list[Issue]]:
     try:
         scenario = model.model_validate(data)
     except ValidationError as error:
-        return None, faults + faults_of(error, model, tree)
+        return None, issues + issues_of(error, model, tree)
     scenario._tree = tree
-    return (None if faults else scenario), faults
+    return (None if issues else scenario), issues
 
 
 def with_sheets(tree: LocatedValue) -> LocatedValue:
     """The tree with the fields of data sheets in place of their names, as far as they are found."""
     chosen, _ = _choose(tree, Scope())
-    spelt, faults = spelt_out(tree, chosen)
-    return tree if faults else spelt
+    spelt, issues = spelt_out(tree, chosen)
+    return tree if issues else spelt
 
 
 def _scope(tree: LocatedValue) -> tuple[Scope, list[Issue]]:
@@ -78,7 +78,7 @@ def _scope(tree: LocatedValue) -> tuple[Scope, list[Issue]]:
     if kind is None or network or targets:
         return Scope(network, targets), []
     message = "a network without a target needs a network: take 'network: none' out"
-    return Scope(network=True, targets=False), [kind.spot.fault(("workload", "kind"), message)]
+    return Scope(network=True, targets=False), [kind.spot.issue(("workload", "kind"), message)]
 
 
 def _is_without_target(kind: Any) -> bool:
@@ -109,16 +109,16 @@ def _with_defaults(tree: LocatedValue, scope: Scope) -> LocatedValue:
 def _choose(tree: LocatedValue, scope: Scope) -> tuple[Chosen, list[Issue]]:
     """The models behind each key, by their kinds; a key of which no kind is known is left out."""
     chosen: dict[str, tuple[type[PartModel] | None, ...]] = {}
-    faults: list[Issue] = []
-    for key, path_and_node in _role_nodes(tree, scope, faults):
-        found = tuple(_model_at(node, path, faults) for path, node in path_and_node)
+    issues: list[Issue] = []
+    for key, path_and_node in _role_nodes(tree, scope, issues):
+        found = tuple(_model_at(node, path, issues) for path, node in path_and_node)
         if any(found) or not found:
             chosen[key] = found
-    return tuple(chosen.items()), faults
+    return tuple(chosen.items()), issues
 
 
 def _role_nodes(
-    tree: LocatedValue, scope: Scope, faults: list[Issue]
+    tree: LocatedValue, scope: Scope, issues: list[Issue]
 ) -> Iterator[tuple[str, list[tuple[Keys, LocatedValue]]]]:
     """(key, its mappings with their paths): one under a role's own name, several in a list."""
     for role in ROLES.values():
@@ -127,28 +127,28 @@ def _role_nodes(
         if several is not None:
             if alone is not None:
                 message = f"give either '{role.name}' or '{role.listed}', not both"
-                faults.append(spot_of(tree, (role.listed,), of_key=True).fault((role.listed,), message))
-            items = _items(several, role, faults)
+                issues.append(spot_of(tree, (role.listed,), of_key=True).issue((role.listed,), message))
+            items = _items(several, role, issues)
             if items is not None:
                 yield role.listed, items
         elif alone is not None:
             yield role.name, [((role.name,), alone)]
         elif scope.uses(role):
             also = f" (or '{role.listed}', a list of them)" if role.listed else ""
-            faults.append(tree.spot.fault((role.name,), f"is missing: {role.purpose}{also}"))
+            issues.append(tree.spot.issue((role.name,), f"is missing: {role.purpose}{also}"))
 
 
-def _items(several: LocatedValue, role: Role, faults: list[Issue]) -> list[tuple[Keys, LocatedValue]] | None:
+def _items(several: LocatedValue, role: Role, issues: list[Issue]) -> list[tuple[Keys, LocatedValue]] | None:
     """The mappings of a list with their paths; None if it is none, or an empty one where there must be some."""
     if not isinstance(several.value, list) or not (several.value or role.optional):
         if several.value is not BROKEN:
             message = f"expected a list of {role.plural}, got {described(plain(several) or None)}"
-            faults.append(several.spot.fault((role.listed,), message))
+            issues.append(several.spot.issue((role.listed,), message))
         return None
     return [((role.listed, i), node) for i, node in enumerate(several.value)]
 
 
-def _model_at(node: LocatedValue, path: Keys, faults: list[Issue]) -> type[PartModel] | None:
+def _model_at(node: LocatedValue, path: Keys, issues: list[Issue]) -> type[PartModel] | None:
     role = AT_TOP[str(path[0])]
     kind_path = (*path, "kind")
     written = child(node, "kind")
@@ -156,18 +156,18 @@ def _model_at(node: LocatedValue, path: Keys, faults: list[Issue]) -> type[PartM
         return None
     if not isinstance(node.value, dict):
         example = f"{{kind: {role.default or role.rows[0].kind}}}"
-        faults.append(node.spot.fault(path, f"expected a mapping such as {example}, got {described(plain(node))}"))
+        issues.append(node.spot.issue(path, f"expected a mapping such as {example}, got {described(plain(node))}"))
         return None
     kind = plain(written) if written else role.default
     if not isinstance(kind, str):
         known = "known: " + ", ".join(kinds(role.name))
         problem = f"expected the name of a kind, got {described(kind)}" if written else f"is missing; {known}"
-        faults.append((written or node).spot.fault(kind_path, problem))
+        issues.append((written or node).spot.issue(kind_path, problem))
         return None
     try:
         return part_model(role.name, kind)
     except (LookupError, ImportError, PartError) as error:
-        faults.append((written or node).spot.fault(kind_path, str(error.args[0])))
+        issues.append((written or node).spot.issue(kind_path, str(error.args[0])))
         return None
 
 

@@ -70,7 +70,7 @@ def spelt_out(tree: Any, chosen: Any) -> tuple[Any, list[Issue]]:
     from wsnsim.scenario.kinds import AT_TOP
     from wsnsim.scenario.located_values import assigned, at
 
-    faults: list[Issue] = []
+    issues: list[Issue] = []
     for key, models in chosen:
         for i, model in enumerate(models):
             path = (key, i) if key == AT_TOP[key].listed else (key,)
@@ -78,8 +78,8 @@ def spelt_out(tree: Any, chosen: Any) -> tuple[Any, list[Issue]]:
                 node = at(tree, (*path, field))
                 if node is not None and not isinstance(node.value, dict):
                     found, wrong = _in_place_of(node, (*path, field), getattr(part, "sheet", field))
-                    tree, faults = assigned(tree, (*path, field), found), faults + wrong
-    return tree, faults
+                    tree, issues = assigned(tree, (*path, field), found), issues + wrong
+    return tree, issues
 
 
 def profile(path: Path) -> Profile:
@@ -88,27 +88,27 @@ def profile(path: Path) -> Profile:
 
     from wsnsim.scenario.fields import nested_model
     from wsnsim.scenario.located_values import plain
-    from wsnsim.scenario.messages import faults_of
+    from wsnsim.scenario.messages import issues_of
     from wsnsim.scenario.schema import Refused, built
 
-    fields, sources, said, faults = _read(path, ())
-    if fields is None or faults:
-        raise ScenarioError(faults)
+    fields, sources, said, issues = _read(path, ())
+    if fields is None or issues:
+        raise ScenarioError(issues)
     part = _parts_by_sheet().get(said.value)
     if part is None:
         known = did_you_mean(str(said.value), _parts_by_sheet())
-        raise ScenarioError([said.spot.fault(("sheet",), f"nothing has a data sheet of this kind ({known})")])
+        raise ScenarioError([said.spot.issue(("sheet",), f"nothing has a data sheet of this kind ({known})")])
     model = nested_model(part)
-    faults = _wrong_sources(sources, (), model.model_fields)
+    issues = _wrong_sources(sources, (), model.model_fields)
     try:
         values = model.model_validate(plain(fields))
         made = built(values)
     except ValidationError as error:
-        raise ScenarioError(faults + faults_of(error, model, fields)) from None
+        raise ScenarioError(issues + issues_of(error, model, fields)) from None
     except Refused as refused:
-        raise ScenarioError([*faults, fields.spot.fault((), str(refused))]) from None
-    if faults:
-        raise ScenarioError(faults)
+        raise ScenarioError([*issues, fields.spot.issue((), str(refused))]) from None
+    if issues:
+        raise ScenarioError(issues)
     return Profile(str(said.value), path, made, _values(part, values, fields, sources))
 
 
@@ -137,18 +137,18 @@ def _in_place_of(node: Any, path: Any, wanted: str) -> tuple[Any, list[Issue]]:
         return node, []
     if not isinstance(name, str) or not name:
         said = f"expected the name of a data sheet ({_known(wanted)}) or a mapping, got {described(name)}"
-        return broken, [node.spot.fault(path, said)]
+        return broken, [node.spot.issue(path, said)]
     file = find(name, node.spot.text.folder)
     if file is None:
         nearest = did_you_mean(name, sheets(wanted))
-        return broken, [node.spot.fault(path, f"there is no data sheet '{_short(name)}' of a {wanted} ({nearest})")]
-    fields, sources, said, faults = _read(file, path)
+        return broken, [node.spot.issue(path, f"there is no data sheet '{_short(name)}' of a {wanted} ({nearest})")]
+    fields, sources, said, issues = _read(file, path)
     if fields is None:
-        return broken, faults
+        return broken, issues
     if said.value != wanted:
         message = f"'{_short(name)}' is a data sheet of a {_short(said.value)}, expected one of a {wanted}"
-        return broken, [*faults, node.spot.fault(path, f"{message} ({_known(wanted)})")]
-    return fields, faults + _wrong_sources(sources, path, fields.value)
+        return broken, [*issues, node.spot.issue(path, f"{message} ({_known(wanted)})")]
+    return fields, issues + _wrong_sources(sources, path, fields.value)
 
 
 def _read(file: Path, path: Any) -> tuple[Any, Any, Any, list[Issue]]:
@@ -156,18 +156,18 @@ def _read(file: Path, path: Any) -> tuple[Any, Any, Any, list[Issue]]:
     from wsnsim.scenario.located_values import Text, child, mapping
     from wsnsim.scenario.reader import read
 
-    content, faults = content_of(file)
+    content, issues = content_of(file)
     if content is None:
-        return None, None, None, faults
-    tree, faults = read(content, Text(str(file), file.parent, tuple(content.splitlines()) or ("",), path))
+        return None, None, None, issues
+    tree, issues = read(content, Text(str(file), file.parent, tuple(content.splitlines()) or ("",), path))
     if tree is None:
-        return None, None, None, faults
+        return None, None, None, issues
     said = child(tree, "sheet")
     if said is None or not isinstance(said.value, str):
         message = "is no data sheet: expected a key 'sheet' that says what of, such as 'sheet: radio'"
-        return None, None, None, [*faults, (said or tree).spot.fault((*path, "sheet"), message)]
+        return None, None, None, [*issues, (said or tree).spot.issue((*path, "sheet"), message)]
     fields = mapping({key: entry for key, entry in tree.value.items() if key not in TOP}, tree.spot)
-    return fields, child(tree, "sources"), said, faults
+    return fields, child(tree, "sources"), said, issues
 
 
 def _wrong_sources(sources: Any, path: Any, fields: Any) -> list[Issue]:
@@ -179,15 +179,15 @@ def _wrong_sources(sources: Any, path: Any, fields: Any) -> list[Issue]:
         return []
     here = (*path, "sources")
     if not isinstance(sources.value, dict):
-        return [sources.spot.fault(here, f"expected a mapping of fields to texts, got {described(plain(sources))}")]
-    faults = []
+        return [sources.spot.issue(here, f"expected a mapping of fields to texts, got {described(plain(sources))}")]
+    issues = []
     for key, entry in sources.value.items():
         if key not in fields:
-            faults.append(entry.spot.fault((*here, key), f"there is no such field, {did_you_mean(key, fields)}"))
+            issues.append(entry.spot.issue((*here, key), f"there is no such field, {did_you_mean(key, fields)}"))
         elif not isinstance(entry.node.value, str) and entry.node.value is not BROKEN:
             said = f"expected a text, got {described(plain(entry.node))}"
-            faults.append(entry.node.spot.fault((*here, key), said))
-    return faults
+            issues.append(entry.node.spot.issue((*here, key), said))
+    return issues
 
 
 def sheets(of: str) -> dict[str, Path]:

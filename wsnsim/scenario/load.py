@@ -38,7 +38,7 @@ def load(source: str | Path | Mapping[str, Any] | Scenario, overrides: Iterable[
         return source if not overrides else load(resolved(source), overrides)
     text = gathered(source)
     if text.tree is None:
-        raise ScenarioError(text.faults)
+        raise ScenarioError(text.issues)
     assignments, wrong = assignments_of(overrides)
     return finished(text, assignments, wrong)
 
@@ -47,7 +47,7 @@ class Gathered(NamedTuple):
     """A scenario's text before it is checked: its tree (None if it cannot be read), and where it comes from."""
 
     tree: LocatedValue | None
-    faults: list[Issue]
+    issues: list[Issue]
     origin: tuple[str, str]
 
 
@@ -68,9 +68,9 @@ def finished(text: Gathered, assignments: Iterable[Assignment], wrong: Iterable[
     assert text.tree is not None
     changed, unfit = _laid(text.tree, assignments)
     scenario, found = validate(changed)
-    faults = [*text.faults, *wrong, *unfit, *found]
-    if scenario is None or faults:
-        raise ScenarioError(in_order(faults))
+    issues = [*text.issues, *wrong, *unfit, *found]
+    if scenario is None or issues:
+        raise ScenarioError(in_order(issues))
     scenario._source = text.origin
     return scenario
 
@@ -106,11 +106,11 @@ def _from_file(source: str | Path) -> tuple[LocatedValue | None, list[Issue], tu
     path = find_or_none(source)
     if path is None:
         return None, [_nowhere(source, Text(str(source), Path()))], ("", "")
-    content, faults = content_of(path)
+    content, issues = content_of(path)
     if content is None:
-        return None, faults, ("", "")
-    tree, faults = _gathered(path, content, ())
-    return tree, faults, (str(path), content)
+        return None, issues, ("", "")
+    tree, issues = _gathered(path, content, ())
+    return tree, issues, (str(path), content)
 
 
 def _shipped(pattern: str) -> dict[str, Path]:
@@ -132,7 +132,7 @@ def find_or_none(source: str | Path, folder: Path | None = None) -> Path | None:
 def _nowhere(source: str | Path, text: Text) -> Issue:
     from wsnsim.scenario.located_values import Spot
 
-    return Spot(text).fault((), f"there is no such file, and no shipped scenario of this name ({_nearest(source)})")
+    return Spot(text).issue((), f"there is no such file, and no shipped scenario of this name ({_nearest(source)})")
 
 
 def _nearest(source: str | Path) -> str:
@@ -165,14 +165,14 @@ def _gathered(path: Path, content: str, through: tuple[Path, ...]) -> tuple[Loca
     from wsnsim.scenario.reader import read
 
     text = Text(str(path), path.parent, tuple(content.splitlines()) or ("",))
-    tree, faults = read(content, text)
+    tree, issues = read(content, text)
     if tree is None or not isinstance(tree.value, dict) or "extends" not in tree.value:
-        return tree, faults
-    return _extended(tree, faults, path.parent, (*through, path.resolve()))
+        return tree, issues
+    return _extended(tree, issues, path.parent, (*through, path.resolve()))
 
 
 def _extended(
-    tree: LocatedValue, faults: list[Issue], folder: Path, through: tuple[Path, ...]
+    tree: LocatedValue, issues: list[Issue], folder: Path, through: tuple[Path, ...]
 ) -> tuple[LocatedValue | None, list[Issue]]:
     from wsnsim.scenario.located_values import mapping, merged
 
@@ -183,12 +183,12 @@ def _extended(
         said = (
             f"there is no scenario {node.value!r}" if isinstance(node.value, str) else "expected the name of a scenario"
         )
-        return own, [*faults, node.spot.fault(("extends",), f"{said} ({_nearest(str(node.value))})")]
+        return own, [*issues, node.spot.issue(("extends",), f"{said} ({_nearest(str(node.value))})")]
     if path.resolve() in through:
-        return own, [*faults, node.spot.fault(("extends",), f"{path} extends itself")]
+        return own, [*issues, node.spot.issue(("extends",), f"{path} extends itself")]
     content, wrong = content_of(path)
     base, found = (None, wrong) if content is None else _gathered(path, content, through)
-    return (own if base is None else merged(base, own)), [*faults, *found]
+    return (own if base is None else merged(base, own)), [*issues, *found]
 
 
 def _from_dict(source: Mapping[str, Any]) -> tuple[LocatedValue | None, list[Issue], tuple[str, str]]:
@@ -197,20 +197,20 @@ def _from_dict(source: Mapping[str, Any]) -> tuple[LocatedValue | None, list[Iss
     from wsnsim.scenario.located_values import BROKEN, Text, plain
     from wsnsim.scenario.reader import of_dict
 
-    tree, faults = of_dict(source, Text("", Path.cwd()))
-    if tree.value is BROKEN or faults:
-        return tree, faults, ("", "")
+    tree, issues = of_dict(source, Text("", Path.cwd()))
+    if tree.value is BROKEN or issues:
+        return tree, issues, ("", "")
     written = yaml.safe_dump(plain(tree), sort_keys=False, allow_unicode=True)
     if "extends" not in tree.value:
-        return tree, faults, ("", written)
-    return *_extended(tree, faults, Path.cwd(), ()), ("", written)
+        return tree, issues, ("", written)
+    return *_extended(tree, issues, Path.cwd(), ()), ("", written)
 
 
 def assignments_of(overrides: Iterable[str]) -> tuple[list[Assignment], list[Issue]]:
     """What 'a.b.c=value' assigns, for each that can be read, and what is wrong with the others."""
     read = [_assignment(override) for override in overrides]
     return [(keys, node) for keys, node, _ in read if node is not None], [
-        fault for *_, wrong in read for fault in wrong
+        issue for *_, wrong in read for issue in wrong
     ]
 
 
@@ -219,7 +219,7 @@ def _laid(tree: LocatedValue, assignments: Iterable[Assignment]) -> tuple[Locate
     from wsnsim.scenario.check import with_sheets
     from wsnsim.scenario.located_values import assigned
 
-    faults: list[Issue] = []
+    issues: list[Issue] = []
     for keys, node in sorted(assignments, key=lambda pair: len(pair[0]) > 1 and pair[0][-1] != "kind"):
         if not isinstance(tree.value, dict):
             continue
@@ -228,8 +228,8 @@ def _laid(tree: LocatedValue, assignments: Iterable[Assignment]) -> tuple[Locate
         try:
             tree = assigned(tree, keys, node)
         except LookupError as error:
-            faults.append(node.spot.fault(keys, str(error.args[0])))
-    return tree, faults
+            issues.append(node.spot.issue(keys, str(error.args[0])))
+    return tree, issues
 
 
 def _assignment(override: str) -> tuple[tuple[str | int, ...], LocatedValue | None, list[Issue]]:
@@ -242,8 +242,8 @@ def _assignment(override: str) -> tuple[tuple[str | int, ...], LocatedValue | No
         return (), None, [Issue((), "expected KEY=VALUE, such as link.reach='80 m'", f"--set {override}")]
     if keys[0] == "extends":
         return (), None, [Issue((), "'extends' can be written in a file only", f"--set {written}")]
-    node, faults = read(value, Text(f"--set {dotted(keys)}", Path.cwd(), (), keys))
-    return keys, node, faults
+    node, issues = read(value, Text(f"--set {dotted(keys)}", Path.cwd(), (), keys))
+    return keys, node, issues
 
 
 def keys_of(written: str) -> tuple[str | int, ...]:

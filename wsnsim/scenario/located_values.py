@@ -43,7 +43,7 @@ class Spot:
     line: int = 0
     column: int = 0
 
-    def fault(self, path: Keys, message: str) -> Issue:
+    def issue(self, path: Keys, message: str) -> Issue:
         """A fault of this spot: 'x.yaml:3:5' with the line and a caret; else '--set a.b', or the keys of the dict."""
         if self.text.lines:
             return Issue(path, message, f"{self.text.name}:{self.line + 1}:{self.column + 1}", self._excerpt())
@@ -181,11 +181,11 @@ def assigned(node: LocatedValue, path: Keys, new: LocatedValue, depth: int = 0) 
     return mapping({**node.value, str(key): Entry(old.spot if old else new.spot, inner)}, node.spot)
 
 
-def in_order(faults: Iterable[Issue]) -> list[Issue]:
+def in_order(issues: Iterable[Issue]) -> list[Issue]:
     """Faults in the order of their text, as far as they stand in one; each once."""
 
-    def place(fault: Issue) -> tuple[str, int, int]:
-        name, line, column = [*fault.place.rsplit(":", 2), "", ""][:3]
-        return (name, int(line), int(column)) if line.isdigit() and column.isdigit() else (fault.place, 0, 0)
+    def place(issue: Issue) -> tuple[str, int, int]:
+        name, line, column = [*issue.place.rsplit(":", 2), "", ""][:3]
+        return (name, int(line), int(column)) if line.isdigit() and column.isdigit() else (issue.place, 0, 0)
 
-    return sorted(dict.fromkeys(faults), key=place)
+    return sorted(dict.fromkeys(issues), key=place)

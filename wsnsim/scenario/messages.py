@@ -29,7 +29,7 @@ EXPECTED: Final = {
 }
 
 
-def faults_of(error: ValidationError, model: type[BaseModel], tree: LocatedValue) -> list[Issue]:
+def issues_of(error: ValidationError, model: type[BaseModel], tree: LocatedValue) -> list[Issue]:
     """One fault a path: alternatives of a union that all fail are said in one message."""
     said: dict[Keys, list[str]] = {}
     at_key = set()
@@ -42,7 +42,7 @@ def faults_of(error: ValidationError, model: type[BaseModel], tree: LocatedValue
             said[path].append(message)
         if problem["type"] == "extra_forbidden":
             at_key.add(path)
-    return [spot_of(tree, path, path in at_key).fault(path, "; or ".join(words)) for path, words in said.items()]
+    return [spot_of(tree, path, path in at_key).issue(path, "; or ".join(words)) for path, words in said.items()]
 
 
 def _written(location: tuple[Key, ...], tree: LocatedValue) -> Keys:

@@ -36,7 +36,7 @@ def points_of(bases: Sequence[Gathered], common: Sequence[Assignment], settings:
     Raises:
         ScenarioError: with the faults of every point, as far as they differ, or two points that are one.
     """
-    faults: dict[Keys, Issue] = {}
+    issues: dict[Keys, Issue] = {}
     points: dict[str, Point] = {}
     chosen = list(settings)
     for base in bases:
@@ -45,19 +45,19 @@ def points_of(bases: Sequence[Gathered], common: Sequence[Assignment], settings:
                 scenario = finished(base, [*common, *laid])
                 build(scenario)
             except ScenarioError as error:
-                for fault in error.faults:  # of an axis whose every value has the same fault, the first is told
-                    faults.setdefault((fault.place.rsplit(":", 2)[0], *fault.path, fault.message), fault)
-                if len(faults) >= MOST_FAULTS:
-                    raise ScenarioError(in_order(faults.values())) from None
+                for issue in error.issues:  # of an axis whose every value has the same fault, the first is told
+                    issues.setdefault((issue.place.rsplit(":", 2)[0], *issue.path, issue.message), issue)
+                if len(issues) >= MOST_FAULTS:
+                    raise ScenarioError(in_order(issues.values())) from None
                 continue
             point = _point(scenario, laid, {SCENARIO: scenario.name} if len(bases) > 1 else {})
             twin = points.setdefault(point.id, point)
             if twin is not point:
                 said = f"{_words(twin)} and {_words(point)} are the same point: nothing that they say differs"
                 keys, node = laid[-1] if laid else ((), None)
-                faults.setdefault((said,), node.spot.fault(keys, said) if node else Issue((), said))
-    if faults:
-        raise ScenarioError(in_order(faults.values()))
+                issues.setdefault((said,), node.spot.issue(keys, said) if node else Issue((), said))
+    if issues:
+        raise ScenarioError(in_order(issues.values()))
     return list(points.values())
 
 
@@ -78,9 +78,9 @@ def demand_no_axis(assignments: Iterable[Assignment], settings: Iterable[Setting
     """
     varied = {keys for laid in settings for keys, _ in laid}
     said = "is an axis of this sweep; --vary takes other values for it"
-    faults = [node.spot.fault(keys, said) for keys, node in assignments if keys in varied]
-    if faults:
-        raise ScenarioError(faults)
+    issues = [node.spot.issue(keys, said) for keys, node in assignments if keys in varied]
+    if issues:
+        raise ScenarioError(issues)
 
 
 def keys_of_points(points: Iterable[Point]) -> tuple[str, ...]:

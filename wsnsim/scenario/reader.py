@@ -60,29 +60,29 @@ def read(content: str, text: Text) -> tuple[LocatedValue | None, list[Issue]]:
     try:
         node = yaml.compose(content, Loader=_CoreLoader)
     except yaml.MarkedYAMLError as error:
-        return None, [_syntax_fault(error, text)]
+        return None, [_syntax_issue(error, text)]
     except yaml.reader.ReaderError as error:
-        return None, [_character_fault(content, error, text)]
+        return None, [_character_issue(content, error, text)]
     except UnicodeError:
-        return None, [Spot(text).fault((), "not text: it holds half of a surrogate pair")]
+        return None, [Spot(text).issue((), "not text: it holds half of a surrogate pair")]
     if node is None:
-        return None, [Spot(text).fault((), "is empty")]
+        return None, [Spot(text).issue((), "is empty")]
     reading = _Reading(text)
-    return reading.node(node, ()), reading.faults
+    return reading.node(node, ()), reading.issues
 
 
-def _syntax_fault(error: yaml.MarkedYAMLError, text: Text) -> Issue:
+def _syntax_issue(error: yaml.MarkedYAMLError, text: Text) -> Issue:
     mark = error.problem_mark or error.context_mark
     spot = Spot(text, mark.line, mark.column) if mark else Spot(text)
     said = ", ".join(piece for piece in (error.context, error.problem) if piece)
-    return spot.fault(text.keys, f"not valid YAML: {said}")
+    return spot.issue(text.keys, f"not valid YAML: {said}")
 
 
-def _character_fault(content: str, error: yaml.reader.ReaderError, text: Text) -> Issue:
+def _character_issue(content: str, error: yaml.reader.ReaderError, text: Text) -> Issue:
     before = content[: error.position]
     spot = Spot(text, before.count("\n"), len(before) - before.rfind("\n") - 1)
     code = error.character if isinstance(error.character, int) else ord(error.character)
-    return spot.fault(text.keys, f"not valid YAML: the character U+{code:04X} is not allowed")
+    return spot.issue(text.keys, f"not valid YAML: the character U+{code:04X} is not allowed")
 
 
 @dataclass
@@ -90,7 +90,7 @@ class _Reading:
     """One text being read: its faults, what each node gave, and the nodes still open (an alias to one has no end)."""
 
     text: Text
-    faults: list[Issue] = field(default_factory=list)
+    issues: list[Issue] = field(default_factory=list)
     known: dict[int, LocatedValue] = field(default_factory=dict)
     open: set[int] = field(default_factory=set)
 
@@ -156,7 +156,7 @@ class _Reading:
         return Spot(self.text, source.start_mark.line, source.start_mark.column)
 
     def complain(self, source: yaml.Node, path: Keys, message: str) -> LocatedValue:
-        self.faults.append(self.spot(source).fault((*self.text.keys, *path), message))
+        self.issues.append(self.spot(source).issue((*self.text.keys, *path), message))
         return LocatedValue(BROKEN, self.spot(source))
 
 
@@ -195,7 +195,7 @@ def of_dict(
     """The tree of a caller's dict; tuples and arrays are lists, NumPy scalars their values, paths text."""
     spot = Spot(text)
     if len(path) > DEEPEST or id(values) in inside:
-        return LocatedValue(BROKEN, spot), [spot.fault(path, f"nested deeper than {DEEPEST} levels, or within itself")]
+        return LocatedValue(BROKEN, spot), [spot.issue(path, f"nested deeper than {DEEPEST} levels, or within itself")]
     if hasattr(values, "tolist"):
         values = values.tolist()
     if isinstance(values, Mapping | list | tuple):
@@ -204,7 +204,7 @@ def of_dict(
         return LocatedValue(str(values), spot), []
     if values is None or isinstance(values, bool | int | float | str):
         return LocatedValue(values, spot), []
-    return LocatedValue(BROKEN, spot), [spot.fault(path, f"a {type(values).__name__} cannot stand in a scenario")]
+    return LocatedValue(BROKEN, spot), [spot.issue(path, f"a {type(values).__name__} cannot stand in a scenario")]
 
 
 def _of_many(values: Any, text: Text, path: Keys, inside: frozenset[int]) -> tuple[LocatedValue, list[Issue]]:
@@ -214,7 +214,7 @@ def _of_many(values: Any, text: Text, path: Keys, inside: frozenset[int]) -> tup
     for name, value in pairs:
         key = str(name) if isinstance(values, Mapping) else name
         inner[key] = of_dict(value, text, (*path, key), inside)
-    faults = [fault for _, found in inner.values() for fault in found]
+    issues = [issue for _, found in inner.values() for issue in found]
     if isinstance(values, Mapping):
-        return mapping({str(key): Entry(spot, node) for key, (node, _) in inner.items()}, spot), faults
-    return sequence([node for node, _ in inner.values()], spot), faults
+        return mapping({str(key): Entry(spot, node) for key, (node, _) in inner.items()}, spot), issues
+    return sequence([node for node, _ in inner.values()], spot), issues

@@ -57,7 +57,7 @@ from wsnsim.scenario.located_values import (
     plain,
     sequence,
 )
-from wsnsim.scenario.messages import faults_of
+from wsnsim.scenario.messages import issues_of
 from wsnsim.scenario.points import LEFT_OUT, SCENARIO, demand_no_axis, keys_of_points, points_of, reals_of
 from wsnsim.scenario.reader import of_dict, read
 from wsnsim.scenario.sweep_schema import Plan, Written
@@ -107,7 +107,7 @@ def load_sweep(
     try:
         written = Written.model_validate(plain(tree))
     except ValidationError as error:
-        raise ScenarioError(faults_of(error, Written, tree)) from None
+        raise ScenarioError(issues_of(error, Written, tree)) from None
     assignments, wrong = assignments_of(overrides)
     if wrong:
         raise ScenarioError(wrong)
@@ -141,7 +141,7 @@ def _bases(tree: LocatedValue) -> list[Gathered]:
     """The scenarios that the sweep names: files from its folder, or shipped ones."""
     node = tree.value["scenario"].node
     if node.value == []:
-        raise ScenarioError([node.spot.fault(("scenario",), "is an empty list: a sweep needs a scenario")])
+        raise ScenarioError([node.spot.issue(("scenario",), "is an empty list: a sweep needs a scenario")])
     found = []
     for item in node.value if isinstance(node.value, list) else [node]:
         path = find_or_none(item.value, item.spot.text.folder)
@@ -149,7 +149,7 @@ def _bases(tree: LocatedValue) -> list[Gathered]:
         if text.tree is None:
             place = item.spot.text.lines and path is None
             raise ScenarioError(
-                [item.spot.fault(("scenario",), fault.message) for fault in text.faults] if place else text.faults
+                [item.spot.issue(("scenario",), issue.message) for issue in text.issues] if place else text.issues
             )
         found.append(text)
     return found
@@ -158,15 +158,15 @@ def _bases(tree: LocatedValue) -> list[Gathered]:
 def _read(source: str | Path | Mapping[str, Any] | Sequence[str]) -> tuple[LocatedValue, str, str]:
     """(tree, name that the sweep has where it gives none, text)."""
     if isinstance(source, Mapping):
-        tree, faults = of_dict(source, Text("", Path.cwd()))
-        if faults:
-            raise ScenarioError(in_order(faults))
+        tree, issues = of_dict(source, Text("", Path.cwd()))
+        if issues:
+            raise ScenarioError(in_order(issues))
         return tree, "sweep", json.dumps(plain(tree), indent=1, default=str)
     if isinstance(source, str | Path) and is_sweep(source):
         path = _sweep_file(source)
         assert path is not None
-        content, faults = content_of(path)
-        node, found = (None, faults) if content is None else read(content, _text(path, content))
+        content, issues = content_of(path)
+        node, found = (None, issues) if content is None else read(content, _text(path, content))
         if node is None or found:
             raise ScenarioError(in_order(found))
         return node, path.stem, content or ""
@@ -203,12 +203,12 @@ def _with_vary(tree: LocatedValue, vary: Iterable[str]) -> LocatedValue:
         spot = Spot(Text(f"--vary {key.strip()}".strip(), Path.cwd(), (), keys))
         if not sign or not keys or not values.strip():
             example = "--vary tracker.particles=100,200 or --vary 'link.reach={range: [60 m, 80 m], count: 3}'"
-            raise ScenarioError([spot.fault(keys, f"expected KEY=VALUES, such as {example}")])
+            raise ScenarioError([spot.issue(keys, f"expected KEY=VALUES, such as {example}")])
         if dotted(keys) in added:
-            raise ScenarioError([spot.fault(keys, "is given twice: write all of its values in one --vary")])
-        node, faults = read(f"[{values}]", spot.text)
-        if node is None or faults:
-            raise ScenarioError(faults)
+            raise ScenarioError([spot.issue(keys, "is given twice: write all of its values in one --vary")])
+        node, issues = read(f"[{values}]", spot.text)
+        if node is None or issues:
+            raise ScenarioError(issues)
         alone = node.value[0] if len(node.value) == 1 else None
         is_range = alone is not None and isinstance(alone.value, dict) and any(n in alone.value for n in shapes.RANGES)
         added[dotted(keys)] = Entry(spot, alone if is_range and alone is not None else node)
@@ -303,4 +303,4 @@ def _joined(chosen: Iterable[Settings]) -> Settings:
 
 def _demand_few_runs(tree: LocatedValue, runs: int) -> None:
     if runs > MOST_RUNS:
-        raise ScenarioError([tree.spot.fault((), f"makes {runs:,} runs; at most {MOST_RUNS:,} are allowed")])
+        raise ScenarioError([tree.spot.issue((), f"makes {runs:,} runs; at most {MOST_RUNS:,} are allowed")])

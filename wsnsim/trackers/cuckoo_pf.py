@@ -19,7 +19,7 @@ from wsnsim.base.ports import Scene
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.trackers.shared.dealing import PREDICT_CYCLES
 from wsnsim.trackers.shared.heads import MOVE_CYCLES, WEIGH_CYCLES, CloudBelief, HeadCloud, Prediction
-from wsnsim.trackers.shared.moments import noise_faults
+from wsnsim.trackers.shared.moments import noise_issues
 from wsnsim.trackers.shared.nests import Fitness, Generation, Move, Search, Variant, searched
 from wsnsim.trackers.shared.readings import Evidence
 
@@ -40,10 +40,10 @@ class Nests:
     )
     move: Annotated[Move, "which columns of the state the search moves"] = "all"
 
-    def faults(self, parts: TrackingSetup) -> Iterator[Issue]:
+    def check(self, setup: TrackingSetup) -> Iterator[Issue]:
         """A process noise without a density, under a Metropolis test, which needs that of the motion's transition."""
         if self.variant == "metropolis":
-            yield from noise_faults(parts, "variant: metropolis")
+            yield from noise_issues(setup, "variant: metropolis")
 
     @property
     def evaluations(self) -> int:

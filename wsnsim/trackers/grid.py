@@ -58,9 +58,9 @@ class GridFilter(HeadFilter):
     low: Annotated[float, EDGE, "where the grid begins, in SI units"] = -60.0
     high: Annotated[float, EDGE, "where it ends"] = 60.0
 
-    def faults(self, parts: TrackingSetup) -> Iterator[Issue]:
+    def check(self, setup: TrackingSetup) -> Iterator[Issue]:
         """A state of more than one column; a grid without extent."""
-        for motion in parts.filter_motions:
+        for motion in setup.filter_motions:
             if len(motion.columns) != 1:
                 yield Issue(
                     ("tracker", "kind"),

@@ -32,7 +32,7 @@ from wsnsim.trackers.shared.dealing import (
     restored,
     send_moments,
 )
-from wsnsim.trackers.shared.moments import forecast, noise_faults, predicted, symmetric
+from wsnsim.trackers.shared.moments import forecast, noise_issues, predicted, symmetric
 from wsnsim.trackers.shared.parcels import arrived_groups, covariance_packets, state_packets
 from wsnsim.trackers.shared.readings import Evidence, gather_readings
 from wsnsim.trackers.shared.stacks import MOVE, propagated_by, snapshot
@@ -75,9 +75,9 @@ class InformationPf:
     threshold: Annotated[float, Quantity("", ge=0, le=1), "resample below this fraction of effective particles"] = 0.5
     handover: Annotated[Literal["particles", "gaussian"], "what a handover carries"] = "particles"
 
-    def faults(self, parts: NetworkSetup) -> Iterator[Issue]:
+    def check(self, setup: NetworkSetup) -> Iterator[Issue]:
         """The weights need a transition density, and so a process noise that can be inverted."""
-        yield from noise_faults(parts, "the weight of ipf")
+        yield from noise_issues(setup, "the weight of ipf")
 
     @property
     def member_cycles(self) -> float:

@@ -153,9 +153,9 @@ class MixturePf(HeadFilter):
         """100 bytes."""
         return MOMENTS_BITS
 
-    def faults(self, parts: TrackingSetup) -> Iterator[Issue]:
+    def check(self, setup: TrackingSetup) -> Iterator[Issue]:
         """A state that is not of positions and velocities in the plane."""
-        for motion in parts.filter_motions:
+        for motion in setup.filter_motions:
             if motion.columns != COLUMNS:
                 yield Issue(("tracker", "kind"), _other_state(motion.columns))
                 return

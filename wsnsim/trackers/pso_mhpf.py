@@ -33,7 +33,7 @@ from wsnsim.trackers.shared.dealing import (
     resampled,
     up_to_date,
 )
-from wsnsim.trackers.shared.moments import forecast, fused_by_variance, noise_faults, symmetric
+from wsnsim.trackers.shared.moments import forecast, fused_by_variance, noise_issues, symmetric
 from wsnsim.trackers.shared.parcels import arrived_particles, is_whole, parcel, state_packets
 from wsnsim.trackers.shared.readings import share_readings
 from wsnsim.trackers.shared.spread import Spread, begin, hand_on, look, only_predicted, within_predicted
@@ -124,10 +124,10 @@ class PsoMhpf:
     )
     handover: Annotated[Literal["particles", "gaussian"], "what a handover carries"] = "particles"
 
-    def faults(self, parts: NetworkSetup) -> Iterator[Issue]:
+    def check(self, setup: NetworkSetup) -> Iterator[Issue]:
         """The transition density needs a process noise that can be inverted."""
         if self.acceptance == "transition":
-            yield from noise_faults(parts, "acceptance: transition")
+            yield from noise_issues(setup, "acceptance: transition")
 
     @property
     def member_cycles(self) -> float:

@@ -78,9 +78,9 @@ class Trilateration(HeadFilter):
         float, Quantity("m", ge=1e-6, le=1e7), "standard deviation that the position has if all pairs agree"
     ] = 0.1
 
-    def faults(self, parts: TrackingSetup) -> Iterator[Issue]:
+    def check(self, setup: TrackingSetup) -> Iterator[Issue]:
         """Circles cross in the plane."""
-        if any(len(motion.position) != 2 for motion in parts.filter_motions):
+        if any(len(motion.position) != 2 for motion in setup.filter_motions):
             yield Issue(
                 ("tracker", "kind"),
                 "trilateration finds a position of two columns; this motion has one; it can use constant_velocity or "

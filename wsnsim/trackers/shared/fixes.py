@@ -92,9 +92,9 @@ class RangeFix(HeadFilter):
         moved = forecast(Estimate(belief.mean, belief.cov), scene, ahead)
         return self._placed(moved, belief, scene.time + ahead * scene.dt, scene)
 
-    def faults(self, parts: TrackingSetup) -> Iterator[Issue]:
+    def check(self, setup: TrackingSetup) -> Iterator[Issue]:
         """Circles cross in the plane."""
-        if any(len(motion.position) != 2 for motion in parts.filter_motions):
+        if any(len(motion.position) != 2 for motion in setup.filter_motions):
             yield Issue(
                 ("tracker", "kind"),
                 "it fixes a position of two columns by ranges; this motion has one; take a motion in the plane",

@@ -56,12 +56,12 @@ def fused_by_variance(means: Floats, variances: Floats) -> tuple[Floats, Floats,
     return mean, around.T @ around, np.diag(1.0 / precisions.sum(axis=0))
 
 
-def noise_faults(parts: TrackingSetup, why: str) -> Iterator[Issue]:
-    """A fault for each filter's motion model whose process noise has no inverse, which `why` needs."""
-    for number, motion in enumerate(parts.filter_motions):
-        _, noise = motion.matrices(np.zeros((len(motion.columns), 1)), parts.dt, 0.0)
+def noise_issues(setup: TrackingSetup, why: str) -> Iterator[Issue]:
+    """An issue for each filter's motion model whose process noise has no inverse, which `why` needs."""
+    for number, motion in enumerate(setup.filter_motions):
+        _, noise = motion.matrices(np.zeros((len(motion.columns), 1)), setup.dt, 0.0)
         if _is_singular(noise):
-            path = ("motion",) if len(parts.filter_motions) == 1 else ("targets", number)
+            path = ("motion",) if len(setup.filter_motions) == 1 else ("targets", number)
             remedy = "take a noise that acts on every column (see the motion's `noise` or `noise_input`)"
             yield Issue(path, f"the process noise is singular, and {why} needs its density: {remedy}")
 
