@@ -64,7 +64,7 @@ def test_steps_of_beacons_are_a_second_unless_they_are_said() -> None:
         ({"network": "none"}, [
             "workload.kind: error: a network without a target needs a network: take 'network: none' out",
         ]),
-        ({"faults": [{"kind": kind("Trouble"), "at": 4}]}, ["faults.0.at: error: 4 s is too late for Beacons"]),
+        ({"faults": [{"kind": kind("Trouble"), "at": 4}]}, ["faults.0.at: error: 4 s is too late for BeaconSetup"]),
         ({"workload": {"kind": "beacon"}}, None),
         ({"workload": 3}, None),
     ],

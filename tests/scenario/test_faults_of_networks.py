@@ -46,7 +46,7 @@ def test_no_list_is_an_empty_one(written: dict) -> None:
             "faults.0.at: error: 'm' is a unit of length, expected time (for example '1 s')",
         ]),
         ([TROUBLE, {**TROUBLE, "at": 13}], ["faults.1: error: 13 s brings bad luck"]),
-        ([TROUBLE, {**TROUBLE, "at": 4}], ["faults.1.at: error: 4 s is too late for Parts"]),
+        ([TROUBLE, {**TROUBLE, "at": 4}], ["faults.1.at: error: 4 s is too late for NetworkSetup"]),
         ([TROUBLE, {**TROUBLE, "nodes": []}], ["faults.1: error: is aimed at nothing"]),
         ([TROUBLE, {**TROUBLE, "nodes": [7]}], ["deploy.nodes: error: there is no node 7"]),
     ],
@@ -64,14 +64,14 @@ def test_a_fault_in_a_file_is_told_at_the_line_of_its_item(tmp_path: Path) -> No
     path.write_text(yaml.safe_dump(base_scenario()) + f"faults:\n- {{kind: '{kind('Trouble')}', at: 1}}\n"
                     f"- kind: {kind('Trouble')}\n  at: 4 s\n")  # fmt: skip
     line = len(path.read_text().splitlines())
-    assert faults_of(path) == [f"{path}:{line}:7: error: faults.1.at: 4 s is too late for Parts"]
+    assert faults_of(path) == [f"{path}:{line}:7: error: faults.1.at: 4 s is too late for NetworkSetup"]
 
 
 def test_set_reaches_into_the_list_of_faults() -> None:
     source = base_scenario(faults=[TROUBLE, TROUBLE])
     parts = scenario.build(scenario.load(source, ["faults.0.at=3"]))
     assert [fault.at for fault in parts.faults] == [3.0, 1.0]
-    assert faults_of(source, "faults.1.at=4") == ["--set faults.1.at: error: 4 s is too late for Parts"]
+    assert faults_of(source, "faults.1.at=4") == ["--set faults.1.at: error: 4 s is too late for NetworkSetup"]
     assert faults_of(source, "faults.2.at=4") == [
         "--set faults.2.at: error: there is no item 2 in faults, which is a list of 2 (the first is 0)"
     ]
