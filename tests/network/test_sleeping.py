@@ -356,7 +356,7 @@ def test_all_four_are_given_the_same_readings_and_the_same_nodes_are_awake(monke
     sense, first = World._sense_awake, TargetSearch.first
 
     def record_step(self, target, readings):
-        awake = [self._stage.fleet.rota.scheduled(node) for node in range(200)]
+        awake = [self._stage.fleet.duty_cycles.scheduled(node) for node in range(200)]
         seen.setdefault(self.tag, []).append((self._stage.step, dict(readings), awake))
         return sense(self, target, readings)
 

@@ -137,10 +137,10 @@ class Node:
         if busy != self._awake:
             self._awake = busy
             fleet = self._stage.fleet
-            if fleet.rota is not None and fleet.rota.scheduled(self.index) is Mode.AWAKE:
+            if fleet.is_scheduled_awake(self.index):
                 self._stage.log("stay" if busy else "resume", target, self.index, why if busy else "schedule")
             else:
-                why = "schedule" if fleet.rota is not None and not busy else why
+                why = "schedule" if fleet.follows_schedules and not busy else why
                 self._stage.log("wake" if busy else "sleep", target, self.index, why)
                 if busy:
                     self._crew.woke(self.index, target, why != TARGET)

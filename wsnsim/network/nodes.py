@@ -56,7 +56,7 @@ class Nodes:
         self.spent = np.zeros(size)
         self.totals: list[float] = [0.0] * len(CAUSES)
         self.drain: BackgroundConsumption | None = None
-        self.rota: DutyCycles | None = None
+        self.duty_cycles: DutyCycles | None = None
         self.rest = Mode.DORMANT
         self.sleepless: set[int] = set()
         self.disturbed = False
@@ -80,14 +80,14 @@ class Nodes:
 
     def hears(self, ids: Ints, since: float) -> Bools:
         """(n,) which nodes live and have been listening since an instant of the past, or since now."""
-        if self.rota is None:
+        if self.duty_cycles is None:
             return self.listening[ids]
-        heard: Bools = self.rota.hears(ids, since) & self.living[ids]
+        heard: Bools = self.duty_cycles.hears(ids, since) & self.living[ids]
         return heard
 
     def is_awake(self, node: int) -> bool:
         """Whether a node is up, and listens now."""
-        return self.alive[node] and (self.rota is None or self.rota.is_awake(node))
+        return self.alive[node] and (self.duty_cycles is None or self.duty_cycles.is_awake(node))
 
     def spend(self, node: int, cause: int, joules: float) -> float:
         """Book joules on a living node; give what was spent: less if the charge did not suffice, and it died."""
@@ -240,16 +240,36 @@ class Nodes:
         """A settled node is in another mode from now on."""
         if self.drain is not None:
             self.drain.change(node, mode)
-        if self.rota is not None:
-            self.rota.note(node, mode)
+        if self.duty_cycles is not None:
+            self.duty_cycles.note(node, mode)
+
+    @property
+    def follows_schedules(self) -> bool:
+        """Whether nodes without a task sleep and wake by a schedule."""
+        return self.duty_cycles is not None
+
+    def is_scheduled_awake(self, node: int) -> bool:
+        """Whether a node's schedule, if it has one, says that it is awake now."""
+        return self.duty_cycles is not None and self.duty_cycles.scheduled(node) is Mode.AWAKE
+
+    def keep_awake(self, node: int) -> None:
+        """Keep a node awake for the whole run, whatever its schedule says."""
+        if self.follows_schedules:
+            self.sleepless.add(node)
+            self.set_mode(node, Mode.AWAKE)
+
+    def mark_computing(self, node: int, cycles: float) -> None:
+        """Exclude the processor time of a computation from background consumption: it is booked by the caller."""
+        if self.drain is not None:
+            self.drain.compute(node, cycles)
 
     def begin_sending(self, node: int) -> None:
         """A node has a frame to send: it stays awake until that is done, though its schedule may end before."""
-        if self.rota is None or node in self._sending:
+        if self.duty_cycles is None or node in self._sending:
             return
         if node in self._tasked:
             self._sending.add(node)
-        elif self.rota.may_fall_asleep(node, LINGER):
+        elif self.duty_cycles.may_fall_asleep(node, LINGER):
             self._sending.add(node)
             self._apply(node, Mode.AWAKE)
 
@@ -264,7 +284,7 @@ class Nodes:
         """A node has a task that keeps it awake, or has none; it pays for a change of mode and may die of it."""
         if not self.alive[node]:
             return
-        if self.rota is not None:
+        if self.duty_cycles is not None:
             (self._tasked.discard if mode is Mode.SCHEDULED else self._tasked.add)(node)
             if node in self._sending:
                 return
@@ -296,7 +316,7 @@ class Nodes:
         if node in self.died_at or self.alive[node]:
             return
         self.living[node] = self.listening[node] = True
-        self.all_listen = self.rota is None and bool(self.listening.all())
+        self.all_listen = self.duty_cycles is None and bool(self.listening.all())
         if self.drain is not None:
             self.drain.settle(node)
         self._enter(node, self.rest_of(node))
@@ -339,7 +359,7 @@ class Nodes:
 
         A node that is down counts as asleep where nodes sleep by a schedule.
         """
-        return 1.0 if self.rota is None else self.rota.awake_fraction(until)
+        return 1.0 if self.duty_cycles is None else self.duty_cycles.awake_fraction(until)
 
     def scheduled_totals(self, times: Floats) -> Floats:
         """(T, causes) what all nodes would have drawn by each time, had they done nothing but follow their schedules.
@@ -369,7 +389,7 @@ def make_nodes(env: simpy.Environment, parts: RadioSetup, positions: Floats, tra
     fleet = Nodes(positions, traits, energy.battery, parts.link.reach)
     fleet.rest = parts.sleep.rest
     if fleet.rest is Mode.SCHEDULED:
-        fleet.rota = DutyCycles(env, parts.sleep, derive_all(key, np.arange(fleet.size)))
+        fleet.duty_cycles = DutyCycles(env, parts.sleep, derive_all(key, np.arange(fleet.size)))
         fleet.all_listen = False
     looking = _looking(parts)
     if isinstance(energy, ContinuousPower) and (_time_costs(energy) or looking):

@@ -20,7 +20,6 @@ import simpy
 from wsnsim.base.arrays import Floats, Ints, planar
 from wsnsim.base.errors import RunError
 from wsnsim.base.ports import Estimate, Recorder
-from wsnsim.base.radio import Mode
 from wsnsim.base.rng import Streams
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.base.tables import CAUSE, EVENT_CAUSE, KIND
@@ -160,7 +159,7 @@ class World:
         """Wake who came into range, let go who left it, and take everybody's reading."""
         stage, sensed, alive = self._stage, self._stage.sensed[target], self._stage.fleet.alive
         self._watch_field(target, step)
-        if stage.fleet.rota is not None or stage.parts.clusters.moves:
+        if stage.fleet.follows_schedules or stage.parts.clusters.moves:
             self._sense_awake(target, sensed.readings(step))
             if stage.parts.clusters.moves:
                 return
@@ -173,7 +172,7 @@ class World:
                     self._node(index).hear_target(target)
         joules = stage.parts.energy.sense()
         cause = EVENT_CAUSE["sense" if joules else "none"]
-        readings = sensed.readings(step) if stage.fleet.rota is None else stage.sensing[target]
+        readings = stage.sensing[target] if stage.fleet.follows_schedules else sensed.readings(step)
         if not stage.fleet.all_listen:
             readings = {index: value for index, value in readings.items() if alive[index]}
         paid = dict.fromkeys(readings, 0.0)
@@ -272,9 +271,8 @@ class World:
                 lambda node, target: self._node(node).relax(target) if node in self._nodes else None,
             )
             air.rouse = stage.waker.rouse
-        if stage.reports.node is not None and stage.fleet.rest is Mode.SCHEDULED:
-            stage.fleet.sleepless.add(stage.reports.node)
-            stage.fleet.set_mode(stage.reports.node, Mode.AWAKE)
+        if stage.reports.node is not None:
+            stage.fleet.keep_awake(stage.reports.node)
 
     def _appoint(self, track: Track, head: int, mission: Handover) -> None:
         track.head = head
@@ -341,7 +339,8 @@ class World:
         stage.fleet.restart(index)
         self._router.revive(index)
         for target, sensed in enumerate(stage.sensed):
-            if stage.fleet.rota is None and not stage.parts.clusters.moves and index in sensed.readings(stage.step):
+            hears = not stage.fleet.follows_schedules and not stage.parts.clusters.moves
+            if hears and index in sensed.readings(stage.step):
                 self._node(index).hear_target(target)
 
     def _head_of(self, target: int) -> int | None:

@@ -114,8 +114,7 @@ class Driver:
         stage.cycles += operations
         cycles = operations * parts.cpu.cycles_per_flop
         joules = parts.energy.compute(cycles)
-        if stage.fleet.drain is not None:
-            stage.fleet.drain.compute(node, cycles)
+        stage.fleet.mark_computing(node, cycles)
         if joules > 0:
             spent = stage.fleet.spend(node, CPU_LEDGER, joules)
             now = stage.env.now

@@ -153,7 +153,7 @@ class WakeUpService:
     def _sleepers(self, node: int, message: WakeUpMessage) -> set[int]:
         """Who sleeps in the message's region; where all neighbours are invited, which of them do."""
         stage, fleet = self._stage, self._stage.fleet
-        if fleet.rota is None:
+        if not fleet.follows_schedules:
             return set()
         if self._protocol.mechanism == "invite":
             ids = stage.air.audience(node).ids

@@ -71,11 +71,11 @@ class BackgroundConsumption:
                 self._power[cause] += fleet.size * power
         self.most = max(map(sum, zip(self._radio, self._processor, self._sensor, strict=True))) * horizon
         """What a node can draw at most in the whole run, in J."""
-        if fleet.rota is not None and self._change_over:
-            self.most += fleet.rota.most_switches(horizon) * self._change_over
+        if fleet.duty_cycles is not None and self._change_over:
+            self.most += fleet.duty_cycles.most_switches(horizon) * self._change_over
         self.alarms = BatteryTimers(env, self._look_at)
         resting = self._power_of_mode(int(fleet.rest))
-        if fleet.rota is not None:
+        if fleet.duty_cycles is not None:
             resting = 2.0 * (resting + self._change_over / SHORTEST)
         if resting > 0 and fleet.battery <= self.most:
             self.alarms.set(fleet.battery / resting, EVERYBODY)
@@ -100,7 +100,7 @@ class BackgroundConsumption:
                 (self._processor_cause[mode], self._processor[mode] * (passed - self._computed[node])),
                 (SENSE, self._sensor[mode] * passed),
             ], passed
-        rota = self._fleet.rota
+        rota = self._fleet.duty_cycles
         assert rota is not None, "only a rota puts a node on its schedule"
         awake, switches = rota.tally_one(node, self._since[node])
         return self._by_schedule(awake, passed, switches, self._busy[node], self._computed[node]), awake
@@ -140,7 +140,7 @@ class BackgroundConsumption:
             chosen = nodes[modes == mode]
             passed, busy, computed = self._env.now - self._sinces[chosen], self._busies[chosen], self._computes[chosen]
             if mode == SCHEDULED:
-                rota = self._fleet.rota
+                rota = self._fleet.duty_cycles
                 assert rota is not None, "only a rota puts a node on its schedule"
                 awake, switches = rota.tally(chosen, self._sinces[chosen])
                 for cause, joules in self._by_schedule(awake, passed, switches, busy, computed):
@@ -236,7 +236,7 @@ class BackgroundConsumption:
         """The mode, or what the schedule says now."""
         if mode is not Mode.SCHEDULED:
             return mode
-        rota = self._fleet.rota
+        rota = self._fleet.duty_cycles
         assert rota is not None, "only a rota puts a node on its schedule"
         return rota.scheduled(node)
 
@@ -262,8 +262,8 @@ class BackgroundConsumption:
         for cause in LAZY:
             booked = settled[cause] - self._booked[cause] if cause in self._booked else 0.0
             result[cause] = booked + self._grand[cause] + self._power[cause] * self._env.now
-        if self._fleet.rota is not None:
-            awake, switches, passed = self._fleet.rota.forgone()
+        if self._fleet.duty_cycles is not None:
+            awake, switches, passed = self._fleet.duty_cycles.forgone()
             for cause, joules in self._by_schedule(awake, passed, switches):
                 result[cause] -= joules
         return result
@@ -271,8 +271,8 @@ class BackgroundConsumption:
     def scheduled_totals(self, times: Floats) -> Floats:
         """(T, causes) what all nodes would have drawn by each time, had they only followed their schedules."""
         totals = np.zeros((times.size, len(CAUSES)))
-        if self._fleet.rota is not None:
-            awake, switches = self._fleet.rota.profile(times)
+        if self._fleet.duty_cycles is not None:
+            awake, switches = self._fleet.duty_cycles.profile(times)
             for cause, joules in self._by_schedule(awake, self._fleet.size * times, switches):
                 totals[:, cause] += joules
         return totals
@@ -295,7 +295,7 @@ class BackgroundConsumption:
 
     def _watch_schedule(self, node: int, left: float) -> None:
         """Look again when its schedule changes, or before that if it may not last so long."""
-        rota, now = self._fleet.rota, self._env.now
+        rota, now = self._fleet.duty_cycles, self._env.now
         assert rota is not None, "only a rota puts a node on its schedule"
         most, power = self._power_of_mode(SCHEDULED), self._power_of(node)
         due = rota.next_change(node)

@@ -100,7 +100,7 @@ class IdealMedium:
         distance = self.fleet.distance(frame.source, to)
         if not self._transmit(frame, number, packets, code, distance):
             mask, got = frame.mask, 0
-        elif not (self.fleet.alive[to] if self.fleet.rota is None else self.fleet.is_awake(to)):
+        elif not self.fleet.is_awake(to):
             mask, got = frame.mask, 0
             self._drop(frame, number, packets, code, to)
         else:
@@ -132,7 +132,7 @@ class IdealMedium:
     def _listeners(self, source: int) -> list[int]:
         """Who may hear a node now, ascending; where nobody sleeps the dead included."""
         audience = self._wiring.audience(source)
-        if self.fleet.rota is None:
+        if not self.fleet.follows_schedules:
             return audience.listed
         awake: list[int] = audience.ids[self.fleet.hears(audience.ids, self._env.now)].tolist()
         return awake

@@ -75,7 +75,7 @@ class Router:
 
     def path(self, source: int, to: int) -> list[int] | None:
         """The path over living nodes, both ends included; None if there is none, or if a greedy one gets stuck."""
-        if self._fleet.rota is not None:
+        if self._fleet.follows_schedules:
             return self._search(source, to)
         ends = (source, to)
         if ends not in self._known:
@@ -98,7 +98,7 @@ class Router:
             return None
         if self._weight == "greedy":
             return self._greedy(source, to)
-        if self._fleet.size > SMALL or self._fleet.rota is not None:
+        if self._fleet.size > SMALL or self._fleet.follows_schedules:
             return self._through_corridor(source, to)
         if self._graph is None:
             self._graph = _graph(self._links(np.flatnonzero(self._fleet.living)))
