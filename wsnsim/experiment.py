@@ -24,7 +24,7 @@ from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import RunError, UsageError
 from wsnsim.base.ports import Continuous, Estimate, Recorder
 from wsnsim.base.rng import Streams
-from wsnsim.base.rows import Issued, deviation_rmse, estimate_rows, truth_rows
+from wsnsim.base.rows import Issued, deviation_rmse, estimate_rows, fingerprint, truth_rows
 from wsnsim.base.setups import BeaconSetup, NetworkSetup, Setup, TrackingSetup
 from wsnsim.base.tables import CAUSES, Memory
 from wsnsim.base.tracking import Rule, track_row
@@ -152,7 +152,8 @@ def _beaconing(problem: BeaconSetup, replicate: int, recorder: Recorder, progres
         "lost": 0,
         "tracked": NAN,
         "tracked_three": NAN,
-        **run_row(outcome, ()),
+        **(row := run_row(outcome, ())),
+        "fingerprint": fingerprint(row["event_fingerprint"], ()),
         "coverage": NAN,
         "cpu_seconds": time.process_time() - started,
     }
@@ -259,6 +260,7 @@ def _summarise(
         "lost": int(any(row["lost"] for row in rows)),
         **{name: float(np.mean([row[name] for row in rows])) for name in ("tracked", "tracked_three")},
         **played.run,
+        "fingerprint": fingerprint(played.run["event_fingerprint"], [track.estimates for track in played.tracks]),
         "cpu_seconds": time.process_time() - started,
     }
     return Summary(run, tuple(rows), errors, np.array(deviations), played.joules, played.clusters)

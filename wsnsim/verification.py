@@ -60,16 +60,18 @@ def _compare(
         (kept[name], column) for name, column in memory.table("estimates").items() if name in kept
     ]
     pairs += [(before[name], again[name]) for name in ("energy", "rmse")]
-    same_events = int(before["fingerprint"]) == int(again["fingerprint"])
+    # A file of an earlier version has no `event_fingerprint`: its `fingerprint` was that of the events.
+    again_name = "fingerprint" if "event_fingerprint" in before else "event_fingerprint"
+    stored, repeated = int(before["fingerprint"]), int(again[again_name])
     equal = all(np.array_equal(a, b, equal_nan=True) for a, b in pairs)
     close = all(
         np.shape(a) == np.shape(b) and np.allclose(a, b, rtol=1e-6, atol=1e-9, equal_nan=True) for a, b in pairs
     )
     return {
         "replicate": replicate,
-        "fingerprint": int(before["fingerprint"]),
-        "again": int(again["fingerprint"]),
-        "equal": same_events and equal,
+        "fingerprint": stored,
+        "again": repeated,
+        "equal": stored == repeated and equal,
         "close": close,
     }
 

@@ -239,7 +239,7 @@ def test_the_same_replicate_gives_the_same_rows_after_any_number_of_others():
     Run(parts(), replicate=1)
     again = Run(parts(), replicate=3)
     other = Run(parts(), replicate=4)
-    assert once.outcome.fingerprint == again.outcome.fingerprint != other.outcome.fingerprint
+    assert once.outcome.event_fingerprint == again.outcome.event_fingerprint != other.outcome.event_fingerprint
     assert once.errors.tolist() == again.errors.tolist()
 
 

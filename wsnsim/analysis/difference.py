@@ -194,7 +194,8 @@ def _figures(paths: tuple[str, str], rows: tuple[slice, slice]) -> dict[str, Pai
     if any(one.start == one.stop for one in rows):
         return {}
     sides = [recording.read_table(path, "runs", rows=one) for path, one in zip(paths, rows, strict=True)]
-    names = [name for name in sides[0] if name in sides[1] and name not in ("replicate", "status", "fingerprint")]
+    left_out = ("replicate", "status", "fingerprint", "event_fingerprint")
+    names = [name for name in sides[0] if name in sides[1] and name not in left_out]
     return {name: (sides[0][name][0].item(), sides[1][name][0].item()) for name in names}
 
 

@@ -314,10 +314,12 @@ class MovingPolicy(ClusterPolicy, Protocol):
 class Recorder(Protocol):
     """Where rows go. Columns of one call are equally long; names are those of `base.tables`, `replicate` included.
 
-    `words` holds the codes of `events.what`.
+    Two category columns get new values at run time: `words` holds the codes of `events.what`, `state_names` those of
+    `tracker_state.name` (used only where that table is wanted).
     """
 
     words: Words
+    state_names: Words
 
     def wants(self, table: str) -> bool: ...
 
@@ -378,4 +380,13 @@ class Snapshots(Protocol):
 
     def snapshot(self, belief: Any, members: Sequence[Member]) -> Iterator[tuple[int, Floats, Floats]]:
         """(node, states (D, n), weights (n,)) of each node that holds some; weights sum to 1 over the whole set."""
+        ...
+
+
+@runtime_checkable
+class ReportsState(Protocol):
+    """Optional port of a tracker: named quantities of its belief, recorded in the table `tracker_state`."""
+
+    def report_state(self, belief: Any) -> Mapping[str, Floats]:
+        """Values (n,) by name, recorded after each step. The lengths may differ, and may change from step to step."""
         ...

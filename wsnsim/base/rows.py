@@ -1,18 +1,19 @@
 """What every run writes of its targets, with a network or without: truth, estimates, errors, particles.
 
-truth_rows(...), estimate_rows(...) -> columns of a table      write_particles(...)
+truth_rows(...), estimate_rows(...) -> columns of a table      write_belief(...)
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import hashlib
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from wsnsim.base.arrays import Floats
-from wsnsim.base.ports import Estimate, MotionModel, Recorder, Snapshots
+from wsnsim.base.ports import Estimate, MotionModel, Recorder, ReportsState, Snapshots
 from wsnsim.base.requests import Member
 
 NAN = float("nan")
@@ -84,6 +85,22 @@ def estimate_rows(
     }
 
 
+def fingerprint(event_fingerprint: int, tracks: Iterable[Mapping[int, Issued]]) -> int:
+    """A 64-bit digest of the events' digest and of every estimate: time, step, target, mean and covariance, bit by bit.
+
+    Args:
+        event_fingerprint: Digest of the events, see `runs.event_fingerprint`.
+        tracks: The estimates of each target by step.
+    """
+    digest = hashlib.blake2b(event_fingerprint.to_bytes(8, "little"), digest_size=8)
+    for target, estimates in enumerate(tracks):
+        for step, made in sorted(estimates.items()):
+            parts = ([made.issued, step, target], made.estimate.mean, made.estimate.cov)
+            for part in parts:
+                digest.update(np.ascontiguousarray(part, dtype=np.float64).tobytes())
+    return int.from_bytes(digest.digest(), "little")
+
+
 def deviation_rmse(columns: Mapping[str, Any], motion: MotionModel, truth: Floats) -> Floats:
     """(D,) root mean square error of each state column over the steps with an estimate; NaN where none has one."""
     means = np.stack([columns[name] for name in motion.columns], axis=1)
@@ -93,13 +110,34 @@ def deviation_rmse(columns: Mapping[str, Any], motion: MotionModel, truth: Float
     return np.sqrt(np.mean((means - truth[1 : len(means) + 1])[known] ** 2, axis=0))
 
 
-def write_particles(
-    recorder: Recorder, replicate: int, target: int, step: int, held: tuple[Any, Any, Sequence[Member]], names: Any
+def wants_belief(recorder: Recorder) -> bool:
+    """Whether the recorder keeps any of the tables that `write_belief` writes."""
+    return recorder.wants("particles") or recorder.wants("tracker_state")
+
+
+def write_belief(
+    recorder: Recorder,
+    key: Mapping[str, int],
+    tracker: object,
+    belief: object,
+    members: Sequence[Member],
+    columns: Sequence[str],
 ) -> None:
-    """Write a step's particles, if that is wanted and the tracker has any; `held`: tracker, belief, members."""
-    tracker, belief, members = held
-    if not recorder.wants("particles") or not isinstance(tracker, Snapshots):
-        return
-    for node, states, weights in tracker.snapshot(belief, members):
-        columns = {"step": step, "node": node, **dict(zip(names, states, strict=True)), "weight": weights}
-        recorder.write("particles", {"replicate": replicate, "target": target, **columns})
+    """Write one step's rows of the tables `particles` and `tracker_state`, if they are wanted and the tracker has them.
+
+    Args:
+        recorder: Where the rows go.
+        key: Replicate, target and step, by column name.
+        tracker: The tracker.
+        belief: Its belief after the step.
+        members: Members of the cluster, which may hold some of the particles.
+        columns: Names of the state columns.
+    """
+    if recorder.wants("particles") and isinstance(tracker, Snapshots):
+        for node, states, weights in tracker.snapshot(belief, members):
+            rows = {"node": node, **dict(zip(columns, states, strict=True)), "weight": weights}
+            recorder.write("particles", {**key, **rows})
+    if recorder.wants("tracker_state") and isinstance(tracker, ReportsState):
+        for name, values in tracker.report_state(belief).items():
+            rows = {"name": recorder.state_names.code(name), "index": np.arange(len(values)), "value": values}
+            recorder.write("tracker_state", {**key, **rows})

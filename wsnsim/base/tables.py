@@ -1,8 +1,8 @@
 """The tables of a result: what the network writes, the file stores and pandas reads.
 
-A category column holds small unsigned integers; its meanings travel with it. The words of `events.what` may grow at
-run time (a tracker names its own parcels): a recorder holds them as `Words`, and writes their meanings when it
-closes.
+A category column holds small unsigned integers; its meanings travel with it. The words of `events.what` and
+`tracker_state.name` grow at run time (a tracker names its own parcels and quantities): a recorder holds them as
+`Words`, and writes their meanings when it closes.
 """
 
 from __future__ import annotations
@@ -99,7 +99,13 @@ TABLES: Final[dict[str, tuple[Column, ...]]] = {
             "fingerprint",
             "u8",
             "",
-            "64-bit digest of the (time, node, kind, peer, bits) stream; of the estimates without a network",
+            "64-bit digest of event_fingerprint and of all estimates (time, step, target, mean, covariance)",
+        ),
+        _c(
+            "event_fingerprint",
+            "u8",
+            "",
+            "64-bit digest of the events (time, node, kind, peer, bits); without a network, of the estimated means",
         ),
     ),
     "tracks": (
@@ -237,16 +243,26 @@ TABLES: Final[dict[str, tuple[Column, ...]]] = {
         _c("received", "u4", "1", "of these, received by the node"),
     ),
     "particles": (_REPLICATE, _TARGET, _STEP, _NODE, _c("weight", "f8", "1", "normalised over the whole set")),
+    "tracker_state": (
+        _REPLICATE,
+        _TARGET,
+        _STEP,
+        _c("name", "u1", "", "name of the quantity, given by the tracker"),
+        _c("index", "u4", "", "index into the quantity's values"),
+        _c("value", "f8", "", "value at this index; the tracker defines its unit"),
+    ),
 }
 STATE_AFTER: Final = {"truth": "time", "estimates": "issued", "particles": "node"}
 """Tables that carry the motion model's state columns, and after which column."""
 METRICS: Final = tuple(
-    column.name for column in TABLES["runs"] if column.name not in ("replicate", "status", "fingerprint", "cpu_seconds")
+    column.name
+    for column in TABLES["runs"]
+    if column.name not in ("replicate", "status", "fingerprint", "event_fingerprint", "cpu_seconds")
 )
 """The columns of `runs` that are figures of a run, the same each time that it is repeated."""
 MORE_IS_BETTER: Final = ("delivered", "tracked", "tracked_three", "alive", "first_death", "half_dead", "coverage")
 """Of these, those of which one wants more."""
-RECORDED_BY_DEFAULT: Final = {name: name not in ("links", "particles") for name in TABLES}
+RECORDED_BY_DEFAULT: Final = {name: name not in ("links", "particles", "tracker_state") for name in TABLES}
 
 
 def columns_of(
@@ -277,7 +293,7 @@ class Words:
     def code(self, word: str) -> int:
         """The word's code, a new one if it is new."""
         code = self._codes.setdefault(word, len(self._codes))
-        assert code < 256, f"more than 256 different words in events.what, the last being {word!r}"
+        assert code < 256, f"more than 256 different words in a category column, the last being {word!r}"
         return code
 
     def all(self) -> tuple[str, ...]:
@@ -292,6 +308,7 @@ class Memory:
         self._wanted = dict(RECORDED_BY_DEFAULT if wanted is None else wanted)
         self._pieces: dict[str, list[Mapping[str, Any]]] = {}
         self.words = Words()
+        self.state_names = Words(())
 
     def wants(self, table: str) -> bool:
         return self._wanted.get(table, False)

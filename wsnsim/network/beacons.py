@@ -36,7 +36,7 @@ class BeaconOutcome:
     fleet: Nodes
     counts: Counters
     beacons: int
-    fingerprint: int
+    event_fingerprint: int
     awake: float
     cycles: float = 0.0
 

@@ -35,7 +35,7 @@ class Left(Protocol):
     def cycles(self) -> float: ...
 
     @property
-    def fingerprint(self) -> int: ...
+    def event_fingerprint(self) -> int: ...
 
     @property
     def awake(self) -> float: ...
@@ -82,7 +82,7 @@ def run_row(outcome: Left, tracks: Sequence[Track]) -> dict[str, Any]:
         "alive": sum(fleet.alive),
         "first_death": deaths[0] if deaths else NAN,
         "half_dead": deaths[half - 1] if len(deaths) >= half else NAN,
-        "fingerprint": outcome.fingerprint,
+        "event_fingerprint": outcome.event_fingerprint,
     }
 
 

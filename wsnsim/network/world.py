@@ -61,7 +61,7 @@ class Outcome:
     steps: int
     counts: Counters
     cycles: float
-    fingerprint: int
+    event_fingerprint: int
     awake: float
 
 

@@ -21,7 +21,7 @@ from wsnsim.base.errors import ResultError, RunError, failed_run
 from wsnsim.base.ports import Detects, Estimate, Recorder, Scene, SensorModel
 from wsnsim.base.requests import Ask, Broadcast, Compute, Gather, Local, Member, Parcel, all_arrived
 from wsnsim.base.rng import HEAD_KEY, Streams, derive, derive_all, derive_each, reading_noise
-from wsnsim.base.rows import NAN, Issued, write_particles
+from wsnsim.base.rows import NAN, Issued, wants_belief, write_belief
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.offline.loopback import perform
 
@@ -121,7 +121,7 @@ class OfflineRun:
             "first_death": NAN,
             "half_dead": NAN,
             "coverage": NAN,
-            "fingerprint": int.from_bytes(self._digest.digest(), "little"),
+            "event_fingerprint": int.from_bytes(self._digest.digest(), "little"),
         }
 
     def node_rows(self) -> dict[str, Any]:
@@ -148,9 +148,10 @@ class OfflineRun:
                 scene = seats.scene(step, 1)
                 belief = self._perform(tracker.step(belief, scene), seats)
                 self._issue(track, scene, tracker.estimate(belief))
-                held = tracker, belief, list(seats.members.values())
-                names = problem.motions[target].columns
-                write_particles(self._recorder, self._replicate, target, step, held, names)
+                if wants_belief(self._recorder):
+                    key = {"replicate": self._replicate, "target": target, "step": step}
+                    members = list(seats.members.values())
+                    write_belief(self._recorder, key, tracker, belief, members, problem.motions[target].columns)
                 if progress:
                     progress(scene.time)
         except ResultError:  # what is written cannot be: the run itself is not to blame

@@ -44,6 +44,8 @@ def _copy(file: h5py.File, tmp: Path, final: Path) -> None:
     with ResultFile(final, states_of(file), wanted, position=position_of(file), status=PARTIAL) as result:
         if "events/what" in file:
             result.words = Words(words_of(file["events/what"]))
+        if "tracker_state/name" in file:
+            result.state_names = Words(words_of(file["tracker_state/name"]))
         for name in TEXTS:
             if name in file:
                 result.set_text(name, file[name].asstr()[()])

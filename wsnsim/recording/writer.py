@@ -65,6 +65,7 @@ class ResultFile:
         assert not strange, f"no such tables: {', '.join(sorted(strange))}"
         self.path = Path(path)
         self.words = Words()
+        self.state_names = Words(())
         self._states = tuple(states)
         self._position = None if position is None else tuple(position)
         self._wanted = tuple(table for table in TABLES if wanted.get(table, False))
@@ -148,8 +149,9 @@ class ResultFile:
             self._flushed_at = now
 
     def _write_words(self) -> None:
-        if "events" in self._buffers and "what" in self._file["events"]:
-            write_meanings(self._file["events/what"], self.words.all())
+        for name, words in (("events/what", self.words), ("tracker_state/name", self.state_names)):
+            if name in self._file:
+                write_meanings(self._file[name], words.all())
 
     def _finish(self) -> None:
         for buffer in self._buffers.values():

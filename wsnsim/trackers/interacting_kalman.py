@@ -115,6 +115,10 @@ class InteractingKalman(HeadFilter):
         mean, cov = _mixture(means, covs, chances)
         return InteractingBelief(mean, cov, successor, ids=ids, means=means, covs=covs, probabilities=chances)
 
+    def report_state(self, belief: InteractingBelief) -> dict[str, Floats]:
+        """The sensors and their probabilities, for the table `tracker_state`."""
+        return {"node": np.array(belief.ids, dtype=np.float64), "probability": belief.probabilities}
+
     def _cycles(self, size: int, place: int, scene: Scene) -> float:
         """Operations of a step, those of one filter times n; without filters, the prediction of the mixture."""
         sensors, square = scene.active, size**2

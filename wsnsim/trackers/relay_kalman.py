@@ -109,6 +109,10 @@ class RelayKalman(HeadFilter):
         chances = arrived_probabilities(belief.probabilities, mask[first:])
         return RelayBelief(belief.mean, belief.cov, successor, ids=belief.ids, probabilities=chances)
 
+    def report_state(self, belief: RelayBelief) -> dict[str, Floats]:
+        """The sensors and their probabilities, for the table `tracker_state`."""
+        return {"node": np.array(belief.ids, dtype=np.float64), "probability": belief.probabilities}
+
     def _cycles(self, size: int, place: int, scene: Scene) -> float:
         """Operations of a step: those of the prediction, and those of the update a sensor."""
         sensors = scene.active

@@ -13,7 +13,7 @@ import simpy
 
 from wsnsim.base.errors import RunError, WsnsimError
 from wsnsim.base.ports import Estimate, Scene
-from wsnsim.base.rows import Issued, write_particles
+from wsnsim.base.rows import Issued, wants_belief, write_belief
 from wsnsim.network.clusters.cluster import Cluster
 from wsnsim.network.clusters.driver import Driver, HeadDied
 from wsnsim.network.clusters.handover import Crew, Handover, TrackLost
@@ -91,10 +91,10 @@ def issue(stage: RunContext, track: Track, step: int, scene: Scene, driver: Driv
 
 
 def snapshot(stage: RunContext, track: Track, cluster: Cluster, belief: Any, step: int) -> None:
-    """Record the particles, wherever they are, if that is wanted."""
-    if not stage.recorder.wants("particles"):
+    """Record the particles and the tracker's state, if their tables are wanted."""
+    if not wants_belief(stage.recorder):
         return
     members = [cluster.members[node] for node in cluster.roster()]
-    held = stage.parts.tracker, belief, members
+    key = {"replicate": stage.replicate, "target": track.target, "step": step}
     columns = stage.parts.motions[track.target].columns
-    write_particles(stage.recorder, stage.replicate, track.target, step, held, columns)
+    write_belief(stage.recorder, key, stage.parts.tracker, belief, members, columns)
