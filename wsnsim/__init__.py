@@ -11,10 +11,12 @@ The public face, imported when first used. Nothing else is public.
 from __future__ import annotations
 
 import importlib
+import warnings
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from wsnsim.analysis.comparison import compared
+    from wsnsim.analysis.comparison import compare
+    from wsnsim.analysis.comparison import compare as compared
     from wsnsim.analysis.frames import read
     from wsnsim.base.part import Quantity, part
     from wsnsim.base.ports import Estimate, Scene, Tracker
@@ -31,7 +33,7 @@ _HOMES = {
     "load": "wsnsim.scenario",
     "read": "wsnsim.analysis.frames",
     "sweep": "wsnsim.campaign",
-    "compared": "wsnsim.analysis.comparison",
+    "compare": "wsnsim.analysis.comparison",
     "part": "wsnsim.base.part",
     "Quantity": "wsnsim.base.part",
     "Tracker": "wsnsim.base.ports",
@@ -48,11 +50,14 @@ _HOMES = {
 }
 __all__ = [
     "Broadcast", "Compute", "Estimate", "Gather", "Local", "Member", "Parcel", "Quantity", "Scatter", "Scene", "Send",
-    "Tracker", "compared", "load", "part", "read", "run", "simulate", "sweep",
+    "Tracker", "compare", "compared", "load", "part", "read", "run", "simulate", "sweep",
 ]  # fmt: skip
 
 
 def __getattr__(name: str) -> Any:
+    if name == "compared":
+        warnings.warn("wsnsim.compared was renamed to wsnsim.compare", DeprecationWarning, stacklevel=2)
+        name = "compare"
     if name not in _HOMES:
         raise AttributeError(f"module 'wsnsim' has no attribute {name!r}")
     return getattr(importlib.import_module(_HOMES[name]), name)

@@ -82,7 +82,7 @@ def four(place: Place, lose: bool = False, **about: Any) -> Folder:
 
 
 def test_every_figure_of_a_point_is_that_reckoned_by_hand(place: Place) -> None:
-    table = comparison.compared(four(place, lose=True), by=[KIND]).table
+    table = comparison.compare(four(place, lose=True), by=[KIND]).table
     assert not table["front"].any()  # all lose more than a twentieth of their runs
     assert table["point"].tolist() == [0, 1, 2, 3]
     assert table[KIND].tolist() == ["pf", "pf", "ekf", "ekf"]
@@ -105,7 +105,7 @@ def test_every_figure_of_a_point_is_that_reckoned_by_hand(place: Place) -> None:
 
 
 def test_trackers_are_compared_within_each_value_of_the_other_key(place: Place) -> None:
-    found = comparison.compared(four(place), by=[KIND])
+    found = comparison.compare(four(place), by=[KIND])
     table = found.table
     np.testing.assert_array_equal(table["difference"], [NAN, NAN, 1.0, 1.0])
     np.testing.assert_array_equal(table["pairs"], [NAN, NAN, 5.0, 6.0])
@@ -119,37 +119,37 @@ def test_trackers_are_compared_within_each_value_of_the_other_key(place: Place) 
 
 
 def test_by_the_other_key_the_other_pairs_are_compared(place: Place) -> None:
-    table = comparison.compared(four(place), by=[SIZE]).table
+    table = comparison.compare(four(place), by=[SIZE]).table
     np.testing.assert_array_equal(table["difference"], [NAN, -1.0, NAN, -2.0])
     np.testing.assert_array_equal(table["effect"][1], -1.0)
 
 
 def test_by_both_keys_all_are_compared_with_the_first(place: Place) -> None:
-    table = comparison.compared(four(place), by=[KIND, SIZE]).table
+    table = comparison.compare(four(place), by=[KIND, SIZE]).table
     np.testing.assert_array_equal(table["difference"], [NAN, -1.0, 1.0, 0.0])
     assert table["front"].tolist() == [True, True, True, False]
 
 
 def test_without_a_key_to_compare_by_there_is_no_difference_and_one_front(place: Place) -> None:
-    found = comparison.compared(four(place))
+    found = comparison.compare(four(place))
     assert found.by == ()
     assert "difference" not in found.table
     assert found.table["front"].tolist() == [True, True, True, False]
 
 
 def test_a_campaign_says_itself_what_it_compares_and_with_whom(place: Place) -> None:
-    found = comparison.compared(four(place, by=(KIND,), baseline="ekf"))
+    found = comparison.compare(four(place, by=(KIND,), baseline="ekf"))
     np.testing.assert_array_equal(found.table["difference"], [-1.0, -1.0, NAN, NAN])
-    asked = comparison.compared(place.path / "campaign", by=[SIZE])
+    asked = comparison.compare(place.path / "campaign", by=[SIZE])
     np.testing.assert_array_equal(asked.table["difference"], [NAN, -1.0, NAN, -2.0])
 
 
 def test_a_sweep_over_one_key_is_compared_by_it(place: Place) -> None:
     points: list[Point] = [({SIZE: n}, "w", {"rmse": [float(n)] * 6}) for n in (1, 2, 4)]
-    found = comparison.compared(place.campaign(points))
+    found = comparison.compare(place.campaign(points))
     assert found.by == (SIZE,)
     np.testing.assert_array_equal(found.table["difference"], [NAN, 1.0, 3.0])
-    named = comparison.compared(place.campaign(points), baseline="4")
+    named = comparison.compare(place.campaign(points), baseline="4")
     np.testing.assert_array_equal(named.table["difference"], [-3.0, -2.0, NAN])
 
 
@@ -157,12 +157,12 @@ def test_the_baseline_is_found_where_points_have_no_results_yet(place: Place) ->
     folder = place.campaign([({KIND: kind}, "w", {"rmse": rmse}) for kind, rmse in (
         ("a", []), ("b", [1.0] * 5), ("c", [3.0] * 5),
     )])  # fmt: skip
-    table = comparison.compared(folder, baseline="c").table
+    table = comparison.compare(folder, baseline="c").table
     assert table["point"].tolist() == [1, 2]
     np.testing.assert_array_equal(table["difference"], [-2.0, NAN])
-    first = comparison.compared(folder)
+    first = comparison.compare(folder)
     assert first.table["difference"].isna().all() and first.unpaired == "'a', the baseline, has no results"
-    assert comparison.compared(folder, baseline="a").table["difference"].isna().all()
+    assert comparison.compare(folder, baseline="a").table["difference"].isna().all()
 
 
 def test_points_of_different_worlds_are_no_pairs_and_the_reason_is_said(place: Place) -> None:
@@ -170,7 +170,7 @@ def test_points_of_different_worlds_are_no_pairs_and_the_reason_is_said(place: P
         ({"seed": 1}, "one", {"rmse": [1.0] * 5}),
         ({"seed": 2}, "other", {"rmse": [2.0] * 5}),
     ])  # fmt: skip
-    found = comparison.compared(folder)
+    found = comparison.compare(folder)
     assert found.table["difference"].isna().all()
     assert found.unpaired.startswith(
         "2 and 1 are not in the same world (seed, deployment, motion, sensor, prior, detection, faults)"
@@ -188,7 +188,7 @@ def test_replicates_are_paired_by_their_number_and_not_by_their_place(place: Pla
     folder.write_manifest(Manifest(**{**vars(manifest), "points": points}))
     place.write(folder, "p1", [5, 6, 7, 8], rmse=[51.0, 61.0, 71.0, 81.0], energy=NAN, lost=0)
     place.write(folder, "p1", [1, 2, 3], rmse=[11.0, 21.0, 31.0], energy=NAN, lost=0)
-    table = comparison.compared(folder).table
+    table = comparison.compare(folder).table
     assert (table["replicates"].tolist(), table["pairs"][1]) == ([7, 7], 5.0)
     assert tuple(table.loc[1, ["difference", "difference_low", "difference_high", "effect"]]) == (1.0, 1.0, 1.0, 1.0)
 
@@ -196,7 +196,7 @@ def test_replicates_are_paired_by_their_number_and_not_by_their_place(place: Pla
 def test_where_no_energy_is_spent_nothing_is_said_of_it(place: Place) -> None:
     for energy in (NAN, 0.0):
         folder = place.campaign([({SIZE: n}, "w", {"rmse": [1.0] * 5, "energy": energy}) for n in (1, 2)])
-        found = comparison.compared(folder)
+        found = comparison.compare(folder)
         assert found.table["error_per_joule"].isna().all()
         assert found.table["front"].tolist() == [energy == 0.0] * 2
         assert "[J]" not in comparison_text.text(found)
@@ -214,25 +214,25 @@ def test_where_no_energy_is_spent_nothing_is_said_of_it(place: Place) -> None:
 def test_what_is_not_there_is_refused_with_the_nearest(place: Place, asked: dict[str, Any], message: str) -> None:
     folder = four(place)
     with pytest.raises(UsageError, match=message):
-        comparison.compared(folder, **asked)
+        comparison.compare(folder, **asked)
 
 
 def test_any_column_of_runs_that_is_a_figure_may_be_compared(place: Place) -> None:
     folder = place.campaign([({SIZE: n}, "w", {"rmse": [1.0] * 5, "handovers": [n, 2, 3, 4, 9]}) for n in (1, 2)])
-    assert comparison.compared(folder, "handovers").table["median"].tolist() == [3.0, 3.0]
-    lost = comparison.compared(folder, "lost")
+    assert comparison.compare(folder, "handovers").table["median"].tolist() == [3.0, 3.0]
+    lost = comparison.compare(folder, "lost")
     assert comparison_text.text(lost).splitlines()[1].split().count("lost") == 1
 
 
 def test_a_folder_without_a_campaign_or_without_results_says_so(place: Place) -> None:
     with pytest.raises(ResultError, match="holds no campaign"):
-        comparison.compared(place.path)
+        comparison.compare(place.path)
     with pytest.raises(ResultError, match="holds no results yet"):
-        comparison.compared(place.campaign([({SIZE: 1}, "w", {"rmse": []})]))
+        comparison.compare(place.campaign([({SIZE: 1}, "w", {"rmse": []})]))
 
 
 def test_the_text_has_a_line_a_point_with_its_figures(place: Place) -> None:
-    text = comparison_text.text(comparison.compared(four(place), by=[KIND]))
+    text = comparison_text.text(comparison.compare(four(place), by=[KIND]))
     title, head, *lines = text.splitlines()
     assert title == "hand: 4 points, 6 replicates each"
     assert head.split()[:4] == [KIND, SIZE, "median", "rmse"]
@@ -246,7 +246,7 @@ def test_the_text_has_a_line_a_point_with_its_figures(place: Place) -> None:
 
 def test_the_command_line_gives_the_same_figures_as_json_and_csv(place: Place, monkeypatch: Any) -> None:
     folder = four(place)
-    found = comparison.compared(folder, by=[KIND])
+    found = comparison.compare(folder, by=[KIND])
     said = comparison.as_json(found)
     assert [row["median"] for row in said["points"]] == [7.5, 6.5, 8.0, 7.5]
     ran = CliRunner().invoke(main_group(), ["collect", str(folder.path), "--json"])

@@ -8,7 +8,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from wsnsim.analysis.frames import info, info_text, read
+from wsnsim.analysis.frames import read
+from wsnsim.analysis.result_info import info, info_text
 from wsnsim.base.errors import ResultError
 from wsnsim.base.tables import KINDS, TABLES
 from wsnsim.recording import ResultFile, provenance

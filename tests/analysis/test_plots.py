@@ -286,7 +286,7 @@ def test_a_histogram_is_a_density_with_the_mean_of_the_weighted_particles(write,
 def test_particles_that_are_all_one_still_have_a_histogram():
     axes = axes_of()
     values = np.full(20, 1e9)
-    plots._histogram(axes, plot_data.Layout({"x": ""}, ("x",)), "x", values, np.full(20, 0.05), "20 particles")
+    plots._histogram(axes, plot_data.StateLayout({"x": ""}, ("x",)), "x", values, np.full(20, 0.05), "20 particles")
     heights, edges, _ = axes.patches[0].get_data()
     assert (heights * np.diff(edges)).sum() == pytest.approx(1.0)
     assert edges[0] < 1e9 < edges[-1]
@@ -399,9 +399,9 @@ def test_all_leaves_out_what_is_not_there_and_says_why(write, tmp_path, unsaved)
 
 def test_the_particles_drawn_are_the_last_unless_a_step_is_named(write, tmp_path):
     path = write()
-    panels = dict(figures._panels(path, "particles", figures.Choice(), False))
+    panels = dict(figures._panels(path, "particles", figures.PlotSelection(), False))
     assert "step 4" in panels["particles"](axes_of()).get_title(loc="left")
-    panels = dict(figures._panels(path, "particles", figures.Choice(column="vy", step=2), False))
+    panels = dict(figures._panels(path, "particles", figures.PlotSelection(column="vy", step=2), False))
     axes = panels["particles"](axes_of())
     assert "step 2" in axes.get_title(loc="left") and axes.get_xlabel() == "vy [m/s]"
 
@@ -443,7 +443,7 @@ def test_legends_stand_above_the_data_and_titles_above_legends(write):
 
 
 def _drawn_panels(path, what):
-    return [panel for _, panel in figures._panels(path, what, figures.Choice(), True)]
+    return [panel for _, panel in figures._panels(path, what, figures.PlotSelection(), True)]
 
 
 def test_a_picture_that_fails_leaves_neither_itself_nor_a_piece(write, tmp_path, monkeypatch):

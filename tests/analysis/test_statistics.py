@@ -121,7 +121,7 @@ def test_a_share_of_no_runs_is_not_known() -> None:
 @given(SMALL)
 def test_the_effect_is_the_share_of_pairs_for_less_those_against(differences: list[int]) -> None:
     """The signs of all Walsh sums, each difference with itself among them: Tukey's form of the signed ranks."""
-    found = statistics.paired(np.array(differences, dtype=float), np.zeros(len(differences)))
+    found = statistics.paired_difference(np.array(differences, dtype=float), np.zeros(len(differences)))
     moved = [value for value in differences if value]
     sums = [np.sign(a + b) for a, b in itertools.combinations_with_replacement(moved, 2)]
     assert found.effect == pytest.approx(sum(sums) / len(sums) if sums else 0.0)
@@ -139,21 +139,21 @@ def test_p_is_the_share_of_all_choices_of_signs_that_are_as_extreme(count: int, 
     seen = abs(float(ranks @ np.sign(differences)))
     signs = np.array(list(itertools.product([-1.0, 1.0], repeat=count)))
     expected = np.mean(np.abs(signs @ ranks) >= seen - 1e-9)
-    assert statistics.paired(differences, np.zeros(count)).p == pytest.approx(expected)
+    assert statistics.paired_difference(differences, np.zeros(count)).p == pytest.approx(expected)
 
 
 @pytest.mark.parametrize("count", [14, 50, 51, 80])
 def test_p_is_that_of_the_reference_where_no_two_differences_are_equal(count: int) -> None:
     differences = np.random.default_rng(count).normal(0.3, 1.0, count)
     expected = stats.wilcoxon(differences, method="exact" if count <= 50 else "asymptotic").pvalue
-    assert statistics.paired(differences, np.zeros(count)).p == pytest.approx(expected)
+    assert statistics.paired_difference(differences, np.zeros(count)).p == pytest.approx(expected)
 
 
 @settings(max_examples=30)
 @given(st.lists(st.tuples(st.integers(-5, 5), st.integers(-5, 5)), min_size=5, max_size=15))
 def test_the_other_way_round_a_difference_has_the_other_sign(pairs: list[tuple[int, int]]) -> None:
     one, other = np.array(pairs, dtype=float).T
-    there, back = statistics.paired(one, other), statistics.paired(other, one)
+    there, back = statistics.paired_difference(one, other), statistics.paired_difference(other, one)
     assert (back.value, back.effect) == (-there.value, pytest.approx(-there.effect))
     assert (back.p, back.known) == (pytest.approx(there.p), there.known)
 
@@ -161,7 +161,7 @@ def test_the_other_way_round_a_difference_has_the_other_sign(pairs: list[tuple[i
 def test_a_shift_of_every_pair_is_found_and_noise_that_both_share_does_not_matter() -> None:
     rng = np.random.default_rng(5)
     shared = rng.lognormal(3.0, 2.0, 40)
-    found = statistics.paired(shared + 0.1 + rng.normal(0.0, 0.01, 40), shared)
+    found = statistics.paired_difference(shared + 0.1 + rng.normal(0.0, 0.01, 40), shared)
     assert found.value == pytest.approx(0.1, abs=0.01)
     assert 0.09 < found.low <= found.value <= found.high < 0.11
     assert (found.effect, found.known) == (1.0, 40)
@@ -170,17 +170,17 @@ def test_a_shift_of_every_pair_is_found_and_noise_that_both_share_does_not_matte
 
 def test_pairs_of_which_a_half_is_unknown_do_not_count() -> None:
     one, other = np.array([1.0, 2.0, NAN, 4.0, math.inf, 6.0]), np.array([0.0, NAN, 3.0, 5.0, math.inf, 4.0])
-    found = statistics.paired(one, other)
+    found = statistics.paired_difference(one, other)
     assert (found.value, found.known) == (1.0, 3)
     assert math.isnan(found.low)
-    nothing = statistics.paired(one[1:3], other[1:3])
+    nothing = statistics.paired_difference(one[1:3], other[1:3])
     assert nothing.known == 0
     assert all(math.isnan(value) for value in nothing[:5])
 
 
 def test_equal_runs_have_no_difference_and_no_effect() -> None:
     values = np.arange(6.0)
-    assert statistics.paired(values, values) == (0.0, 0.0, 0.0, 0.0, 1.0, 6)
+    assert statistics.paired_difference(values, values) == (0.0, 0.0, 0.0, 0.0, 1.0, 6)
 
 
 @given(FIGURES, st.randoms(use_true_random=False))
@@ -192,4 +192,4 @@ def test_the_front_is_all_that_nobody_beats(errors: list[float], random) -> None
         return all(map(math.isfinite, one)) and one != other and one[0] <= other[0] and one[1] <= other[1]
 
     expected = [all(map(math.isfinite, p)) and not any(beats(q, p) for q in points) for p in points]
-    assert statistics.front(errors, costs).tolist() == expected
+    assert statistics.pareto_front(errors, costs).tolist() == expected

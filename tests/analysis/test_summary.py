@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from wsnsim import experiment, scenario
-from wsnsim.analysis import frames, summary, summary_text
+from wsnsim.analysis import result_info, summary, summary_text
 from wsnsim.experiment import Report, Summary
 from wsnsim.recording import ResultFile, read_table
 
@@ -215,7 +215,7 @@ def test_a_real_runs_figures_are_those_of_its_tables(ran):
 
 
 def test_info_of_a_bench_has_neither_energy_nor_handovers_and_its_errors_a_unit(ran):
-    about, text = frames.info(ran[1]), frames.info_text(ran[1])
+    about, text = result_info.info(ran[1]), result_info.info_text(ran[1])
     assert not {"energy", "handovers", "frames_lost", "alive"} & set(about["figures"])
     assert about["position_unit"] == "m"
     assert "nan" not in text
@@ -225,8 +225,8 @@ def test_info_of_a_bench_has_neither_energy_nor_handovers_and_its_errors_a_unit(
 def test_info_gives_errors_without_a_unit_where_the_position_has_none(tmp_path, rows_of):
     with ResultFile(tmp_path / "x.h5", [("x", "")], {"runs": True}, position=(0,)) as file:
         file.write("runs", rows_of("runs", 1) | {"rmse": 3.25, "energy": NAN})
-    assert frames.info(tmp_path / "x.h5")["position_unit"] == ""
-    assert f"{'RMSE of a run':<25}3.250" in frames.info_text(tmp_path / "x.h5").splitlines()
+    assert result_info.info(tmp_path / "x.h5")["position_unit"] == ""
+    assert f"{'RMSE of a run':<25}3.250" in result_info.info_text(tmp_path / "x.h5").splitlines()
 
 
 def test_late_estimates_reports_to_the_sink_and_what_the_air_lost_have_their_rows():
@@ -319,7 +319,7 @@ def test_a_target_that_was_never_seen_has_no_figures_and_no_word_for_them():
 def test_bounds_stand_beside_the_error_of_all_readings_of_members_and_of_those_that_arrived(tmp_path):
     loaded = scenario.load("pso_mhpf", ["duration=2 s"])
     report = experiment.run(loaded, replicates=2, out=tmp_path / "x.h5")
-    limit = summary.limit_of(report)
+    limit = summary.bounds_of_report(report)
     assert limit.kind == "per_trajectory" and not limit.reason
     assert 0 < limit.rmse < limit.active <= limit.arrived * (1 + 1e-9)
     text = summary_text.text(report, {}, limit=limit)
@@ -334,9 +334,9 @@ def test_without_events_there_is_the_bound_of_all_readings_alone_and_without_any
         scenario.load("pso_mhpf", ["duration=1 s", "record.events=false"]), replicates=1, out=tmp_path / "x.h5"
     )
     for report in (quiet, ran[0]):
-        limit = summary.limit_of(report)
+        limit = summary.bounds_of_report(report)
         assert limit.rmse > 0 and math.isnan(limit.active) and math.isnan(limit.arrived)
     waypoints = experiment.run(scenario.load("gmtt", ["duration=10 s"]), replicates=1, out=tmp_path / "y.h5")
-    assert "no density" in summary.limit_of(waypoints).reason
-    told = summary_text.text(waypoints, {}, limit=summary.limit_of(waypoints))
+    assert "no density" in summary.bounds_of_report(waypoints).reason
+    told = summary_text.text(waypoints, {}, limit=summary.bounds_of_report(waypoints))
     assert "no bound: the target goes straight" in told and "bound along" not in told

@@ -431,7 +431,10 @@ def test_numbers_are_said_with_three_digits_and_a_fitting_prefix():
 
 
 def test_a_target_that_leaves_the_field_is_the_subject_of_its_event():
-    rows = [event_groups.Row(1.0, 2, 0, -1, kind, "", 0, 0, -1, 0, 0, 0.0, "") for kind in ("leave", "return", "lost")]
+    rows = [
+        event_groups.LoggedEvent(1.0, 2, 0, -1, kind, "", 0, 0, -1, 0, 0, 0.0, "")
+        for kind in ("leave", "return", "lost")
+    ]
     assert [row_in_words(row) for row in rows] == [
         "the target: leave target 0", "the target: return target 0", "nobody: lost target 0",
     ]  # fmt: skip

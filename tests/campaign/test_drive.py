@@ -19,7 +19,7 @@ from hypothesis import settings as tries
 from hypothesis import strategies as st
 
 from wsnsim.analysis import campaigns, statistics
-from wsnsim.analysis.stopping import Rule
+from wsnsim.analysis.stopping import ReplicateCounts
 from wsnsim.campaign import ALL, Ended, Part, Progress, drive
 from wsnsim.campaign.drive import MOST_LOST
 from wsnsim.campaign.engines import Ending, EngineError, Vanished
@@ -292,7 +292,7 @@ def test_the_stopping_rule_depends_on_the_replicates_alone(seed: int, of: int, w
             assert drive(folder, Pool(folder, {}, workers, seed), Part(number, of)).complete
             for point in folder.manifest().points:
                 if done := folder.done(point.id):
-                    counts[point.id] = Rule(folder, folder.manifest()).wanted(point)
+                    counts[point.id] = ReplicateCounts(folder, folder.manifest()).wanted(point)
                     assert done == set(range(counts[point.id]))
     assert counts == {point: _enough(point) for point in "abc"}
 

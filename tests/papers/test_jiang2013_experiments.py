@@ -10,7 +10,7 @@ import pytest
 from tests.campaign.places import Inline
 from wsnsim import scenario
 from wsnsim.base.tables import Memory
-from wsnsim.bounds.initial_draws import drawn
+from wsnsim.bounds.initial_conditions import sample_initial_conditions
 from wsnsim.experiment import simulate
 from wsnsim.papers import measures, reproduce
 from wsnsim.papers.jiang2013 import measures as jiang2013_measures
@@ -105,7 +105,7 @@ def test_every_picture_has_a_function_that_draws_it_and_the_figures_of_the_paper
 
 
 def test_figure_3_is_run_on_the_first_cluster_of_the_network_that_figure_2_shows():
-    draw = drawn(scenario.build(scenario.load("pso_mhpf")), 0)
+    draw = sample_initial_conditions(scenario.build(scenario.load("pso_mhpf")), 0)
     target, places = draw.truths[0][0][[0, 2]], draw.positions
     memory = Memory({"clusters": True})
     simulate(scenario.load("pso_mhpf", ["duration=0.08 s"]), 0, memory)

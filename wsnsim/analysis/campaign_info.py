@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from wsnsim.analysis.comparison import label
-from wsnsim.analysis.stopping import Rule
+from wsnsim.analysis.stopping import ReplicateCounts
 from wsnsim.recording.folder import Folder
 
 MOST: Final = 20
@@ -23,7 +23,7 @@ def info(path: str | Path) -> dict[str, Any]:
     """
     folder = Folder(path)
     manifest = folder.manifest()
-    rule = Rule(folder, manifest)
+    rule = ReplicateCounts(folder, manifest)
     points, files, size = [], 0, 0
     for point in manifest.points:
         batches = folder.batches(point.id)

@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 from wsnsim import recording
-from wsnsim.analysis import frames
+from wsnsim.analysis.data_frames import read_file, stacked
 from wsnsim.base.arrays import Bools, Floats
 from wsnsim.base.errors import ResultError
 from wsnsim.base.tables import RECORDED_BY_DEFAULT, TABLES
@@ -45,7 +45,7 @@ def read(path: str | Path, table: str, columns: Sequence[str] | None = None) -> 
     if not pieces:
         raise ResultError(f"{folder.path}: holds no results yet")
     owners = np.repeat(numbers, [len(piece) for piece in pieces])
-    together = frames.stacked(files, pieces, table)
+    together = stacked(files, pieces, table)
     order = np.lexsort((together["replicate"].to_numpy(), owners))
     together, owners = together.iloc[order].reset_index(drop=True), owners[order]
     if columns is not None:
@@ -89,7 +89,7 @@ def _frames_of(
 
 def _of_file(path: Path, table: str, columns: Sequence[str] | None) -> pd.DataFrame:
     try:
-        return frames.read_one(path, table, columns)
+        return read_file(path, table, columns)
     except ResultError as error:
         if table in RECORDED_BY_DEFAULT and f"no table '{table}'" in str(error):
             hint = f"a campaign records it if its sweep, or --set, says record.{table}=true"

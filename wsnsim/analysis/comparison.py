@@ -1,6 +1,6 @@
 """What a campaign says, a row a point: how well, how often lost, for how many joules, and against whom.
 
-    found = compared(folder, metric="rmse", by=("tracker.kind",), baseline="pf")
+    found = compare(folder, metric="rmse", by=("tracker.kind",), baseline="pf")
     found.table: a DataFrame;  as_json(found);  `comparison_text.text(found)` for a terminal
 
 Differences are paired: two points that share a world (seed, deployment, motion, sensor, prior) have the same truth and
@@ -36,7 +36,7 @@ MOST_LOST: Final = 0.05
 
 
 @dataclass(frozen=True)
-class Compared:
+class Comparison:
     """A campaign in figures. `table` has a row for each point that has results, in the campaign's order.
 
     Its columns: `point`, the swept keys, `replicates`, `known` (with a figure), of the metric `median` and `mean` with
@@ -58,9 +58,9 @@ class Compared:
     unit: str = "m"
 
 
-def compared(
+def compare(
     folder: Folder | str | Path, metric: str = "rmse", by: Sequence[str] | None = None, baseline: str | None = None
-) -> Compared:
+) -> Comparison:
     """The figures of a campaign. `by`: the keys that are compared, within each combination of the others.
 
     By default a comparison is by what it compares, and a sweep over one key by that key; the baseline is the first.
@@ -87,7 +87,7 @@ def compared(
     unpaired = _pair(table, manifest, values, first) if chosen else ""
     unpaired = unpaired or (f"'{baseline}', the baseline, has no results" if chosen and not first else "")
     unit = _unit(folder, manifest, metric)
-    return Compared(manifest.name, metric, manifest.keys, chosen, baseline, table, unpaired, unit=unit)
+    return Comparison(manifest.name, metric, manifest.keys, chosen, baseline, table, unpaired, unit=unit)
 
 
 def _unit(folder: Folder, manifest: Manifest, metric: str) -> str:
@@ -101,7 +101,7 @@ def _unit(folder: Folder, manifest: Manifest, metric: str) -> str:
     return column.units
 
 
-def as_json(found: Compared) -> dict[str, Any]:
+def as_json(found: Comparison) -> dict[str, Any]:
     """The figures as plain values; what cannot be said is NaN."""
     rows = found.table.astype(object).where(found.table.notna(), np.nan).to_dict("records")
     return {
@@ -152,7 +152,7 @@ def _figures(frame: pd.DataFrame, metric: str) -> dict[str, Any]:
     }
 
 
-def _spread(name: str, found: statistics.Estimate) -> dict[str, float]:
+def _spread(name: str, found: statistics.IntervalEstimate) -> dict[str, float]:
     return {name: found.value, f"{name}_low": found.low, f"{name}_high": found.high}
 
 
@@ -173,7 +173,7 @@ def _fronts(table: pd.DataFrame, groups: Mapping[Any, list[int]], sign: float) -
     flags = np.zeros(len(table), dtype=np.bool_)
     follows = (table["lost_fraction"] <= MOST_LOST).to_numpy()
     for rows in ([row for row in group if follows[row]] for group in groups.values()):
-        flags[rows] = statistics.front(
+        flags[rows] = statistics.pareto_front(
             (sign * table["median"].iloc[rows]).tolist(), table["energy"].iloc[rows].tolist()
         )
     return flags.tolist()
@@ -245,4 +245,4 @@ def _pair(
 def _difference(values: Mapping[int, pd.Series], table: pd.DataFrame, row: int, start: int) -> Floats:
     one, other = (values[int(table[campaigns.POINT].iloc[i])] for i in (row, start))
     common = one.index.intersection(other.index)
-    return np.array(statistics.paired(one[common].to_numpy(), other[common].to_numpy()), dtype=np.float64)
+    return np.array(statistics.paired_difference(one[common].to_numpy(), other[common].to_numpy()), dtype=np.float64)

@@ -12,10 +12,10 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from wsnsim import bounds
 from wsnsim.analysis import campaigns
-from wsnsim.analysis.comparison import Compared
+from wsnsim.analysis.comparison import Comparison
 from wsnsim.base.errors import WsnsimError
-from wsnsim.bounds import crlb
 from wsnsim.recording.folder import Folder
 
 MOST: Final = 100
@@ -23,7 +23,7 @@ MOST: Final = 100
 BOUNDED: Final = ("rmse",)
 
 
-class Limits(NamedTuple):
+class PointBounds(NamedTuple):
     """Of a world: the median over truths of the bound along each, the unconditional one, and why there is none."""
 
     each: float
@@ -31,7 +31,7 @@ class Limits(NamedTuple):
     reason: str
 
 
-def with_bounds(found: Compared, folder: Folder) -> Compared:
+def with_bounds(found: Comparison, folder: Folder) -> Comparison:
     """The same figures with the bound for all readings in range, where the metric is the error of a run.
 
     `bound` is the median over the replicates that are there (100 at most) of the bound along each truth, as a root mean
@@ -49,7 +49,7 @@ def with_bounds(found: Compared, folder: Folder) -> Compared:
         scenario = json.loads(folder.scenario(point.id))
         key = point.world, there, repr(scenario.get("tracker", {}).get("assumes"))
         if key not in known:
-            known[key] = _limits(scenario, there)
+            known[key] = _point_bounds(scenario, there)
         limits.append(known[key])
     table = found.table.assign(
         bound=np.array([limit.each for limit in limits], dtype=np.float64),
@@ -59,13 +59,13 @@ def with_bounds(found: Compared, folder: Folder) -> Compared:
     return dataclasses.replace(found, table=table, unbounded="; ".join(reasons))
 
 
-def _limits(scenario: dict[str, object], replicates: Sequence[int]) -> Limits:
+def _point_bounds(scenario: dict[str, object], replicates: Sequence[int]) -> PointBounds:
     nothing = float("nan")
     try:
-        each, whole = (crlb.bound(scenario, replicates, kind) for kind in ("per_trajectory", "unconditional"))
+        each, whole = (bounds.bound(scenario, replicates, kind) for kind in ("per_trajectory", "unconditional"))
     except WsnsimError as error:  # a point of which no replicate can be run has no bound either
-        return Limits(nothing, nothing, str(error))
-    return Limits(
+        return PointBounds(nothing, nothing, str(error))
+    return PointBounds(
         float(np.median(each.of_replicates)) if not each.reason else nothing,
         float(whole.of_replicates[0]) if not whole.reason else nothing,
         each.reason,

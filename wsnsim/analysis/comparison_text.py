@@ -10,7 +10,7 @@ from typing import Any, Final
 
 import pandas as pd
 
-from wsnsim.analysis.comparison import Compared, label
+from wsnsim.analysis.comparison import Comparison, label
 from wsnsim.analysis.statistics import LEAST
 from wsnsim.base.tables import MORE_IS_BETTER
 
@@ -18,7 +18,7 @@ SEEN: Final = 0.995
 """Share of the steps from which on a track counts as whole."""
 
 
-def text(found: Compared) -> str:
+def text(found: Comparison) -> str:
     """A line a point; below it what the columns mean."""
     table = found.table
     heads, rows = _columns(found)
@@ -36,7 +36,7 @@ def text(found: Compared) -> str:
     return "\n".join([title, *(f"  {line}".rstrip() for line in lines), *_notes(found)])
 
 
-def _columns(found: Compared) -> tuple[list[str], list[list[str]]]:
+def _columns(found: Comparison) -> tuple[list[str], list[list[str]]]:
     table, unit = found.table, found.unit
     said = f"{found.metric}{f' [{unit}]' if unit not in ('', '1') else ''}"
     columns: list[tuple[str, list[str]]] = [(key, [_setting(value) for value in table[key]]) for key in found.keys]
@@ -61,7 +61,7 @@ def _columns(found: Compared) -> tuple[list[str], list[list[str]]]:
     return [head for head, _ in columns], [list(row) for row in zip(*cells, strict=True)]
 
 
-def _notes(found: Compared) -> list[str]:
+def _notes(found: Comparison) -> list[str]:
     table = found.table
     notes = ["  [ , ]: 95 % intervals, of medians and differences by bootstrap, of shares by Wilson's score"]
     if table["replicates"].max() < LEAST:

@@ -1,6 +1,6 @@
 """Where two results part: in what they were told, in what happened first, and in what came out.
 
-differ(a, b) -> Difference;   as_json(difference)
+differ(a, b) -> ResultDifference;   as_json(difference)
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Any, Final
 import numpy as np
 
 from wsnsim import recording
-from wsnsim.analysis.event_groups import BLOCK, plan_of, ranges, rows_in
+from wsnsim.analysis.event_groups import BLOCK, layout_or_empty, ranges, rows_in
 from wsnsim.analysis.phrases import row_in_words
 from wsnsim.base.errors import ResultError
 
@@ -29,7 +29,7 @@ Pair = tuple[Any, Any]
 
 
 @dataclass(frozen=True)
-class Parting:
+class ReplicateDifference:
     """How one replicate of two results compares.
 
     `tables`: {name: whether it is equal, to the last bit}. `truth`, `network`: whether both chased the same target with
@@ -48,7 +48,7 @@ class Parting:
 
 
 @dataclass(frozen=True)
-class Difference:
+class ResultDifference:
     """Where two results part; `same`: both hold the same tables, equal to the last bit (NaN equals NaN).
 
     `settings` and `provenance`: {dotted path: (A, B)} of what differs. `lacking`: what only one holds, in words.
@@ -60,11 +60,11 @@ class Difference:
     settings: Mapping[str, Pair]
     provenance: Mapping[str, Pair]
     lacking: Sequence[str]
-    replicates: Sequence[Parting]
+    replicates: Sequence[ReplicateDifference]
     unit: str
 
 
-def differ(a: str | Path, b: str | Path) -> Difference:
+def differ(a: str | Path, b: str | Path) -> ResultDifference:
     """Compare two results. Raises ResultError where one cannot be read."""
     paths = (str(a), str(b))
     held = [recording.tables(path) for path in paths]
@@ -78,19 +78,21 @@ def differ(a: str | Path, b: str | Path) -> Difference:
     both = [number for number in runs[0] if number in runs[1]]
     found = tuple(_parting(paths, number, rows) for number in both)
     same = not lacking and all(all(one.tables.values()) for one in found)
-    plan = plan_of(a)
-    return Difference(
+    plan = layout_or_empty(a)
+    return ResultDifference(
         paths, same, _differing(paths, "scenario/resolved_json"), _differing(paths, "provenance_json", OF_THE_DAY),
         lacking, found, plan.units[plan.position[0]] if plan.position else "",
     )  # fmt: skip
 
 
-def as_json(found: Difference) -> dict[str, Any]:
+def as_json(found: ResultDifference) -> dict[str, Any]:
     """The same as plain values."""
     return asdict(found)
 
 
-def _parting(paths: tuple[str, str], replicate: int, rows: Mapping[str, tuple[dict[int, slice], ...]]) -> Parting:
+def _parting(
+    paths: tuple[str, str], replicate: int, rows: Mapping[str, tuple[dict[int, slice], ...]]
+) -> ReplicateDifference:
     nothing = slice(0, 0)
     of_run = {name: (a.get(replicate, nothing), b.get(replicate, nothing)) for name, (a, b) in rows.items()}
     first = {name: _first(paths, name, pair) for name, pair in of_run.items()}
@@ -99,7 +101,7 @@ def _parting(paths: tuple[str, str], replicate: int, rows: Mapping[str, tuple[di
     if at is not None:
         one, other = of_run["events"]
         event = at, _event(paths[0], one, at), _event(paths[1], other, at)
-    return Parting(
+    return ReplicateDifference(
         replicate,
         {name: row is None for name, row in first.items()},
         (first["truth"] is None and _like(paths, "truth")) if "truth" in first else None,
@@ -182,7 +184,7 @@ def _estimate(paths: tuple[str, str], rows: tuple[slice, slice]) -> dict[str, An
         )
         differs = [name for name in common if not _equal(one[name], other[name], ((), ()))[0]]
         if differs:
-            place = [name for name in plan_of(paths[0]).position if name in common]
+            place = [name for name in layout_or_empty(paths[0]).position if name in common]
             apart = float(np.sqrt(sum((one[name][0] - other[name][0]) ** 2 for name in place))) if place else np.nan
             errors = [float(row["error"][0]) for row in (one, other)]
             return {"step": key[0], "target": key[1], "apart": apart, "errors": errors, "columns": differs}

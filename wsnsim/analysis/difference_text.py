@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from wsnsim.analysis.difference import ABSENT, Difference, Pair, Parting
+from wsnsim.analysis.difference import ABSENT, Pair, ReplicateDifference, ResultDifference
 
 
-def text(found: Difference) -> str:
+def text(found: ResultDifference) -> str:
     """The difference for a terminal, the verdict first."""
     verdict = "are the same, to the last bit" if found.same else "part"
     lines = [f"{found.paths[0]} (A) and {found.paths[1]} (B) {verdict}"]
@@ -29,7 +29,7 @@ def text(found: Difference) -> str:
     return "\n".join(lines)
 
 
-def _parting_lines(one: Parting, unit: str) -> list[str]:
+def _parting_lines(one: ReplicateDifference, unit: str) -> list[str]:
     same = {True: "the same", False: "ANOTHER", None: "an unrecorded"}
     differing = [name for name, equal in one.tables.items() if not equal]
     lines = ["", f"replicate {one.replicate}: {same[one.truth]} truth, {same[one.network]} network"]

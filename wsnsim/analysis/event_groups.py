@@ -1,8 +1,9 @@
-"""The events of a result, row by row, and what they add up to: acts of nodes, and messages with their hops and frames.
+"""The event log of one step, grouped into actions of nodes and messages with their hops and bursts.
 
-rows_at(path, replicate, step) -> [Row];   ranges(path, table) -> {replicate: slice};   rows_in(path, slice) -> [Row]
-elsewhere(path, replicate, step, rows) -> {sequence: Elsewhere}       what other steps know of the step's messages
-gathered(rows, elsewhere) -> [Act | Message]                           in the order in which they began
+rows_at(path, replicate, step) -> [LoggedEvent]        rows_in(path, slice) -> [LoggedEvent]
+ranges(path, table) -> {replicate: slice}
+elsewhere(path, replicate, step, rows) -> {sequence: OtherSteps}       what other steps hold of the step's messages
+gathered(rows, elsewhere) -> [NodeAction | LoggedMessage]              in the order in which they began
 """
 
 from __future__ import annotations
@@ -15,8 +16,8 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from wsnsim import recording
-from wsnsim.analysis.messages import EVERYONE, Frame, Message
-from wsnsim.analysis.plot_data import Layout, layout
+from wsnsim.analysis.messages import EVERYONE, LoggedBurst, LoggedMessage
+from wsnsim.analysis.plot_data import StateLayout, layout
 
 BLOCK: Final = 1 << 22
 """Rows of two columns that are in memory at once while a step is looked for."""
@@ -29,7 +30,7 @@ EXPIRED: Final = "expired"
 ACK: Final = "ack"
 
 
-class Row(NamedTuple):
+class LoggedEvent(NamedTuple):
     """One event; the fields are the columns of `events`, categories as words ('' where there is none)."""
 
     time: float
@@ -48,7 +49,7 @@ class Row(NamedTuple):
 
 
 @dataclass(slots=True)
-class Act:
+class NodeAction:
     """The same thing, done by each of several nodes once: from `time` to `until`, for `joules` in all.
 
     `peer`: the other node, -1 for none. `count`: rows; `packets` and `bits` are sums over them.
@@ -66,7 +67,7 @@ class Act:
     bits: int = 0
     joules: float = 0.0
 
-    def add(self, row: Row) -> None:
+    def add(self, row: LoggedEvent) -> None:
         """One more row of it."""
         self.until = row.time
         self.nodes.append(row.node)
@@ -76,9 +77,9 @@ class Act:
         self.joules += row.joules
 
 
-def plan_of(path: str | Path) -> Layout:
+def layout_or_empty(path: str | Path) -> StateLayout:
     """How the states are laid out; empty where there is no target."""
-    return layout(path) if recording.attributes(path)["states"] else Layout({}, ())
+    return layout(path) if recording.attributes(path)["states"] else StateLayout({}, ())
 
 
 def ranges(path: str | Path, table: str = "events") -> dict[int, slice]:
@@ -93,7 +94,7 @@ def ranges(path: str | Path, table: str = "events") -> dict[int, slice]:
     return found
 
 
-def rows_at(path: str | Path, replicate: int, step: int) -> list[Row]:
+def rows_at(path: str | Path, replicate: int, step: int) -> list[LoggedEvent]:
     """The events of one step. Two columns are looked through, a block at a time; then only the step's rows are read."""
     first, last = None, 0
     for start, columns in _blocks(path, ["replicate", "step"]):
@@ -105,7 +106,7 @@ def rows_at(path: str | Path, replicate: int, step: int) -> list[Row]:
     return [row for number, row in _read(path, slice(first, last)) if number == replicate and row.step == step]
 
 
-class Elsewhere(NamedTuple):
+class OtherSteps(NamedTuple):
     """What other steps know of a message: whether it began before, whether it goes on after, and what it is."""
 
     before: bool
@@ -113,35 +114,37 @@ class Elsewhere(NamedTuple):
     what: str
 
 
-def elsewhere(path: str | Path, replicate: int, step: int, rows: Sequence[Row]) -> dict[int, Elsewhere]:
+def elsewhere(path: str | Path, replicate: int, step: int, rows: Sequence[LoggedEvent]) -> dict[int, OtherSteps]:
     """What other steps know of the messages of which these rows are; those of this step alone are left out."""
     wanted = np.array(sorted({row.sequence for row in rows if row.sequence}), dtype=np.int64)
     words = recording.meanings(path, "events", "what")
-    known: dict[int, Elsewhere] = {}
+    known: dict[int, OtherSteps] = {}
     for _, columns in _blocks(path, ["replicate", "step", "sequence", "frame", "what"]) if wanted.size else ():
         at = (columns["replicate"] == replicate) & (columns["step"] != step) & np.isin(columns["sequence"], wanted)
         for i in np.flatnonzero(at).tolist():
             sequence, later = int(columns["sequence"][i]), bool(columns["step"][i] > step)
-            old = known.get(sequence, Elsewhere(False, False, ""))
+            old = known.get(sequence, OtherSteps(False, False, ""))
             word = _word(words, int(columns["what"][i])) if columns["frame"][i] else ""
             what = old.what or (word if word != ACK else "")
-            known[sequence] = Elsewhere(old.before or not later, old.after or later, what)
+            known[sequence] = OtherSteps(old.before or not later, old.after or later, what)
     return known
 
 
-def rows_in(path: str | Path, rows: slice) -> list[Row]:
+def rows_in(path: str | Path, rows: slice) -> list[LoggedEvent]:
     """The events in a range of rows."""
     return [row for _, row in _read(path, rows)]
 
 
-def gathered(rows: Iterable[Row], known: Mapping[int, Elsewhere] | None = None) -> list[Act | Message]:
+def gathered(
+    rows: Iterable[LoggedEvent], known: Mapping[int, OtherSteps] | None = None
+) -> list[NodeAction | LoggedMessage]:
     """What the rows add up to: a message a sequence number, and what nodes did besides, alike things together.
 
     A node that does the same again begins a new act, so that rounds stay apart. `known`: see `elsewhere`.
     """
-    found: list[Act | Message] = []
-    messages: dict[tuple[bool, int], Message] = {}
-    acts: dict[tuple[object, ...], tuple[Act, set[int]]] = {}
+    found: list[NodeAction | LoggedMessage] = []
+    messages: dict[tuple[bool, int], LoggedMessage] = {}
+    acts: dict[tuple[object, ...], tuple[NodeAction, set[int]]] = {}
     rows = list(rows)
     leads = {row.node for row in rows if row.kind in ("estimate", "announce", "allocate", "handover")}
     for row in rows:
@@ -152,7 +155,7 @@ def gathered(rows: Iterable[Row], known: Mapping[int, Elsewhere] | None = None) 
             else:
                 message.expired.append(row.node)
         elif row.kind in ON_THE_AIR or row.kind in OUTCOMES:
-            _take(row, messages, found.append, (known or {}).get(row.sequence, Elsewhere(False, False, "")))
+            _take(row, messages, found.append, (known or {}).get(row.sequence, OtherSteps(False, False, "")))
         elif row.kind not in CALLS:
             _join(row, row.kind == "compute" and row.node in leads, acts, found.append)
     for row in _call([row for row in rows if row.kind in CALLS], list(messages.values())):
@@ -160,18 +163,18 @@ def gathered(rows: Iterable[Row], known: Mapping[int, Elsewhere] | None = None) 
     return sorted(found, key=lambda one: one.time)
 
 
-def _is_too_late(row: Row) -> bool:
+def _is_too_late(row: LoggedEvent) -> bool:
     """Whether a node dropped a message that it had, because that had expired."""
     return row.kind == "drop" and row.frame == 0 and row.what == EXPIRED
 
 
-def _call(rows: Sequence[Row], messages: Sequence[Message]) -> list[Row]:
+def _call(rows: Sequence[LoggedEvent], messages: Sequence[LoggedMessage]) -> list[LoggedEvent]:
     """Give each call on the wake-up radio to the message that it hands on; the rows of calls that hand on none.
 
     A caller has sent or heard that message, or has been called with it; of several it is the nearest in time (our
     choice: calls have no sequence numbers). Who calls one node and then sends it a letter has called it for that.
     """
-    rings: dict[tuple[float, int, int], list[Row]] = {}
+    rings: dict[tuple[float, int, int], list[LoggedEvent]] = {}
     for row in rows:
         rings.setdefault((row.time, row.target, row.node if row.kind == "call" else row.peer), []).append(row)
     letters = {(one.source, one.to) for message in messages if not message.is_broadcast for one in message.frames}
@@ -192,14 +195,20 @@ def _call(rows: Sequence[Row], messages: Sequence[Message]) -> list[Row]:
 
 
 def _join(
-    row: Row, leads: bool, acts: dict[tuple[object, ...], tuple[Act, set[int]]], note: Callable[[Act], None]
+    row: LoggedEvent,
+    leads: bool,
+    acts: dict[tuple[object, ...], tuple[NodeAction, set[int]]],
+    note: Callable[[NodeAction], None],
 ) -> None:
     """Put a row of no frame, or one that was overheard, with those like it."""
     overheard = row.kind == "overhear"
     key = (row.kind,) if overheard else (row.kind, row.what, row.target, row.peer, leads)
     act, nodes = acts.get(key, (None, set()))
     if act is None or (row.node in nodes and not overheard):
-        act, nodes = Act(row.time, row.time, row.kind, row.what, row.target, -1 if overheard else row.peer), set()
+        act, nodes = (
+            NodeAction(row.time, row.time, row.kind, row.what, row.target, -1 if overheard else row.peer),
+            set(),
+        )
         acts[key] = act, nodes
         note(act)
     nodes.add(row.node)
@@ -207,7 +216,10 @@ def _join(
 
 
 def _take(
-    row: Row, messages: dict[tuple[bool, int], Message], note: Callable[[Message], None], other: Elsewhere
+    row: LoggedEvent,
+    messages: dict[tuple[bool, int], LoggedMessage],
+    note: Callable[[LoggedMessage], None],
+    other: OtherSteps,
 ) -> None:
     """Put a row of a frame where it belongs."""
     key = (row.sequence > 0, row.sequence or row.frame)
@@ -222,7 +234,7 @@ def _take(
     if row.what == ACK:
         message.acknowledgements += row.kind == "receive"
     elif row.kind in ON_THE_AIR:
-        message.frames.append(Frame(row.frame, row.node, row.peer, row.packets, row.bits))
+        message.frames.append(LoggedBurst(row.frame, row.node, row.peer, row.packets, row.bits))
         message.to = EVERYONE if row.peer == EVERYONE else message.to
         message.most = max(message.most, row.packets)
         message.what = message.what or row.what
@@ -233,23 +245,23 @@ def _take(
         _settle(message, row)
 
 
-def _opened(row: Row, other: Elsewhere) -> Message:
+def _opened(row: LoggedEvent, other: OtherSteps) -> LoggedMessage:
     """A message, from the first row of it that there is: it was begun earlier where that is no sending."""
     what = other.what if row.frame == 0 or row.what == ACK else row.what
     if row.what == ACK and row.kind in ON_THE_AIR:
-        return Message(row.time, row.time, what, row.target, row.peer, row.node, False, other.after)
+        return LoggedMessage(row.time, row.time, what, row.target, row.peer, row.node, False, other.after)
     if row.kind in ON_THE_AIR or row.frame == 0:
         begun = row.kind != "relay" and not other.before
         relayed = row.kind == "relay"
-        return Message(row.time, row.time, what, row.target, row.node, row.peer, begun, other.after, relayed)
-    return Message(row.time, row.time, what, row.target, row.peer, row.node, False, other.after)
+        return LoggedMessage(row.time, row.time, what, row.target, row.node, row.peer, begun, other.after, relayed)
+    return LoggedMessage(row.time, row.time, what, row.target, row.peer, row.node, False, other.after)
 
 
-def _settle(message: Message, row: Row) -> None:
+def _settle(message: LoggedMessage, row: LoggedEvent) -> None:
     """What became of a frame at one node."""
     frame = next((one for one in reversed(message.frames) if one.number == row.frame), None)
     if frame is None:
-        frame = Frame(row.frame, row.peer, row.node, row.packets, row.bits)
+        frame = LoggedBurst(row.frame, row.peer, row.node, row.packets, row.bits)
         message.frames.append(frame)
     if row.kind == "receive":
         frame.received[row.node] = row.packets
@@ -266,15 +278,15 @@ def _blocks(
         yield start, recording.read_table(path, table, columns, slice(start, start + BLOCK))
 
 
-def _read(path: str | Path, rows: slice) -> Iterator[tuple[int, Row]]:
+def _read(path: str | Path, rows: slice) -> Iterator[tuple[int, LoggedEvent]]:
     """(replicate, event) of each row in a range."""
-    columns = recording.read_table(path, "events", ["replicate", *Row._fields], rows)
+    columns = recording.read_table(path, "events", ["replicate", *LoggedEvent._fields], rows)
     lists = [columns["replicate"].tolist()]
-    for name in Row._fields:
+    for name in LoggedEvent._fields:
         words = recording.meanings(path, "events", name)
         values = columns[name].tolist()
         lists.append([_word(words, code) for code in values] if words else values)
-    return ((replicate, Row(*values)) for replicate, *values in zip(*lists, strict=True))
+    return ((replicate, LoggedEvent(*values)) for replicate, *values in zip(*lists, strict=True))
 
 
 def _word(words: Sequence[str], code: int) -> str:

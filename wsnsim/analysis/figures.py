@@ -1,7 +1,7 @@
 """One figure of all that a result, or a campaign, can show, or of one thing, written as a picture.
 
-draw(path, out, what, choice) -> Drawn              as `wsnsim plot FILE`
-draw_campaign(folder, out, metric, key) -> Drawn    as `wsnsim plot DIR`
+draw(path, out, what, choice) -> WrittenFigure              as `wsnsim plot FILE`
+draw_campaign(folder, out, metric, key) -> WrittenFigure    as `wsnsim plot DIR`
 
 No display is used, and the same result gives the same bytes.
 """
@@ -55,7 +55,7 @@ Draws = Callable[[Axes], Axes]
 
 
 @dataclass(frozen=True)
-class Drawn:
+class WrittenFigure:
     """A picture that was written: what it shows, and why it lacks the rest."""
 
     out: Path
@@ -64,7 +64,7 @@ class Drawn:
 
 
 @dataclass(frozen=True)
-class Choice:
+class PlotSelection:
     """Of what a picture is: a state column, a step of particles (None: the last), a replicate and a target."""
 
     column: str | None = None
@@ -73,7 +73,7 @@ class Choice:
     target: int = 0
 
 
-def draw(path: Path, out: Path, what: str = "all", choice: Choice | None = None) -> Drawn:
+def draw(path: Path, out: Path, what: str = "all", choice: PlotSelection | None = None) -> WrittenFigure:
     """Draw what a result shows, as a picture whose form its suffix says (.png, .svg, .pdf).
 
     Raises:
@@ -81,7 +81,7 @@ def draw(path: Path, out: Path, what: str = "all", choice: Choice | None = None)
         ResultError: a table that `what` needs was not recorded, or the picture cannot be written.
     """
     suffix_of(out)
-    chosen = choice or Choice()
+    chosen = choice or PlotSelection()
     if chosen.column is not None:
         plot_data.layout(path).check(path, chosen.column)
     wanted = tuple(plot_data.NEEDS) if what == "all" else (what,)
@@ -94,10 +94,10 @@ def draw(path: Path, out: Path, what: str = "all", choice: Choice | None = None)
         figure = figure_of([draws for _, draws in panels])
         figure.suptitle(plot_data.heading(path), x=0.01, ha="left", fontweight="bold")
         save(figure, out)
-    return Drawn(out, tuple(name for name, _ in panels), left_out)
+    return WrittenFigure(out, tuple(name for name, _ in panels), left_out)
 
 
-def draw_campaign(folder: Folder, out: Path, metric: str = "rmse", key: str | None = None) -> Drawn:
+def draw_campaign(folder: Folder, out: Path, metric: str = "rmse", key: str | None = None) -> WrittenFigure:
     """Draw what a campaign shows over one of its keys: a metric, energy, lost runs, and paired differences.
 
     Raises:
@@ -115,7 +115,7 @@ def draw_campaign(folder: Folder, out: Path, metric: str = "rmse", key: str | No
         if handles:
             figure.legend(handles, labels, loc="outside lower left", ncols=min(4, len(handles)), frameon=False)
         save(figure, out)
-    return Drawn(out, tuple(panels), left_out)
+    return WrittenFigure(out, tuple(panels), left_out)
 
 
 def figure_of(panels: list[Draws]) -> Figure:
@@ -155,7 +155,7 @@ def suffix_of(out: Path) -> str:
     return suffix
 
 
-def _panels(path: Path, what: str, choice: Choice, among_all: bool) -> Iterator[tuple[str, Draws]]:
+def _panels(path: Path, what: str, choice: PlotSelection, among_all: bool) -> Iterator[tuple[str, Draws]]:
     """What is drawn of one thing: a name and a function for each panel."""
     replicate, target = choice.replicate, choice.target
     match what:
@@ -177,7 +177,7 @@ def _state(path: Path, column: str, replicate: int, target: int, axes: Axes) -> 
     return plots.states(axes, path, column, replicate, target)
 
 
-def _columns(plan: plot_data.Layout, wanted: str | None, among_all: bool) -> tuple[str, ...]:
+def _columns(plan: plot_data.StateLayout, wanted: str | None, among_all: bool) -> tuple[str, ...]:
     """The state columns to draw: the one wanted, or all; none beside a track that shows the only one over time."""
     if wanted is not None:
         return (wanted,)

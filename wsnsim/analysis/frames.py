@@ -1,42 +1,19 @@
-"""A result as a DataFrame, and what a result file is about.
+"""Tables of results as pandas DataFrames, as `wsnsim.read` gives them.
 
-read(path_or_glob, table, columns=None) -> DataFrame        as `wsnsim.read`
-info(path) -> dict,  info_text(path) -> str                 as `wsnsim info`
+read(path_or_pattern, table, columns=None) -> DataFrame
 """
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Final
 
 import numpy as np
 import pandas as pd
-from pandas.api.types import union_categoricals
 
-from wsnsim import recording
+from wsnsim.analysis import campaigns
+from wsnsim.analysis.data_frames import read_file, stacked
 from wsnsim.base.errors import ResultError
-from wsnsim.base.tables import TABLES
-
-FIGURES: Final = {
-    "rmse": ("RMSE of a run", "{:.3f}"),
-    "median_error": ("median error", "{:.3f}"),
-    "lost": ("runs that lost a track", "{:.1%}"),
-    "energy": ("energy", "{:.4g} J"),
-    "handovers": ("handovers", "{:.1f}"),
-    "frames_sent": ("frames sent", "{:.0f}"),
-    "frames_lost": ("frames lost", "{:.0f}"),
-    "packets_sent": ("packets sent", "{:.0f}"),
-    "cycles": ("operations", "{:,.0f}"),
-    "alive": ("nodes alive", "{:.1f}"),
-    "cpu_seconds": ("processor time", "{:.2f} s"),
-}
-"""Which columns of `runs` sum a file up, with the words and the form that a terminal shows."""
-OF_POSITION: Final = tuple(column.name for column in TABLES["runs"] if column.of_position)
-"""Which of them have the position's unit, that the file alone knows."""
-OF_NETWORK: Final = ("handovers", "frames_lost", "alive")
-"""Which of them say nothing of a scenario without a network, where no energy is spent."""
 
 
 def read(path: str | Path, table: str, columns: Sequence[str] | None = None) -> pd.DataFrame:
@@ -50,160 +27,18 @@ def read(path: str | Path, table: str, columns: Sequence[str] | None = None) -> 
     """
     path = Path(path)
     if path.is_dir():
-        from wsnsim.analysis import campaigns
-
         return campaigns.read(path, table, columns)
     if path.exists() or not set("*?[") & set(str(path)):
-        return read_one(path, table, columns)
+        return read_file(path, table, columns)
     files = sorted(Path(path.anchor).glob(str(path.relative_to(path.anchor))))
     if not files:
         raise ResultError(f"{path}: no file has such a name")
-    frames = [read_one(file, table, columns) for file in files]
+    frames = [read_file(file, table, columns) for file in files]
     joined = stacked(files, frames, table)
     joined["file"] = _file_column(files, frames)
     return joined
 
 
-def stacked(files: Sequence[Path], frames: Sequence[pd.DataFrame], table: str) -> pd.DataFrame:
-    """Frames of one table, one below the other. Raises ResultError if they have not the same columns."""
-    for file, frame in zip(files, frames, strict=True):
-        if list(frame) != list(frames[0]):
-            raise ResultError(f"{file}: table {table} has other columns than in {files[0]}; say which ones to read")
-    return pd.DataFrame({name: _joined([frame[name] for frame in frames]) for name in frames[0]})
-
-
-def info(path: str | Path) -> dict[str, Any]:
-    """What a result file is about, without reading its long tables.
-
-    Keys: file, bytes, status, schema_version, wsnsim_version, name, seed, replicates, tables ({name: {rows, columns,
-    bytes}}), figures (means of `runs`; `lost` is the fraction of runs that lost a track), position_unit, fingerprints,
-    provenance.
-    """
-    root = recording.attributes(path)
-    sizes = recording.tables(path)
-    scenario = _json(path, "scenario/resolved_json")
-    runs = recording.read_table(path, "runs") if "runs" in sizes else {}
-    return {
-        "file": str(path),
-        "bytes": Path(path).stat().st_size,
-        "status": root["status"],
-        "schema_version": root["schema_version"],
-        "wsnsim_version": root["wsnsim_version"],
-        "name": scenario.get("name"),
-        "seed": scenario.get("seed"),
-        "replicates": len(runs["replicate"]) if runs else None,
-        "tables": {
-            name: {"rows": size.rows, "columns": list(size.columns), "bytes": size.stored_bytes}
-            for name, size in sizes.items()
-        },
-        "figures": _figures(runs),
-        "position_unit": _position_unit(root),
-        "fingerprints": [f"{value:016x}" for value in runs.get("fingerprint", ())],
-        "provenance": _json(path, "provenance_json"),
-    }
-
-
-def info_text(path: str | Path) -> str:
-    """The same for a terminal."""
-    about = info(path)
-    scenario = f"{about['name']}, seed {about['seed']}" if about["name"] else "(not stored)"
-    runs = "" if about["replicates"] is None else f", {about['replicates']} replicate{'s' * (about['replicates'] != 1)}"
-    lines = [
-        f"{about['file']}: {about['status']}, {_size(about['bytes'])}",
-        f"scenario     {scenario}{runs}",
-        *_provenance_lines(about["provenance"], about["wsnsim_version"]),
-        "",
-        *_table_lines(about["tables"]),
-    ]
-    if about["figures"]:
-        lines += ["", *_figure_lines(about["figures"], about["position_unit"])]
-    if len(about["fingerprints"]) == 1:
-        lines.append(f"{'fingerprint':<25}{about['fingerprints'][0]}")
-    return "\n".join(lines)
-
-
-def read_one(path: str | Path, table: str, columns: Sequence[str] | None = None) -> pd.DataFrame:
-    """A table of one result file."""
-    arrays, words = recording.read_with_meanings(path, table, columns)
-    return pd.DataFrame({name: _series(values, words.get(name, ())) for name, values in arrays.items()})
-
-
-def _series(values: np.ndarray, words: tuple[str, ...]) -> Any:
-    """The column, codes as words. A code that the file gives no word for is 'unknown_' and its number."""
-    if not words:
-        return values
-    unknown = range(len(words), int(values.max(initial=0)) + 1)
-    return pd.Categorical.from_codes(values, [*words, *(f"unknown_{code}" for code in unknown)])
-
-
-def _joined(pieces: list[pd.Series]) -> Any:
-    """One column below the other. Categories that grew in different orders are brought together by their words."""
-    if isinstance(pieces[0].dtype, pd.CategoricalDtype):
-        return union_categoricals(pieces)
-    return np.concatenate([piece.to_numpy() for piece in pieces])
-
-
 def _file_column(files: list[Path], frames: list[pd.DataFrame]) -> pd.Categorical:
     owners = np.repeat(np.arange(len(files)), [len(frame) for frame in frames])
     return pd.Categorical.from_codes(owners, [str(file) for file in files])
-
-
-def _json(path: str | Path, name: str) -> dict[str, Any]:
-    """One of the file's JSON texts; empty if the file holds none, as a run killed early leaves it."""
-    try:
-        return json.loads(recording.read_text(path, name))
-    except ResultError:
-        return {}
-
-
-def _figures(runs: dict[str, np.ndarray]) -> dict[str, float]:
-    """Means over the runs of the file; those of a column that is nowhere known are left out."""
-    known = {name: runs[name][np.isfinite(runs[name])] for name in FIGURES if name in runs}
-    means = {name: float(values.mean()) for name, values in known.items() if values.size}
-    left_out = () if "energy" in means else OF_NETWORK
-    return {name: mean for name, mean in means.items() if name not in left_out}
-
-
-def _position_unit(root: dict[str, Any]) -> str:
-    """The unit of the errors; metres in a file that does not say which columns are the position."""
-    return root["states"][root["position"][0]][1] if root["position"] else "m"
-
-
-def _figure_lines(figures: dict[str, float], unit: str) -> list[str]:
-    lines = []
-    for name, value in figures.items():
-        words, form = FIGURES[name]
-        lines.append(f"{words:<25}{form.format(value)}{f' {unit}' if name in OF_POSITION else ''}".rstrip())
-    return lines
-
-
-def _provenance_lines(made: dict[str, Any], version: str) -> list[str]:
-    if not made:
-        return [f"made by      wsnsim {version}"]
-    commit = made.get("git") or {}
-    tree = f" (commit {commit['commit'][:12]}{', changed' * commit['dirty']})" if commit else ""
-    versions = made.get("packages", {})
-    return [
-        f"made by      wsnsim {version}{tree}, Python {made.get('python')}, NumPy {versions.get('numpy')}",
-        f"command      {made.get('command_line')}",
-        f"from, to     {made.get('start')}, {made.get('end', 'not ended')}",
-        f"machine      {made.get('platform')} ({' '.join(made.get('cpu_features', []))})",
-    ]
-
-
-def _table_lines(sizes: dict[str, dict[str, Any]]) -> list[str]:
-    rows = [
-        (name, f"{size['rows']:,}", str(len(size["columns"])), _size(size["bytes"])) for name, size in sizes.items()
-    ]
-    return [
-        f"{name:<13}{count:>12}{wide:>9}{stored:>12}"
-        for name, count, wide, stored in [("table", "rows", "columns", "stored"), *rows]
-    ]
-
-
-def _size(count: float) -> str:
-    for unit in ("B", "kB", "MB"):
-        if count < 1000:
-            return f"{count:.0f} B" if unit == "B" else f"{count:.1f} {unit}"
-        count /= 1000
-    return f"{count:.1f} GB"

@@ -1,6 +1,6 @@
 """A parcel under way, as the events of a result show it: its frames hop by hop, and what became of each.
 
-Message, Frame      a unicast over its hops, a broadcast, or a flood: a broadcast that others hand on
+LoggedMessage, LoggedBurst      a unicast over its hops, a broadcast, or a flood: a broadcast that others hand on
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ EVERYONE: Final = -1
 
 
 @dataclass(slots=True)
-class Frame:
+class LoggedBurst:
     """One burst on the air: who got how many packets of it, at whom it collided, and where it was lost otherwise."""
 
     number: int
@@ -31,7 +31,7 @@ class Frame:
 
 
 @dataclass(slots=True)
-class Message:
+class LoggedMessage:
     """A parcel under way: its frames hop by hop, acknowledgements left out, and `joules` of all who sent or listened.
 
     `ended`: why a frame of it never got on the air ('no_path', 'no_channel', ...); '' if none. `begun`: whether its
@@ -52,7 +52,7 @@ class Message:
     ended: str = ""
     most: int = 0
     joules: float = 0.0
-    frames: list[Frame] = field(default_factory=list)
+    frames: list[LoggedBurst] = field(default_factory=list)
     acknowledgements: int = 0
     callers: list[int] = field(default_factory=list)
     woken: list[int] = field(default_factory=list)
@@ -68,7 +68,7 @@ class Message:
         return tuple(nodes)
 
     @property
-    def hop(self) -> list[Frame]:
+    def hop(self) -> list[LoggedBurst]:
         """The frames of its last hop."""
         last = self.frames[-1]
         return [frame for frame in self.frames if (frame.source, frame.to) == (last.source, last.to)]

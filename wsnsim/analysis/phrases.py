@@ -1,6 +1,6 @@
 """Events, numbers and nodes in words.
 
-row_in_words(row);   energy_in_words(joules);   counted(3, 'packet');   named(nodes);   Speaker: how a step is told
+row_in_words(row);   energy_in_words(joules);   counted(3, 'packet');   named(nodes);   StepContext: how a step is told
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
-from wsnsim.analysis.event_groups import Row
+from wsnsim.analysis.event_groups import LoggedEvent
 
 NAMES: Final = 24
 """How many nodes a sentence names (our choice)."""
@@ -63,7 +63,7 @@ OF_NODES: Final = ("join", "strength", "wake", "handover", "report")
 """Parcels that not only members send to a head."""
 
 
-class Line(NamedTuple):
+class Sentence(NamedTuple):
     """A sentence, and from when to when it holds, in s of simulated time."""
 
     time: float
@@ -72,7 +72,7 @@ class Line(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Speaker:
+class StepContext:
     """How it is told: who is called a head, and how many similar messages are told one by one before they are summed.
 
     `issued`: what to say of the estimates issued, by (target, time). `several`: whether targets need their numbers.
@@ -92,7 +92,7 @@ class Speaker:
         return f" (target {target})" if self.several and target >= 0 else ""
 
 
-def row_in_words(row: Row) -> str:
+def row_in_words(row: LoggedEvent) -> str:
     """One event, with all that it says."""
     joules = f"{energy_in_words(row.joules)} ({row.cause})" if row.joules else ""
     facts = [

@@ -38,7 +38,7 @@ EMPTY: Final = {
 """What it means that a table was recorded and has no rows."""
 
 
-class Layout(NamedTuple):
+class StateLayout(NamedTuple):
     """The state columns with their units, and which of them are the position."""
 
     units: dict[str, str]
@@ -54,7 +54,7 @@ class Layout(NamedTuple):
             raise UsageError(f"{path}: there is no state column '{column}' ({did_you_mean(column, self.units)})")
 
 
-class Counts(NamedTuple):
+class RunCounts(NamedTuple):
     """How many runs a file holds, targets in each, and runs that lost a track; None if that was not recorded."""
 
     runs: int
@@ -94,12 +94,12 @@ def heading(path: str | Path) -> str:
     return f"{scenario['name']}, seed {scenario['seed']}"
 
 
-def layout(path: str | Path) -> Layout:
+def layout(path: str | Path) -> StateLayout:
     """How a file's states are laid out. One that does not say which are the position: px and py, or the first."""
     root = recording.attributes(path)
     names = [name for name, _ in root["states"]]
     place = root["position"] or [i for i, name in enumerate(names) if name in ("px", "py")] or [0]
-    return Layout(dict(root["states"]), tuple(names[i] for i in place))
+    return StateLayout(dict(root["states"]), tuple(names[i] for i in place))
 
 
 def course(path: str | Path, columns: Sequence[str], replicate: int, target: int) -> tuple[Columns, Columns]:
@@ -157,12 +157,12 @@ def steps_of(path: str | Path) -> Ints:
     return np.unique(recording.read_table(path, "estimates", ["step"])["step"])
 
 
-def counts(path: str | Path) -> Counts:
+def counts(path: str | Path) -> RunCounts:
     """How many runs and targets the estimates are of, and how many runs lost a track."""
     table = recording.read_table(path, "estimates", ["replicate", "target"])
     runs, targets = (len(np.unique(table[name])) for name in ("replicate", "target"))
     known = "runs" in recording.tables(path)
-    return Counts(runs, targets, int(recording.read_table(path, "runs", ["lost"])["lost"].sum()) if known else None)
+    return RunCounts(runs, targets, int(recording.read_table(path, "runs", ["lost"])["lost"].sum()) if known else None)
 
 
 def spent(path: str | Path) -> tuple[Floats, Floats, int]:

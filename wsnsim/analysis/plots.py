@@ -17,7 +17,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from wsnsim.analysis import plot_data, recorded_bounds
-from wsnsim.analysis.plot_data import Columns, Layout, bracketed
+from wsnsim.analysis.plot_data import Columns, StateLayout, bracketed
 from wsnsim.base import metrics
 from wsnsim.base.arrays import Floats
 from wsnsim.base.tables import CAUSES
@@ -134,7 +134,7 @@ def particles(
 
 
 def _in_plane(
-    axes: Axes, plan: Layout, truth: Columns, guess: Columns, nodes: Columns, woken: Columns | None = None
+    axes: Axes, plan: StateLayout, truth: Columns, guess: Columns, nodes: Columns, woken: Columns | None = None
 ) -> None:
     across, up = plan.position
     if nodes:
@@ -152,7 +152,7 @@ def _in_plane(
     _plane(axes, plan)
 
 
-def _plane(axes: Axes, plan: Layout) -> None:
+def _plane(axes: Axes, plan: StateLayout) -> None:
     axes.set_xlabel(plan.label(plan.position[0]))
     axes.set_ylabel(plan.label(plan.position[1]))
     axes.set_aspect("equal", adjustable="datalim")
@@ -175,7 +175,7 @@ def _beside(axes: Axes, places: Floats) -> None:
     axes.plot(edge, places, "<", color=BLUE, markersize=6, transform=inward, clip_on=False, label=label)
 
 
-def _over_time(axes: Axes, plan: Layout, column: str, truth: Columns, guess: Columns) -> None:
+def _over_time(axes: Axes, plan: StateLayout, column: str, truth: Columns, guess: Columns) -> None:
     if column in plan.position:
         claimed = 2.0 * guess[("sd_x", "sd_y")[plan.position.index(column)]]
         low, high = guess[column] - claimed, guess[column] + claimed
@@ -205,7 +205,7 @@ def _scaled(axes: Axes, shown: Floats) -> None:
         axes.set_ylim(bottom=0)
 
 
-def _histogram(axes: Axes, plan: Layout, column: str, values: Floats, weights: Floats, label: str) -> None:
+def _histogram(axes: Axes, plan: StateLayout, column: str, values: Floats, weights: Floats, label: str) -> None:
     low, high = float(values.min()), float(values.max())
     margin = 1e-6 * max(1.0, abs(low), abs(high))  # particles that are all one still have a bin
     bins = int(np.clip(2 * np.sqrt(values.size), 10, 60))

@@ -13,10 +13,9 @@ from typing import Final
 
 import numpy as np
 
-from wsnsim import recording
+from wsnsim import bounds, recording
 from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import WsnsimError
-from wsnsim.bounds import crlb
 
 WORDS: Final = {
     "in_range": "bound along the truth, not strict: readings in range",
@@ -25,7 +24,7 @@ WORDS: Final = {
 }
 
 
-def in_range(path: str | Path) -> crlb.Bound | None:
+def in_range(path: str | Path) -> bounds.Bound | None:
     """The bound for all readings in range."""
     return _found(path, "in_range")
 
@@ -42,18 +41,18 @@ def beside(path: str | Path) -> dict[str, float]:
     return {readings: mean for readings, mean in means.items() if np.isfinite(mean)}
 
 
-def _found(path: str | Path, readings: str) -> crlb.Bound | None:
+def _found(path: str | Path, readings: str) -> bounds.Bound | None:
     try:
-        found = crlb.bound_of_run(path, readings)
+        found = bounds.bound_of_run(path, readings)
     except WsnsimError:
         return None
     return None if found.reason else found
 
 
-def _errors(path: str | Path, found: crlb.Bound) -> Floats:
+def _errors(path: str | Path, found: bounds.Bound) -> Floats:
     """(replicates, targets, steps) errors at the bound's steps, NaN where there is no estimate."""
     table = recording.read_table(path, "estimates", ["replicate", "target", "step", "error"])
     errors = np.full(found.each.shape, np.nan)
-    rows = np.searchsorted(found.asked.replicates, table["replicate"])
+    rows = np.searchsorted(found.query.replicates, table["replicate"])
     errors[rows, table["target"], table["step"] - 1] = table["error"]
     return errors

@@ -1,6 +1,7 @@
-"""What a result holds of one replicate, table by table.
+"""The tables of a result file for one Monte Carlo run.
 
-recorded(path, replicate) -> Run;  first(path) -> replicate;  check(path, replicate)
+read_replicate(path, replicate) -> ReplicateTables
+first_replicate(path) -> int        check_replicate(path, replicate)
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ EVENTS: Final = ("step", "target", "node", "kind", "what", "frame", "peer", "jou
 
 
 @dataclass(frozen=True)
-class Run:
+class ReplicateTables:
     """The rows of one replicate; a table that the file does not hold is an empty dict.
 
     `dt` in s, NaN if the file does not say; `layout` None where there is no target; `words` are those of `events.what`;
@@ -30,7 +31,7 @@ class Run:
     """
 
     dt: float
-    layout: plot_data.Layout | None
+    layout: plot_data.StateLayout | None
     words: tuple[str, ...]
     unrecorded: frozenset[str]
     truth: Columns
@@ -101,7 +102,7 @@ class Run:
         return f"{told}: table {table} has no rows"
 
 
-def recorded(path: str | Path, replicate: int) -> Run:
+def read_replicate(path: str | Path, replicate: int) -> ReplicateTables:
     """What the file holds of a replicate.
 
     Raises:
@@ -120,13 +121,13 @@ def recorded(path: str | Path, replicate: int) -> Run:
     }
     rows = {name: _rows(path, name, columns, replicate, sizes) for name, columns in wanted.items()}
     if not any(rows.values()):
-        check(path, replicate)
+        check_replicate(path, replicate)
     words = recording.meanings(path, "events", "what") if rows["events"] else ()
     tables = (rows[name] for name in wanted)
-    return Run(_step_of(path), layout, words, frozenset(wanted) - sizes.keys(), *tables)
+    return ReplicateTables(_step_of(path), layout, words, frozenset(wanted) - sizes.keys(), *tables)
 
 
-def first(path: str | Path) -> int:
+def first_replicate(path: str | Path) -> int:
     """The first replicate of which the file holds rows; 0 if it holds none."""
     sizes = recording.tables(path)
     for table in ("runs", "truth", "estimates", "nodes"):
@@ -135,7 +136,7 @@ def first(path: str | Path) -> int:
     return 0
 
 
-def check(path: str | Path, replicate: int) -> None:
+def check_replicate(path: str | Path, replicate: int) -> None:
     """Raise UsageError where the file holds runs that ended, and not this one."""
     if "runs" not in recording.tables(path):
         return

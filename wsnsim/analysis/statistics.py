@@ -22,7 +22,7 @@ CONFIDENCE: Final = 0.95
 NAN: Final = float("nan")
 
 
-class Estimate(NamedTuple):
+class IntervalEstimate(NamedTuple):
     """A figure, its interval, and how many known values are behind it."""
 
     value: float
@@ -31,7 +31,7 @@ class Estimate(NamedTuple):
     known: int
 
 
-class Paired(NamedTuple):
+class PairedDifference(NamedTuple):
     """The median of the differences of pairs, its interval, an effect size, a p-value, and how many pairs are known.
 
     `effect` is the matched-pairs rank-biserial correlation (Kerby 2014): 1 if every difference is positive, −1 if every
@@ -46,18 +46,18 @@ class Paired(NamedTuple):
     known: int
 
 
-def median(values: Floats) -> Estimate:
+def median(values: Floats) -> IntervalEstimate:
     """The median of the known values, with its bootstrap interval."""
     known = _known(values)
     low, high = _bootstrapped(known, np.median)
-    return Estimate(float(np.median(known)) if known.size else NAN, low, high, known.size)
+    return IntervalEstimate(float(np.median(known)) if known.size else NAN, low, high, known.size)
 
 
-def mean(values: Floats) -> Estimate:
+def mean(values: Floats) -> IntervalEstimate:
     """The mean of the known values, with its bootstrap interval."""
     known = _known(values)
     low, high = _bootstrapped(known, np.mean)
-    return Estimate(float(np.mean(known)) if known.size else NAN, low, high, known.size)
+    return IntervalEstimate(float(np.mean(known)) if known.size else NAN, low, high, known.size)
 
 
 def interval_of_median(values: Floats) -> tuple[float, float]:
@@ -66,29 +66,29 @@ def interval_of_median(values: Floats) -> tuple[float, float]:
     return found.low, found.high
 
 
-def share(flags: Bools) -> Estimate:
+def share(flags: Bools) -> IntervalEstimate:
     """The share of runs in which something happened, with Wilson's score interval (Wilson 1927)."""
     count = len(flags)
     if not count:
-        return Estimate(NAN, NAN, NAN, 0)
+        return IntervalEstimate(NAN, NAN, NAN, 0)
     happened = int(np.count_nonzero(flags))
     interval = stats.binomtest(happened, count).proportion_ci(CONFIDENCE, method="wilson")
-    return Estimate(happened / count, float(interval.low), float(interval.high), count)
+    return IntervalEstimate(happened / count, float(interval.low), float(interval.high), count)
 
 
-def paired(values: Floats, baseline: Floats) -> Paired:
+def paired_difference(values: Floats, baseline: Floats) -> PairedDifference:
     """What `values` have more than `baseline`, pair by pair: both (n,) of the same replicates, NaN where unknown."""
     pairs = np.column_stack([np.asarray(values, dtype=np.float64), np.asarray(baseline, dtype=np.float64)])
     pairs = pairs[np.isfinite(pairs).all(axis=1)]
     differences = pairs[:, 0] - pairs[:, 1]
     if not differences.size:
-        return Paired(NAN, NAN, NAN, NAN, NAN, 0)
+        return PairedDifference(NAN, NAN, NAN, NAN, NAN, 0)
     low, high = _bootstrapped(differences, np.median)
     effect, p = _ranked(differences)
-    return Paired(float(np.median(differences)), low, high, effect, p, differences.size)
+    return PairedDifference(float(np.median(differences)), low, high, effect, p, differences.size)
 
 
-def front(errors: Sequence[float], costs: Sequence[float]) -> Bools:
+def pareto_front(errors: Sequence[float], costs: Sequence[float]) -> Bools:
     """(n,) which are not beaten: no other has less of both, or less of one and as much of the other (Pareto).
 
     One whose error or cost is unknown is never in front.

@@ -1,6 +1,6 @@
 """What happened in a step, as sentences: acts of nodes, and messages with what became of them.
 
-told(acts, speaker) -> [Line] in the order of time;   outcome(message) -> how it fared, in a few words
+told(acts, speaker) -> [Sentence] in the order of time;   outcome(message) -> how it fared, in a few words
 """
 
 from __future__ import annotations
@@ -8,37 +8,37 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Sequence
 
-from wsnsim.analysis.event_groups import Act
-from wsnsim.analysis.messages import Frame, Message
+from wsnsim.analysis.event_groups import NodeAction
+from wsnsim.analysis.messages import LoggedBurst, LoggedMessage
 from wsnsim.analysis.phrases import (
     LOSSES,
     OF_NODES,
     PARCELS,
     REASONS,
     SPEECH,
-    Line,
-    Speaker,
+    Sentence,
+    StepContext,
     counted,
     energy_in_words,
     named,
 )
 
 
-def told(acts: Iterable[Act | Message], speaker: Speaker) -> list[Line]:
+def told(acts: Iterable[NodeAction | LoggedMessage], speaker: StepContext) -> list[Sentence]:
     """The sentences of a step in the order of time; many similar messages become one."""
     acts = list(acts)
-    messages = [act for act in acts if isinstance(act, Message)]
+    messages = [act for act in acts if isinstance(act, LoggedMessage)]
     place = {id(group[0]): group for group in _groups(messages)}
-    lines: list[Line] = []
+    lines: list[Sentence] = []
     for act in acts:
-        if isinstance(act, Act):
-            lines.append(Line(act.time, act.until, _act(act, speaker)))
+        if isinstance(act, NodeAction):
+            lines.append(Sentence(act.time, act.until, _act(act, speaker)))
         elif id(act) in place:
             lines += _messages(place[id(act)], speaker)
     return sorted(lines, key=lambda line: line.time)
 
 
-def _act(act: Act, speaker: Speaker) -> str:
+def _act(act: NodeAction, speaker: StepContext) -> str:
     several = len(act.nodes) > 1
     who = f"{len(set(act.nodes)):,} nodes" if several else speaker.node(act.nodes[0]) if act.nodes[0] >= 0 else "nobody"
     names = f": {named(act.nodes)}" if several else ""
@@ -52,7 +52,7 @@ def _act(act: Act, speaker: Speaker) -> str:
     )
 
 
-def _deed(act: Act, who: str, speaker: Speaker) -> str:
+def _deed(act: NodeAction, who: str, speaker: StepContext) -> str:
     """An act of one node as a rule, or with another."""
     what, peer = act.what.replace("_", " "), speaker.node(act.peer)
     told_by_kind = {
@@ -82,7 +82,7 @@ def _deed(act: Act, who: str, speaker: Speaker) -> str:
     return told_by_kind.get(act.kind, " ".join(filter(None, (who, act.kind, what))))
 
 
-def _report(act: Act, who: str, speaker: Speaker) -> str:
+def _report(act: NodeAction, who: str, speaker: StepContext) -> str:
     """The sink has a head's report, or a head sends it: whichever of the two the event is of."""
     if act.nodes[0] in speaker.heads or act.peer < 0:
         return f"{who} reported to the sink" + (f", node {act.peer}" if act.peer >= 0 else "")
@@ -97,7 +97,7 @@ def _parcel(what: str, several: bool) -> str:
     return PARCELS.get(what, (f"its {words}", f"their {words}"))[several]
 
 
-def outcome(message: Message) -> str:
+def outcome(message: LoggedMessage) -> str:
     """What became of a unicast message in a few words, alike for all that fared alike."""
     if not message.frames:
         return f"not sent: {_reason(message.ended)}" if message.ended else "nothing of it in this step"
@@ -119,21 +119,21 @@ def _reason(word: str) -> str:
     return REASONS.get(word, word.replace("_", " "))
 
 
-def _loss(hop: Sequence[Frame]) -> str:
+def _loss(hop: Sequence[LoggedBurst]) -> str:
     last = hop[-1]
     return "collided" if last.collided else "lost on the way" if last.dropped else "cut short"
 
 
-def _got(hop: Sequence[Frame]) -> int:
+def _got(hop: Sequence[LoggedBurst]) -> int:
     return sum(frame.received.get(frame.to, 0) for frame in hop)
 
 
-def _groups(messages: Sequence[Message]) -> list[list[Message]]:
+def _groups(messages: Sequence[LoggedMessage]) -> list[list[LoggedMessage]]:
     """Messages of one kind to one node, from one node, or to everyone; one that repeats begins another round."""
     to = Counter((one.what, one.target, one.path[-1]) for one in messages)
     by = Counter((one.what, one.target, one.source) for one in messages)
-    groups: list[list[Message]] = []
-    current: dict[tuple[object, ...], tuple[list[Message], set[int]]] = {}
+    groups: list[list[LoggedMessage]] = []
+    current: dict[tuple[object, ...], tuple[list[LoggedMessage], set[int]]] = {}
     for one in messages:
         goal = one.path[-1]
         gathers = to[one.what, one.target, goal] >= by[one.what, one.target, one.source]
@@ -148,21 +148,21 @@ def _groups(messages: Sequence[Message]) -> list[list[Message]]:
     return groups
 
 
-def _side(one: Message, gathers: bool) -> tuple[str, int]:
+def _side(one: LoggedMessage, gathers: bool) -> tuple[str, int]:
     """What messages of one group have in common: a flood stands alone."""
     if one.is_broadcast:
         return ("flood", id(one)) if one.is_flood else ("all", 0)
     return ("to", one.path[-1]) if gathers else ("from", one.source)
 
 
-def _messages(group: list[Message], speaker: Speaker) -> list[Line]:
+def _messages(group: list[LoggedMessage], speaker: StepContext) -> list[Sentence]:
     if len(group) <= speaker.limit or len(group) == 1:
-        return [Line(one.time, one.until, _message(one, speaker)) for one in group]
+        return [Sentence(one.time, one.until, _message(one, speaker)) for one in group]
     text = _broadcasts(group) if group[0].is_broadcast else _sum(group, speaker)
-    return [Line(group[0].time, max(one.until for one in group), text + speaker.of(group[0].target))]
+    return [Sentence(group[0].time, max(one.until for one in group), text + speaker.of(group[0].target))]
 
 
-def _message(one: Message, speaker: Speaker) -> str:
+def _message(one: LoggedMessage, speaker: StepContext) -> str:
     what = _parcel(one.what, False)
     text = f"{speaker.node(one.source)} "
     if one.is_flood:
@@ -177,7 +177,7 @@ def _message(one: Message, speaker: Speaker) -> str:
     return f"{text} {_facts([one])}; {_fate(one, speaker)}{speaker.of(one.target)}"
 
 
-def _flood(one: Message, speaker: Speaker) -> str:
+def _flood(one: LoggedMessage, speaker: StepContext) -> str:
     """A message that wakes nodes as one act: who started it, who handed it on, whom it reached, and whom it woke."""
     begun = "broadcast" if one.begun else "handed on, begun before this step," if one.relayed else "went on with"
     facts = [f"{speaker.node(one.source)} {begun} {_parcel(one.what, False)} {_facts([one])}"]
@@ -194,18 +194,18 @@ def _flood(one: Message, speaker: Speaker) -> str:
     return "; ".join(facts) + (f"; not sent: {_reason(one.ended)}" if one.ended else "") + speaker.of(one.target)
 
 
-def _those(nodes: Sequence[int], speaker: Speaker) -> str:
+def _those(nodes: Sequence[int], speaker: StepContext) -> str:
     """One node by its role, or several by their numbers."""
     return speaker.node(nodes[0]) if len(nodes) == 1 else f"{len(nodes)} nodes ({named(nodes)})"
 
 
-def _missed(one: Message) -> list[int]:
+def _missed(one: LoggedMessage) -> list[int]:
     """Who was within reach of a frame of a broadcast, and got none."""
     touched = {node for frame in one.frames for node in (*frame.collided, *frame.dropped)}
     return sorted(touched - one.heard - {one.source, *one.forwarders})
 
 
-def _fate(one: Message, speaker: Speaker) -> str:
+def _fate(one: LoggedMessage, speaker: StepContext) -> str:
     """How a unicast message fared, in detail."""
     said = outcome(one)
     if not one.frames:
@@ -221,7 +221,7 @@ def _fate(one: Message, speaker: Speaker) -> str:
     return said
 
 
-def _facts(group: Sequence[Message]) -> str:
+def _facts(group: Sequence[LoggedMessage]) -> str:
     """How much was sent, and what that cost all who sent and listened."""
     frames = sum(len(one.frames) for one in group)
     hops = len(group[0].path) - 1 if len(group) == 1 and not group[0].is_broadcast else 1
@@ -232,7 +232,7 @@ def _facts(group: Sequence[Message]) -> str:
     return f"({', '.join(facts)})"
 
 
-def _sum(group: Sequence[Message], speaker: Speaker) -> str:
+def _sum(group: Sequence[LoggedMessage], speaker: StepContext) -> str:
     """Many unicasts in one sentence: how many fared how, and who fared badly."""
     fates: dict[str, list[int]] = {}
     goals = {one.path[-1] for one in group}
@@ -254,7 +254,7 @@ def _sum(group: Sequence[Message], speaker: Speaker) -> str:
     return f"{begin} {_facts(group)}: {said}"
 
 
-def _broadcasts(group: Sequence[Message]) -> str:
+def _broadcasts(group: Sequence[LoggedMessage]) -> str:
     heard = [_audience(one) for one in group]
     got, of, collided = (sum(counts) for counts in zip(*heard, strict=True))
     unsent = sum(not one.frames for one in group)
@@ -263,14 +263,14 @@ def _broadcasts(group: Sequence[Message]) -> str:
     return f"{len(group)} nodes broadcast {_parcel(group[0].what, True)} {_facts(group)}: {said}"
 
 
-def _audience(one: Message) -> tuple[int, int, int]:
+def _audience(one: LoggedMessage) -> tuple[int, int, int]:
     """Of a broadcast: how many heard all of it, how many were meant to, and at how many a frame of it collided."""
     touched = {node for frame in one.frames for node in (*frame.received, *frame.collided, *frame.dropped)}
     whole = [node for node in touched if all(frame.received.get(node) == frame.packets for frame in one.frames)]
     return len(whole), len(touched), len({node for frame in one.frames for node in frame.collided})
 
 
-def _heard(one: Message) -> str:
+def _heard(one: LoggedMessage) -> str:
     if not one.frames:
         return f"not sent: {_reason(one.ended)}"
     got, of, _ = _audience(one)

@@ -19,7 +19,7 @@ LOOK: Final = 0.5
 
 
 @final
-class Rule:
+class ReplicateCounts:
     """Asked at a number of replicates, says how many there are to be. It looks at what is on disk, and nothing else."""
 
     def __init__(self, folder: Folder, manifest: Manifest) -> None:

@@ -14,6 +14,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
+from wsnsim import bounds
 from wsnsim.base import metrics
 from wsnsim.base.arrays import Floats
 from wsnsim.experiment import Report
@@ -24,7 +25,7 @@ OF_THREE = ("rmse_three", "mean_error_three", "median_error_three")
 """Columns of `tracks` of the errors that three readings or more stand behind."""
 
 
-class Limit(NamedTuple):
+class RunBounds(NamedTuple):
     """Bounds as the time mean of the RMSE, their kind, and why there is none for all readings in range.
 
     `active` and `arrived` are those for the readings of the clusters' members, and for those that the head had.
@@ -37,10 +38,10 @@ class Limit(NamedTuple):
     arrived: float = NAN
 
 
-UNASKED: Final = Limit(reason="nobody asked")
+NOT_COMPUTED: Final = RunBounds(reason="nobody asked")
 
 
-def as_json(report: Report, published: Mapping[str, float], limit: Limit = UNASKED) -> dict[str, Any]:
+def as_json(report: Report, published: Mapping[str, float], limit: RunBounds = NOT_COMPUTED) -> dict[str, Any]:
     """The summary as one object: SI units, NaN where a figure does not exist.
 
     `rmse` is the time mean of the RMSE over replicates at each step; `rmse_median` the median over replicates of each
@@ -100,25 +101,23 @@ def as_json(report: Report, published: Mapping[str, float], limit: Limit = UNASK
     }
 
 
-def limit_of(report: Report) -> Limit:
+def bounds_of_report(report: Report) -> RunBounds:
     """The bounds along each truth of a report, on the steps that have an estimate: tight, and not strict.
 
     Who was active and what arrived is known of a network whose events, estimates and clusters are recorded.
     """
-    from wsnsim.bounds import crlb
-
     kind = "per_trajectory"
-    found = crlb.bound(report.scenario, range(len(report.summaries)), kind)
+    found = bounds.bound(report.scenario, range(len(report.summaries)), kind)
     if found.reason:
-        return Limit(reason=found.reason)
+        return RunBounds(reason=found.reason)
     steps = found.each.shape[-1]
     errors = np.full((len(report.summaries), found.each.shape[1], steps), np.nan)
     for row, summary in zip(errors, report.summaries, strict=True):
         row[:, : summary.errors.shape[1]] = summary.errors
-    limit = Limit(found.time_mean_at(errors), kind)
+    limit = RunBounds(found.time_mean_at(errors), kind)
     if without_network(report) or not math.isfinite(limit.rmse):
         return limit
-    active, arrived = (crlb.bound_of_run(report.out, of, kind).time_mean_at(errors) for of in ("active", "arrived"))
+    active, arrived = (bounds.bound_of_run(report.out, of, kind).time_mean_at(errors) for of in ("active", "arrived"))
     return limit._replace(active=active, arrived=arrived)
 
 

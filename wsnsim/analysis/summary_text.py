@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from wsnsim.analysis import recorded_bounds
-from wsnsim.analysis.summary import OF_THREE, UNASKED, Limit, as_json, without_network
+from wsnsim.analysis.summary import NOT_COMPUTED, OF_THREE, RunBounds, as_json, without_network
 from wsnsim.experiment import Report
 
 Row = tuple[str, str, str]
@@ -22,7 +22,9 @@ BOUNDS: Final = {
 }
 
 
-def text(report: Report, published: Mapping[str, float], source: str = "the paper", limit: Limit = UNASKED) -> str:
+def text(
+    report: Report, published: Mapping[str, float], source: str = "the paper", limit: RunBounds = NOT_COMPUTED
+) -> str:
     """The summary as lines for a terminal."""
     figures = as_json(report, published, limit)
     heading = (
@@ -39,7 +41,7 @@ def text(report: Report, published: Mapping[str, float], source: str = "the pape
     lines = [f"  {row[0]:<{widths[0]}}  {row[1]:>{widths[1]}}  {row[2]}".rstrip() for row in rows]
     replicates = figures["replicates"]
     took = f"  took {figures['wall_seconds']:.1f} s, {figures['cpu_seconds'] / replicates:.2f} s of CPU a replicate"
-    if figures["bound_reason"] not in ("", UNASKED.reason):
+    if figures["bound_reason"] not in ("", NOT_COMPUTED.reason):
         lines.append(f"  no bound: {figures['bound_reason']}")
     return "\n".join([heading, *lines, took])
 

@@ -1,6 +1,6 @@
 """What the pictures of a campaign are drawn from: which key is swept, and which points make a line.
 
-lines_of(folder, metric="rmse", key=None) -> Lines
+lines_of(folder, metric="rmse", key=None) -> SweepLines
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ Settings = Mapping[str, Any]
 
 
 @dataclass(frozen=True)
-class Line:
+class SweepLine:
     """Points that differ in the swept key alone: `rows` of the table, in the order of that key.
 
     `colour` counts the values of the first of the other keys, `dash` what the rest of them say.
@@ -39,7 +39,7 @@ class Line:
 
 
 @dataclass(frozen=True)
-class Lines:
+class SweepLines:
     """A campaign's figures against one swept key.
 
     `unit` is the key's, `metric_unit` the metric's. `places`: (rows,) where each row of the table stands; NaN where its
@@ -48,17 +48,17 @@ class Lines:
     taken from.
     """
 
-    found: comparison.Compared
+    found: comparison.Comparison
     key: str
     unit: str
     metric_unit: str
     places: Floats
     words: tuple[str, ...]
-    lines: tuple[Line, ...]
+    lines: tuple[SweepLine, ...]
     joined: bool
     against: str
 
-    def column(self, name: str, line: Line) -> Floats:
+    def column(self, name: str, line: SweepLine) -> Floats:
         """A column of the table along a line."""
         return self.found.table[name].to_numpy(dtype=np.float64)[list(line.rows)]
 
@@ -70,7 +70,7 @@ class Lines:
         return f"{low:,} run{'s' * (low != 1)}" if low == high else f"{low:,} to {high:,} runs"
 
 
-def lines_of(folder: Folder, metric: str = "rmse", key: str | None = None) -> Lines:
+def lines_of(folder: Folder, metric: str = "rmse", key: str | None = None) -> SweepLines:
     """The campaign's points as lines over a key: the one asked for, or the number that takes the most values.
 
     Differences are between lines (colours) at the same value of the key; of a single line, from its first point.
@@ -84,13 +84,13 @@ def lines_of(folder: Folder, metric: str = "rmse", key: str | None = None) -> Li
     others, companions = _others(manifest, settings, swept)
     by = _along(others[0], others[1:], manifest.keys, settings, swept) if others else (swept, *companions)
     baseline = manifest.baseline if set(by) == set(manifest.by) else None
-    found = comparison.compared(folder, metric, [key for key in manifest.keys if key in by], baseline)
+    found = comparison.compare(folder, metric, [key for key in manifest.keys if key in by], baseline)
     here = [settings[number] for number in found.table[campaigns.POINT]]
     places, words = _places([said.get(swept) for said in here])
     units = {name: _unit(folder, manifest, name) for name in (swept, *others)}
     lines = _lines(here, places, others, units)
     first = baseline or _label(here[min(lines[0].rows)], others[:1] or (swept,), units)
-    return Lines(
+    return SweepLines(
         found=found,
         key=swept,
         unit=units[swept],
@@ -162,7 +162,7 @@ def _places(values: Sequence[Any]) -> tuple[Floats, tuple[str, ...]]:
 
 def _lines(
     here: Sequence[Settings], places: Floats, others: Sequence[str], units: Mapping[str, str]
-) -> tuple[Line, ...]:
+) -> tuple[SweepLine, ...]:
     rows: dict[tuple[str, ...], list[int]] = {}
     for row in np.argsort(places, kind="stable"):
         if np.isfinite(places[row]):
@@ -171,7 +171,7 @@ def _lines(
     colours = list(dict.fromkeys(key[:1] for key, _ in ordered))
     dashes = list(dict.fromkeys(key[1:] for key, _ in ordered))
     return tuple(
-        Line(_label(here[found[0]], others, units), tuple(found), colours.index(key[:1]), dashes.index(key[1:]))
+        SweepLine(_label(here[found[0]], others, units), tuple(found), colours.index(key[:1]), dashes.index(key[1:]))
         for key, found in ordered
     )
 
@@ -188,7 +188,7 @@ def _words(key: str, value: Any, unit: str) -> str:
     return f"{name} {value:g}{f' {unit}' if unit else ''}" if _is_number(value) else f"{name} {value}"
 
 
-def _is_ordered(here: Sequence[Settings], line: Line, companions: Iterable[str]) -> bool:
+def _is_ordered(here: Sequence[Settings], line: SweepLine, companions: Iterable[str]) -> bool:
     """Whether the numbers that follow the swept key only rise, or only fall, along a line."""
     for key in companions:
         values = [here[row].get(key) for row in line.rows]

@@ -19,10 +19,10 @@ from matplotlib.ticker import LogLocator
 
 from wsnsim.analysis.plot_data import bracketed
 from wsnsim.analysis.plots import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION
-from wsnsim.analysis.sweep_lines import Line, Lines, lines_of
+from wsnsim.analysis.sweep_lines import SweepLine, SweepLines, lines_of
 from wsnsim.base.arrays import Floats
 
-__all__ = ["Lines", "differences", "energy", "lines_of", "lost", "median"]
+__all__ = ["SweepLines", "differences", "energy", "lines_of", "lost", "median"]
 
 COLOURS: Final = (BLUE, VERMILLION, GREEN, ORANGE, PURPLE, SKY, BLACK)
 DASHES: Final = ("-", "--", ":", "-.")
@@ -36,10 +36,10 @@ CLOSEST: Final = 0.045
 MARGIN: Final = 0.04
 """Of the axis, beside the first and the last swept value."""
 MOST_LABELS: Final = 12
-"""Lines named in a legend; of more, some are named, in equal steps."""
+"""SweepLines named in a legend; of more, some are named, in equal steps."""
 
 
-def median(axes: Axes, lines: Lines, legend: bool = True) -> Axes:
+def median(axes: Axes, lines: SweepLines, legend: bool = True) -> Axes:
     """The median over replicates of the metric, with its bootstrap interval."""
     shown = _drawn(axes, lines, "median")
     positive = shown[shown > 0]
@@ -53,7 +53,7 @@ def median(axes: Axes, lines: Lines, legend: bool = True) -> Axes:
     return _finished(axes, lines, f"median {said}; {_band(lines)}", legend)
 
 
-def energy(axes: Axes, lines: Lines, legend: bool = True) -> Axes:
+def energy(axes: Axes, lines: SweepLines, legend: bool = True) -> Axes:
     """The median of what the network spends, with its bootstrap interval."""
     _drawn(axes, lines, "energy")
     axes.set_ylim(bottom=0)
@@ -61,7 +61,7 @@ def energy(axes: Axes, lines: Lines, legend: bool = True) -> Axes:
     return _finished(axes, lines, f"median energy of the network; {_band(lines)}", legend)
 
 
-def lost(axes: Axes, lines: Lines, legend: bool = True) -> Axes:
+def lost(axes: Axes, lines: SweepLines, legend: bool = True) -> Axes:
     """The share of runs that had lost a track at their end, with Wilson's interval."""
     _drawn(axes, lines, "lost_fraction", 100.0)
     axes.set_ylim(-2, 102)
@@ -69,7 +69,7 @@ def lost(axes: Axes, lines: Lines, legend: bool = True) -> Axes:
     return _finished(axes, lines, f"lost runs; {_band(lines)}", legend)
 
 
-def differences(axes: Axes, lines: Lines, legend: bool = True) -> Axes:
+def differences(axes: Axes, lines: SweepLines, legend: bool = True) -> Axes:
     """The median over replicates of the paired differences of the metric, with its interval; below 0: less."""
     axes.axhline(0.0, color=GREY, linewidth=1.0)
     _drawn(axes, lines, "difference")
@@ -78,7 +78,7 @@ def differences(axes: Axes, lines: Lines, legend: bool = True) -> Axes:
     return _finished(axes, lines, f"paired differences from {lines.against}; {_band(lines)}", legend)
 
 
-def lacking(lines: Lines) -> dict[str, str]:
+def lacking(lines: SweepLines) -> dict[str, str]:
     """Which of the figures cannot be drawn, and why."""
     table = lines.found.table
     reasons = {}
@@ -91,7 +91,7 @@ def lacking(lines: Lines) -> dict[str, str]:
     return reasons
 
 
-def _drawn(axes: Axes, lines: Lines, name: str, scale: float = 1.0) -> Floats:
+def _drawn(axes: Axes, lines: SweepLines, name: str, scale: float = 1.0) -> Floats:
     """Each line with its band; all that is shown of it, as one array."""
     shown: list[Floats] = []
     named, pale = _named(lines), 0.15 if len(lines.lines) <= len(DASHES) else 0.08
@@ -112,20 +112,20 @@ def _drawn(axes: Axes, lines: Lines, name: str, scale: float = 1.0) -> Floats:
     return together[np.isfinite(together)]
 
 
-def _aside(lines: Lines, number: int, places: Floats) -> Floats:
+def _aside(lines: SweepLines, number: int, places: Floats) -> Floats:
     """Where words are the places, lines stand beside each other."""
     if not lines.words or len(lines.lines) == 1:
         return places
     return places + 0.5 * (number / (len(lines.lines) - 1) - 0.5)
 
 
-def _colour(lines: Lines, line: Line) -> Any:
+def _colour(lines: SweepLines, line: SweepLine) -> Any:
     """One of a few that the colour-blind tell apart; of many values, a shade of their order."""
     many = 1 + max(line.colour for line in lines.lines)
     return COLOURS[line.colour] if many <= len(COLOURS) else matplotlib.colormaps["viridis"](line.colour / (many - 1))
 
 
-def _named(lines: Lines) -> set[int]:
+def _named(lines: SweepLines) -> set[int]:
     """Which lines the legend names: the single one of a campaign needs no name."""
     count = len(lines.lines)
     if count == 1:
@@ -133,11 +133,11 @@ def _named(lines: Lines) -> set[int]:
     return set(np.linspace(0, count - 1, min(count, MOST_LABELS)).round().astype(int).tolist())
 
 
-def _band(lines: Lines) -> str:
+def _band(lines: SweepLines) -> str:
     return f"{'band' if lines.joined else 'bar'}: 95 % interval, {lines.runs}"
 
 
-def _finished(axes: Axes, lines: Lines, title: str, legend: bool) -> Axes:
+def _finished(axes: Axes, lines: SweepLines, title: str, legend: bool) -> Axes:
     axes.set_title(title, loc="left")
     axes.set_xlabel(lines.key + bracketed(lines.unit))
     _ticked(axes, lines)
@@ -146,7 +146,7 @@ def _finished(axes: Axes, lines: Lines, title: str, legend: bool) -> Axes:
     return axes
 
 
-def _ticked(axes: Axes, lines: Lines) -> None:
+def _ticked(axes: Axes, lines: SweepLines) -> None:
     """The swept values under the axis, if there is room; logarithmic where they span much."""
     values = np.unique(lines.places[np.isfinite(lines.places)])
     if lines.words:

@@ -1,6 +1,6 @@
 """One step of a run, told: who sensed, who sent what to whom, what was lost and why, what it gave and what it cost.
 
-trace(path, step, replicate=0, target=None, limit=4) -> Trace;   text(trace);   as_json(trace)
+trace(path, step, replicate=0, target=None, limit=4) -> StepTrace;   text(trace);   as_json(trace)
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 
 from wsnsim import recording
-from wsnsim.analysis.event_groups import Act, Row, elsewhere, gathered, plan_of, rows_at
-from wsnsim.analysis.messages import Message
-from wsnsim.analysis.phrases import Line, Speaker, counted, energy_in_words
+from wsnsim.analysis.event_groups import LoggedEvent, NodeAction, elsewhere, gathered, layout_or_empty, rows_at
+from wsnsim.analysis.messages import LoggedMessage
+from wsnsim.analysis.phrases import Sentence, StepContext, counted, energy_in_words
 from wsnsim.analysis.step_text import told
 from wsnsim.base.errors import ResultError, UsageError
 
@@ -24,7 +24,7 @@ Record = Mapping[str, Any]
 
 
 @dataclass(frozen=True)
-class Trace:
+class StepTrace:
     """A step, picked and put in order. `start` and `dt` in s; `energy` and `booked` in J by cause.
 
     `targets`: {target: (truth, estimate)}, each the row of its table as a mapping, or None. `energy` is what the whole
@@ -41,13 +41,13 @@ class Trace:
     units: Mapping[str, str]
     position: tuple[str, ...]
     targets: Mapping[int, tuple[Record | None, Record | None]]
-    acts: Sequence[Act | Message]
-    lines: Sequence[Line]
+    acts: Sequence[NodeAction | LoggedMessage]
+    lines: Sequence[Sentence]
     energy: Mapping[str, float] | None
     booked: Mapping[str, float]
 
 
-def trace(path: str | Path, step: int, replicate: int = 0, target: int | None = None, limit: int = 4) -> Trace:
+def trace(path: str | Path, step: int, replicate: int = 0, target: int | None = None, limit: int = 4) -> StepTrace:
     """Pick one step of a result and put it into words. More than `limit` similar messages are told in one sentence.
 
     Raises:
@@ -69,17 +69,17 @@ def trace(path: str | Path, step: int, replicate: int = 0, target: int | None = 
         if target in (None, row.target) or row.target < 0
     ]
     chosen = known if target is None else [target]
-    speaker = Speaker(_heads(rows, estimates, step), limit, _issued(estimates, dt, path), len(known) > 1)
+    speaker = StepContext(_heads(rows, estimates, step), limit, _issued(estimates, dt, path), len(known) > 1)
     acts = gathered(rows, elsewhere(path, replicate, step, rows) if rows else {})
-    plan = plan_of(path)
-    return Trace(
+    plan = layout_or_empty(path)
+    return StepTrace(
         str(path), f"{scenario['name']}, seed {scenario['seed']}", replicate, step, step * dt, dt, network, plan.units,
         plan.position, {one: (_row(truths, one, step), _row(estimates, one, step)) for one in chosen}, acts,
         told(acts, speaker), _spent(path, replicate, step) if network else None, _booked(rows),
     )  # fmt: skip
 
 
-def text(picked: Trace) -> str:
+def text(picked: StepTrace) -> str:
     """The step for a terminal: where the targets are, then what happened, in ms after its start, then the cost."""
     run = f"replicate {picked.replicate}, step {picked.step}"
     lines = [f"{picked.path}: {picked.name}", f"{run}: from {picked.start:g} s to {picked.start + picked.dt:g} s"]
@@ -91,7 +91,7 @@ def text(picked: Trace) -> str:
     return "\n".join([*lines, "", *_happened(picked), "", *_cost(picked)])
 
 
-def as_json(picked: Trace) -> dict[str, Any]:
+def as_json(picked: StepTrace) -> dict[str, Any]:
     """The same as plain values; times in s."""
     return {
         "file": picked.path,
@@ -104,8 +104,8 @@ def as_json(picked: Trace) -> dict[str, Any]:
             target: {"truth": truth, "estimate": estimate} for target, (truth, estimate) in picked.targets.items()
         },
         "told": [line._asdict() for line in picked.lines],
-        "acts": [asdict(act) for act in picked.acts if isinstance(act, Act)],
-        "messages": [asdict(act) | {"path": act.path} for act in picked.acts if isinstance(act, Message)],
+        "acts": [asdict(act) for act in picked.acts if isinstance(act, NodeAction)],
+        "messages": [asdict(act) | {"path": act.path} for act in picked.acts if isinstance(act, LoggedMessage)],
         "energy": picked.energy,
         "energy_of_events": dict(picked.booked),
     }
@@ -152,7 +152,7 @@ def _row(rows: Sequence[dict[str, Any]], target: int, step: int) -> Record | Non
     return next((row for row in rows if row["target"] == target and row["step"] == step), None)
 
 
-def _heads(rows: Sequence[Row], estimates: Sequence[Record], step: int) -> frozenset[int]:
+def _heads(rows: Sequence[LoggedEvent], estimates: Sequence[Record], step: int) -> frozenset[int]:
     """Who leads in the step: as the estimates say, and as whoever acts as a head does."""
     leads = {row["head"] for row in estimates if row["step"] == step}
     leads |= {row.node for row in rows if row.kind in ("announce", "allocate", "estimate", "handover")}
@@ -176,7 +176,7 @@ def _late(row: Record, dt: float) -> str:
 
 
 def _unit(path: str | Path) -> str:
-    plan = plan_of(path)
+    plan = layout_or_empty(path)
     unit = plan.units[plan.position[0]] if plan.position else ""
     return f" {unit}" if unit else ""
 
@@ -191,7 +191,7 @@ def _spent(path: str | Path, replicate: int, step: int) -> dict[str, float] | No
     return {words[code]: joules for code, joules in zip(table["cause"][at], table["joules"][at].tolist(), strict=True)}
 
 
-def _booked(rows: Sequence[Row]) -> dict[str, float]:
+def _booked(rows: Sequence[LoggedEvent]) -> dict[str, float]:
     booked: dict[str, float] = {}
     for row in rows:
         if row.joules:
@@ -199,11 +199,11 @@ def _booked(rows: Sequence[Row]) -> dict[str, float]:
     return booked
 
 
-def _place(picked: Trace, row: Record) -> str:
+def _place(picked: StepTrace, row: Record) -> str:
     return ", ".join(f"{name} {row[name]:.4g} {picked.units[name]}".rstrip() for name in picked.position)
 
 
-def _of_estimate(picked: Trace, row: Record | None) -> str:
+def _of_estimate(picked: StepTrace, row: Record | None) -> str:
     """The step's estimate: where, how far off, when issued and by whom, from what; or who led without one."""
     if row is None:
         return "no estimate: step 0 has the prior" if picked.step == 0 else "its estimates were not recorded"
@@ -222,7 +222,7 @@ def _of_estimate(picked: Trace, row: Record | None) -> str:
     return said + (f"; at the sink {_ms(received - picked.start)} ms after the start" if received == received else "")
 
 
-def _happened(picked: Trace) -> list[str]:
+def _happened(picked: StepTrace) -> list[str]:
     if not picked.lines:
         return ["nothing happened in this step"]
     spans = [_ms(line.time - picked.start) for line in picked.lines]
@@ -239,7 +239,7 @@ def _ms(seconds: float) -> str:
     return f"{round(1e3 * seconds, 3) + 0.0:.3f}"
 
 
-def _cost(picked: Trace) -> list[str]:
+def _cost(picked: StepTrace) -> list[str]:
     """What the step cost the network, and how much of it the events above account for."""
     booked = sum(picked.booked.values())
     events = f"the events above book {energy_in_words(booked)}{_by_cause(picked.booked)}"

@@ -1,1 +1,9 @@
-"""Cramér-Rao bounds on the tracking error: posterior, and conditional on a trajectory."""
+"""Cramér-Rao bounds on the tracking error: posterior, and conditional on a trajectory.
+
+bound(scenario, replicates, kind, gains) -> Bound             of a scenario, as `wsnsim compare` shows
+bound_of_run(path, readings, kind, gains) -> Bound            of the readings of recorded runs
+"""
+
+from wsnsim.bounds.crlb import GAINS, KINDS, READINGS, Bound, BoundQuery, bound, bound_of_run
+
+__all__ = ["GAINS", "KINDS", "READINGS", "Bound", "BoundQuery", "bound", "bound_of_run"]

@@ -1,17 +1,20 @@
-"""Bounds on the tracking error: how small it can be, whatever the filter.
+"""Cramér-Rao lower bounds on the tracking error.
 
     bound(scenario, replicates=range(30), kind="unconditional") -> Bound        as `wsnsim compare` shows
-    bound_of_run(path, readings="arrived", kind="per_trajectory") -> Bound      of the readings of a recorded run
+    bound_of_run(path, readings="arrived", kind="per_trajectory") -> Bound      of the readings of recorded runs
 
-`unconditional`: the posterior Cramér-Rao bound of Tichavský, Muravchik, Nehorai (1998). Expectations over trajectories
-are means over those of the replicates, so it has their sampling error. Often loose.
-`per_trajectory`: the same recursion along each truth alone, and the root of the mean. Tight, and no strict bound: at a
-truth that is easy a filter may do better, as it may by being biased.
+Two kinds:
 
-Either is for filters that know the law of the motion, the sensor and where nodes stand; that know of the start what the
-scenario's prior tells; and that use nothing of the readings but their values. Who gives a reading and who is silent
-also tells where the target is: no tracker of the catalogue uses that, unless by the likelihood of a `range` sensor that
-reads noise out of its radius (`beyond: noise`). The first readings that count are those of step 1.
+- `unconditional`: the posterior (Bayesian) CRLB of Tichavský, Muravchik, Nehorai (1998). Expectations over
+  trajectories are means over those of the runs, so it has their sampling error. It is often loose.
+- `per_trajectory`: the trajectory-conditional CRLB, the same recursion along each trajectory alone, then the root mean
+  square over trajectories. It is tight but not a strict bound: given an easy trajectory, a filter that is biased may
+  have a smaller error.
+
+Both are for filters that know the motion model, the sensor model, the positions of the nodes and the scenario's prior,
+and that use only the values of readings. Which nodes have a reading also depends on the target's position. No tracker
+of the catalogue uses that, except through the likelihood of a `range` sensor that yields noise out of its range
+(`beyond: noise`). The first readings that count are those of step 1.
 """
 
 from __future__ import annotations
@@ -19,7 +22,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -30,18 +33,24 @@ from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import ResultError, UsageError, did_you_mean
 from wsnsim.base.ports import Informs
 from wsnsim.base.setups import BeaconSetup, NetworkSetup, TrackingSetup
-from wsnsim.bounds.covariances import Hearing, covariances
+from wsnsim.bounds.covariances import UsedBy, covariances
 from wsnsim.bounds.information import in_range
-from wsnsim.bounds.initial_draws import Drawn, cautions, drawn, objection
-from wsnsim.bounds.used_readings import Recorded
+from wsnsim.bounds.initial_conditions import (
+    InitialConditions,
+    cautions,
+    reason_without_bound,
+    sample_initial_conditions,
+)
+from wsnsim.bounds.recorded_readings import RecordedReadings
 
-KINDS = ("unconditional", "per_trajectory")
-READINGS = ("in_range", "active", "arrived")
-GAINS = ("known", "unknown")
+KINDS: Final = ("unconditional", "per_trajectory")
+READINGS: Final = ("in_range", "active", "arrived")
+GAINS: Final = ("known", "unknown")
+NO_TARGET: Final = "the scenario has no target"
 
 
-class Asked(NamedTuple):
-    """Which bound is asked for, on which replicates."""
+class BoundQuery(NamedTuple):
+    """Which bound is wanted, and of which runs."""
 
     kind: str
     readings: str
@@ -51,13 +60,17 @@ class Asked(NamedTuple):
 
 @dataclass(frozen=True)
 class Bound:
-    """How small the root mean square position error can be, in the position's unit, at the steps 1, 2, ...
+    """The least root mean square position error, in the position's unit, at the steps 1, 2, ...
 
-    `covariances` (R, targets, steps, D, D): R is the number of replicates per trajectory, and 1 if unconditional.
-    `reason`: why there is none, and then R is 0. `cautions`: what makes it less than strict, each in a sentence.
+    Attributes:
+        query: the kind of bound, and the runs that it is of.
+        place: the state columns of the position.
+        covariances: (R, targets, steps, D, D); R is the number of runs per trajectory, else 1.
+        reason: why there is no bound; R is 0 then.
+        cautions: why the bound is not strict, a sentence each.
     """
 
-    asked: Asked
+    query: BoundQuery
     place: tuple[int, ...]
     covariances: Floats = field(repr=False)
     reason: str = ""
@@ -65,33 +78,34 @@ class Bound:
 
     @property
     def each(self) -> Floats:
-        """(R, targets, steps): the root of the position's mean square error in each recursion."""
+        """The least position error of each recursion, (R, targets, steps)."""
         variances = np.diagonal(self.covariances, axis1=-2, axis2=-1)
         return np.sqrt(variances[..., list(self.place)].sum(axis=-1))
 
     @property
     def rmse(self) -> Floats:
-        """(steps,) the root of the mean over recursions and targets; empty if there is no bound."""
+        """The root mean square over recursions and targets at each step, (steps,); empty if there is no bound."""
         if self.reason:
             return np.empty(0)
         return np.sqrt((self.each**2).mean(axis=(0, 1)))
 
     @property
     def columns(self) -> Floats:
-        """(steps, D) the same for each column of the state; empty if there is no bound."""
+        """The bound of each state column at each step, (steps, D); empty if there is no bound."""
         if self.reason:
             return np.empty((0, self.covariances.shape[-1]))
         return np.sqrt(np.diagonal(self.covariances, axis1=-2, axis2=-1).mean(axis=(0, 1)))
 
     @property
     def time_mean(self) -> float:
-        """The mean over the steps of `rmse`, as the trackers' RMSE is taken; NaN if there is no bound."""
+        """The mean of `rmse` over the steps, to compare with a time-averaged RMSE; NaN if there is no bound."""
         return float(self.rmse.mean()) if self.rmse.size else float("nan")
 
     def time_mean_at(self, errors: Floats) -> float:
-        """The same over what there is of estimates: `errors` (replicates, targets, steps) are NaN where there is none.
+        """The same over the estimates that exist, to compare with a tracker that skips steps or ended early.
 
-        What stands beside the RMSE of a tracker that skips steps, or that came to its end early.
+        Args:
+            errors: (replicates, targets, steps) position errors, NaN where there is no estimate.
         """
         if self.reason:
             return float("nan")
@@ -102,119 +116,140 @@ class Bound:
 
     @property
     def of_replicates(self) -> Floats:
-        """(R,) root mean square over steps and targets; per trajectory, one a replicate."""
+        """The root mean square over steps and targets of each recursion, (R,)."""
         return np.sqrt((self.each**2).mean(axis=(1, 2)))
 
 
 def bound(
     scenario: Any, replicates: Sequence[int] = range(30), kind: str = "unconditional", gains: str | None = None
 ) -> Bound:
-    """The bound for all readings in range, on the networks and truths of these replicates of a scenario.
+    """The bound for all readings in range, on the networks and trajectories of these runs of a scenario.
 
-    `gains`: known, unknown, or None for what the tracker assumes. Unknown ones are counted as such along each
-    trajectory; see `bounding.gains`. The unconditional bound is then that for known gains, which bounds both: where
-    nodes are drawn anew in each replicate, what an unknown gain takes away cancels out in the mean over them.
+    Args:
+        scenario: what `scenario.load` takes.
+        replicates: numbers of the runs.
+        kind: one of `KINDS`.
+        gains: one of `GAINS`, or None for what the tracker assumes. Unknown gains count along each trajectory only
+            (see `unknown_gains`). The posterior bound is then that for known gains, which is a bound in both cases:
+            where nodes are placed at random in each run, the effect of an unknown gain averages out.
 
     Raises:
-        UsageError: kind or gains are not among those named, or there are no replicates.
+        UsageError: kind or gains are not allowed, or there are no runs.
         ScenarioError, RunError: as `simulate`.
     """
     loaded = scenarios.load(scenario)
-    problem = scenarios.build(loaded)
-    asked = _checked(Asked(kind, "in_range", gains or _assumed(loaded), tuple(replicates)))
-    if isinstance(problem, BeaconSetup) or (reason := _objection(problem, kind)):
-        return _nothing(asked, "there is no target" if isinstance(problem, BeaconSetup) else reason)
-    draws = [drawn(problem, number) for number in asked.replicates]
-    return _made(problem, asked, draws, _all_in_range(problem, draws), _taken(problem))
+    setup = scenarios.build(loaded)
+    query = _checked(BoundQuery(kind, "in_range", gains or _assumed_gains(loaded), tuple(replicates)))
+    if isinstance(setup, BeaconSetup) or (reason := _reason_without_bound(setup, kind)):
+        return _no_bound(query, NO_TARGET if isinstance(setup, BeaconSetup) else reason)
+    conditions = [sample_initial_conditions(setup, number) for number in query.replicates]
+    return _bound(setup, query, conditions, _all_in_range(setup, conditions), _detection_probability(setup))
 
 
 def bound_of_run(
     path: str | Path, readings: str = "arrived", kind: str = "per_trajectory", gains: str | None = None
 ) -> Bound:
-    """The bound for the readings of a recorded run: of its clusters' `active` members, those that `arrived`, or all.
+    """The bound for the readings of recorded runs.
 
-    Without a network all readings arrive. After the end of a run that was shorter than its scenario, nothing counts.
+    Without a network all readings arrive. After the end of a run that was shorter than its scenario, no reading counts.
+
+    Args:
+        path: a result file.
+        readings: `in_range`, those of `active` members of the clusters, or those that `arrived` at the head.
+        kind: one of `KINDS`.
+        gains: as `bound`.
 
     Raises:
-        UsageError: kind, readings or gains are not among those named.
-        ResultError: the file cannot be read, or this version draws other truths than it holds.
+        UsageError: kind, readings or gains are not allowed.
+        ResultError: the file cannot be read, or holds other trajectories than this version samples.
     """
     loaded = scenarios.load(experiment.rerun_source(Path(path)))
-    problem = scenarios.build(loaded)
+    setup = scenarios.build(loaded)
     replicates = recording.read_table(path, "runs", ["replicate"])["replicate"].tolist()
-    asked = _checked(Asked(kind, readings, gains or _assumed(loaded), tuple(replicates)))
-    if isinstance(problem, BeaconSetup) or (reason := _objection(problem, kind)):
-        return _nothing(asked, "there is no target" if isinstance(problem, BeaconSetup) else reason)
-    draws = [drawn(problem, number) for number in replicates]
-    _check_truths(path, problem, replicates, draws)
-    if readings == "in_range" or not isinstance(problem, NetworkSetup):
-        return _made(problem, asked, draws, _all_in_range(problem, draws), _taken(problem))
+    query = _checked(BoundQuery(kind, readings, gains or _assumed_gains(loaded), tuple(replicates)))
+    if isinstance(setup, BeaconSetup) or (reason := _reason_without_bound(setup, kind)):
+        return _no_bound(query, NO_TARGET if isinstance(setup, BeaconSetup) else reason)
+    conditions = [sample_initial_conditions(setup, number) for number in replicates]
+    _check_truths(path, setup, replicates, conditions)
+    if readings == "in_range" or not isinstance(setup, NetworkSetup):
+        return _bound(setup, query, conditions, _all_in_range(setup, conditions), _detection_probability(setup))
     if not {"events", "estimates", "clusters"} <= recording.tables(path).keys():
-        return _nothing(
-            asked, "the tables events, estimates and clusters are not all recorded: who heard what is not known"
-        )
-    recorded = Recorded(path, problem)
-    return _made(
-        problem, asked, draws, lambda row, target: recorded.heard(asked.replicates[row], target, asked.readings)
+        return _no_bound(query, "which readings arrived is unknown: it needs the tables events, estimates and clusters")
+    recorded = RecordedReadings(path, setup)
+    return _bound(
+        setup, query, conditions, lambda row, target: recorded.used(query.replicates[row], target, query.readings)
     )
 
 
-def _assumed(scenario: Any) -> str:
-    """What the scenario's tracker assumes of the gains; known where there is no tracker."""
+def _assumed_gains(scenario: Any) -> str:
+    """Whether the scenario's tracker assumes known gains; `known` if it assumes nothing."""
     gains: str = getattr(getattr(getattr(scenario, "tracker", None), "assumes", None), "gains", "known")
     return gains
 
 
-def _checked(asked: Asked) -> Asked:
-    for name, allowed in (("kind", KINDS), ("readings", READINGS), ("gains", GAINS)):
-        if getattr(asked, name) not in allowed:
-            raise UsageError(f"{name}: '{getattr(asked, name)}': {did_you_mean(getattr(asked, name), allowed)}")
-    if not asked.replicates:
-        raise UsageError("replicates: a bound needs at least one")
-    return asked
+def _checked(query: BoundQuery) -> BoundQuery:
+    for name, value, allowed in (
+        ("kind", query.kind, KINDS),
+        ("readings", query.readings, READINGS),
+        ("gains", query.gains, GAINS),
+    ):
+        if value not in allowed:
+            raise UsageError(f"{name}: '{value}': {did_you_mean(value, allowed)}")
+    if not query.replicates:
+        raise UsageError("replicates: a bound needs at least one run")
+    return query
 
 
-def _objection(problem: TrackingSetup, kind: str) -> str:
-    """Why there is no bound; empty if nothing speaks against it yet."""
-    if not isinstance(problem.sensor, Informs):
-        return "the sensor does not say what its readings tell"
-    return next(filter(None, (objection(motion, kind) for motion in problem.motions)), "")
+def _reason_without_bound(setup: TrackingSetup, kind: str) -> str:
+    """Why there is no bound for this setup; empty if nothing is known against it yet."""
+    if not isinstance(setup.sensor, Informs):
+        return "the sensor model has no information matrix"
+    return next(filter(None, (reason_without_bound(motion, kind) for motion in setup.motions)), "")
 
 
-def _nothing(asked: Asked, reason: str) -> Bound:
-    return Bound(asked, (), np.empty((0, 0, 0, 0, 0)), reason)
+def _no_bound(query: BoundQuery, reason: str) -> Bound:
+    return Bound(query, (), np.empty((0, 0, 0, 0, 0)), reason)
 
 
-def _made(problem: TrackingSetup, asked: Asked, draws: Sequence[Drawn], hearing: Hearing, taken: float = 1.0) -> Bound:
+def _bound(
+    setup: TrackingSetup,
+    query: BoundQuery,
+    conditions: Sequence[InitialConditions],
+    used_by: UsedBy,
+    detected: float = 1.0,
+) -> Bound:
     try:
-        made = covariances(problem, draws, hearing, asked.kind, asked.gains, taken)
+        found = covariances(setup, conditions, used_by, query.kind, query.gains, detected)
     except ValueError as reason:
-        return _nothing(asked, str(reason))
-    return Bound(asked, tuple(problem.motions[0].position), made, "", tuple(cautions(problem, draws)))
+        return _no_bound(query, str(reason))
+    return Bound(query, tuple(setup.motions[0].position), found, "", tuple(cautions(setup, conditions)))
 
 
-def _all_in_range(problem: TrackingSetup, draws: Sequence[Drawn]) -> Hearing:
-    """Everybody in range gives a reading."""
-    places = [list(motion.position) for motion in problem.motions]
+def _all_in_range(setup: TrackingSetup, conditions: Sequence[InitialConditions]) -> UsedBy:
+    """The rule that every node in range has a reading."""
+    places = [list(motion.position) for motion in setup.motions]
     return lambda row, target: in_range(
-        problem.sensor, draws[row].truths[target][:, places[target]], draws[row].positions
+        setup.sensor, conditions[row].truths[target][:, places[target]], conditions[row].positions
     )
 
 
-def _taken(problem: TrackingSetup) -> float:
-    """The probability that a reading in range is taken."""
-    return 1.0 - problem.detection.missed if isinstance(problem, NetworkSetup) else 1.0
+def _detection_probability(setup: TrackingSetup) -> float:
+    return 1.0 - setup.detection.missed if isinstance(setup, NetworkSetup) else 1.0
 
 
-def _check_truths(path: str | Path, problem: TrackingSetup, replicates: Sequence[int], draws: Sequence[Drawn]) -> None:
-    """Raises ResultError where the file holds a truth, and it is not the one that is drawn now."""
+def _check_truths(
+    path: str | Path, setup: TrackingSetup, replicates: Sequence[int], conditions: Sequence[InitialConditions]
+) -> None:
+    """Raise ResultError if the file holds other trajectories than the ones sampled now."""
     if "truth" not in recording.tables(path):
         return
-    names = problem.motions[0].columns
+    names = setup.motions[0].columns
     table = recording.read_table(path, "truth", ["replicate", "target", "step", *names])
-    for replicate, one in zip(replicates, draws, strict=True):
+    for replicate, one in zip(replicates, conditions, strict=True):
         for target, truth in enumerate(one.truths):
             mine = (table["replicate"] == replicate) & (table["target"] == target)
             held = np.column_stack([table[name][mine] for name in names])
             if not np.allclose(held, truth[table["step"][mine]], rtol=1e-6, atol=1e-6):
-                raise ResultError(f"{path}: holds another truth of replicate {replicate} than this version draws")
+                raise ResultError(
+                    f"{path}: holds another ground-truth trajectory of replicate {replicate} than this version samples"
+                )

@@ -1,4 +1,4 @@
-"""What is left of the doubt about a state, step by step, when every reading is used as well as can be.
+"""Recursions for the least error covariance of a state, step by step.
 
     P⁻ = Q + F P Fᵀ        P = (P⁻⁻¹ + I)⁻¹                                            along one trajectory
     P⁻ = Q + F̄ (P⁻¹ + V)⁻¹ F̄ᵀ,  V = E[(F - F̄)ᵀ Q⁻¹ (F - F̄)],  I = E[information]      over all trajectories
@@ -19,59 +19,65 @@ import numpy as np
 
 from wsnsim.base.arrays import Floats
 
-Law: TypeAlias = tuple[Floats, Floats]
-"""Of one step: the motion's slope F (R, D, D) at each truth, and the covariance Q (D, D) of the truth's noise."""
+LinearisedMotion: TypeAlias = tuple[Floats, Floats]
+"""The motion model at one step: the Jacobian F (R, D, D) at each truth, and the covariance Q (D, D) of its noise."""
 
-DIRECTIONS = 1e-9
-"""Share of the largest eigenvalue of the scaled process noise below which there is no noise in a direction."""
+NO_NOISE = 1e-9
+"""Eigenvalues of the scaled process noise below this share of the largest count as zero."""
 
 
-def along_trajectories(laws: Iterable[Law], prior: Floats, told: Floats, place: list[int]) -> Floats:
-    """(T, R, D, D) covariances of R recursions, each along its own truth.
+def along_trajectories(motions: Iterable[LinearisedMotion], prior: Floats, told: Floats, place: list[int]) -> Floats:
+    """The covariances of R recursions, each along its own trajectory, (T, R, D, D).
 
-    `laws`: of each step in turn; `prior` (R, D, D); `told`: information (T, R, P, P).
+    Args:
+        motions: the linearised motion model of each step.
+        prior: (R, D, D) covariances at step 0.
+        told: (T, R, P, P) information of the readings.
+        place: the state columns of the position.
     """
     cov, result = prior, np.empty((len(told), *prior.shape))
-    for step, (slope, noise) in enumerate(laws):
-        result[step] = cov = updated(predicted(cov, slope, noise), told[step], place)
+    for step, (jacobian, noise) in enumerate(motions):
+        result[step] = cov = updated(predicted(cov, jacobian, noise), told[step], place)
     return result
 
 
-def over_trajectories(laws: Iterable[Law], prior: Floats, told: Floats, place: list[int]) -> Floats:
-    """(T, D, D) covariances of one recursion, whose expectations are means over the R trajectories.
+def over_trajectories(motions: Iterable[LinearisedMotion], prior: Floats, told: Floats, place: list[int]) -> Floats:
+    """The covariances of one recursion whose expectations are means over R trajectories, (T, D, D).
 
-    Takes what `along_trajectories` does. Raises ValueError where the process noise is zero in a direction in which the
-    slopes differ.
+    Args: as `along_trajectories`.
+
+    Raises:
+        ValueError: the process noise is zero in a direction in which the Jacobians differ.
     """
     cov, result = prior.mean(axis=0), np.empty((len(told), *prior.shape[1:]))
-    for step, (slope, noise) in enumerate(laws):
-        known = updated(cov, _spread(slope, noise), list(range(len(cov))))
-        result[step] = cov = updated(predicted(known, slope.mean(axis=0), noise), told[step].mean(axis=0), place)
+    for step, (jacobian, noise) in enumerate(motions):
+        known = updated(cov, _information_of_spread(jacobian, noise), list(range(len(cov))))
+        result[step] = cov = updated(predicted(known, jacobian.mean(axis=0), noise), told[step].mean(axis=0), place)
     return result
 
 
-def _spread(slope: Floats, noise: Floats) -> Floats:
-    """(D, D) V: what the noise, by its smallness, tells of states whose slopes (R, D, D) differ."""
-    apart = slope - slope.mean(axis=0)
-    if not apart.any():
+def _information_of_spread(jacobian: Floats, noise: Floats) -> Floats:
+    """V (D, D): the information about the state that Jacobians (R, D, D) carry because they differ between states."""
+    deviation = jacobian - jacobian.mean(axis=0)
+    if not deviation.any():
         return np.zeros_like(noise)
-    inverse, lacking = inverse_noise(noise)
-    if np.abs(lacking @ apart).max() > DIRECTIONS * np.abs(slope).max():
-        raise ValueError("its noise is singular, in a direction in which its motion depends on its state")
-    spread: Floats = (apart.swapaxes(-1, -2) @ inverse @ apart).mean(axis=0)
+    inverse, null_space = inverse_noise(noise)
+    if np.abs(null_space @ deviation).max() > NO_NOISE * np.abs(jacobian).max():
+        raise ValueError("the process noise is singular in a direction in which the motion depends on the state")
+    spread: Floats = (deviation.swapaxes(-1, -2) @ inverse @ deviation).mean(axis=0)
     return spread
 
 
-def predicted(cov: Floats, slope: Floats, noise: Floats) -> Floats:
-    """(..., D, D) P⁻ = F P Fᵀ + Q."""
-    return slope @ cov @ slope.swapaxes(-1, -2) + noise
+def predicted(cov: Floats, jacobian: Floats, noise: Floats) -> Floats:
+    """P⁻ = F P Fᵀ + Q, (..., D, D)."""
+    return jacobian @ cov @ jacobian.swapaxes(-1, -2) + noise
 
 
 def updated(cov: Floats, told: Floats, place: list[int]) -> Floats:
-    """(..., D, D) (P⁻¹ + I)⁻¹ of a P that may be singular, and information I (..., p, p) about the columns `place`.
+    """(P⁻¹ + I)⁻¹, (..., D, D), of a P that may be singular and information I (..., p, p) on the columns `place`.
 
-    P - P_x (1 + I P_xx)⁻¹ I P_xᵀ with P_xx the block of these columns and P_x those columns. The eigenvalues of I P_xx,
-    a product of two covariances, are not negative: what is inverted is never singular.
+    Computed as P - P_x (1 + I P_xx)⁻¹ I P_xᵀ with P_xx the block of these columns and P_x those columns. The
+    eigenvalues of I P_xx, a product of two covariances, are not negative, so the inverted matrix is never singular.
     """
     columns = cov[..., :, place]
     inner = np.eye(len(place)) + told @ columns[..., place, :]
@@ -81,10 +87,10 @@ def updated(cov: Floats, told: Floats, place: list[int]) -> Floats:
 
 
 def inverse_noise(noise: Floats) -> tuple[Floats, Floats]:
-    """A generalised inverse of Q (D, D), and the projection on what Q does not reach, of columns scaled to one."""
+    """A generalised inverse of Q (D, D), and the projection on its null space with the columns scaled to one."""
     scale = np.sqrt(np.where(np.diag(noise) > 0.0, np.diag(noise), 1.0))
     values, vectors = np.linalg.eigh(noise / np.outer(scale, scale))
-    lively = values > DIRECTIONS * max(float(values.max()), 0.0)
-    some, none = vectors[:, lively], vectors[:, ~lively]
-    inverse = (some / values[lively]) @ some.T / np.outer(scale, scale)
-    return inverse, none @ none.T / scale
+    positive = values > NO_NOISE * max(float(values.max()), 0.0)
+    range_, null_space = vectors[:, positive], vectors[:, ~positive]
+    inverse = (range_ / values[positive]) @ range_.T / np.outer(scale, scale)
+    return inverse, null_space @ null_space.T / scale

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from wsnsim import __version__, recording
-from wsnsim.analysis.stopping import Rule
+from wsnsim.analysis.stopping import ReplicateCounts
 from wsnsim.base.errors import UsageError
 from wsnsim.campaign.accounts import ALL, Ended, Part, Progress
 from wsnsim.campaign.drive import drive
@@ -94,7 +94,7 @@ def sweep(
     scheduler: str | None = None,
     progress: Callable[[Progress], None] | None = None,
 ) -> Ended:
-    """Run a sweep, or go on with it, from Python; `wsnsim.read(out, "runs")` and `wsnsim.compared(out)` give results.
+    """Run a sweep, or go on with it, from Python; `wsnsim.read(out, "runs")` and `wsnsim.compare(out)` give results.
 
     `source` is a sweep's file or shipped name, a dict that says the same ({"scenario": "pso_mhpf", "grid":
     {"tracker.particles": [100, 200]}}), or scenarios, with axes in `vary`. In a script, call it under
@@ -148,7 +148,7 @@ def collect(parts: Sequence[Folder], into: Folder) -> Manifest:
 def missing(folder: Folder) -> dict[str, list[int]]:
     """What a campaign lacks, by point: a point's replicates, or those that its stopping rule asks for."""
     manifest = folder.manifest()
-    rule = Rule(folder, manifest)
+    rule = ReplicateCounts(folder, manifest)
     found = {point.id: rule.missing(point) for point in manifest.points}
     return {point: numbers for point, numbers in found.items() if numbers}
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 from typing import Final, final
 
 from wsnsim import __version__
-from wsnsim.analysis.stopping import Rule
+from wsnsim.analysis.stopping import ReplicateCounts
 from wsnsim.base.errors import ResultError
 from wsnsim.campaign.accounts import ALL, Ended, Part, Progress
 from wsnsim.campaign.engines import Ending, Engine, EngineError, Vanished
@@ -75,7 +75,7 @@ class _Driver:
     def __post_init__(self) -> None:
         self.began = time.monotonic()
         self.session = f"{socket.gethostname().split('.')[0]}-{os.getpid()}-{time.time_ns():x}"
-        self.rule = Rule(self.folder, self.manifest)
+        self.rule = ReplicateCounts(self.folder, self.manifest)
         self.targets = {point.id: self.rule.first(point) for point in self.manifest.points}
         self.places = {point.id: i for i, point in enumerate(self.manifest.points)}
         self.failed_before = set(self.folder.failures())

@@ -77,7 +77,7 @@ def run(
     if not report.states:
         told = beaconing.as_json(report) if as_json else beaconing.text(report)
     else:
-        limit = summary.limit_of(report)
+        limit = summary.bounds_of_report(report)
         told = summary.as_json(report, printed, limit) if as_json else summary_text.text(report, printed, paper, limit)
     echo_json(told) if isinstance(told, dict) else click.echo(told)
     if page:
@@ -172,9 +172,9 @@ def info(source: str, as_json: bool) -> None:
 
         told: Any = campaign_info.info(source) if as_json else campaign_info.info_text(source)
     elif source.endswith(".h5") or _is_result(source):
-        from wsnsim.analysis import frames
+        from wsnsim.analysis import result_info
 
-        told = frames.info(Path(source)) if as_json else frames.info_text(Path(source))
+        told = result_info.info(Path(source)) if as_json else result_info.info_text(Path(source))
     else:
         from wsnsim.cli import profiles
 

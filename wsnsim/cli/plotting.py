@@ -11,7 +11,7 @@ from wsnsim.base.errors import UsageError
 from wsnsim.cli.shared import group, writable
 
 if TYPE_CHECKING:
-    from wsnsim.analysis.figures import Drawn
+    from wsnsim.analysis.figures import WrittenFigure
 
 PICTURES: Final = ("all", "track", "states", "error", "energy", "particles")
 
@@ -65,7 +65,7 @@ def plot(
     place = writable(picture, Path(picture.name))
     if place.exists() and place.samefile(result):
         raise UsageError(f"{place} is the result itself; say with --out where the picture goes")
-    _tell_drawn(figures.draw(result, place, what, figures.Choice(column, step, replicate or 0, target or 0)))
+    _tell_drawn(figures.draw(result, place, what, figures.PlotSelection(column, step, replicate or 0, target or 0)))
 
 
 def _picture(out: Path | None, folder: Path) -> Path:
@@ -79,7 +79,7 @@ def _picture(out: Path | None, folder: Path) -> Path:
     return writable(picture, Path(picture.name))
 
 
-def _tell_drawn(drawn: Drawn) -> None:
+def _tell_drawn(drawn: WrittenFigure) -> None:
     click.echo(f"{drawn.out}: {', '.join(drawn.shown)}")
     for name, reason in drawn.left_out.items():
         click.echo(f"  without {name}: {reason}")

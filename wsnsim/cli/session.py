@@ -135,7 +135,7 @@ def answer(folder: Folder, chosen: Said) -> int:
     from wsnsim.base.errors import ResultError
 
     try:
-        found = comparison.compared(folder, chosen.metric, chosen.by or None, chosen.baseline)
+        found = comparison.compare(folder, chosen.metric, chosen.by or None, chosen.baseline)
     except ResultError as error:
         damaged = [place for point in folder.manifest().points for place in folder.set_aside(point.id)]
         if not damaged:

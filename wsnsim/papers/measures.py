@@ -27,11 +27,10 @@ from typing import Any, final
 import numpy as np
 import pandas as pd
 
-from wsnsim import recording
+from wsnsim import bounds, recording
 from wsnsim.analysis import campaigns, statistics
 from wsnsim.base import metrics
 from wsnsim.base.arrays import Floats
-from wsnsim.bounds import crlb
 from wsnsim.papers.reproduction import Limit, Measured
 from wsnsim.recording.folder import Folder
 
@@ -56,7 +55,7 @@ class Data:
         self.errors = functools.cache(self._errors)
         self.scenario = functools.cache(self._scenario)
         self.bound = functools.cache(self._bound)
-        self.bounds: dict[tuple[str, int, str, str], crlb.Bound] = {}
+        self.bounds: dict[tuple[str, int, str, str], bounds.Bound] = {}
 
     def of(self, variant: str, table: str) -> pd.DataFrame:
         """The rows of one variant."""
@@ -69,14 +68,14 @@ class Data:
     def _scenario(self, variant: str) -> Mapping[str, Any]:
         return json.loads(self.folder.scenario(self.manifest.points[self.variants.index(variant)].id))
 
-    def _bound(self, variant: str, kind: str) -> crlb.Bound:
+    def _bound(self, variant: str, kind: str) -> bounds.Bound:
         point = self.manifest.points[self.variants.index(variant)]
         runs = TRUTHS if kind == "unconditional" else min(point.replicates, TRUTHS)
         assumes = self.scenario(variant)["tracker"].get("assumes") or {}
         gains = "known" if kind == "unconditional" else assumes.get("gains", "known")
         key = point.world, runs, kind, gains
         if key not in self.bounds:
-            self.bounds[key] = crlb.bound(self.scenario(variant), range(runs), kind, gains)
+            self.bounds[key] = bounds.bound(self.scenario(variant), range(runs), kind, gains)
         return self.bounds[key]
 
     def states(self, variant: str) -> tuple[tuple[str, str], ...]:
@@ -134,7 +133,7 @@ def measured(data: Data, variant: str, measure: str) -> Measured:
 def bound_of(data: Data, variant: str, measure: str, kind: str) -> Limit:
     """The bound in the terms of a measure, on the replicates that were run; not a number where there is none for it.
 
-    `kind` is unconditional or per_trajectory (see `analysis.bounds`); active or arrived, along each truth for the
+    `kind` is unconditional or per_trajectory (see `bounds.crlb`); active or arrived, along each truth for the
     readings of active members, and for those that arrived, of runs that recorded their events; 'variant:NAME', what a
     variant measures that nothing can be better than; or 'own:MODULE:FUNCTION', the median over runs of what a paper's
     own function gives.
@@ -164,12 +163,12 @@ def of_log(data: Data, variant: str, readings: str) -> pd.Series:
     point = data.manifest.points[data.variants.index(variant)]
     found: dict[int, float] = {}
     for batch in data.folder.batches(point.id):
-        bound = crlb.bound_of_run(batch.path, readings, "per_trajectory")
-        found |= dict(zip(bound.asked.replicates, bound.of_replicates.tolist(), strict=True))
+        bound = bounds.bound_of_run(batch.path, readings, "per_trajectory")
+        found |= dict(zip(bound.query.replicates, bound.of_replicates.tolist(), strict=True))
     return pd.Series(found)
 
 
-def _in_terms(found: crlb.Bound, measure: str, states: Sequence[tuple[str, str]]) -> float:
+def _in_terms(found: bounds.Bound, measure: str, states: Sequence[tuple[str, str]]) -> float:
     name, _, column = measure.partition(":")
     if name == "rmse":
         return found.time_mean
@@ -187,7 +186,9 @@ def difference(data: Data, variant: str, other: str, measure: str) -> Measured:
     one, two = (_of_runs(data, name, measure) for name in (variant, other))
     common = one.index.intersection(two.index)
     first, second = one[common].to_numpy(dtype=np.float64), two[common].to_numpy(dtype=np.float64)
-    found = statistics.paired(np.where(np.isclose(first, second, rtol=ALIKE, atol=0.0), second, first), second)
+    found = statistics.paired_difference(
+        np.where(np.isclose(first, second, rtol=ALIKE, atol=0.0), second, first), second
+    )
     lost = data.lost(variant) | data.lost(other)
     return Measured(found.value, found.low, found.high, int(np.isfinite(first - second).sum()), float(lost.mean()))
 

@@ -19,8 +19,8 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any, Final
 
-from wsnsim.analysis import frames
-from wsnsim.analysis.replicate_tables import check, first
+from wsnsim.analysis import result_info
+from wsnsim.analysis.replicate_tables import check_replicate, first_replicate
 from wsnsim.base.errors import ResultError
 from wsnsim.report import page_sections
 from wsnsim.report.page_sections import Part
@@ -73,9 +73,9 @@ def write(
 def _parts(paths: Sequence[Path], replicate: int | None) -> list[Part]:
     """What the page says of each result. All of them are looked at before figures are drawn, which takes its time."""
     abouts = [_about(path) for path in paths]
-    chosen = [first(path) if replicate is None else replicate for path in paths]
+    chosen = [first_replicate(path) if replicate is None else replicate for path in paths]
     for path, number in zip(paths, chosen, strict=True):
-        check(path, number)
+        check_replicate(path, number)
     return [
         Part(about, name, number, *pictures(about["path"], number))
         for about, name, number in zip(abouts, page_sections.names(abouts), chosen, strict=True)
@@ -83,7 +83,7 @@ def _parts(paths: Sequence[Path], replicate: int | None) -> list[Part]:
 
 
 def _about(path: Path) -> dict[str, Any]:
-    return frames.info(path) | {"path": path, "source": page_sections.text_of(path, "scenario/source_yaml")}
+    return result_info.info(path) | {"path": path, "source": page_sections.text_of(path, "scenario/source_yaml")}
 
 
 def _films(parts: Sequence[Part], room: int) -> list[Packed]:

@@ -14,7 +14,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from wsnsim.analysis.replicate_tables import Run, recorded
+from wsnsim.analysis.replicate_tables import ReplicateTables, read_replicate
 from wsnsim.report.replay_clusters import clusters
 from wsnsim.report.replay_encoding import MISSING, Film, Plan
 from wsnsim.report.replay_nodes import nodes
@@ -56,7 +56,7 @@ def pack(path: str | Path, replicate: int, room: int) -> Packed:
         UsageError: the result has no such replicate.
         ResultError: the result cannot be read.
     """
-    run = recorded(path, replicate)
+    run = read_replicate(path, replicate)
     missing = run.missing()
     if not (run.truth or run.guess or (run.nodes and run.events)):
         return Packed("", ("There is nothing to replay.", *_sentences(missing)))
@@ -79,7 +79,7 @@ def ordinal(number: int) -> str:
     return f"{number:,}{ending}"
 
 
-def _drawn(run: Run, plan: Plan) -> tuple[dict[str, Any], Film]:
+def _drawn(run: ReplicateTables, plan: Plan) -> tuple[dict[str, Any], Film]:
     """A run drawn by a plan."""
     film = Film.blank(run, plan)
     charge = nodes(film) if run.nodes else None

@@ -20,7 +20,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from wsnsim.analysis.plot_data import Columns
-from wsnsim.analysis.replicate_tables import Run
+from wsnsim.analysis.replicate_tables import ReplicateTables
 from wsnsim.base.arrays import Bools, Floats, Ints
 
 MISSING: Final = 65535
@@ -41,7 +41,7 @@ class Plan(NamedTuple):
 class Film:
     """A run that is being drawn by a plan: its frames, the nodes drawn, and the columns and notes so far."""
 
-    run: Run
+    run: ReplicateTables
     plan: Plan
     frames: int
     box: tuple[float, float, float, float]
@@ -70,7 +70,7 @@ class Film:
         self.columns[f"{name}_all"] = np.bincount(frames, minlength=self.frames).astype("<u4")
 
     @classmethod
-    def blank(cls, run: Run, plan: Plan) -> Film:
+    def blank(cls, run: ReplicateTables, plan: Plan) -> Film:
         """A film on which nothing is drawn yet."""
         return cls(run, plan, ceil(run.last / plan.stride) + 1, box_of(run), picked_of(run, plan.nodes), {}, [])
 
@@ -89,7 +89,7 @@ class Film:
         return base64.b64encode(packed).decode("ascii")
 
 
-def box_of(run: Run) -> tuple[float, float, float, float]:
+def box_of(run: ReplicateTables) -> tuple[float, float, float, float]:
     """Left, bottom, right and top of the picture: nodes and true ways with a margin; without a truth, the estimates."""
     shown = [run.places(table) for table in (run.truth or run.guess,) if table]
     if run.nodes:
@@ -106,7 +106,7 @@ def _limits(values: Floats) -> tuple[float, float]:
     return low - margin, high + margin
 
 
-def picked_of(run: Run, most: int) -> Ints:
+def picked_of(run: ReplicateTables, most: int) -> Ints:
     """The nodes that are drawn, in order: those that took part, then others evenly."""
     if not run.nodes:
         return np.empty(0, np.int64)

@@ -15,7 +15,7 @@ from typing import Any, Final
 import numpy as np
 
 from wsnsim import recording
-from wsnsim.analysis import frames, plot_data, recorded_bounds
+from wsnsim.analysis import plot_data, recorded_bounds, result_info
 from wsnsim.base import metrics
 from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import ResultError
@@ -36,7 +36,7 @@ MORE: Final = {
     "coverage": ("field covered at the end", "{:.1%}"),
 }
 """Further columns of `runs`, beside those that `wsnsim info` shows."""
-ROWS: Final = {**frames.FIGURES, **MORE}
+ROWS: Final = {**result_info.FIGURES, **MORE}
 OVER_TIME: Final = "RMSE, mean over time"
 ONLY_IF_ANY: Final = ("collided", "retries", "access_failures", "frames_lost", "handovers", "cycles")
 ONLY_IF_NOT_ALL: Final = ("awake",)
@@ -89,7 +89,7 @@ def _cells(path: Path, published: Published | None) -> Cells:
         values = values[np.isfinite(values)]
         if not values.size or _idle(name, values, runs) or (name == "lost" and not targets):
             continue
-        said = form + (unit if name in frames.OF_POSITION else "")
+        said = form + (unit if name in result_info.OF_POSITION else "")
         cells[words] = _cell(float(values.mean()), _interval(values), said)
         if name == "energy" and "energy" in printed:
             cells[words] += _paper(said.format(printed["energy"]), paper)
@@ -104,7 +104,7 @@ def _idle(name: str, values: Floats, runs: Mapping[str, np.ndarray]) -> bool:
     return (
         (name in ONLY_IF_ANY and not values.any())
         or (name in ONLY_IF_NOT_ALL and bool((values == 1.0).all()))
-        or (name in frames.OF_NETWORK and bare)
+        or (name in result_info.OF_NETWORK and bare)
         or (name in ONLY_IF_SOME_FAILED and np.array_equal(runs["in_range"], runs["delivered"]))
     )
 

@@ -91,7 +91,7 @@ def strategies(data: Data) -> list[Strategy]:
 def front(found: Sequence[Strategy]) -> Bools:
     """(n,) which of them follow the target, and are not beaten in both error and energy by another that does."""
     nan = float("nan")
-    return statistics.front(
+    return statistics.pareto_front(
         [one.rmse if one.follows else nan for one in found], [one.energy if one.follows else nan for one in found]
     )
 

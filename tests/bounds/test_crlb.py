@@ -1,4 +1,4 @@
-"""Bounds on the tracking error: of whom they are one, where there is none, and that no tracker is below."""
+"""Bounds on the tracking error: which exist, and that no tracker of the catalogue is below."""
 
 import dataclasses
 
@@ -7,10 +7,9 @@ import pytest
 
 from wsnsim import read
 from wsnsim.base.errors import ResultError, UsageError
-from wsnsim.bounds import crlb
-from wsnsim.bounds.crlb import bound, bound_of_run
-from wsnsim.bounds.initial_draws import drawn
-from wsnsim.bounds.used_readings import Recorded
+from wsnsim.bounds import GAINS, KINDS, READINGS, bound, bound_of_run, crlb
+from wsnsim.bounds.initial_conditions import sample_initial_conditions
+from wsnsim.bounds.recorded_readings import RecordedReadings
 from wsnsim.experiment import run, simulate
 from wsnsim.scenario import build, load, resolved, shipped
 
@@ -28,28 +27,28 @@ JIANG = {"extends": "scenarios/central_pf.yaml", "duration": "2 s"}
 def test_on_a_line_the_bound_is_what_the_kalman_filter_claims_at_every_step(tmp_path):
     result = run(ON_THE_LINE, replicates=3, out=tmp_path / "x.h5").out
     claimed = read(result, "estimates").sd_x.to_numpy().reshape(3, 40)
-    for kind in crlb.KINDS:
+    for kind in KINDS:
         assert bound(ON_THE_LINE, range(3), kind).rmse == pytest.approx(claimed[0], rel=1e-9)
         assert bound_of_run(result, "arrived", kind).columns[:, 0] == pytest.approx(claimed[2], rel=1e-9)
 
 
 def test_a_tracker_that_does_not_know_the_gains_has_the_bound_for_unknown_ones():
     blind = {**JIANG, "tracker": {"kind": "ekf", "gains": "unknown"}}
-    assert bound(blind, range(2), "per_trajectory").asked.gains == "unknown"
+    assert bound(blind, range(2), "per_trajectory").query.gains == "unknown"
     assert np.array_equal(
         bound(blind, range(2), "per_trajectory").each, bound(JIANG, range(2), "per_trajectory", "unknown").each
     )
-    assert bound(JIANG, range(2), "per_trajectory").asked.gains == "known"
+    assert bound(JIANG, range(2), "per_trajectory").query.gains == "known"
 
 
 def test_unknown_gains_never_lower_the_bound_and_matter_where_they_differ():
-    known, unknown = (bound(JIANG, range(3), "per_trajectory", gains) for gains in crlb.GAINS)
+    known, unknown = (bound(JIANG, range(3), "per_trajectory", gains) for gains in GAINS)
     assert np.all(unknown.each >= known.each * (1 - 1e-9)) and unknown.time_mean > 1.05 * known.time_mean
     alike = {**JIANG, "sensor": {"gain_spread": 1e-9}}
-    same = [bound(alike, range(2), "per_trajectory", gains).each for gains in crlb.GAINS]
+    same = [bound(alike, range(2), "per_trajectory", gains).each for gains in GAINS]
     assert same[0] == pytest.approx(same[1], rel=1e-6)
-    loose = [bound(JIANG, range(3), gains=gains).rmse for gains in crlb.GAINS]
-    assert np.array_equal(*loose), "the bound for known gains bounds both"
+    loose = [bound(JIANG, range(3), gains=gains).rmse for gains in GAINS]
+    assert np.array_equal(*loose), "the posterior bound is that for known gains"
 
 
 def test_more_sensors_never_raise_the_bound_and_fewer_readings_never_lower_it():
@@ -61,13 +60,13 @@ def test_more_sensors_never_raise_the_bound_and_fewer_readings_never_lower_it():
         assert np.all(now <= before)
         before, some = now, [*some, more]
     missing = {**JIANG, "detection": {"kind": "imperfect", "missed": 0.5}}
-    for kind in crlb.KINDS:
+    for kind in KINDS:
         assert np.all(bound(missing, range(2), kind).rmse > bound(JIANG, range(2), kind).rmse)
 
 
-def test_the_unconditional_bound_is_below_the_mean_along_trajectories():
+def test_the_posterior_bound_is_below_the_mean_over_trajectories():
     for scenario in ({**JIANG, "duration": "12 s"}, "scenarios/ungm_grid.yaml", "scenarios/liu_network.yaml"):
-        over, along = (bound(scenario, range(6), kind) for kind in crlb.KINDS)
+        over, along = (bound(scenario, range(6), kind) for kind in KINDS)
         assert np.all(over.rmse <= along.rmse * (1 + 1e-9)) and over.time_mean < 0.999 * along.time_mean
         assert along.of_replicates.shape == (6,) and along.each.shape == (6, 1, over.rmse.size)
 
@@ -75,21 +74,21 @@ def test_the_unconditional_bound_is_below_the_mean_along_trajectories():
 @pytest.mark.parametrize(
     ("scenario", "kinds", "words"),
     [
-        ("scenarios/gmtt.yaml", crlb.KINDS, "no density"),
-        ("scenarios/beacons.yaml", crlb.KINDS, "no target"),
+        ("scenarios/gmtt.yaml", KINDS, "no probability density"),
+        ("scenarios/beacons.yaml", KINDS, "no target"),
         ("scenarios/indoor_pf.yaml", ("unconditional",), "room"),
         ({"extends": "scenarios/indoor_pf.yaml", "motion": {"course": "turn"}}, ("unconditional",), "turn"),
         ({**JIANG, "duration": "12 s", "motion": {"noise": "g_only"}}, ("unconditional",), "singular"),
     ],
 )
-def test_where_there_is_no_bound_it_says_why(scenario, kinds, words):
-    for kind in crlb.KINDS:
+def test_a_bound_that_does_not_exist_gives_its_reason(scenario, kinds, words):
+    for kind in KINDS:
         found = bound(scenario, range(2), kind)
         assert (words in found.reason) == (kind in kinds)
         assert np.isnan(found.time_mean) == (found.rmse.size == 0) == bool(found.reason)
 
 
-def test_a_truth_that_moves_without_noise_is_bounded_as_one():
+def test_a_trajectory_without_process_noise_has_the_bound_of_one():
     calm = {**ON_THE_LINE, "motion": {**ON_THE_LINE["motion"], "truth_noise": False}}
     slope = np.array([[1.0, 0.5, 0.125], [0.0, 1.0, 0.5], [0.0, 0.0, 1.0]])
     cov, expected = np.diag([4.0, 1.0, 0.01]), []
@@ -97,22 +96,20 @@ def test_a_truth_that_moves_without_noise_is_bounded_as_one():
         cov = slope @ cov @ slope.T
         cov = cov - np.outer(cov[0], cov[0]) / (cov[0, 0] + 0.7**2 / 2.0)
         expected.append(np.sqrt(cov[0, 0]))
-    for kind in crlb.KINDS:
+    for kind in KINDS:
         assert bound(calm, range(2), kind).rmse == pytest.approx(expected, rel=1e-9)
 
 
-def test_what_makes_a_bound_less_than_strict_is_said():
+def test_cautions_say_why_a_bound_is_not_strict():
     assert not bound("scenarios/range_anchors.yaml", range(2)).cautions
     assert "fixed prior" in bound("scenarios/range_pf.yaml", range(2)).cautions[0]
     assert "room" in " ".join(bound("scenarios/indoor_pf.yaml", range(2), "per_trajectory").cautions)
-    assert (
-        "turned back" in bound({**JIANG, "duration": "12 s"}, range(2)).cautions[0] and not bound(JIANG, [0]).cautions
-    )
+    assert "turns back" in bound({**JIANG, "duration": "12 s"}, range(2)).cautions[0] and not bound(JIANG, [0]).cautions
 
 
-def test_of_two_targets_each_has_its_own_and_both_are_in_the_mean():
+def test_two_targets_have_a_bound_each_and_both_enter_the_mean():
     two = {"extends": "scenarios/two_targets.yaml", "duration": "1 s"}
-    for kind, count in zip(crlb.KINDS, (1, 2), strict=True):
+    for kind, count in zip(KINDS, (1, 2), strict=True):
         found = bound(two, range(2), kind)
         assert found.each.shape == (count, 2, 25) and found.columns.shape == (25, 4)
         assert found.rmse == pytest.approx(np.sqrt((found.each**2).mean(axis=(0, 1))))
@@ -136,14 +133,14 @@ SMALL = {"duration": "2 s", "record": {"events": True}}
         {"extends": "scenarios/central_pf.yaml", **SMALL, "tracker": {"kind": "ekf"}},
     ],
 )
-def test_of_a_recorded_run_as_many_readings_count_as_the_tracker_used(tmp_path, scenario):
+def test_as_many_readings_of_a_recorded_run_count_as_the_tracker_used(tmp_path, scenario):
     result = run(scenario, replicates=2, out=tmp_path / "x.h5").out
-    estimates, recorded = read(result, "estimates"), Recorded(result, build(load(scenario)))
+    estimates, recorded = read(result, "estimates"), RecordedReadings(result, build(load(scenario)))
     for replicate, rows in estimates[estimates.issued.notna()].groupby("replicate"):
         for readings, column in (("active", "active"), ("arrived", "readings")):
-            steps = recorded.heard(replicate, 0, readings).steps
+            steps = recorded.used(replicate, 0, readings).steps
             assert np.array_equal(np.bincount(steps, minlength=51)[rows.step], rows[column])
-    every, active, arrived = (bound_of_run(result, readings).each for readings in crlb.READINGS)
+    every, active, arrived = (bound_of_run(result, readings).each for readings in READINGS)
     assert np.all(every <= active * (1 + 1e-9)) and np.all(active <= arrived * (1 + 1e-9))
     assert np.array_equal(every, bound(scenario, range(2), "per_trajectory").each)
 
@@ -156,13 +153,14 @@ def test_readings_that_were_lost_raise_the_bound_of_a_run(tmp_path):
     assert arrived[:12] == pytest.approx(active[:12], rel=1e-12) and arrived[35] > 1.2 * active[35]
 
 
-def test_a_run_without_events_or_with_other_truths_says_so(tmp_path, monkeypatch):
+def test_a_run_without_events_or_with_other_trajectories_is_refused(tmp_path, monkeypatch):
     result = run(
         {**JIANG, "record": {"events": False}, "tracker": {"kind": "ekf"}}, replicates=1, out=tmp_path / "x.h5"
     ).out
-    assert "not all recorded" in bound_of_run(result).reason and not bound_of_run(result, "in_range").reason
-    monkeypatch.setattr(crlb, "drawn", lambda problem, replicate: drawn(problem, replicate + 1))
-    with pytest.raises(ResultError, match="another truth"):
+    assert "needs the tables" in bound_of_run(result).reason and not bound_of_run(result, "in_range").reason
+    sample = sample_initial_conditions
+    monkeypatch.setattr(crlb, "sample_initial_conditions", lambda setup, replicate: sample(setup, replicate + 1))
+    with pytest.raises(ResultError, match="another ground-truth"):
         bound_of_run(result, "in_range")
 
 
@@ -182,21 +180,21 @@ SHIPPED = {
 }  # fmt: skip
 
 
-def set_up(name):
-    """What a bound is made of: the targets, the sensors, and what filters are told of the start."""
+def bound_inputs(name):
+    """The part of a scenario that determines its bound."""
     said = resolved(load(name))
     return repr([said.get(role) for role in ("prior", "motion", "targets", "sensor", "step")])
 
 
-def test_every_shipped_scenario_has_a_set_up_that_is_compared_or_has_no_bound():
-    compared = {set_up(name) for name in SHIPPED}
+def test_every_shipped_scenario_is_compared_with_its_bound_or_has_none():
+    compared = {bound_inputs(name) for name in SHIPPED}
     for name in shipped():
-        if set_up(name) not in compared:
+        if bound_inputs(name) not in compared:
             assert bound(name, range(1)).reason, name
 
 
 def squares(scenario, count):
-    """(count,) each replicate's mean square error over targets and steps."""
+    """The mean square error of each run over targets and steps, (count,)."""
     return np.array([np.nanmean(simulate(scenario, replicate).errors ** 2) for replicate in range(count)])
 
 

@@ -1,11 +1,11 @@
-"""The recursions behind bounds, and what readings tell: against closed forms, random scores, and dense matrices."""
+"""Recursions and Fisher information against closed forms, sampled scores and dense matrices."""
 
 import numpy as np
 import pytest
 
-from wsnsim.bounds import gains, recursion
-from wsnsim.bounds.information import Heard, in_range, information
-from wsnsim.bounds.used_readings import _members
+from wsnsim.bounds import recursion, unknown_gains
+from wsnsim.bounds.information import UsedReadings, in_range, information
+from wsnsim.bounds.recorded_readings import _members
 from wsnsim.models.ranging import Range
 from wsnsim.models.sensing import AcousticEnergy
 from wsnsim.models.ungm import Squared, Ungm
@@ -19,7 +19,7 @@ def spread(rng, size, rank=None):
 
 
 def kalman(law, prior, told, place):
-    """The textbook's filter, Joseph's form, a scalar reading an eigenvector of the information."""
+    """A Kalman filter in Joseph form, with one scalar reading per eigenvector of the information."""
     cov, result = prior, []
     for (slope, noise), now in zip(law, told, strict=True):
         cov = slope @ cov @ slope.T + noise
@@ -35,7 +35,7 @@ def kalman(law, prior, told, place):
 
 
 @pytest.mark.parametrize("rank", [0, 1, 2, 4])
-def test_where_all_is_linear_both_kinds_are_the_covariance_of_the_kalman_filter(rank):
+def test_in_a_linear_model_both_kinds_are_the_covariance_of_the_kalman_filter(rank):
     rng = np.random.default_rng(rank)
     slope, noise, prior = rng.normal(size=(4, 4)), spread(rng, 4, rank), spread(rng, 4, 3)
     told = np.array([spread(rng, 2, 1 + step % 2) for step in range(8)])
@@ -50,7 +50,7 @@ def test_where_all_is_linear_both_kinds_are_the_covariance_of_the_kalman_filter(
     assert np.abs((along - expected[:, None]) / scale[:, None]).max() < 1e-9
 
 
-def test_of_a_target_that_stands_still_ranges_tell_the_inverse_of_fishers_information():
+def test_for_a_target_at_rest_the_bound_is_the_inverse_fisher_information_of_its_ranges():
     rng = np.random.default_rng(5)
     sensor, point = Range(sd=2.0, reach=70.0), np.array([3.0, -4.0])
     places = rng.uniform(-60, 60, (12, 2))
@@ -60,16 +60,16 @@ def test_of_a_target_that_stands_still_ranges_tell_the_inverse_of_fishers_inform
     assert 3 <= near.sum() < 12
     expected = sum(np.outer(a, a) / d**2 / 4.0 for a, d in zip(apart[near], distances[near], strict=True))
     points, nothing = np.repeat(point[None], 61, axis=0), np.empty((12, 0))
-    heard = in_range(sensor, points, places)
-    told = information(sensor, points, places, nothing, heard)
+    used = in_range(sensor, points, places)
+    told = information(sensor, points, places, nothing, used)
     assert told == pytest.approx(np.repeat(expected[None], 61, axis=0), rel=1e-12)
     still = [(np.eye(2)[None], np.zeros((2, 2)))] * 61
     found = recursion.along_trajectories(still, 1e9 * np.eye(2)[None], told[:, None], [0, 1])[:, 0]
     assert found == pytest.approx(np.linalg.inv(expected) / np.arange(1, 62)[:, None, None], rel=1e-6)
 
 
-def test_the_unconditional_bound_is_the_inverse_of_the_covariance_of_scores_drawn_at_random():
-    """Of all states of the growth model so far, after each of two steps, from the start N(0.5, 0.25)."""
+def test_the_posterior_bound_is_the_inverse_of_the_covariance_of_sampled_scores():
+    """Of the joint state of the growth model over all steps so far, after each of two steps; start N(0.5, 0.25)."""
     count, some, q, r = 400_000, 50_000, 50.0, 2000.0
     motion, sensor, rng = Ungm(q=q), Squared(variance=r), np.random.default_rng(11)
     noise, error = rng.standard_normal((2, 2, count))
@@ -91,13 +91,13 @@ def test_the_unconditional_bound_is_the_inverse_of_the_covariance_of_scores_draw
     assert recursion.over_trajectories(law, prior, told, [0])[:, 0, 0] == pytest.approx(expected, rel=0.02)
     alike = [(np.broadcast_to(slopes.mean(axis=0), slopes.shape), noise) for slopes, noise in law]
     careless = recursion.over_trajectories(alike, prior, told, [0])[0, 0, 0]
-    assert careless > 1.1 * expected[0], "that slopes differ tells something, too"
+    assert careless > 1.1 * expected[0], "that slopes differ carries information, too"
 
 
-def test_what_a_reading_tells_of_place_and_gain_is_the_covariance_of_its_score():
+def test_the_information_about_position_and_gain_is_the_covariance_of_the_score():
     sensor, rng = AcousticEnergy(samples=40), np.random.default_rng(2)
     point, place, gain = np.array([[12.0, -9.0]] * 2), np.array([[30.0, 4.0]]), np.array([[0.85]])
-    told = gains.told_by(sensor, point, place, gain, Heard(np.array([1]), np.array([0])))
+    told = unknown_gains.linearised_readings(sensor, point, place, gain, UsedReadings(np.array([1]), np.array([0])))
     theta = np.vstack([told.slopes.T, told.gain_slopes])[:, 0]
     readings = sensor.measure(
         np.repeat(point[:1], 200_000, axis=0), np.repeat(place, 200_000, axis=0), np.repeat(gain, 200_000, axis=0),
@@ -115,15 +115,17 @@ def test_what_a_reading_tells_of_place_and_gain_is_the_covariance_of_its_score()
     assert found == pytest.approx(scores @ scores.T / 200_000, rel=0.02)
 
 
-def test_gains_that_last_a_run_are_shared_as_in_the_information_of_all_unknowns_at_once():
+def test_constant_gains_give_the_bound_of_the_joint_information_matrix_of_all_unknowns():
     rng = np.random.default_rng(7)
     steps, size, nodes = 9, 4, 6
     slope, noise, prior = np.eye(4) + 0.3 * rng.normal(size=(4, 4)), spread(rng, 4), spread(rng, 4)
     pairs = [(k, node) for k in range(steps + 1) for node in range(nodes) if (k + 2 * node) % 5 < 2 and k != 4]
-    heard = Heard(*np.array(pairs).T)
-    told = gains.Told(rng.normal(size=(len(pairs), 2)), rng.normal(size=len(pairs)), rng.uniform(0, 2, len(pairs)))
-    found = gains.along_trajectory([(slope[None], noise)] * steps, prior, told, heard, PLANE, 0.3)
-    assert gains.seated(heard)[1] <= nodes
+    used = UsedReadings(*np.array(pairs).T)
+    told = unknown_gains.LinearisedReadings(
+        rng.normal(size=(len(pairs), 2)), rng.normal(size=len(pairs)), rng.uniform(0, 2, len(pairs))
+    )
+    found = unknown_gains.along_trajectory([(slope[None], noise)] * steps, prior, told, used, PLANE, 0.3)
+    assert unknown_gains.gain_slots(used)[1] <= nodes
     whole = np.zeros((size * (steps + 1) + nodes,) * 2)
     whole[:size, :size] = np.linalg.inv(prior)
     whole[-nodes:, -nodes:] = np.eye(nodes) * 3.0 / 0.3**2
@@ -141,19 +143,19 @@ def test_gains_that_last_a_run_are_shared_as_in_the_information_of_all_unknowns_
             assert found[k - 1] == pytest.approx(np.linalg.inv(whole[np.ix_(known, known)])[here, here], rel=1e-7)
 
 
-def test_a_seat_is_taken_over_only_from_a_node_that_will_not_be_heard_again():
+def test_a_slot_is_reused_only_after_the_last_reading_of_its_node():
     rng = np.random.default_rng(4)
     pairs = sorted({(int(k), int(n)) for k, n in zip(rng.integers(0, 60, 200), rng.integers(0, 40, 200), strict=True)})
-    heard = Heard(*np.array(pairs).T)
-    seats, count = gains.seated(heard)
-    spans = [(heard.steps[heard.nodes == n][[0, -1]], set(seats[heard.nodes == n])) for n in set(heard.nodes.tolist())]
+    used = UsedReadings(*np.array(pairs).T)
+    slots, count = unknown_gains.gain_slots(used)
+    spans = [(used.steps[used.nodes == n][[0, -1]], set(slots[used.nodes == n])) for n in set(used.nodes.tolist())]
     assert all(len(own) == 1 for _, own in spans)
     for i, ((begin, end), own) in enumerate(spans):
         assert all(own != other or end < b or e < begin for (b, e), other in spans[i + 1 :])
-    assert count == seats.max() + 1 < 40
+    assert count == slots.max() + 1 < 40
 
 
-def test_without_readings_doubt_grows_as_the_motion_says():
+def test_without_readings_the_covariance_grows_by_the_motion_model():
     rng = np.random.default_rng(1)
     slope, noise, prior = rng.normal(size=(4, 4)), spread(rng, 4, 1), spread(rng, 4)
     for recurse in (recursion.along_trajectories, recursion.over_trajectories):

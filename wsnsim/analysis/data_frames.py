@@ -1,0 +1,46 @@
+"""Tables of single result files as pandas DataFrames.
+
+read_file(path, table, columns=None) -> DataFrame        stacked(files, frames, table) -> DataFrame
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from pandas.api.types import union_categoricals
+
+from wsnsim import recording
+from wsnsim.base.errors import ResultError
+
+
+def read_file(path: str | Path, table: str, columns: Sequence[str] | None = None) -> pd.DataFrame:
+    """A table of one result file."""
+    arrays, words = recording.read_with_meanings(path, table, columns)
+    return pd.DataFrame({name: _series(values, words.get(name, ())) for name, values in arrays.items()})
+
+
+def stacked(files: Sequence[Path], frames: Sequence[pd.DataFrame], table: str) -> pd.DataFrame:
+    """Frames of one table, one below the other. Raises ResultError if they have not the same columns."""
+    for file, frame in zip(files, frames, strict=True):
+        if list(frame) != list(frames[0]):
+            raise ResultError(f"{file}: table {table} has other columns than in {files[0]}; say which ones to read")
+    return pd.DataFrame({name: _joined([frame[name] for frame in frames]) for name in frames[0]})
+
+
+def _series(values: np.ndarray, words: tuple[str, ...]) -> Any:
+    """The column, codes as words. A code that the file gives no word for is 'unknown_' and its number."""
+    if not words:
+        return values
+    unknown = range(len(words), int(values.max(initial=0)) + 1)
+    return pd.Categorical.from_codes(values, [*words, *(f"unknown_{code}" for code in unknown)])
+
+
+def _joined(pieces: list[pd.Series]) -> Any:
+    """One column below the other. Categories that grew in different orders are brought together by their words."""
+    if isinstance(pieces[0].dtype, pd.CategoricalDtype):
+        return union_categoricals(pieces)
+    return np.concatenate([piece.to_numpy() for piece in pieces])

@@ -1,0 +1,87 @@
+"""What is random in a run before the clock starts: network, trajectories and priors; and which bounds they allow.
+
+sample_initial_conditions(setup, replicate) -> InitialConditions      reason_without_bound(motion, kind) -> text or ''
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from wsnsim.base.arrays import Floats
+from wsnsim.base.ports import Continuous, MotionModel
+from wsnsim.base.rng import Streams
+from wsnsim.base.setups import TrackingSetup
+
+
+class InitialConditions(NamedTuple):
+    """The network, trajectories and priors of one Monte Carlo run.
+
+    Attributes:
+        positions: (N, 2) of the nodes.
+        traits: (N, T) constants of the nodes' sensors, such as gains.
+        truths: for each target, its states (steps + 1, D).
+        priors: for each target, the covariance (D, D) of its prior.
+    """
+
+    positions: Floats
+    traits: Floats
+    truths: list[Floats]
+    priors: list[Floats]
+
+
+def sample_initial_conditions(setup: TrackingSetup, replicate: int) -> InitialConditions:
+    """The network and targets that `experiment.simulate` uses in this run, from the same random streams."""
+    streams = Streams(setup.seed, replicate)
+    positions = setup.deploy.draw(setup.sensor.reach, streams("deploy"))
+    traits = setup.sensor.draw_traits(len(positions), streams("gains"))
+    truth, prior = streams("truth"), streams("prior")
+    truths = [motion.truth(setup.steps, setup.dt, truth) for motion in setup.motions]
+    return InitialConditions(positions, traits, truths, [setup.prior.draw(states[0], prior).cov for states in truths])
+
+
+def reason_without_bound(motion: MotionModel, kind: str) -> str:
+    """Why there is no bound of this kind for a target with this motion model; empty if there is one.
+
+    The posterior bound holds for trajectories sampled from the motion model that filters are given. Along one
+    trajectory, the motion model only determines how fast past information decays.
+    """
+    if isinstance(motion, Continuous):
+        return "the target moves in straight lines between way-points: its motion has no probability density"
+    if kind == "per_trajectory":
+        return ""
+    course = getattr(motion, "course", "free")
+    if course == "in_room":
+        return "trajectories are conditioned on staying in a room: they are not samples of the motion model"
+    if course != "free":
+        return f"the trajectory has a prescribed {course}: it is not a sample of the motion model"
+    if getattr(motion, "box", None) is not None:
+        return "the trajectory is reflected at a box that is not part of the motion model of the filters"
+    return ""
+
+
+def process_noise(motion: MotionModel, covariance: Floats) -> Floats:
+    """The covariance (D, D) of the trajectory's process noise: zero where only the filters assume noise."""
+    return covariance if getattr(motion, "truth_noise", True) else np.zeros_like(covariance)
+
+
+def cautions(setup: TrackingSetup, conditions: Sequence[InitialConditions]) -> Iterator[str]:
+    """The reasons why a bound is not strict for these runs, a sentence each."""
+    prior: Any = setup.prior
+    if getattr(prior, "mean", None) is not None and any(_starts_elsewhere(prior, m) for m in setup.motions):
+        yield "filters are given a fixed prior: the bound holds on average over starts sampled from it"
+    yield from sorted({reason_without_bound(motion, "unconditional") for motion in setup.motions} - {""})
+    for target, motion in enumerate(setup.motions):
+        bound = getattr(motion, "bound", None)
+        positions = np.array([one.truths[target][:, list(motion.position)] for one in conditions])
+        if bound is not None and np.any(np.abs(positions) > bound):
+            yield "the target turns back at a line: the information in that sudden turn is not counted"
+            return
+
+
+def _starts_elsewhere(prior: Any, motion: Any) -> bool:
+    """Whether trajectories do not start at samples of the prior."""
+    spread = getattr(motion, "start_sd", None)
+    return spread is None or not np.allclose(spread, prior.sd) or not np.allclose(motion.start, prior.mean)
