@@ -18,7 +18,8 @@ from wsnsim.models.faults import Bias, Blackout, ClockStep, Crash, Drain, LinkLo
 from wsnsim.models.hardware import PerfectClock, Processor
 from wsnsim.network.clocks import Clocks
 from wsnsim.network.event_log import EventLog
-from wsnsim.network.faults import Faults, Site
+from wsnsim.network.fault_services import FaultSite, NodeControl
+from wsnsim.network.faults import FaultSchedule
 from wsnsim.network.nodes import SPENT, Nodes
 
 LINE = np.column_stack([np.arange(10.0) * 10.0, np.zeros(10)])
@@ -35,10 +36,9 @@ class Bed:
         self.clocks = Clocks(PerfectClock(), 1, 10)
         self.heads = heads or {}
         journal = EventLog(self.memory, 0)
-        self.site = Site(
-            self.env, self.fleet, journal, self.clocks, self.fleet.crash, self.fleet.restart, self.heads.get
-        )
-        Faults(script, self.site, key, 0.1).start()
+        control = NodeControl(self.fleet.crash, self.fleet.restart, self.heads.get)
+        self.site = FaultSite(self.env, self.fleet, journal, self.clocks, control)
+        FaultSchedule(script, self.site, key, 0.1).start()
         self.journal = journal
 
     def at(self, time: float) -> Bed:

@@ -8,9 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import Final, Protocol, runtime_checkable
 
 from wsnsim.base.arrays import Floats, Ints
+
+NOBODY: Final = -1
+"""Stands for a node in the log of a fault that hits none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +66,7 @@ class FaultServices(Protocol):
         ...
 
     def log_start(self, node: int, joules: float = 0.0) -> None:
-        """Log that the fault hits a node, and the charge that it took."""
+        """Log that the fault hits a node, or NOBODY, and the charge that it took."""
         ...
 
     def log_end(self, node: int) -> None:

@@ -19,7 +19,8 @@ from wsnsim.base.setups import BeaconSetup
 from wsnsim.base.tables import KIND
 from wsnsim.network.energy.energy_steps import EnergySteps
 from wsnsim.network.event_log import EventLog, event
-from wsnsim.network.faults import Faults, Site
+from wsnsim.network.fault_services import FaultSite, NodeControl
+from wsnsim.network.faults import FaultSchedule
 from wsnsim.network.nodes import Nodes
 from wsnsim.network.radio.counters import Counters
 from wsnsim.network.radio.radio_stack import make_radio_stack, run_until
@@ -66,7 +67,7 @@ class BeaconWorld:
         phases = uniforms(derive_all(streams.key("beacons"), np.arange(fleet.size)), 0)
         for node, phase in enumerate((phases * problem.workload.period).tolist()):
             env.process(self._beacon(node, phase))
-        Faults(problem.faults, self._site(), streams.key("faults"), problem.dt).start()
+        FaultSchedule(problem.faults, self._site(), streams.key("faults"), problem.dt).start()
 
     def run(self, progress: Callable[[float], None] | None = None) -> BeaconOutcome:
         """Run to the end. A failure names seed, replicate and simulated time."""
@@ -101,8 +102,9 @@ class BeaconWorld:
                 self._mac.offer(node, bits, _told, self._code)
             yield self._env.timeout(period)
 
-    def _site(self) -> Site:
-        return Site(self._env, self._fleet, self._journal, self._clocks, self._crash, self._fleet.restart)
+    def _site(self) -> FaultSite:
+        control = NodeControl(self._crash, self._fleet.restart)
+        return FaultSite(self._env, self._fleet, self._journal, self._clocks, control)
 
     def _crash(self, node: int) -> None:
         self._mac.silence(node)

@@ -1,221 +1,205 @@
-"""What goes wrong at its time: the script's faults strike whom they are aimed at, and pass when their duration ends.
+"""The faults of a scenario in simulated time: each begins at its time, and passes when its duration has ended.
 
-    Faults(script, site, key, dt).start()
+    FaultSchedule(faults, site, key, dt).start()
 
-`site` is what faults can reach. Whom a fault hits is settled at its instant: a share of all nodes is a function of the
-stream's key and the fault's number alone, so that the rest of a run draws what it would draw without faults. Faults
-of one time strike in the order of the script, those that end first; all before the step that begins at that time.
-Overlapping faults of a kind hold together: what two have taken down is back when both have passed.
+The nodes that a fault hits are chosen at its beginning. A share of all nodes depends on the key and the number of the
+fault alone, so that the rest of a run draws the same random numbers as without faults. Of the faults of one time,
+those that end come first, then those that begin, in the order of the scenario; all come before the step of that time.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
-import simpy
 
 from wsnsim.base.arrays import Ints
 from wsnsim.base.errors import RunError
+from wsnsim.base.mechanisms import NOBODY, FaultMechanism, FaultServices, SensorDefect, StartsFault
 from wsnsim.base.radio import FaultEvent
 from wsnsim.base.rng import derive, derive_all, uniforms
-from wsnsim.base.tables import CAUSE, EVENT_CAUSE, KIND
-from wsnsim.network.clocks import Clocks
-from wsnsim.network.event_log import EventLog, event
-from wsnsim.network.nodes import Nodes
-from wsnsim.network.readings import Defect
+from wsnsim.network.fault_services import Combination, FaultSite, Outages, RadioDisturbances, SiteServices, Timeline
 
-NOBODY: Final = -1
-SAME: Final = 1e-9
-"""A fault that strikes within this share of a step from a step's beginning strikes at it."""
+CHANGE_READINGS: Final = frozenset({"clock_step", "stuck", "bias"})
+"""Built-in mechanisms that change what sensors read."""
 
 
-def _no_head(target: int) -> int | None:
-    return None
+class FaultSchedule:
+    """The faults of one run. `key` is the random key of all faults, `dt` the length of a step in s."""
 
-
-@dataclass(slots=True)
-class Site:
-    """What faults can reach. `defects` are the sensors'; `head(target)` leads now, or None.
-
-    `crash(node)` takes a living node down with all that it does and knows; `restart(node)` brings back one that is
-    down.
-    """
-
-    env: simpy.Environment
-    fleet: Nodes
-    journal: EventLog
-    clocks: Clocks
-    crash: Callable[[int], None]
-    restart: Callable[[int], None]
-    head: Callable[[int], int | None] = _no_head
-    defects: dict[int, Defect] = field(default_factory=dict)
-
-
-class Faults:
-    """A scenario's faults in simulated time. `dt` is the length of a step in s."""
-
-    def __init__(self, script: Sequence[FaultEvent], site: Site, key: int, dt: float) -> None:
-        self._script: tuple[Any, ...] = tuple(script)
+    def __init__(self, faults: Sequence[FaultEvent], site: FaultSite, key: int, dt: float) -> None:
+        self._faults = tuple(faults)
         self._site = site
         self._key = key
-        self._dt = dt
+        self._timeline = Timeline(site.env, site.log, dt)
+        shared = Combination(self._timeline, Outages(), RadioDisturbances(site.nodes), key)
+        self._services = [SiteServices(site, shared, fault, number) for number, fault in enumerate(self._faults)]
+        self._mechanisms = [_start(*each) for each in zip(self._faults, self._services, strict=True)]
         self._hit: dict[int, Ints] = {}
-        self._down: dict[int, set[int]] = {}
-        self._jams: dict[int, float] = {}
-        self._losses: dict[int, dict[int, float]] = {}
-        self._begin: dict[str, Callable[[int, Any, Ints], None]] = {
-            "crash": self._crash,
-            "restart": self._reboot,
-            "drain": self._drain,
-            "blackout": self._disturb,
-            "link_loss": self._disturb,
-            "clock_step": self._step_clocks,
-            "stuck": self._spoil,
-            "bias": self._spoil,
-        }
-        for fault in script:
-            if fault.mechanism not in self._begin:
-                known = ", ".join(self._begin)
-                raise RunError(f"faults: no mechanism '{fault.mechanism}' in this network; known: {known}")
 
     def start(self) -> None:
-        """Set the alarms, before anything else is set; a fault at time 0 strikes at once."""
-        alarms = [(self._when(fault.at), 1, number) for number, fault in enumerate(self._script)]
-        for number, fault in enumerate(self._script):
+        """Set a timer for each beginning and end, before any other event; a fault at time 0 begins at once."""
+        when = self._timeline.snapped
+        changes = [(when(fault.at), 1, number) for number, fault in enumerate(self._faults)]
+        for number, fault in enumerate(self._faults):
             if fault.duration is not None:
-                ends = self._when(fault.at + fault.duration)
-                alarms.append((ends, 0 if ends > self._when(fault.at) else 2, number))
-        for time, order, number in sorted(alarms):
-            act = self._strike if order == 1 else self._pass
-            if time <= self._site.env.now:
-                act(number)
-            else:
-                self._at(time, act, number)
+                ends = when(fault.at + fault.duration)
+                changes.append((ends, 0 if ends > when(fault.at) else 2, number))
+        for time, order, number in sorted(changes):
+            act = self._begin if order == 1 else self._end
+            self._timeline.call_at(time, partial(act, number))
 
-    def _at(self, time: float, act: Callable[[int], None], number: int) -> None:
-        alarm = self._site.env.timeout(time - self._site.env.now)
-        assert alarm.callbacks is not None
-        alarm.callbacks.append(lambda _: act(number))
-
-    def _when(self, time: float) -> float:
-        """A time, or the beginning of a step that it only misses by rounding."""
-        step = round(time / self._dt)
-        return step * self._dt if abs(time - step * self._dt) <= SAME * self._dt else time
-
-    def _strike(self, number: int) -> None:
-        self._begin_step()
-        fault, fleet = self._script[number], self._site.fleet
-        aimed = [node for node in self._aimed(number, fault).tolist() if node not in fleet.died_at]
-        if fault.mechanism == "drain":
-            aimed = [node for node in aimed if fleet.alive[node]]
-        nodes = self._hit[number] = np.array(aimed, dtype=np.int64)
-        if not aimed:
-            self._log(fault, NOBODY, fault.mechanism)
-        elif fault.mechanism != "drain":
-            for node in aimed:
-                self._log(fault, node, fault.mechanism)
-        self._begin[fault.mechanism](number, fault, nodes)
-
-    def _begin_step(self) -> None:
-        """What happens at a step's beginning is of that step, though its clock has not yet ticked."""
-        journal, now = self._site.journal, self._site.env.now
-        journal.step = max(journal.step, math.floor(now / self._dt + SAME))
-
-    def _aimed(self, number: int, fault: FaultEvent) -> Ints:
-        """(n,) whom a fault is aimed at, ascending, living or not."""
-        fleet = self._site.fleet
-        if fault.nodes is not None:
-            found = sorted({node for node in fault.nodes if node < fleet.size})
-        elif fault.fraction is not None:
-            drawn = uniforms(derive_all(derive(self._key, number), np.arange(fleet.size)), 0)
-            found = sorted(np.argsort(drawn, kind="stable")[: round(fault.fraction * fleet.size)].tolist())
-        elif fault.region is not None:
-            x, y, radius = fault.region
-            found = sorted(fleet.tree.query_ball_point((x, y), radius))
-        else:
-            head = None if fault.head is None else self._site.head(fault.head)
-            found = [] if head is None else [head]
-        return np.array(found, dtype=np.int64)
-
-    def _pass(self, number: int) -> None:
-        """A fault's duration has ended."""
-        self._begin_step()
-        fault, nodes = self._script[number], self._hit.pop(number)
-        if fault.mechanism in ("crash", "restart"):
-            self._come_back(number)
+    def _begin(self, number: int) -> None:
+        dead = self._site.nodes.died_at
+        hit = [node for node in self._aimed(number) if node not in dead]
+        if not hit:
+            self._services[number].log_start(NOBODY)
             return
+        self._hit[number] = np.array(hit, dtype=np.int64)
+        self._mechanisms[number].begin(self._hit[number])
+
+    def _end(self, number: int) -> None:
+        nodes = self._hit.pop(number, None)
+        if nodes is not None:
+            self._mechanisms[number].end(nodes)
+
+    def _aimed(self, number: int) -> list[int]:
+        """The nodes at which a fault is aimed, ascending, dead ones included."""
+        fault, nodes = self._faults[number], self._site.nodes
+        if fault.nodes is not None:
+            return sorted({node for node in fault.nodes if node < nodes.size})
+        if fault.fraction is not None:
+            samples = uniforms(derive_all(derive(self._key, number), np.arange(nodes.size)), 0)
+            chosen: list[int] = np.argsort(samples, kind="stable")[: round(fault.fraction * nodes.size)].tolist()
+            return sorted(chosen)
+        if fault.region is not None:
+            x, y, radius = fault.region
+            return sorted(nodes.tree.query_ball_point((x, y), radius))
+        head = None if fault.head is None else self._site.control.head_of(fault.head)
+        return [] if head is None else [head]
+
+
+class OutageMechanism:
+    """The nodes are down for the duration; `alone`: whatever other faults hold them down."""
+
+    def __init__(self, services: FaultServices, alone: bool) -> None:
+        self._services = services
+        self._take_down = services.take_down_alone if alone else services.take_down
+
+    def begin(self, nodes: Ints) -> None:
+        """Log, then crash: the rows of all nodes that are hit come first."""
+        _log_starts(self._services, nodes)
+        self._take_down(nodes)
+
+    def end(self, nodes: Ints) -> None:
+        """Restart them; the restarts are logged in place of the end of the fault."""
+        self._services.bring_up()
+
+
+class DrainMechanism:
+    """Nodes lose charge: so many `joules`, or a `share` of what is left. Nodes that are down lose none (our choice)."""
+
+    def __init__(self, services: FaultServices, joules: float | None, share: float | None) -> None:
+        self._services = services
+        self._joules = joules
+        self._share = share
+
+    def begin(self, nodes: Ints) -> None:
+        """Drain the nodes that are up, one after the other."""
+        up = [node for node in nodes.tolist() if self._services.is_up(node)]
+        for node in up:
+            self._services.log_start(node, self._services.drain(node, self._amount(node)))
+        if not up:
+            self._services.log_start(NOBODY)
+
+    def end(self, nodes: Ints) -> None:
+        """Charge does not come back."""
+
+    def _amount(self, node: int) -> float:
+        if self._joules is not None:
+            return self._joules
+        assert self._share is not None, "a drain has joules or a share"
+        return self._services.residual_energy(node) * self._share if self._share < 1.0 else np.inf
+
+
+class LastingMechanism:
+    """A change to the nodes that is undone after the duration. Both are logged."""
+
+    def __init__(self, services: FaultServices, apply: Callable[[Ints], None], undo: Callable[[Ints], None]) -> None:
+        self._services = services
+        self._apply = apply
+        self._undo = undo
+
+    def begin(self, nodes: Ints) -> None:
+        """Log and apply the change."""
+        _log_starts(self._services, nodes)
+        self._apply(nodes)
+
+    def end(self, nodes: Ints) -> None:
+        """Log the end for the nodes that are not dead, and undo the change."""
         for node in nodes.tolist():
-            if node not in self._site.fleet.died_at:
-                self._log(fault, node, f"{fault.mechanism}_over")
-        if fault.mechanism in ("blackout", "link_loss"):
-            self._disturb(number, fault, nodes)
-        elif fault.mechanism == "clock_step":
-            self._site.clocks.step(nodes.tolist(), -fault.offset)
-        else:
-            self._site.defects.pop(number, None)
+            if not self._services.is_dead(node):
+                self._services.log_end(node)
+        self._undo(nodes)
 
-    def _crash(self, number: int, fault: Any, nodes: Ints) -> None:
-        held = self._down[number] = set(nodes.tolist())
-        for node in sorted(held):
-            if self._site.fleet.alive[node]:
-                self._site.crash(node)
-                if node not in self._site.fleet.died_at:
-                    self._log(fault, node, "", "crash")
 
-    def _reboot(self, number: int, fault: Any, nodes: Ints) -> None:
-        """Whoever is up goes down; whoever was down before waits for this one fault alone."""
-        for held in self._down.values():
-            held.difference_update(nodes.tolist())
-        self._crash(number, fault, nodes)
+def _log_starts(services: FaultServices, nodes: Ints) -> None:
+    for node in nodes.tolist():
+        services.log_start(node)
 
-    def _come_back(self, number: int) -> None:
-        fault, held = self._script[number], self._down.pop(number)
-        still = set().union(*self._down.values())
-        for node in sorted(held - still):
-            if node not in self._site.fleet.died_at and not self._site.fleet.alive[node]:
-                self._log(fault, node, "", "restart")
-                self._site.restart(node)
 
-    def _drain(self, number: int, fault: Any, nodes: Ints) -> None:
-        """Charge flows from whoever is up; a node that is down keeps what it has (our choice)."""
-        fleet = self._site.fleet
-        for node in nodes.tolist():
-            joules = fault.joules
-            if joules is None:
-                joules = fleet.left(node) * fault.share if fault.share < 1.0 else np.inf
-            spent = fleet.spend(node, CAUSE["leak"], joules)
-            self._log(fault, node, fault.mechanism, joules=spent)
+def _blackout(fault: Any, services: FaultServices) -> FaultMechanism:
+    return LastingMechanism(services, services.jam, services.unjam)
 
-    def _disturb(self, number: int, fault: Any, nodes: Ints) -> None:
-        """One more fault holds these nodes' radios, or one less: jammed while any does, lossy by all together."""
-        fleet, begins, jams = self._site.fleet, number in self._hit, fault.mechanism == "blackout"
-        for node in nodes.tolist():
-            held = self._jams if jams else self._losses.setdefault(node, {})
-            key, value = (node, self._jams.get(node, 0) + (1 if begins else -1)) if jams else (number, fault.loss)
-            held[key] = value
-            if not (value if jams else begins):
-                del held[key]
-            fleet.jammed[node] = node in self._jams
-            fleet.loss[node] = 1.0 - math.prod(1.0 - loss for loss in self._losses.get(node, {}).values())
-        self._losses = {node: held for node, held in self._losses.items() if held}
-        fleet.disturbed = bool(self._jams or self._losses)
 
-    def _step_clocks(self, number: int, fault: Any, nodes: Ints) -> None:
-        self._site.clocks.step(nodes.tolist(), fault.offset)
+def _link_loss(fault: Any, services: FaultServices) -> FaultMechanism:
+    return LastingMechanism(services, lambda nodes: services.set_loss(nodes, fault.loss), services.clear_loss)
 
-    def _spoil(self, number: int, fault: Any, nodes: Ints) -> None:
-        hit = frozenset(nodes.tolist())
-        if fault.mechanism == "stuck":
-            self._site.defects[number] = Defect(hit, stuck=True, value=fault.value)
-        else:
-            self._site.defects[number] = Defect(hit, offset=fault.offset)
 
-    def _log(self, fault: FaultEvent, node: int, what: str, kind: str = "fault", joules: float = 0.0) -> None:
-        journal, target = self._site.journal, -1 if fault.head is None else fault.head
-        code, cause = journal.code(what), EVENT_CAUSE["leak" if joules else "none"]
-        now = self._site.env.now
-        journal.add(event(now, journal.step, target, node, KIND[kind], code, joules=joules, cause=cause))
+def _clock_step(fault: Any, services: FaultServices) -> FaultMechanism:
+    return LastingMechanism(
+        services,
+        lambda nodes: services.step_clocks(nodes, fault.offset),
+        lambda nodes: services.step_clocks(nodes, -fault.offset),
+    )
+
+
+def _defect(services: FaultServices, **defect: Any) -> FaultMechanism:
+    return LastingMechanism(
+        services,
+        lambda nodes: services.set_defect(SensorDefect(frozenset(nodes.tolist()), **defect)),
+        lambda nodes: services.clear_defect(),
+    )
+
+
+MECHANISMS: Final[Mapping[str, Callable[[Any, FaultServices], FaultMechanism]]] = {
+    "crash": lambda fault, services: OutageMechanism(services, alone=False),
+    "restart": lambda fault, services: OutageMechanism(services, alone=True),
+    "drain": lambda fault, services: DrainMechanism(services, fault.joules, fault.share),
+    "blackout": _blackout,
+    "link_loss": _link_loss,
+    "clock_step": _clock_step,
+    "stuck": lambda fault, services: _defect(services, stuck=True, value=fault.value),
+    "bias": lambda fault, services: _defect(services, offset=fault.offset),
+}
+"""Built-in mechanisms by the name in `fault.mechanism`. The first argument is the component."""
+
+
+def change_readings(faults: Iterable[FaultEvent]) -> bool:
+    """Whether any of the faults may change what sensors read. A plug-in may."""
+    return any(fault.mechanism in CHANGE_READINGS or isinstance(fault, StartsFault) for fault in faults)
+
+
+def _start(fault: FaultEvent, services: FaultServices) -> FaultMechanism:
+    """Return the mechanism of a fault: its own, or the built-in one of that name."""
+    if isinstance(fault, StartsFault):
+        return fault.start(services)
+    if fault.mechanism not in MECHANISMS:
+        known = ", ".join(MECHANISMS)
+        raise RunError(
+            f"faults: unknown mechanism '{fault.mechanism}', and {type(fault).__name__} has no start(services); "
+            f"known: {known}"
+        )
+    return MECHANISMS[fault.mechanism](fault, services)

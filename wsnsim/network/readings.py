@@ -23,16 +23,16 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from wsnsim.base.arrays import Bools, Floats, Ints, Keys, planar
+from wsnsim.base.mechanisms import SensorDefect
 from wsnsim.base.ports import Detection, Detects, SensorModel
 from wsnsim.base.rng import HEAD_KEY, derive, derive_all, normals, reading_noise, uniforms
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.network.clocks import Clocks
+from wsnsim.network.faults import change_readings
 from wsnsim.network.nodes import Nodes
 
 DISTORTION: Final = HEAD_KEY
 """In the place of a target's number, for what distorts a node's readings at every step."""
-DISTORTING: Final = frozenset({"clock_step", "stuck", "bias"})
-"""Faults that change what sensors read."""
 ALARMS: Final = HEAD_KEY
 """In the place of a node's number, for who raises a false alarm at a step."""
 MISSED, FAR, TURNED = 2, 3, 4
@@ -80,20 +80,6 @@ class Readings:
         return [node for node in self.ids[step - 1] if node not in now] if step else []
 
 
-@dataclass(frozen=True, slots=True)
-class Defect:
-    """A fault of some sensors: `offset` is added to their readings, or they are `stuck` at `value`.
-
-    Stuck at None: at what it read last of the target, or if it never did, at the first reading that it takes. A defect
-    changes what is read, not when: a stuck sensor is silent where a good one would be (our choice).
-    """
-
-    nodes: frozenset[int]
-    offset: float = 0.0
-    stuck: bool = False
-    value: float | None = None
-
-
 @dataclass(slots=True)
 class Imperfections:
     """What keeps sensors from being faithful: how they detect, their clocks, and the defects of this instant."""
@@ -101,7 +87,7 @@ class Imperfections:
     detection: Detection
     clocks: Clocks
     dt: float
-    defects: dict[int, Defect] = field(default_factory=dict)
+    defects: dict[int, SensorDefect] = field(default_factory=dict)
 
     def matter(self) -> bool:
         """Whether anything distorts a reading, as long as no fault does."""
@@ -266,7 +252,7 @@ def search_senses(
 def _senses(
     parts: NetworkSetup, truths: Sequence[Floats], fleet: Nodes, imperfections: Imperfections, key: int
 ) -> list[Readings]:
-    faithful = not imperfections.matter() and not any(fault.mechanism in DISTORTING for fault in parts.faults)
+    faithful = not imperfections.matter() and not change_readings(parts.faults)
     senses: list[Readings] = []
     for target, (truth, motion) in enumerate(zip(truths, parts.motions, strict=True)):
         points = truth[:, list(motion.position)]

@@ -30,7 +30,8 @@ from wsnsim.network.clusters.track import Election, Track, ballot_box
 from wsnsim.network.clusters.wake_up_service import WakeUpService
 from wsnsim.network.energy.energy_steps import EnergySteps
 from wsnsim.network.event_log import EventLog, event
-from wsnsim.network.faults import Faults, Site
+from wsnsim.network.fault_services import FaultSite, NodeControl
+from wsnsim.network.faults import FaultSchedule
 from wsnsim.network.node import Node
 from wsnsim.network.nodes import Nodes
 from wsnsim.network.radio.counters import Counters
@@ -117,8 +118,9 @@ class World:
         self._crew = Crew(
             self._appoint, self._call_election, self._enlist, self._release, self._dismiss, self._woke, self._end_run
         )
-        site = Site(env, fleet, journal, clocks, self._crash, self._restart, self._head_of, imperfections.defects)
-        self._faults = Faults(parts.faults, site, streams.key("faults"), parts.dt)
+        control = NodeControl(self._crash, self._restart, self._head_of)
+        site = FaultSite(env, fleet, journal, clocks, control, imperfections.defects)
+        self._faults = FaultSchedule(parts.faults, site, streams.key("faults"), parts.dt)
         self._ended = env.event()
         self._woken = np.zeros((len(truths), parts.steps + 1, 2), dtype=np.int64)
 
