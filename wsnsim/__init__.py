@@ -14,6 +14,8 @@ import importlib
 import warnings
 from typing import TYPE_CHECKING, Any
 
+from wsnsim.base.version import __version__ as __version__
+
 if TYPE_CHECKING:
     from wsnsim.analysis.comparison import compare
     from wsnsim.analysis.comparison import compare as compared
@@ -24,8 +26,6 @@ if TYPE_CHECKING:
     from wsnsim.campaign import sweep
     from wsnsim.experiment import run, simulate
     from wsnsim.scenario import load
-
-__version__ = "0.1.0"
 
 _HOMES = {
     "run": "wsnsim.experiment",

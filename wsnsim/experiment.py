@@ -17,8 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from wsnsim import recording
-from wsnsim import scenario as scenarios
+import wsnsim.scenario as scenarios
 from wsnsim.base import metrics
 from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import RunError, UsageError
@@ -34,6 +33,7 @@ from wsnsim.network.nodes import Nodes
 from wsnsim.network.result_rows import called_row, run_row, woken_rows, write_network, write_rows
 from wsnsim.network.world import World
 from wsnsim.offline.offline_run import OfflineRun
+from wsnsim.recording import ResultFile, provenance, read_text
 
 NAN = float("nan")
 UNCALLED = {"called": 0, "dismissed": 0}
@@ -310,10 +310,10 @@ def run(
     states = tuple(zip(motions[0].columns, motions[0].units, strict=True)) if motions else ()
     position = motions[0].position if motions else ()
     summaries = []
-    with recording.ResultFile(Path(out), states, parts.record, position=position or None) as file:
+    with ResultFile(Path(out), states, parts.record, position=position or None) as file:
         file.set_text("scenario/source_yaml", loaded.source_yaml)
         file.set_text("scenario/resolved_json", json.dumps({**scenarios.resolved(loaded), "replicates": count}))
-        made_by = recording.provenance(command_line, parts.seed, scenarios.plugins(loaded))
+        made_by = provenance(command_line, parts.seed, scenarios.plugins(loaded))
         file.set_text("provenance_json", json.dumps(made_by))
         for number, replicate in enumerate(chosen):
             tell = _teller(progress, number, count, parts.steps * parts.dt, began)
@@ -341,5 +341,5 @@ def _teller(
 
 def rerun_source(path: Path) -> dict[str, Any]:
     """The resolved scenario that a result was made from, ready for `run`."""
-    resolved: dict[str, Any] = json.loads(recording.read_text(path, "scenario/resolved_json"))
+    resolved: dict[str, Any] = json.loads(read_text(path, "scenario/resolved_json"))
     return resolved

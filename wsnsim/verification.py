@@ -13,10 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from wsnsim import recording
-from wsnsim import scenario as scenarios
 from wsnsim.base.tables import Memory
 from wsnsim.experiment import replicate_of, rerun_source
+from wsnsim.recording import provenance, read_table, read_text, tables
+from wsnsim.scenario import build, load
 
 
 @dataclass(frozen=True)
@@ -36,12 +36,12 @@ def verify(path: Path) -> Verification:
     of CPU).
     """
     resolved = rerun_source(path)
-    parts = scenarios.build(scenarios.load(resolved))
-    stored = json.loads(recording.read_text(path, "provenance_json"))
-    here = recording.provenance("", parts.seed)
+    parts = build(load(resolved))
+    stored = json.loads(read_text(path, "provenance_json"))
+    here = provenance("", parts.seed)
     differing = _differing(stored, here)
-    runs = recording.read_table(path, "runs")
-    kept = recording.read_table(path, "estimates") if "estimates" in recording.tables(path) else {}
+    runs = read_table(path, "runs")
+    kept = read_table(path, "estimates") if "estimates" in tables(path) else {}
     rows = []
     for index, replicate in enumerate(runs["replicate"].tolist()):
         memory = Memory({"estimates": True})

@@ -57,7 +57,7 @@ class Odd:
     def forecast(self, belief, scene, ahead):
         return belief
 '''
-SHIM = "import wsnsim\nwsnsim.__version__ = '9.9.9'\n"
+SHIM = "import wsnsim.base.version\nwsnsim.base.version.__version__ = '9.9.9'\n"
 PATIENCE = 120.0
 
 

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from wsnsim import recording
 from wsnsim.experiment import Report
+from wsnsim.recording import read_table
 
 SCHEMA_VERSION = 1
 NAN = float("nan")
@@ -77,7 +77,7 @@ def _links(report: Report) -> dict[str, float]:
     unknown = {"links": NAN, "neighbours": NAN, "found_share": NAN, "over_weak_links": NAN}
     if not dict(report.scenario.record).get("links"):
         return unknown
-    table = recording.read_table(report.out, "links", ["replicate", "source", "chance", "received"])
+    table = read_table(report.out, "links", ["replicate", "source", "chance", "received"])
     strong = table["chance"] >= NEIGHBOUR
     if not strong.any():
         return unknown

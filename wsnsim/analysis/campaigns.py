@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from wsnsim import recording
 from wsnsim.analysis.data_frames import read_file, stacked
 from wsnsim.base.arrays import Bools, Floats
 from wsnsim.base.errors import ResultError
 from wsnsim.base.tables import RECORDED_BY_DEFAULT, TABLES
+from wsnsim.recording import read_table
 from wsnsim.recording.folder import Folder, PointOnDisk
 
 POINT = "point"
@@ -64,7 +64,7 @@ def metric(folder: Folder, point: str, name: str, replicates: int) -> tuple[Floa
     """((replicates,) a column of `runs` at one point, (replicates,) whether the replicate is on disk)."""
     values, seen = np.full(replicates, np.nan), np.zeros(replicates, dtype=np.bool_)
     for batch in folder.batches(point):
-        rows = recording.read_table(batch.path, "runs", ["replicate", name])
+        rows = read_table(batch.path, "runs", ["replicate", name])
         here = rows["replicate"] < replicates
         values[rows["replicate"][here]] = rows[name][here]
         seen[rows["replicate"][here]] = True

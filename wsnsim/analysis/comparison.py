@@ -17,11 +17,11 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import pandas as pd
 
-from wsnsim import recording
 from wsnsim.analysis import campaigns, statistics
 from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import UsageError, did_you_mean
 from wsnsim.base.tables import METRICS, MORE_IS_BETTER, TABLES
+from wsnsim.recording import attributes
 from wsnsim.recording.folder import Folder, Manifest
 
 if TYPE_CHECKING:
@@ -94,7 +94,7 @@ def _unit(folder: Folder, manifest: Manifest, metric: str) -> str:
     """The metric's unit: of errors that of the motion model's position, which the result files say."""
     column = next(column for column in TABLES["runs"] if column.name == metric)
     for batch in (batch for point in manifest.points for batch in folder.batches(point.id)):
-        about = recording.attributes(batch.path)
+        about = attributes(batch.path)
         if column.of_position and about["position"]:
             return str(about["states"][about["position"][0]][1])
         break

@@ -12,10 +12,10 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from wsnsim import bounds
 from wsnsim.analysis import campaigns
 from wsnsim.analysis.comparison import Comparison
 from wsnsim.base.errors import WsnsimError
+from wsnsim.bounds import bound
 from wsnsim.recording.folder import Folder
 
 MOST: Final = 100
@@ -62,7 +62,7 @@ def with_bounds(found: Comparison, folder: Folder) -> Comparison:
 def _point_bounds(scenario: dict[str, object], replicates: Sequence[int]) -> PointBounds:
     nothing = float("nan")
     try:
-        each, whole = (bounds.bound(scenario, replicates, kind) for kind in ("per_trajectory", "unconditional"))
+        each, whole = (bound(scenario, replicates, kind) for kind in ("per_trajectory", "unconditional"))
     except WsnsimError as error:  # a point of which no replicate can be run has no bound either
         return PointBounds(nothing, nothing, str(error))
     return PointBounds(

@@ -13,13 +13,13 @@ import numpy as np
 import pandas as pd
 from pandas.api.types import union_categoricals
 
-from wsnsim import recording
 from wsnsim.base.errors import ResultError
+from wsnsim.recording import read_with_meanings
 
 
 def read_file(path: str | Path, table: str, columns: Sequence[str] | None = None) -> pd.DataFrame:
     """A table of one result file."""
-    arrays, words = recording.read_with_meanings(path, table, columns)
+    arrays, words = read_with_meanings(path, table, columns)
     return pd.DataFrame({name: _series(values, words.get(name, ())) for name, values in arrays.items()})
 
 

@@ -13,7 +13,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from wsnsim import recording
+import wsnsim.recording as recording
 from wsnsim.analysis.event_groups import BLOCK, layout_or_empty, ranges, rows_in
 from wsnsim.analysis.phrases import row_in_words
 from wsnsim.base.errors import ResultError

@@ -15,9 +15,9 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from wsnsim import recording
 from wsnsim.analysis.messages import EVERYONE, LoggedBurst, LoggedMessage
 from wsnsim.analysis.plot_data import StateLayout, layout
+from wsnsim.recording import attributes, meanings, read_table, tables
 
 BLOCK: Final = 1 << 22
 """Rows of two columns that are in memory at once while a step is looked for."""
@@ -79,7 +79,7 @@ class NodeAction:
 
 def layout_or_empty(path: str | Path) -> StateLayout:
     """How the states are laid out; empty where there is no target."""
-    return layout(path) if recording.attributes(path)["states"] else StateLayout({}, ())
+    return layout(path) if attributes(path)["states"] else StateLayout({}, ())
 
 
 def ranges(path: str | Path, table: str = "events") -> dict[int, slice]:
@@ -117,7 +117,7 @@ class OtherSteps(NamedTuple):
 def elsewhere(path: str | Path, replicate: int, step: int, rows: Sequence[LoggedEvent]) -> dict[int, OtherSteps]:
     """What other steps know of the messages of which these rows are; those of this step alone are left out."""
     wanted = np.array(sorted({row.sequence for row in rows if row.sequence}), dtype=np.int64)
-    words = recording.meanings(path, "events", "what")
+    words = meanings(path, "events", "what")
     known: dict[int, OtherSteps] = {}
     for _, columns in _blocks(path, ["replicate", "step", "sequence", "frame", "what"]) if wanted.size else ():
         at = (columns["replicate"] == replicate) & (columns["step"] != step) & np.isin(columns["sequence"], wanted)
@@ -273,17 +273,17 @@ def _blocks(
     path: str | Path, columns: Sequence[str], table: str = "events"
 ) -> Iterator[tuple[int, dict[str, np.ndarray]]]:
     """(first row, columns) of one block after the other."""
-    count = recording.tables(path)[table].rows
+    count = tables(path)[table].rows
     for start in range(0, count, BLOCK):
-        yield start, recording.read_table(path, table, columns, slice(start, start + BLOCK))
+        yield start, read_table(path, table, columns, slice(start, start + BLOCK))
 
 
 def _read(path: str | Path, rows: slice) -> Iterator[tuple[int, LoggedEvent]]:
     """(replicate, event) of each row in a range."""
-    columns = recording.read_table(path, "events", ["replicate", *LoggedEvent._fields], rows)
+    columns = read_table(path, "events", ["replicate", *LoggedEvent._fields], rows)
     lists = [columns["replicate"].tolist()]
     for name in LoggedEvent._fields:
-        words = recording.meanings(path, "events", name)
+        words = meanings(path, "events", name)
         values = columns[name].tolist()
         lists.append([_word(words, code) for code in values] if words else values)
     return ((replicate, LoggedEvent(*values)) for replicate, *values in zip(*lists, strict=True))

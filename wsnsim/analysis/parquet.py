@@ -9,7 +9,7 @@ import contextlib
 from collections.abc import Sequence
 from pathlib import Path
 
-from wsnsim import recording
+import wsnsim.recording as recording
 from wsnsim.analysis import frames
 from wsnsim.base.errors import ResultError, StorageError, UsageError, did_you_mean
 from wsnsim.recording.folder import Folder

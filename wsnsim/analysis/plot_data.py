@@ -16,7 +16,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from wsnsim import recording
+import wsnsim.recording as recording
 from wsnsim.base.arrays import Floats, Ints
 from wsnsim.base.errors import ResultError, UsageError, did_you_mean
 from wsnsim.base.tables import CAUSES

@@ -13,9 +13,10 @@ from typing import Final
 
 import numpy as np
 
-from wsnsim import bounds, recording
 from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import WsnsimError
+from wsnsim.bounds import Bound, bound_of_run
+from wsnsim.recording import read_table, tables
 
 WORDS: Final = {
     "in_range": "bound along the truth, not strict: readings in range",
@@ -24,7 +25,7 @@ WORDS: Final = {
 }
 
 
-def in_range(path: str | Path) -> bounds.Bound | None:
+def in_range(path: str | Path) -> Bound | None:
     """The bound for all readings in range."""
     return _found(path, "in_range")
 
@@ -34,24 +35,24 @@ def beside(path: str | Path) -> dict[str, float]:
 
     Without a log, and without a network, there is that for all readings in range alone.
     """
-    log = recording.tables(path).get("events")
+    log = tables(path).get("events")
     known = list(WORDS) if log is not None and log.rows else ["in_range"]
     found = {readings: bound for readings in known if (bound := _found(path, readings)) is not None}
     means = {readings: bound.time_mean_at(_errors(path, bound)) for readings, bound in found.items()}
     return {readings: mean for readings, mean in means.items() if np.isfinite(mean)}
 
 
-def _found(path: str | Path, readings: str) -> bounds.Bound | None:
+def _found(path: str | Path, readings: str) -> Bound | None:
     try:
-        found = bounds.bound_of_run(path, readings)
+        found = bound_of_run(path, readings)
     except WsnsimError:
         return None
     return None if found.reason else found
 
 
-def _errors(path: str | Path, found: bounds.Bound) -> Floats:
+def _errors(path: str | Path, found: Bound) -> Floats:
     """(replicates, targets, steps) errors at the bound's steps, NaN where there is no estimate."""
-    table = recording.read_table(path, "estimates", ["replicate", "target", "step", "error"])
+    table = read_table(path, "estimates", ["replicate", "target", "step", "error"])
     errors = np.full(found.each.shape, np.nan)
     rows = np.searchsorted(found.query.replicates, table["replicate"])
     errors[rows, table["target"], table["step"] - 1] = table["error"]

@@ -13,7 +13,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from wsnsim import recording
+import wsnsim.recording as recording
 from wsnsim.analysis import plot_data
 from wsnsim.analysis.plot_data import Columns
 from wsnsim.base.arrays import Floats

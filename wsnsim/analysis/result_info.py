@@ -11,9 +11,9 @@ from typing import Any, Final
 
 import numpy as np
 
-from wsnsim import recording
 from wsnsim.base.errors import ResultError
 from wsnsim.base.tables import TABLES
+from wsnsim.recording import attributes, read_table, read_text, tables
 
 FIGURES: Final = {
     "rmse": ("RMSE of a run", "{:.3f}"),
@@ -42,10 +42,10 @@ def info(path: str | Path) -> dict[str, Any]:
     bytes}}), figures (means of `runs`; `lost` is the fraction of runs that lost a track), position_unit, fingerprints,
     provenance.
     """
-    root = recording.attributes(path)
-    sizes = recording.tables(path)
+    root = attributes(path)
+    sizes = tables(path)
     scenario = _json(path, "scenario/resolved_json")
-    runs = recording.read_table(path, "runs") if "runs" in sizes else {}
+    runs = read_table(path, "runs") if "runs" in sizes else {}
     return {
         "file": str(path),
         "bytes": Path(path).stat().st_size,
@@ -88,7 +88,7 @@ def info_text(path: str | Path) -> str:
 def _json(path: str | Path, name: str) -> dict[str, Any]:
     """One of the file's JSON texts; empty if the file holds none, as a run killed early leaves it."""
     try:
-        return json.loads(recording.read_text(path, name))
+        return json.loads(read_text(path, name))
     except ResultError:
         return {}
 

@@ -14,9 +14,9 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from wsnsim import bounds
 from wsnsim.base import metrics
 from wsnsim.base.arrays import Floats
+from wsnsim.bounds import bound, bound_of_run
 from wsnsim.experiment import Report
 
 SCHEMA_VERSION = 1
@@ -107,7 +107,7 @@ def bounds_of_report(report: Report) -> RunBounds:
     Who was active and what arrived is known of a network whose events, estimates and clusters are recorded.
     """
     kind = "per_trajectory"
-    found = bounds.bound(report.scenario, range(len(report.summaries)), kind)
+    found = bound(report.scenario, range(len(report.summaries)), kind)
     if found.reason:
         return RunBounds(reason=found.reason)
     steps = found.each.shape[-1]
@@ -117,7 +117,7 @@ def bounds_of_report(report: Report) -> RunBounds:
     limit = RunBounds(found.time_mean_at(errors), kind)
     if without_network(report) or not math.isfinite(limit.rmse):
         return limit
-    active, arrived = (bounds.bound_of_run(report.out, of, kind).time_mean_at(errors) for of in ("active", "arrived"))
+    active, arrived = (bound_of_run(report.out, of, kind).time_mean_at(errors) for of in ("active", "arrived"))
     return limit._replace(active=active, arrived=arrived)
 
 

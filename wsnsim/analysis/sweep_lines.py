@@ -13,12 +13,12 @@ from typing import Any, Final
 
 import numpy as np
 
-from wsnsim import scenario
 from wsnsim.analysis import campaigns, comparison, plot_data
 from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import UsageError, did_you_mean
 from wsnsim.base.tables import TABLES
 from wsnsim.recording.folder import Folder, Manifest
+from wsnsim.scenario import load
 
 UNIT: Final = re.compile(r"\[([^\[\]]+)\]$")
 """How a field's description ends that has a unit."""
@@ -204,7 +204,7 @@ def _unit(folder: Folder, manifest: Manifest, key: str) -> str:
     point = next((point for point in manifest.points if key in point.settings), None)
     if point is None or key == "scenario":
         return ""
-    model: Any = scenario.load(json.loads(folder.scenario(point.id)))
+    model: Any = load(json.loads(folder.scenario(point.id)))
     *path, name = key.split(".")
     for word in path:
         model = getattr(model, word, None)

@@ -13,12 +13,12 @@ from typing import Any
 
 import numpy as np
 
-from wsnsim import recording
 from wsnsim.analysis.event_groups import LoggedEvent, NodeAction, elsewhere, gathered, layout_or_empty, rows_at
 from wsnsim.analysis.messages import LoggedMessage
 from wsnsim.analysis.phrases import Sentence, StepContext, counted, energy_in_words
 from wsnsim.analysis.step_text import told
 from wsnsim.base.errors import ResultError, UsageError
+from wsnsim.recording import attributes, meanings, read_table, read_text, tables
 
 Record = Mapping[str, Any]
 
@@ -54,7 +54,7 @@ def trace(path: str | Path, step: int, replicate: int = 0, target: int | None = 
         UsageError: there is no such replicate, step or target.
         ResultError: the file cannot be read, or does not hold what it takes.
     """
-    scenario = json.loads(recording.read_text(path, "scenario/resolved_json"))
+    scenario = json.loads(read_text(path, "scenario/resolved_json"))
     dt, network = float(scenario["step"]), scenario.get("network") != "none"
     _check(path, replicate, step)
     truths, estimates = (_of_run(path, table, replicate) for table in ("truth", "estimates"))
@@ -113,9 +113,9 @@ def as_json(picked: StepTrace) -> dict[str, Any]:
 
 def _check(path: str | Path, replicate: int, step: int) -> None:
     """Raise UsageError unless the file has the run, and the run the step. What a killed run left cannot be asked."""
-    if recording.attributes(path)["status"] != "complete":
+    if attributes(path)["status"] != "complete":
         return
-    runs = recording.read_table(path, "runs", ["replicate", "steps"])
+    runs = read_table(path, "runs", ["replicate", "steps"])
     found = dict(zip(runs["replicate"].tolist(), runs["steps"].tolist(), strict=True))
     if replicate not in found:
         raise UsageError(f"{path}: there is no replicate {replicate}; it has {_span(sorted(found))}")
@@ -125,7 +125,7 @@ def _check(path: str | Path, replicate: int, step: int) -> None:
 
 def _demand_events(path: str | Path) -> None:
     """Raise ResultError unless events were recorded."""
-    if "events" not in recording.tables(path):
+    if "events" not in tables(path):
         raise ResultError(
             f"{path}: its events were not recorded, so no step can be told; run it again with them: "
             f"wsnsim run {path} --set record.events=true --out FILE.h5"
@@ -140,9 +140,9 @@ def _span(numbers: Sequence[int]) -> str:
 
 def _of_run(path: str | Path, table: str, replicate: int) -> list[dict[str, Any]]:
     """The rows of one replicate as mappings; none where the table was not recorded."""
-    if table not in recording.tables(path):
+    if table not in tables(path):
         return []
-    columns = recording.read_table(path, table)
+    columns = read_table(path, table)
     rows = columns["replicate"] == replicate
     lists = {name: values[rows].tolist() for name, values in columns.items()}
     return [dict(zip(lists, values, strict=True)) for values in zip(*lists.values(), strict=True)]
@@ -183,10 +183,10 @@ def _unit(path: str | Path) -> str:
 
 def _spent(path: str | Path, replicate: int, step: int) -> dict[str, float] | None:
     """What the network spent in the step, by cause; None where that was not recorded."""
-    if "energy_steps" not in recording.tables(path):
+    if "energy_steps" not in tables(path):
         return None
-    table = recording.read_table(path, "energy_steps", ["replicate", "step", "cause", "joules"])
-    words = recording.meanings(path, "energy_steps", "cause")
+    table = read_table(path, "energy_steps", ["replicate", "step", "cause", "joules"])
+    words = meanings(path, "energy_steps", "cause")
     at = (table["replicate"] == replicate) & (table["step"] == step)
     return {words[code]: joules for code, joules in zip(table["cause"][at], table["joules"][at].tolist(), strict=True)}
 

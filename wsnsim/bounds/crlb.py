@@ -26,8 +26,6 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from wsnsim import experiment, recording
-from wsnsim import scenario as scenarios
 from wsnsim.base import metrics
 from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import ResultError, UsageError, did_you_mean
@@ -42,6 +40,9 @@ from wsnsim.bounds.initial_conditions import (
     sample_initial_conditions,
 )
 from wsnsim.bounds.recorded_readings import RecordedReadings
+from wsnsim.experiment import rerun_source
+from wsnsim.recording import read_table, tables
+from wsnsim.scenario import build, load
 
 KINDS: Final = ("unconditional", "per_trajectory")
 READINGS: Final = ("in_range", "active", "arrived")
@@ -137,8 +138,8 @@ def bound(
         UsageError: kind or gains are not allowed, or there are no runs.
         ScenarioError, RunError: as `simulate`.
     """
-    loaded = scenarios.load(scenario)
-    setup = scenarios.build(loaded)
+    loaded = load(scenario)
+    setup = build(loaded)
     query = _checked(BoundQuery(kind, "in_range", gains or _assumed_gains(loaded), tuple(replicates)))
     if isinstance(setup, BeaconSetup) or (reason := _reason_without_bound(setup, kind)):
         return _no_bound(query, NO_TARGET if isinstance(setup, BeaconSetup) else reason)
@@ -163,9 +164,9 @@ def bound_of_run(
         UsageError: kind, readings or gains are not allowed.
         ResultError: the file cannot be read, or holds other trajectories than this version samples.
     """
-    loaded = scenarios.load(experiment.rerun_source(Path(path)))
-    setup = scenarios.build(loaded)
-    replicates = recording.read_table(path, "runs", ["replicate"])["replicate"].tolist()
+    loaded = load(rerun_source(Path(path)))
+    setup = build(loaded)
+    replicates = read_table(path, "runs", ["replicate"])["replicate"].tolist()
     query = _checked(BoundQuery(kind, readings, gains or _assumed_gains(loaded), tuple(replicates)))
     if isinstance(setup, BeaconSetup) or (reason := _reason_without_bound(setup, kind)):
         return _no_bound(query, NO_TARGET if isinstance(setup, BeaconSetup) else reason)
@@ -173,7 +174,7 @@ def bound_of_run(
     _check_truths(path, setup, replicates, conditions)
     if readings == "in_range" or not isinstance(setup, NetworkSetup):
         return _bound(setup, query, conditions, _all_in_range(setup, conditions), _detection_probability(setup))
-    if not {"events", "estimates", "clusters"} <= recording.tables(path).keys():
+    if not {"events", "estimates", "clusters"} <= tables(path).keys():
         return _no_bound(query, "which readings arrived is unknown: it needs the tables events, estimates and clusters")
     recorded = RecordedReadings(path, setup)
     return _bound(
@@ -241,10 +242,10 @@ def _check_truths(
     path: str | Path, setup: TrackingSetup, replicates: Sequence[int], conditions: Sequence[InitialConditions]
 ) -> None:
     """Raise ResultError if the file holds other trajectories than the ones sampled now."""
-    if "truth" not in recording.tables(path):
+    if "truth" not in tables(path):
         return
     names = setup.motions[0].columns
-    table = recording.read_table(path, "truth", ["replicate", "target", "step", *names])
+    table = read_table(path, "truth", ["replicate", "target", "step", *names])
     for replicate, one in zip(replicates, conditions, strict=True):
         for target, truth in enumerate(one.truths):
             mine = (table["replicate"] == replicate) & (table["target"] == target)

@@ -15,11 +15,11 @@ from typing import Any
 
 import numpy as np
 
-from wsnsim import recording
 from wsnsim.base.arrays import Bools, Floats, Ints
 from wsnsim.base.setups import NetworkSetup, TrackingSetup
 from wsnsim.base.tables import KIND
 from wsnsim.bounds.information import UsedReadings
+from wsnsim.recording import meanings, read_table
 
 Table = dict[str, np.ndarray]
 NodesByStep = dict[int, frozenset[int]]
@@ -32,12 +32,10 @@ class RecordedReadings:
 
     def __init__(self, path: str | Path, setup: TrackingSetup) -> None:
         self._standing = isinstance(setup, NetworkSetup) and not (setup.clusters.is_open or setup.clusters.moves)
-        self._estimates = recording.read_table(
-            path, "estimates", [*KEYS, "step", "time", "issued", "head", "active", "readings"]
-        )
-        self._clusters = recording.read_table(path, "clusters", [*KEYS, "formed", "released", "head"])
-        events = recording.read_table(path, "events", [*KEYS, "time", "step", "node", "peer", "kind", "what"])
-        words = recording.meanings(path, "events", "what")
+        self._estimates = read_table(path, "estimates", [*KEYS, "step", "time", "issued", "head", "active", "readings"])
+        self._clusters = read_table(path, "clusters", [*KEYS, "formed", "released", "head"])
+        events = read_table(path, "events", [*KEYS, "time", "step", "node", "peer", "kind", "what"])
+        words = meanings(path, "events", "what")
         reading = words.index("reading") if "reading" in words else -1
         self._sensed = _rows(events, events["kind"] == KIND["sense"])
         self._joined = _rows(events, events["kind"] == KIND["join"])

@@ -15,11 +15,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from wsnsim import __version__, recording
 from wsnsim.analysis.stopping import ReplicateCounts
 from wsnsim.base.errors import UsageError
+from wsnsim.base.version import __version__
 from wsnsim.campaign.accounts import ALL, Ended, Part, Progress
 from wsnsim.campaign.drive import drive
+from wsnsim.recording import provenance
 from wsnsim.recording.folder import Folder, Manifest, PointOnDisk, runs_of
 from wsnsim.recording.layout import reason
 from wsnsim.scenario.sweep_schema import Plan
@@ -63,7 +64,7 @@ def begin(
         until=plan.until.model_dump() if plan.until else None,
         timeout=plan.timeout,
         source=plan.source,
-        provenance=recording.provenance(command_line, 0),
+        provenance=provenance(command_line, 0),
     )
     for point in plan.points:
         folder.write_scenario(point.id, point.resolved)

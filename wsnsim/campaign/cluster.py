@@ -21,8 +21,8 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, Final, final
 
-from wsnsim import __version__
 from wsnsim.base.errors import UsageError
+from wsnsim.base.version import __version__
 from wsnsim.campaign.engines import Ending, EngineError, Vanished
 from wsnsim.campaign.task import Outcome, Task, words_of
 from wsnsim.campaign.there import Need, lacks, perform_there, version_here

@@ -15,9 +15,9 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Final, final
 
-from wsnsim import __version__
 from wsnsim.analysis.stopping import ReplicateCounts
 from wsnsim.base.errors import ResultError
+from wsnsim.base.version import __version__
 from wsnsim.campaign.accounts import ALL, Ended, Part, Progress
 from wsnsim.campaign.engines import Ending, Engine, EngineError, Vanished
 from wsnsim.campaign.task import Outcome, Task, timed_out

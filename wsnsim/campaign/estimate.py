@@ -16,9 +16,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from wsnsim import experiment, recording, scenario
 from wsnsim.campaign.drive import ALL, Part
+from wsnsim.experiment import Progress, run
+from wsnsim.recording import read_table
 from wsnsim.recording.folder import Folder, runs_of
+from wsnsim.scenario import load
 from wsnsim.scenario.sweep_schema import Plan, Point
 
 TRIALS: Final = 3
@@ -85,7 +87,7 @@ def _measured(plan: Plan, folder: Folder) -> tuple[float, float, str]:
     """(seconds of a replicate, bytes of a file), and from what: results that are there, or trials of some points."""
     there = [batch for point in plan.points for batch in folder.batches(point.id)][:20]
     if there:
-        seconds = [recording.read_table(batch.path, "runs", ["cpu_seconds"])["cpu_seconds"].mean() for batch in there]
+        seconds = [read_table(batch.path, "runs", ["cpu_seconds"])["cpu_seconds"].mean() for batch in there]
         sizes = [batch.path.stat().st_size for batch in there]
         return float(np.mean(seconds)), float(np.mean(sizes)), f"{len(there)} files that are there"
     chosen = _spread_over(plan.points)
@@ -102,20 +104,20 @@ def _spread_over(points: Sequence[Point]) -> list[Point]:
 
 def _trial(point: Point, block: int) -> tuple[float, float]:
     """(seconds, bytes) of one replicate, run here and thrown away; of a whole block, if that is quickly done."""
-    loaded: Any = scenario.load(json.loads(point.resolved))
+    loaded: Any = load(json.loads(point.resolved))
     began = time.monotonic()
 
-    def watch(progress: experiment.Progress) -> None:
+    def watch(progress: Progress) -> None:
         if progress.wall > PATIENCE and progress.time > 0.0:
             raise _Enough(progress.time / progress.duration)
 
     with tempfile.TemporaryDirectory() as place:
         file = Path(place) / "trial.h5"
         try:
-            report = experiment.run(loaded, replicates=1, out=file, progress=watch)
+            report = run(loaded, replicates=1, out=file, progress=watch)
         except _Enough as cut:
             return (time.monotonic() - began) / cut.share, float("nan")
         if report.summaries[0].run["cpu_seconds"] < QUICK / block:
-            report = experiment.run(loaded, replicates=block, out=file)
+            report = run(loaded, replicates=block, out=file)
         count = len(report.summaries)
         return fmean(summary.run["cpu_seconds"] for summary in report.summaries), file.stat().st_size / count

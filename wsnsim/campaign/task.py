@@ -20,8 +20,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Literal, TextIO
 
-from wsnsim import __version__
 from wsnsim.base.errors import StorageError, WsnsimError
+from wsnsim.base.version import __version__
 from wsnsim.recording.folder import Folder
 from wsnsim.recording.layout import cannot_write
 
@@ -122,18 +122,18 @@ def timed_out(mark: str) -> bool:
 
 def _run(folder: Folder, task: Task, path: Path, mark: TextIO) -> None:
     _arm(task, mark, START)
-    from wsnsim import experiment
+    from wsnsim.experiment import Progress, run
 
     scenario = _scenario(folder.scenario(task.point))
     reached = [-1]
 
-    def watch(progress: experiment.Progress) -> None:
+    def watch(progress: Progress) -> None:
         if progress.replicate != reached[0]:
             reached[0] = progress.replicate
             _arm(task, mark)
 
     _arm(task, mark)
-    experiment.run(
+    run(
         scenario,
         replicates=range(task.first, task.last + 1),
         out=path,
@@ -189,7 +189,7 @@ def _given_up(folder: Folder, task: Task) -> Outcome | None:
 @functools.lru_cache(maxsize=8)
 def _scenario(resolved: str) -> Any:
     """A point's scenario, checked once a process, and its parts imported."""
-    from wsnsim import scenario
+    import wsnsim.scenario as scenario
 
     loaded = scenario.load(json.loads(resolved))
     scenario.build(loaded)

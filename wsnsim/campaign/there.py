@@ -10,8 +10,8 @@ import tempfile
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from wsnsim import __version__
 from wsnsim.base.errors import UsageError
+from wsnsim.base.version import __version__
 from wsnsim.campaign.task import Outcome, Task, perform
 from wsnsim.recording.layout import reason
 

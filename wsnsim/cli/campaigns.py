@@ -133,7 +133,7 @@ def compare(
 @json_option
 def collect(parts: tuple[Path, ...], out: Path | None, metric: str, as_json: bool) -> int:
     """Bring the parts of a campaign together, and say what is missing."""
-    from wsnsim import campaign
+    import wsnsim.campaign as campaign
     from wsnsim.recording.folder import Folder
 
     into = Folder(out or parts[0])

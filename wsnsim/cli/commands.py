@@ -56,7 +56,7 @@ def run(
     scenario = _loaded(source, seeded)
     place = writable(out, Path("results") / f"{scenario.name}.h5")
     page = _page_beside(place) if paged else None
-    from wsnsim import experiment
+    import wsnsim.experiment as experiment
     from wsnsim.analysis import beaconing, summary, summary_text
     from wsnsim.papers.published import published
     from wsnsim.scenario import resolved
@@ -104,7 +104,7 @@ def _page_beside(result: Path) -> Path:
 @overrides_option
 def check(sources: tuple[str, ...], overrides: tuple[str, ...]) -> int:
     """Find every fault of scenarios, running none."""
-    from wsnsim import scenario
+    import wsnsim.scenario as scenario
 
     wrong = 0
     for source in sources:
@@ -191,7 +191,7 @@ def info(source: str, as_json: bool) -> None:
 @json_option
 def verify(result: Path, as_json: bool) -> int:
     """Run a result's scenario again and compare the fingerprints."""
-    from wsnsim import verification
+    import wsnsim.verification as verification
 
     answer = verification.verify(result)
     if as_json:
@@ -252,18 +252,18 @@ def diff(a: Path, b: Path, as_json: bool) -> int:
 @click.option("--out", "-o", type=click.Path(path_type=Path), metavar="FILE.h5", help="Where to write what is left.")
 def recover(left: Path, out: Path | None) -> None:
     """Copy out what a killed run left in its temporary file."""
-    from wsnsim import recording
+    import wsnsim.recording as recording
 
     click.echo(f"{recording.recover(left, out)}: what was left, marked as partial")
 
 
 def _loaded(source: str, overrides: Sequence[str]) -> Scenario:
     """The scenario of a file or name, or the one that a result holds."""
-    from wsnsim import scenario
+    import wsnsim.scenario as scenario
 
     if not _is_result(source):
         return scenario.load(source, overrides)
-    from wsnsim import experiment
+    import wsnsim.experiment as experiment
 
     return scenario.load(experiment.rerun_source(Path(source)), overrides)
 

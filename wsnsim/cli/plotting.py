@@ -44,8 +44,8 @@ def plot(
     out: Path | None,
 ) -> None:
     """Draw what a result shows, or a campaign over one of its keys, in one picture."""
-    from wsnsim import recording
     from wsnsim.analysis import figures
+    from wsnsim.recording import attributes
     from wsnsim.recording.folder import Folder
 
     if result.is_dir():
@@ -61,7 +61,7 @@ def plot(
             raise UsageError(f"--{name} has no meaning for --what {what}; it has for {takes}")
     picture = out or result.with_suffix(".png")
     figures.suffix_of(picture)
-    recording.attributes(result)
+    attributes(result)
     place = writable(picture, Path(picture.name))
     if place.exists() and place.samefile(result):
         raise UsageError(f"{place} is the result itself; say with --out where the picture goes")

@@ -130,11 +130,11 @@ def _number(value: Any) -> str:
 
 
 def _of_scenario(source: str) -> Profile:
-    from wsnsim import scenario
     from wsnsim.base.setups import RadioSetup
+    from wsnsim.scenario import build, load
 
-    loaded = scenario.load(source)
-    parts = scenario.build(loaded)
+    loaded = load(source)
+    parts = build(loaded)
     if not isinstance(parts, RadioSetup):
         raise UsageError(f"{source} has no network (network: none): there is no radio to tell of")
     sections, plain = [], {}

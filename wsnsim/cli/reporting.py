@@ -30,12 +30,12 @@ from wsnsim.cli.shared import group, writable
 )
 def report(results: tuple[Path, ...], out: Path | None, replicate: int | None, megabytes: float) -> None:
     """Write one HTML page of results, with a replay; it needs no network."""
-    from wsnsim import recording
     from wsnsim.papers.published import published
+    from wsnsim.recording import attributes
     from wsnsim.report import html_page as reports
 
     for result in results:
-        recording.attributes(result)
+        attributes(result)
     page = out or (results[0].with_suffix(".html") if len(results) == 1 else Path("report.html"))
     place = writable(page, Path(page.name))
     for result in results:

@@ -53,7 +53,7 @@ class Choices(NamedTuple):
 
 def carried_out(plan: Plan, chosen: Choices, interrupts: Interrupts, by: tuple[str, ...]) -> int:
     """Begin a campaign, or go on with it as its sweep says it now."""
-    from wsnsim import campaign
+    import wsnsim.campaign as campaign
     from wsnsim.recording.folder import Folder
 
     place = chosen.out or Path("results") / plan.name
@@ -72,7 +72,7 @@ def carried_out(plan: Plan, chosen: Choices, interrupts: Interrupts, by: tuple[s
 
 def gone_on_with(source: str, chosen: Choices, interrupts: Interrupts) -> int:
     """Go on with the campaign of a folder."""
-    from wsnsim import campaign
+    import wsnsim.campaign as campaign
 
     if chosen.dry_run:
         raise UsageError("--dry-run takes a sweep; `wsnsim info DIR` says how far a campaign is")
@@ -86,7 +86,7 @@ def gone_on_with(source: str, chosen: Choices, interrupts: Interrupts) -> int:
 
 def _run(folder: Folder, part: Part, chosen: Choices, interrupts: Interrupts) -> int:
     """Run what is missing, print the figures, and say what is missing still."""
-    from wsnsim import campaign
+    import wsnsim.campaign as campaign
 
     engine = _engine(folder, chosen)
     show = None if chosen.quiet else shown(chosen.progress, of=CAMPAIGN)
@@ -182,7 +182,7 @@ def _write_csv(table: Any, place: Path) -> None:
 
 def _last_words(folder: Folder, ended: Ended, part: Part, chosen: Choices, interrupts: Interrupts) -> int:
     """What is missing, why, and how to go on; the exit code."""
-    from wsnsim import campaign
+    import wsnsim.campaign as campaign
 
     manifest = folder.manifest()
     points, more = folder.unasked(manifest)

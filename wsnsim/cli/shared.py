@@ -9,8 +9,8 @@ from typing import Any, Final
 
 import click
 
-from wsnsim import __version__
 from wsnsim.base.errors import UsageError, did_you_mean
+from wsnsim.base.version import __version__
 
 SCHEMA_VERSION: Final = 1
 

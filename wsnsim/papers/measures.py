@@ -27,11 +27,12 @@ from typing import Any, final
 import numpy as np
 import pandas as pd
 
-from wsnsim import bounds, recording
+import wsnsim.bounds as bounds
 from wsnsim.analysis import campaigns, statistics
 from wsnsim.base import metrics
 from wsnsim.base.arrays import Floats
 from wsnsim.papers.reproduction import Limit, Measured
+from wsnsim.recording import attributes
 from wsnsim.recording.folder import Folder
 
 VARIANT = "variant"
@@ -81,7 +82,7 @@ class Data:
     def states(self, variant: str) -> tuple[tuple[str, str], ...]:
         """(name, unit) of the state columns."""
         point = self.manifest.points[self.variants.index(variant)]
-        found: tuple[tuple[str, str], ...] = recording.attributes(self.folder.batches(point.id)[0].path)["states"]
+        found: tuple[tuple[str, str], ...] = attributes(self.folder.batches(point.id)[0].path)["states"]
         return found
 
     def _errors(self, variant: str) -> Floats:

@@ -15,7 +15,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
-from wsnsim import campaign
+import wsnsim.campaign as campaign
 from wsnsim.base.errors import UsageError, did_you_mean
 from wsnsim.campaign.local import LocalPool, cores
 from wsnsim.papers import measures

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
-from importlib.metadata import version
 from pathlib import Path
 from typing import Final
 
@@ -32,11 +31,6 @@ def flag_words(words: Iterable[str]) -> tuple[str, ...]:
         flag = "_".join(word.split()) or "none"
         flags.append(f"{flag}_{code}" if flag in flags else flag)
     return tuple(flags)
-
-
-def wsnsim_version() -> str:
-    """The installed version of this package."""
-    return version("wsnsim")
 
 
 def reason(error: BaseException) -> str:

@@ -25,6 +25,7 @@ import h5py
 
 from wsnsim.base.errors import StorageError
 from wsnsim.base.tables import TABLES, Words, columns_of
+from wsnsim.base.version import __version__
 from wsnsim.recording.buffer import TableBuffer, write_meanings
 from wsnsim.recording.layout import (
     COMPLETE,
@@ -33,7 +34,6 @@ from wsnsim.recording.layout import (
     TEXTS,
     WRITING,
     cannot_write,
-    wsnsim_version,
 )
 
 SHORT: Final = ("runs", "tracks")
@@ -130,7 +130,7 @@ class ResultFile:
         self._cleanup.callback(self._file.close)
         attributes = self._file.attrs
         attributes["schema_version"] = SCHEMA_VERSION
-        attributes["wsnsim_version"] = wsnsim_version()
+        attributes["wsnsim_version"] = __version__
         attributes["status"] = WRITING
         attributes["states"] = [name for name, _ in self._states]
         attributes["state_units"] = [unit for _, unit in self._states]

@@ -16,8 +16,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from wsnsim import recording
 from wsnsim.base.errors import ResultError
+from wsnsim.recording import read_text
 from wsnsim.report.replay import Packed
 from wsnsim.report.svg_figures import Picture
 
@@ -120,7 +120,7 @@ def _figure(drawn: Picture, prefix: str) -> str:
 def text_of(path: Path, name: str) -> str:
     """A text that the file holds; '' if it does not."""
     try:
-        return recording.read_text(path, name)
+        return read_text(path, name)
     except ResultError:
         return ""
 

@@ -14,11 +14,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from wsnsim import recording
 from wsnsim.analysis import plot_data, recorded_bounds, result_info
 from wsnsim.base import metrics
 from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import ResultError
+from wsnsim.recording import attributes, read_table, read_text, tables
 
 Published = Callable[[Mapping[str, Any]], tuple[Mapping[str, float], str]]
 """What papers print of a resolved scenario's set-up, and the paper's name."""
@@ -75,7 +75,7 @@ def _headed(name: str) -> str:
 def _cells(path: Path, published: Published | None) -> Cells:
     """A result's figures by what they are, as HTML."""
     printed, paper = _printed(path, published)
-    unit, targets = _unit(path), bool(recording.attributes(path)["states"])
+    unit, targets = _unit(path), bool(attributes(path)["states"])
     cells: Cells = {}
     if not plot_data.lacking(path, "error"):
         cells |= _over_time(path, unit, printed.get("rmse"), paper)
@@ -83,7 +83,7 @@ def _cells(path: Path, published: Published | None) -> Cells:
             recorded_bounds.WORDS[of]: html.escape(f"{mean:.4f}{unit.format()}")
             for of, mean in recorded_bounds.beside(path).items()
         }
-    runs = recording.read_table(path, "runs") if "runs" in recording.tables(path) else {}
+    runs = read_table(path, "runs") if "runs" in tables(path) else {}
     for name, (words, form) in ROWS.items():
         values = runs.get(name, np.empty(0)).astype(np.float64)
         values = values[np.isfinite(values)]
@@ -149,14 +149,14 @@ def _printed(path: Path, published: Published | None) -> tuple[Mapping[str, floa
     if published is None:
         return {}, ""
     try:
-        return published(json.loads(recording.read_text(path, "scenario/resolved_json")))
+        return published(json.loads(read_text(path, "scenario/resolved_json")))
     except (ResultError, ValueError):
         return {}, ""
 
 
 def _unit(path: Path) -> str:
     """The unit of the position as it follows a number, braces doubled for a format; nothing where there is none."""
-    if not recording.attributes(path)["states"]:
+    if not attributes(path)["states"]:
         return ""
     plan = plot_data.layout(path)
     unit = plan.units[plan.position[0]].replace("{", "{{").replace("}", "}}")

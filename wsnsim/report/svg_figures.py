@@ -22,10 +22,10 @@ from matplotlib.collections import PathCollection, PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
-from wsnsim import recording
 from wsnsim.analysis import plot_data, plots
 from wsnsim.analysis.figures import STYLE, Draws
 from wsnsim.base.errors import ResultError, UsageError
+from wsnsim.recording import read_table
 
 MANY: Final = 3000
 """Marks from which on they are drawn as an image (our choice)."""
@@ -90,7 +90,7 @@ def _panels(path: Path, replicate: int, known: set[str], targets: list[int]) -> 
 
 def _targets(path: Path, replicate: int) -> list[int]:
     """The targets of a run, if it has any."""
-    held = recording.read_table(path, "truth", ["replicate", "target"])
+    held = read_table(path, "truth", ["replicate", "target"])
     return [int(target) for target in np.unique(held["target"][held["replicate"] == replicate])]
 
 

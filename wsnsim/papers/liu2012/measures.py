@@ -16,14 +16,14 @@ from weakref import WeakKeyDictionary
 import numpy as np
 import pandas as pd
 
-from wsnsim import experiment
-from wsnsim import scenario as scenarios
 from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import ResultError
 from wsnsim.base.ports import Estimate
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.base.tables import Memory
+from wsnsim.experiment import replicate_of
 from wsnsim.papers.measures import Data
+from wsnsim.scenario import build, load
 
 TAKES_PART: Final = 0.05
 """Probability from which a sensor takes part [our choice]."""
@@ -99,12 +99,12 @@ def probabilities(data: Data, variant: str) -> Mapping[int, Floats]:
 
 def made_again(data: Data, variant: str) -> Mapping[int, Floats]:
     """As `probabilities`, run by run."""
-    problem = scenarios.build(scenarios.load(dict(data.scenario(variant))))
+    problem = build(load(dict(data.scenario(variant))))
     assert isinstance(problem, TrackingSetup), "figures 3 and 4 have a target"
     recorded, found = data.of(variant, "estimates"), {}
     for replicate in sorted(data.of(variant, "runs")["replicate"].tolist()):
         watched, memory = _Watched(problem.tracker), Memory({"estimates": True})
-        experiment.replicate_of(replace(problem, tracker=watched), replicate, memory)
+        replicate_of(replace(problem, tracker=watched), replicate, memory)
         if not _alike(memory.table("estimates"), recorded[recorded["replicate"] == replicate]):
             raise ResultError(
                 f"{data.folder.path}: replicate {replicate} of '{variant}' gives other estimates now: "
