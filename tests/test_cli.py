@@ -331,7 +331,7 @@ def test_a_slip_is_one_line_and_exit_code_2(
 def test_a_scenario_that_is_missing_is_named(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["run", "pso_mhfp"]) == 2
     assert capsys.readouterr().err == (
-        "pso_mhfp: error: there is no such file, and no shipped scenario of this name (did you mean 'pso_mhpf'?)\n"
+        "pso_mhfp: error: file not found, and no shipped scenario has this name (did you mean 'pso_mhpf'?)\n"
     )
 
 

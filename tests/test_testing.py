@@ -15,7 +15,7 @@ from wsnsim.models.motion import BoundedVelocity
 from wsnsim.models.ranging import Range, Rssi
 from wsnsim.models.sensing import AcousticEnergy
 from wsnsim.models.ungm import Squared, Ungm
-from wsnsim.scenario.registry import ROLES, Row, load_class
+from wsnsim.scenario.registry import ROLES, Kind, load_class
 from wsnsim.testing import check_tracker
 from wsnsim.trackers.centralised import CentralPf
 from wsnsim.trackers.information_pf import InformationPf
@@ -63,8 +63,8 @@ CANNOT = {
 
 
 @pytest.mark.parametrize("setting", SETTINGS)
-@pytest.mark.parametrize("row", ROLES["tracker"].rows, ids=lambda row: row.kind)
-def test_every_tracker_of_the_catalogue_keeps_the_rules_with_every_model_it_can_use(row: Row, setting: str) -> None:
+@pytest.mark.parametrize("row", ROLES["tracker"].kinds, ids=lambda row: row.kind)
+def test_every_tracker_of_the_catalogue_keeps_the_rules_with_every_model_it_can_use(row: Kind, setting: str) -> None:
     part = load_class(row)
     fewer = {"particles": 20, "cells": 300}
     tracker = part(**{f.name: fewer[f.name] for f in fields(part) if f.name in fewer})

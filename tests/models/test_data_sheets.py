@@ -1,4 +1,4 @@
-"""The data sheets that come with wsnsim: every value is there, has a source, and is in order."""
+"""The datasheets that come with wsnsim: every value is there, has a source, and is in order."""
 
 import dataclasses
 from pathlib import Path
@@ -75,7 +75,7 @@ def test_the_values_are_within_their_bounds_and_in_order(name):
 
 
 def test_the_cc2420_draws_what_its_currents_say():
-    """18.8 mA received and 17.4 mA sent at 0 dBm, at 3.3 V, of the data sheet; to a milliwatt's tenth."""
+    """18.8 mA received and 17.4 mA sent at 0 dBm, at 3.3 V, of the datasheet; to a milliwatt's tenth."""
     radio = sheet("cc2420")
     assert radio.receive == pytest.approx(18.8e-3 * 3.3, abs=1e-4)
     assert radio.transmit[radio.levels.index(0)] == pytest.approx(17.4e-3 * 3.3, abs=1e-6)

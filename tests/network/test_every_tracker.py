@@ -10,7 +10,7 @@ from wsnsim.base.tables import Memory
 from wsnsim.scenario.registry import ROLES
 
 OTHERS = {"grid", "trilateration", "gmtt", "tsstp", "cluster", "ris"}  # one column, or distances: not on this field
-PLANE = [row.kind for row in ROLES["tracker"].rows if row.kind not in OTHERS]
+PLANE = [row.kind for row in ROLES["tracker"].kinds if row.kind not in OTHERS]
 LINE = [kind for kind in PLANE if kind != "ipf"] + ["grid"]
 
 

@@ -111,7 +111,7 @@ class Energy(_Port):
 
 @part
 class Sheet:
-    """A data sheet with lists of one length, that refuses others, and a value that may be left out."""
+    """A datasheet with lists of one length, that refuses others, and a value that may be left out."""
 
     name: Annotated[str, "of the radio"]
     rate: Annotated[float, Quantity("bit/s", gt=0), "of the air"]
@@ -127,7 +127,7 @@ class Sheet:
 
 @part
 class Sheets(_Port):
-    """An energy model that rests on one data sheet, on another if it is given, and on a third by default."""
+    """An energy model that rests on one datasheet, on another if it is given, and on a third by default."""
 
     radio: Annotated[Sheet, "of the radio"]
     spare: Annotated[Sheet | None, "of another"] = None

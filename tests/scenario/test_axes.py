@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from wsnsim.scenario import axes
-from wsnsim.scenario.axes import Draw, Refused
+from wsnsim.scenario.axes import InvalidAxis, Sampling
 from wsnsim.scenario.located_values import LocatedValue, Text, plain
 from wsnsim.scenario.reader import of_dict
 from wsnsim.scenario.units import si
@@ -43,8 +43,10 @@ def points(settings: list[axes.Settings]) -> list[tuple[Any, ...]]:
     return [tuple(plain(node) for _, node in laid) for laid in settings]
 
 
-def drawn(how: Callable[[Draw], list[axes.Settings]], count: int, seed: int = 0, **over: Any) -> list[tuple[Any, ...]]:
-    return points(how(Draw(count, seed, axes_of(over))))
+def drawn(
+    how: Callable[[Sampling], list[axes.Settings]], count: int, seed: int = 0, **over: Any
+) -> list[tuple[Any, ...]]:
+    return points(how(Sampling(count, seed, axes_of(over))))
 
 
 @pytest.mark.parametrize(
@@ -176,12 +178,12 @@ def test_zipped_axes_are_compared_by_how_many_values_they_have_and_not_by_what_t
     ],
 )  # fmt: skip
 def test_an_axis_that_cannot_be_says_why(written: Any, message: str) -> None:
-    with pytest.raises(Refused, match=message):
+    with pytest.raises(InvalidAxis, match=message):
         values(written)
 
 
 def test_zipped_axes_of_unequal_length_are_refused_with_the_length_of_each() -> None:
-    with pytest.raises(Refused, match=r"must be of one length: a\.b has 2, c has 3"):
+    with pytest.raises(InvalidAxis, match=r"must be of one length: a\.b has 2, c has 3"):
         axes.zipped(axes_of({"a.b": [1, 2], "c": [1, 2, 3]}))
 
 
@@ -202,7 +204,7 @@ def test_what_nobody_can_wait_for_is_refused_before_it_is_listed(how: Any, writt
     tracemalloc.start()
     start = time.process_time()
     try:
-        with pytest.raises(Refused, match=rf"makes {said} points; at most 20,000 are allowed"):
+        with pytest.raises(InvalidAxis, match=rf"makes {said} points; at most 20,000 are allowed"):
             how(nodes)
         assert tracemalloc.get_traced_memory()[1] < 1_000_000
     finally:
@@ -276,7 +278,7 @@ def test_points_that_fall_together_are_kept_once() -> None:
     ],
 )
 def test_a_draw_over_what_is_no_range_is_refused(how: Any, written: Any, message: str) -> None:
-    with pytest.raises(Refused, match=message):
+    with pytest.raises(InvalidAxis, match=message):
         drawn(how, 3, a=written)
 
 

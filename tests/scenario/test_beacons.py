@@ -62,7 +62,7 @@ def test_steps_of_beacons_are_a_second_unless_they_are_said() -> None:
         ({"until": {"clusters": 3}}, ["until: error: without a target there are no clusters to end at"]),
         ({"lost": {"window": 3}}, ["lost: error: without a target there is no track that could be lost"]),
         ({"network": "none"}, [
-            "workload.kind: error: a network without a target needs a network: take 'network: none' out",
+            "workload.kind: error: a scenario without a target needs a network: remove 'network: none'",
         ]),
         ({"faults": [{"kind": kind("Trouble"), "at": 4}]}, ["faults.0.at: error: 4 s is too late for BeaconSetup"]),
         ({"workload": {"kind": "beacon"}}, None),

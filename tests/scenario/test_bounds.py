@@ -54,9 +54,9 @@ CHOSEN = {"states": ("energy.radio=cc2420", "energy.processor=msp430f1611")}
 
 
 def _numbers() -> Iterator[tuple[str, str, str]]:
-    """(role, kind, field) of everything that a scenario can set, those of data sheets included."""
+    """(role, kind, field) of everything that a scenario can set, those of datasheets included."""
     for role in ROLES.values():
-        for row in role.rows if role.name != "tracker" else ():
+        for row in role.kinds if role.name != "tracker" else ():
             part = load_class(row)
             nested = nested_of(part)
             for name in fields_of(part):

@@ -14,25 +14,25 @@ import pytest
 from wsnsim import scenario
 from wsnsim.base.errors import UsageError
 from wsnsim.scenario.json_schema import json_schema
-from wsnsim.scenario.registry import ROLES, Row, find, kinds, load_class, role_named
+from wsnsim.scenario.registry import ROLES, Kind, find, kinds, load_class, role_named
 from wsnsim.scenario.schema import part_model
 from wsnsim.scenario.template import template
 
 from .stand_ins import base_scenario, faults_of, kind
 
-ROWS = [(role.name, row) for role in ROLES.values() for row in role.rows]
+ROWS = [(role.name, row) for role in ROLES.values() for row in role.kinds]
 WORDS = ("paper", "idea", "state", "messages", "variants")
 
 
 @pytest.mark.parametrize(("role", "row"), ROWS, ids=[f"{role}-{row.kind}" for role, row in ROWS])
-def test_every_row_leads_to_a_part_that_can_stand_behind_its_role(role: str, row: Row) -> None:
+def test_every_row_leads_to_a_part_that_can_stand_behind_its_role(role: str, row: Kind) -> None:
     model = part_model(role, row.kind)
     assert model.part is load_class(row)
     assert row.idea
 
 
-@pytest.mark.parametrize("row", ROLES["tracker"].rows, ids=lambda row: row.kind)
-def test_the_rows_of_trackers_say_what_their_classes_say(row: Row) -> None:
+@pytest.mark.parametrize("row", ROLES["tracker"].kinds, ids=lambda row: row.kind)
+def test_the_rows_of_trackers_say_what_their_classes_say(row: Kind) -> None:
     part = load_class(row)
     assert {word: getattr(row, word) for word in WORDS} == {word: getattr(part, word) for word in WORDS}
 
@@ -69,7 +69,7 @@ def test_an_unknown_kind_names_the_nearest() -> None:
         (kind("NoTracker"), " lacks 'start', 'step', 'hand_over', 'estimate', 'forecast', which every tracker needs"),
         (kind("OddField"), " has a field of type dict[str, float], which no scenario can write"),
         (kind("Nobody"), " cannot be imported: AttributeError: module"),
-        (kind("base_scenario"), " is no class"),
+        (kind("base_scenario"), " is not a class"),
         ("nowhere.at_all:X", " cannot be imported: ModuleNotFoundError: No module named 'nowhere'"),
         (":", " cannot be imported: ValueError: Empty module name"),
     ],

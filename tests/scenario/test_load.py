@@ -185,7 +185,7 @@ def test_set_follows_the_rules_of_the_file() -> None:
         ("seed", ["--set seed: error: expected KEY=VALUE, such as link.reach='80 m'"]),
         ("seed=", ["--set seed=: error: expected KEY=VALUE, such as link.reach='80 m'"]),
         (".seed=1", ["--set .seed=1: error: expected KEY=VALUE, such as link.reach='80 m'"]),
-        ("extends=x", ["--set extends: error: 'extends' can be written in a file only"]),
+        ("extends=x", ["--set extends: error: 'extends' is allowed in a file only"]),
         ("mac=[", ["--set mac: error: not valid YAML: while parsing a flow node, did not find expected node content"]),
         ("record={events: 3}", ["--set record: error: record.events: expected true or false, got the number 3"]),
         ("record={events: true, events: false}", [
@@ -298,7 +298,7 @@ def test_the_path_of_a_part_starts_from_the_folder_of_the_file_that_says_it() ->
         ("empty.yaml", b"", "empty.yaml:1:1: error: is empty"),
         ("list.yaml", b"- a\n- b\n", "list.yaml:1:1: error: expected keys such as 'name', got a list"),
         ("word.yaml", b"hello", "word.yaml:1:1: error: expected keys such as 'name', got the text 'hello'"),
-        ("big.yaml", b"#" * 10_000_001, "big.yaml: error: is larger than 10 MB, which no scenario is"),
+        ("big.yaml", b"#" * 10_000_001, "big.yaml: error: is too large for a scenario: the limit is 10 MB"),
     ],
 )  # fmt: skip
 def test_a_file_that_is_no_scenario_says_so_in_one_message(name: str, content: bytes, message: str) -> None:
@@ -313,14 +313,14 @@ def test_a_folder_is_no_scenario(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", ["pso_mhfp", "nowhere/x.yaml", "", "a\0b", "x" * 5000])
 def test_a_file_that_is_missing_says_so(name: str) -> None:
     (fault,) = faults_of(name)
-    assert "there is no such file, and no shipped scenario of this name" in fault or "is a folder" in fault
+    assert "file not found, and no shipped scenario has this name" in fault or "is a folder" in fault
 
 
 def test_the_nearest_shipped_scenario_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     package = tmp_path / "wsnsim" / "scenario"
     (tmp_path / "scenarios").mkdir()
     write("scenarios/quick.yaml", base_scenario(name="quick"))
-    monkeypatch.setattr(sys.modules["wsnsim.scenario.load"], "__file__", str(package / "load.py"))
+    monkeypatch.setattr(sys.modules["wsnsim.scenario.files"], "__file__", str(package / "files.py"))
     assert scenario.load("quick").name == "quick"
     assert "(did you mean 'quick'?)" in faults_of("quikc")[0]
     Path("quick").mkdir()

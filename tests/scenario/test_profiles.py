@@ -1,4 +1,4 @@
-"""`wsnsim info` of data sheets and scenarios, and `wsnsim list` of what scenarios can name."""
+"""`wsnsim info` of datasheets and scenarios, and `wsnsim list` of what scenarios can name."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 from wsnsim.cli import main
-from wsnsim.scenario.load import shipped_parts
+from wsnsim.scenario.files import shipped_parts
 
 from .stand_ins import base_scenario
 
@@ -110,9 +110,9 @@ def test_the_first_order_models_show_their_crossover(capsys: pytest.CaptureFixtu
     ("name", "message"),
     [
         ("ungm_pf", "ungm_pf has no network (network: none): there is no radio to tell of"),
-        ("cc2402", "there is no result, scenario or data sheet 'cc2402' (did you mean 'cc2420'?)"),
-        ("pso_mhfp", "there is no result, scenario or data sheet 'pso_mhfp' (did you mean 'pso_mhpf'?)"),
-        ("a\0b", "there is no result, scenario or data sheet 'a"),
+        ("cc2402", "there is no result, scenario or datasheet 'cc2402' (did you mean 'cc2420'?)"),
+        ("pso_mhfp", "there is no result, scenario or datasheet 'pso_mhfp' (did you mean 'pso_mhpf'?)"),
+        ("a\0b", "there is no result, scenario or datasheet 'a"),
     ],
 )
 def test_what_has_no_radio_or_is_nowhere_says_so(name: str, message: str, capsys: pytest.CaptureFixture[str]) -> None:

@@ -115,10 +115,10 @@ def test_a_merge_key_may_repeat_a_key_and_the_written_one_wins() -> None:
         ),
         ("a: !!python/name:os.system x", "x.yaml:1:4: error: a: unknown tag 'python/name:os.system'"),
         ("a: !mine {b: 1}", "x.yaml:1:4: error: a: unknown tag '!mine'"),
-        ("a: !!int three", "x.yaml:1:4: error: a: 'three' is no int"),
-        ("a: 1e400", "x.yaml:1:4: error: a: '1e400' is beyond what a number can hold"),
-        ("? [a]\n: b", "x.yaml:1:3: error: a key must be a word"),
-        ("a: &a [1, *a]", "x.yaml:1:4: error: a.1: an anchor cannot hold itself"),
+        ("a: !!int three", "x.yaml:1:4: error: a: 'three' is not a valid int"),
+        ("a: 1e400", "x.yaml:1:4: error: a: '1e400' is too large for a number"),
+        ("? [a]\n: b", "x.yaml:1:3: error: a key must be a scalar"),
+        ("a: &a [1, *a]", "x.yaml:1:4: error: a.1: an anchor cannot contain itself"),
         ("a: {<<: 3}", "x.yaml:1:9: error: a: '<<' merges mappings only"),
     ],
 )
@@ -133,7 +133,7 @@ def test_deep_nesting_is_refused_and_does_not_hang() -> None:
 def test_a_bomb_of_aliases_is_refused_and_does_not_hang() -> None:
     lines = ["a0: &a0 [x, x, x, x, x, x, x, x, x, x]"]
     lines += [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 10)}]" for i in range(1, 30)]
-    assert f"holds more than {LARGEST} values" in faults_of("\n".join(lines))[0]
+    assert f"contains more than {LARGEST} values" in faults_of("\n".join(lines))[0]
 
 
 def test_the_excerpt_has_its_caret_under_the_fault() -> None:
@@ -175,7 +175,7 @@ def test_a_dict_within_itself_or_with_strange_values_is_refused() -> None:
     loop["a"] = loop["b"] = loop
     _, faults = of_dict(loop, Text("", Path()))
     assert [str(fault) for fault in faults] == [
-        "x: error: a object cannot stand in a scenario",
-        "a: error: nested deeper than 40 levels, or within itself",
-        "b: error: nested deeper than 40 levels, or within itself",
+        "x: error: a object is not allowed in a scenario",
+        "a: error: nested deeper than 40 levels, or contains itself",
+        "b: error: nested deeper than 40 levels, or contains itself",
     ]

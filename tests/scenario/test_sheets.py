@@ -1,4 +1,4 @@
-"""Data sheets: named or written out, beside the scenario or shipped, and every way to get them wrong."""
+"""Datasheets: named or written out, beside the scenario or shipped, and every way to get them wrong."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from wsnsim import scenario
 from wsnsim.base.errors import ScenarioError
 from wsnsim.scenario import datasheets
 from wsnsim.scenario.fields import names_of, nested_of
-from wsnsim.scenario.load import shipped_parts
+from wsnsim.scenario.files import sheets, shipped_parts
 from wsnsim.scenario.registry import ROLES, load_class
 
 from . import stand_ins
 from .stand_ins import base_scenario, faults_of, kind
 
-TINY = "sheet: radio\nname: Tiny\nrate: 10 kbit/s\nsleep: 2 uW\nsources:\n  sleep: data sheet, p. 3\n"
+TINY = "sheet: radio\nname: Tiny\nrate: 10 kbit/s\nsleep: 2 uW\nsources:\n  sleep: datasheet, p. 3\n"
 MADE = stand_ins.Sheet(name="Tiny", rate=1e4, sleep=2e-6)
 
 
@@ -99,14 +99,14 @@ def test_set_names_a_sheet_and_reaches_into_one() -> None:
         (TINY + "levels: [0, 1]\n", "tiny.yaml:1:1: error: energy.radio: one power a level"),
         (TINY + "extends: x\n", "tiny.yaml:7:1: error: energy.radio.extends: unknown key, known: extra, levels, "),
         (TINY.replace("  sleep", "  slep"),
-         "tiny.yaml:6:3: error: energy.radio.sources.slep: there is no such field, did you mean 'sleep'?"),
-        (TINY.replace("data sheet, p. 3", "3"),
+         "tiny.yaml:6:3: error: energy.radio.sources.slep: unknown field, did you mean 'sleep'?"),
+        (TINY.replace("datasheet, p. 3", "3"),
          "tiny.yaml:6:10: error: energy.radio.sources.sleep: expected a text, got the number 3"),
-        (TINY.replace("\n  sleep: data sheet, p. 3", " none"),
+        (TINY.replace("\n  sleep: datasheet, p. 3", " none"),
          "tiny.yaml:5:10: error: energy.radio.sources: expected a mapping of fields to texts, got the text 'none'"),
         (TINY.replace("sheet: radio\n", ""),
-         "tiny.yaml:1:1: error: energy.radio.sheet: is no data sheet: expected a key 'sheet' that says what of, "
-         "such as 'sheet: radio'"),
+         "tiny.yaml:1:1: error: energy.radio.sheet: is not a datasheet: expected a key 'sheet' that says what it "
+         "describes, such as 'sheet: radio'"),
         ("sheet: [", "tiny.yaml:2:1: error: energy.radio: not valid YAML: "),
         ("", "tiny.yaml:1:1: error: is empty"),
         ("\0", "tiny.yaml: error: is a binary file (or not UTF-8), expected YAML text"),
@@ -129,22 +129,22 @@ def test_the_line_of_a_sheet_is_shown_with_a_caret() -> None:
 @pytest.mark.parametrize(
     ("radio", "fault"),
     [
-        ("cc2402", "there is no data sheet 'cc2402' of a radio (did you mean 'cc2420'?)"),
-        ("zzz", "there is no data sheet 'zzz' of a radio (known: cc1000, cc2420, nrf52840_radio)"),
-        ("a\0b", "there is no data sheet 'a?b' of a radio (known: cc1000, cc2420, nrf52840_radio)"),
+        ("cc2402", "there is no datasheet 'cc2402' of a radio (did you mean 'cc2420'?)"),
+        ("zzz", "there is no datasheet 'zzz' of a radio (known: cc1000, cc2420, nrf52840_radio)"),
+        ("a\0b", "there is no datasheet 'a?b' of a radio (known: cc1000, cc2420, nrf52840_radio)"),
         ("x" * 5000, None),
-        ("sa1100", "'sa1100' is a data sheet of a processor, expected one of a radio "
+        ("sa1100", "'sa1100' is a datasheet of a processor, expected one of a radio "
                    "(known: cc1000, cc2420, nrf52840_radio)"),
-        (3, "expected the name of a data sheet (known: cc1000, cc2420, nrf52840_radio) or a mapping, got the number 3"),
+        (3, "expected the name of a datasheet (known: cc1000, cc2420, nrf52840_radio) or a mapping, got the number 3"),
         (["cc2420"],
-         "expected the name of a data sheet (known: cc1000, cc2420, nrf52840_radio) or a mapping, got a list"),
+         "expected the name of a datasheet (known: cc1000, cc2420, nrf52840_radio) or a mapping, got a list"),
         (None, "expected a mapping, got nothing"),
     ],
 )  # fmt: skip
 def test_a_name_without_a_sheet_says_which_there_are(radio: object, fault: str | None) -> None:
     (found,) = faults_of(with_radio(radio))
     assert len(found) < 300
-    assert found == f"energy.radio: error: {fault}" if fault else "there is no data sheet 'xxx" in found
+    assert found == f"energy.radio: error: {fault}" if fault else "there is no datasheet 'xxx" in found
 
 
 def test_what_a_tree_without_its_sheet_lacks_is_not_told_besides() -> None:
@@ -153,7 +153,7 @@ def test_what_a_tree_without_its_sheet_lacks_is_not_told_besides() -> None:
 
 @pytest.mark.parametrize("path", shipped_parts().values(), ids=shipped_parts())
 def test_every_shipped_sheet_is_whole_and_says_where_each_value_comes_from(path: Path) -> None:
-    profile = datasheets.profile(path)
+    profile = datasheets.datasheet(path)
     assert profile.sheet in ("radio", "processor")
     told = {value.field: value.source for value in profile.values if value.source != "left out"}
     assert set(told) - {"name", "source"} >= {"rate", "sleep", "wake"}
@@ -167,22 +167,22 @@ def test_every_shipped_sheet_is_whole_and_says_where_each_value_comes_from(path:
 
 
 def test_every_shipped_sheet_can_be_named_where_one_of_its_kind_is_wanted() -> None:
-    states = load_class(next(row for row in ROLES["energy"].rows if row.kind == "states"))
+    states = load_class(next(row for row in ROLES["energy"].kinds if row.kind == "states"))
     assert list(nested_of(states)) == ["radio", "processor"]
     for field, part in nested_of(states).items():
         other = {"radio": "processor=msp430f1611", "processor": "radio=cc2420"}[field]
-        for name in datasheets.sheets(field):
+        for name in sheets(field):
             loaded = scenario.load("pso_mhpf", ["energy.kind=states", f"energy.{other}", f"energy.{field}={name}"])
             assert set(names_of(part)) == set(type(getattr(loaded.energy, field)).model_fields)
 
 
 def test_a_profile_of_a_bad_sheet_is_its_faults() -> None:
     for text, fault in [
-        (TINY.replace("radio", "rado"), "tiny.yaml:1:8: error: sheet: nothing has a data sheet of this kind "
+        (TINY.replace("radio", "rado"), "tiny.yaml:1:8: error: sheet: unknown kind of datasheet "
                                         "(did you mean 'radio'?)"),
         (TINY, "tiny.yaml:1:1: error: receive: is missing: while it receives a frame [W]"),
-        ("a: 1\n", "tiny.yaml:1:1: error: sheet: is no data sheet"),
+        ("a: 1\n", "tiny.yaml:1:1: error: sheet: is not a datasheet"),
     ]:  # fmt: skip
         with pytest.raises(ScenarioError) as caught:
-            datasheets.profile(Path(write("tiny.yaml", text)))
+            datasheets.datasheet(Path(write("tiny.yaml", text)))
         assert any(str(one).startswith(fault) for one in caught.value.issues), str(caught.value)

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from wsnsim import scenario
 from wsnsim.base.errors import ScenarioError
 from wsnsim.base.tables import TABLES
-from wsnsim.scenario.load import shipped_sweeps
+from wsnsim.scenario.files import shipped_sweeps
 from wsnsim.scenario.sweep import is_sweep, load_sweep
 from wsnsim.scenario.sweep_schema import Plan
 
@@ -382,7 +382,7 @@ def test_a_fault_of_a_file_stands_at_its_place_with_a_caret(written: str, mark: 
         ({"grid": {"seed": [1]}}, ["scenario: error: is missing: the scenario to vary, or several"]),
         ({"scenario": []}, ["scenario: error: is an empty list: a sweep needs a scenario"]),
         ({"scenario": [], "replicates": 2}, ["scenario: error: is an empty list: a sweep needs a scenario"]),
-        ({"scenario": "smal"}, ["smal: error: there is no such file, and no shipped scenario of this name"]),
+        ({"scenario": "smal"}, ["smal: error: file not found, and no shipped scenario has this name"]),
         (sweep(replicates=2, until={"half_width": 0.1}), [
             "scenario: error: 'replicates' and 'until' both say when a point ends: give one of them (until.at_most)",
         ]),
@@ -495,8 +495,7 @@ def test_a_fault_of_the_scenario_stands_in_the_scenario() -> None:
 def test_a_scenario_that_is_not_there_is_told_where_the_sweep_names_it() -> None:
     (found,) = faults_of(write("s.yaml", "grid: {seed: [1]}\nscenario: [small, pso_mhfp]\n"))
     assert found == (
-        "s.yaml:2:19: error: scenario: there is no such file, and no shipped scenario of this name"
-        " (did you mean 'pso_mhpf'?)"
+        "s.yaml:2:19: error: scenario: file not found, and no shipped scenario has this name (did you mean 'pso_mhpf'?)"
     )
 
 
@@ -536,7 +535,7 @@ def test_a_sweep_is_told_from_a_scenario_and_from_what_is_not_there(monkeypatch:
 
 def test_shipped_sweeps_are_found_by_name_and_a_file_comes_first(monkeypatch: pytest.MonkeyPatch) -> None:
     place = Path(write("away/mine.yaml", sweep(scenario="../small", grid={"seed": [1]}))).resolve()
-    monkeypatch.setattr("wsnsim.scenario.sweep.shipped_sweeps", lambda: {"mine": place})
+    monkeypatch.setattr("wsnsim.scenario.files.shipped_sweeps", lambda: {"mine": place})
     for name in ("mine", "mine.yaml"):
         assert is_sweep(name)
         assert load_sweep(name).name == "mine"
@@ -547,7 +546,7 @@ def test_shipped_sweeps_are_found_by_name_and_a_file_comes_first(monkeypatch: py
 
 def test_a_name_that_nobody_has_is_told_with_the_nearest() -> None:
     (found,) = faults_of("pso_mhfp", ["seed=1,2"])
-    assert found.endswith("there is no such file, and no shipped scenario of this name (did you mean 'pso_mhpf'?)")
+    assert found.endswith("file not found, and no shipped scenario has this name (did you mean 'pso_mhpf'?)")
     assert len(faults_of("n" * 5000)) == 1
 
 

@@ -158,7 +158,7 @@ def export(result: Path, place: Path, tables: tuple[str, ...]) -> None:
 
 
 def _no_sweep(source: str) -> str:
-    from wsnsim.scenario.load import find_or_none, shipped_sweeps
+    from wsnsim.scenario.files import find_or_none, shipped_sweeps
 
     if Path(source).is_dir():
         return f"{source} is a folder, and holds no campaign"

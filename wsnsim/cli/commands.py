@@ -166,7 +166,7 @@ def new(name: str, bench: bool) -> None:
 @click.argument("source", metavar="FILE|NAME")
 @json_option
 def info(source: str, as_json: bool) -> None:
-    """Say what a result or a campaign's folder holds, a data sheet (`wsnsim list parts`), or a scenario's radio."""
+    """Say what a result or a campaign's folder holds, a datasheet (`wsnsim list parts`), or a scenario's radio."""
     if is_campaign(source):
         from wsnsim.analysis import campaign_info
 

@@ -1,4 +1,4 @@
-"""What `wsnsim list` shows: the kinds of a role, the shipped scenarios, sweeps and data sheets, importing none of them.
+"""What `wsnsim list` shows: the kinds of a role, the shipped scenarios, sweeps and datasheets, importing none of them.
 
 listed(word, as_json) -> text or dict
 """
@@ -13,9 +13,8 @@ from collections.abc import Sequence
 from typing import Any, Final
 
 from wsnsim.scenario import shipped
-from wsnsim.scenario.datasheets import sheet_of
-from wsnsim.scenario.load import shipped_parts, shipped_sweeps
-from wsnsim.scenario.registry import ROLES, Role, Row, kinds, role_named
+from wsnsim.scenario.files import sheet_of, shipped_parts, shipped_sweeps
+from wsnsim.scenario.registry import ROLES, Kind, Role, kinds, role_named
 
 COLUMNS: Final = ("kind", "idea", "paper")
 TRACKER_COLUMNS: Final = ("kind", "paper", "idea", "state", "messages", "variants")
@@ -67,9 +66,9 @@ def sweeps_json() -> dict[str, Any]:
 
 
 def parts_text() -> str:
-    """A table of the shipped data sheets."""
+    """A table of the shipped datasheets."""
     rows = [[name, row["sheet"], row["what"]] for name, row in parts_json()["parts"].items()]
-    return table(["part", "data sheet of a", "what it is"], rows)
+    return table(["part", "datasheet of a", "what it is"], rows)
 
 
 def parts_json() -> dict[str, Any]:
@@ -95,7 +94,7 @@ def _role_text(role: Role) -> str:
     return f"{role.plural}: {role.purpose}\n{table(heads, cells)}"
 
 
-def _cell(row: Row, name: str, role: Role) -> str:
+def _cell(row: Kind, name: str, role: Role) -> str:
     text = str(getattr(row, name))
     return f"{text} (default)" if name == "kind" and text == role.default else text
 

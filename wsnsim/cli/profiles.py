@@ -1,8 +1,8 @@
-"""What `wsnsim info` says of a data sheet, and of a scenario's radio: every value with its unit.
+"""What `wsnsim info` says of a datasheet, and of a scenario's radio: every value with its unit.
 
     profile(source) -> Profile, with text() and as_json()
 
-Of a data sheet, each value as it is written and where it comes from; of a scenario, the parameters of its energy model,
+Of a datasheet, each value as it is written and where it comes from; of a scenario, the parameters of its energy model,
 MAC and link, and what follows from them.
 """
 
@@ -19,7 +19,7 @@ from wsnsim.base.radio import ContinuousPower, Mode
 from wsnsim.base.requests import PACKET_BITS
 from wsnsim.cli.listing import table
 from wsnsim.scenario import datasheets
-from wsnsim.scenario.load import find_or_none, shipped, shipped_parts
+from wsnsim.scenario.files import find_or_none, find_sheet, sheet_of, shipped, shipped_parts
 
 ROLES: Final = ("energy", "mac", "link")
 
@@ -73,21 +73,21 @@ class Profile:
 
 
 def profile(source: str) -> Profile:
-    """What is known of a data sheet or of a scenario, by its file or name.
+    """What is known of a datasheet or of a scenario, by its file or name.
 
     Raises:
         ScenarioError: with every fault of the file. UsageError: a scenario without a network.
     """
-    file = datasheets.find(source, Path())
-    if file is not None and datasheets.sheet_of(file):
-        return _of_sheet(datasheets.profile(file))
+    file = find_sheet(source, Path())
+    if file is not None and sheet_of(file):
+        return _of_sheet(datasheets.datasheet(file))
     if find_or_none(source) is None:
         nearest = did_you_mean(Path(source).stem, [*shipped(), *shipped_parts()])
-        raise UsageError(f"there is no result, scenario or data sheet '{source[:80]}' ({nearest})")
+        raise UsageError(f"there is no result, scenario or datasheet '{source[:80]}' ({nearest})")
     return _of_scenario(source)
 
 
-def _of_sheet(sheet: datasheets.Profile) -> Profile:
+def _of_sheet(sheet: datasheets.Datasheet) -> Profile:
     said = {value.field: value for value in sheet.values}
     head = [str(said[name].value) for name in ("name", "source") if name in said]
     rows = [_sheet_row(value) for value in sheet.values if value.field not in ("name", "source")]
@@ -100,7 +100,7 @@ def _of_sheet(sheet: datasheets.Profile) -> Profile:
     return Profile([section], plain | {name: said[name].value for name in ("name", "source") if name in said})
 
 
-def _sheet_row(value: datasheets.Value) -> Row:
+def _sheet_row(value: datasheets.SheetValue) -> Row:
     """A value as the sheet writes it."""
     shown, unit = _written(value.written, value.unit)
     return Row(value.field, shown, unit, value.source, value.value, value.unit, value.about)

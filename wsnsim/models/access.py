@@ -191,7 +191,7 @@ def _pieces(setup: Setup) -> Iterator[tuple[tuple[str, ...], int, str]]:
 
 
 def _other_rate(rate: float, setup: Setup) -> Iterator[Issue]:
-    """A radio, on whose data sheet the energy model rests, that has another rate."""
+    """A radio, on whose datasheet the energy model rests, that has another rate."""
     radio = getattr(setup.energy, "radio", None) if isinstance(setup, RadioSetup) else None
     if radio is not None and radio.rate != rate:
         yield Issue(

@@ -1,4 +1,4 @@
-"""Data sheets: what a radio and a processor draw in each of their states, and what changing between them takes.
+"""Datasheets: what a radio and a processor draw in each of their states, and what changing between them takes.
 
 A scenario names a sheet (`radio: cc2420`) or writes its fields. The files of those that come with wsnsim say for each
 value where it comes from.
@@ -18,7 +18,7 @@ LEVEL: Final = Quantity("dBm", ge=-200.0, le=60.0)
 
 @part
 class RadioSheet:
-    """A radio by its data sheet: `transmit[i]` watts at `levels[i]` dBm of output power."""
+    """A radio by its datasheet: `transmit[i]` watts at `levels[i]` dBm of output power."""
 
     name: Annotated[str, "of the radio"]
     source: Annotated[str, "the document that the values come from"]
@@ -50,7 +50,7 @@ class RadioSheet:
 
 @part
 class ProcessorSheet:
-    """A processor by its data sheet. It computes at `rate`; a cycle costs `run / rate` where there is no figure."""
+    """A processor by its datasheet. It computes at `rate`; a cycle costs `run / rate` where there is no figure."""
 
     name: Annotated[str, "of the processor"]
     source: Annotated[str, "the document that the values come from"]

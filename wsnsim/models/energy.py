@@ -4,7 +4,7 @@
     draw(mode) -> Draw in watts    switching(before, after), turnaround() -> joules    seconds(cycles)
 
 In the first-order models idle listening, sleep and switching cost nothing unless they are given a price: as they
-stand, they allow no conclusion about sleeping. `States` rests on data sheets, where listening costs as much as
+stand, they allow no conclusion about sleeping. `States` rests on datasheets, where listening costs as much as
 receiving.
 """
 
@@ -123,9 +123,9 @@ class FirstOrder2002(Supply):
 
 @part
 class States:
-    """Power by state from data sheets: sending, receiving, listening, sleeping, computing, waiting, changing over.
+    """Power by state from datasheets: sending, receiving, listening, sleeping, computing, waiting, changing over.
 
-    E_tx = P_tx k / rate at the output power's level, E_rx = P_rx k / rate, E_cpu = P_run N_c / f. A data sheet does not
+    E_tx = P_tx k / rate at the output power's level, E_rx = P_rx k / rate, E_cpu = P_run N_c / f. A datasheet does not
     split electronics and amplifier: all of sending is booked as electronics, whatever the distance.
 
     A dormant node listens while its processor sleeps; asleep, both are off. A processor that wakes draws what it
@@ -134,8 +134,8 @@ class States:
     The battery is two AA cells: 18,720 J, as in Castalia 3.
     """
 
-    radio: Annotated[RadioSheet, "data sheet of the radio, or the name of one"]
-    processor: Annotated[ProcessorSheet, "data sheet of the processor, or the name of one"]
+    radio: Annotated[RadioSheet, "datasheet of the radio, or the name of one"]
+    processor: Annotated[ProcessorSheet, "datasheet of the processor, or the name of one"]
     power: Annotated[float, Quantity("dBm", ge=-200.0, le=60.0), "output power: one of the radio's levels"] = 0.0
     battery: Annotated[float, Quantity("J", gt=0), "a node's charge at the start; .inf for no limit"] = 18_720.0
     sensing: Annotated[float, Quantity("J", ge=0, le=1e6), "taking one reading"] = 0.0

@@ -38,7 +38,7 @@ class Processor:
         return 0.0 if self.rate is None else cycles / self.rate
 
     def check(self, setup: Setup) -> Iterator[Issue]:
-        """A rate that is not that of the processor on whose data sheet the energy model rests."""
+        """A rate that is not that of the processor on whose datasheet the energy model rests."""
         sheet = getattr(setup.energy, "processor", None) if isinstance(setup, RadioSetup) else None
         if sheet is not None and self.rate is not None and self.rate != sheet.rate:
             yield Issue(

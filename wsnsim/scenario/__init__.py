@@ -1,9 +1,10 @@
-"""A text becomes frozen objects. pydantic and yaml live here, and are imported at the first scenario.
+"""Scenarios: from text to frozen, checked components. pydantic and yaml are imported with the first scenario.
 
-parts = build(load("scenarios/pso_mhpf.yaml", ["seed=7"]))
+setup = build(load("scenarios/pso_mhpf.yaml", ["seed=7"]))
 """
 
 from wsnsim.scenario.build import build, plugins, resolved
-from wsnsim.scenario.load import load, shipped
+from wsnsim.scenario.files import shipped
+from wsnsim.scenario.load import load
 
 __all__ = ["build", "load", "plugins", "resolved", "shipped"]

@@ -3,7 +3,7 @@
     values_of(node, path) -> the values of one axis: a list, {range: [a, b], count: n}, {log_range: [a, b], count: n}
     grid(axes), zipped(axes), random(draw), latin_hypercube(draw) -> points, as tuples of (keys, Node)
 
-Faults are raised as `Refused`, with the node that they stand at. Nothing is listed before it is counted.
+Faults are raised as `InvalidAxis`, with the node that they stand at. Nothing is listed before it is counted.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ SPACING: Final = ("count", "step")
 WRITTEN: Final = re.compile(rf"({NUMBER})\s*(.*)", re.ASCII)
 
 
-class Refused(Exception):
+class InvalidAxis(Exception):
     """What is wrong with an axis, and the node at which it stands."""
 
     def __init__(self, node: LocatedValue, message: str) -> None:
@@ -81,7 +81,7 @@ class Span(NamedTuple):
         return int(min(max(round(value), self.low), self.high))
 
 
-class Draw(NamedTuple):
+class Sampling(NamedTuple):
     """Points to be drawn at random: how many, from which seed, over which axes."""
 
     points: int
@@ -93,17 +93,17 @@ def values_of(node: LocatedValue, path: Keys) -> list[LocatedValue]:
     """The values of one axis, in order, each once.
 
     Raises:
-        Refused: no list and no range, an empty list, a value twice, a range that cannot be.
+        InvalidAxis: no list and no range, an empty list, a value twice, a range that cannot be.
     """
     if isinstance(node.value, list):
         if not node.value:
-            raise Refused(node, "is an empty list: an axis needs a value")
+            raise InvalidAxis(node, "is an empty list: an axis needs a value")
         _refuse_twins(node.value)
         return list(node.value)
     if isinstance(node.value, dict) and any(name in node.value for name in RANGES):
         return _spaced(node)
     example = "[100, 200], {range: [0, 1], count: 5} or {log_range: [1, 100], count: 5}"
-    raise Refused(node, f"expected values such as {example}, got {described(plain(node))}")
+    raise InvalidAxis(node, f"expected values such as {example}, got {described(plain(node))}")
 
 
 def of_reals(node: LocatedValue) -> LocatedValue:
@@ -136,22 +136,22 @@ def zipped(axes: Axes) -> list[Settings]:
     """The axes' first values together, then their second, and so on.
 
     Raises:
-        Refused: axes of unequal length, with the length of each.
+        InvalidAxis: axes of unequal length, with the length of each.
     """
     columns = {keys: values_of(node, keys) for keys, node in axes.items()}
     if len({len(column) for column in columns.values()}) > 1:
         said = ", ".join(f"{dotted(keys)} has {len(column)}" for keys, column in columns.items())
-        raise Refused(next(iter(axes.values())), f"axes that go together must be of one length: {said}")
+        raise InvalidAxis(next(iter(axes.values())), f"axes that go together must be of one length: {said}")
     return [tuple(zip(axes, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
 
-def random(draw: Draw) -> list[Settings]:
+def random(draw: Sampling) -> list[Settings]:
     """Independent points, uniform over the axes. The first points of a longer draw are those of a shorter one."""
     rng = np.random.Generator(np.random.Philox(draw.seed))
     return _placed(draw, rng.random((draw.points, len(draw.over))))
 
 
-def latin_hypercube(draw: Draw) -> list[Settings]:
+def latin_hypercube(draw: Sampling) -> list[Settings]:
     """A Latin hypercube: each axis cut in as many slices as there are points, one point in each slice.
 
     Source: McKay, Beckman, Conover (1979). Another number of points gives other points.
@@ -165,14 +165,14 @@ def latin_hypercube(draw: Draw) -> list[Settings]:
 def demand_few(count: int, node: LocatedValue) -> None:
     """Refuse what nobody can wait for."""
     if count > MOST_POINTS:
-        raise Refused(node, f"makes {_large(count)} points; at most {MOST_POINTS:,} are allowed")
+        raise InvalidAxis(node, f"makes {_large(count)} points; at most {MOST_POINTS:,} are allowed")
 
 
 def _large(count: int) -> str:
     return f"{count:,}" if count < 10**15 else f"{Decimal(count):.2e}"
 
 
-def _placed(draw: Draw, uniforms: np.ndarray) -> list[Settings]:
+def _placed(draw: Sampling, uniforms: np.ndarray) -> list[Settings]:
     """The points at shares of [0, 1) of each axis. Points that fall together (whole numbers) are kept once."""
     pickers = [_picker(node, keys) for keys, node in draw.over.items()]
     points: dict[str, Settings] = {}
@@ -191,7 +191,7 @@ def _picker(node: LocatedValue, keys: Keys) -> Callable[[float], LocatedValue]:
         values_of(node, keys)
     for name in SPACING:
         if name in node.value:
-            raise Refused(node.value[name].node, f"'{name}' has no meaning where points are drawn")
+            raise InvalidAxis(node.value[name].node, f"'{name}' has no meaning where points are drawn")
     span = _span(node)
     return lambda share: LocatedValue(span.drawn(share), node.spot)
 
@@ -214,21 +214,21 @@ def _count(node: LocatedValue, span: Span) -> int:
     """How many values a range has: `count`, or as many as `step` fits in."""
     count, step = child(node, "count"), child(node, "step")
     if (count is None) == (step is None):
-        raise Refused(node, "a range needs either 'count' (how many values) or 'step' (how far apart)")
+        raise InvalidAxis(node, "a range needs either 'count' (how many values) or 'step' (how far apart)")
     if count is not None:
         number = count.value
         if isinstance(number, bool) or not isinstance(number, int) or number < 1:
-            raise Refused(count, f"expected a whole number of at least 1, got {described(plain(count))}")
+            raise InvalidAxis(count, f"expected a whole number of at least 1, got {described(plain(count))}")
         return number
     assert step is not None
     if span.logarithmic:
-        raise Refused(step, "a log_range takes 'count', not 'step'")
+        raise InvalidAxis(step, "a log_range takes 'count', not 'step'")
     pace, unit, _ = _number(step, "a step")
     if unit != span.unit or not pace > 0.0:
-        raise Refused(step, f"a step must be positive, and in the unit of the range ('{span.unit or 'none'}')")
+        raise InvalidAxis(step, f"a step must be positive, and in the unit of the range ('{span.unit or 'none'}')")
     steps = (float(span.high) - float(span.low)) / pace
     if not math.isfinite(steps):
-        raise Refused(step, "is too small for a range that wide")
+        raise InvalidAxis(step, "is too small for a range that wide")
     return math.floor(steps * (1 + 1e-12) + 1e-9) + 1
 
 
@@ -236,16 +236,16 @@ def _span(node: LocatedValue) -> Span:
     name = next(name for name in RANGES if name in node.value)
     strange = [key for key in node.value if key not in (name, *SPACING)]
     if strange:
-        raise Refused(node.value[strange[0]].node, f"unknown key {shown(strange[0])} in a range (count or step)")
+        raise InvalidAxis(node.value[strange[0]].node, f"unknown key {shown(strange[0])} in a range (count or step)")
     ends = node.value[name].node
     if not isinstance(ends.value, list) or len(ends.value) != 2:
-        raise Refused(ends, f"expected [low, high], got {described(plain(ends))}")
+        raise InvalidAxis(ends, f"expected [low, high], got {described(plain(ends))}")
     (low, unit, whole), (high, other, also) = (_number(end, "an end of a range") for end in ends.value)
     if unit != other:
-        raise Refused(ends, f"both ends need one unit, not '{unit or 'none'}' and '{other or 'none'}'")
+        raise InvalidAxis(ends, f"both ends need one unit, not '{unit or 'none'}' and '{other or 'none'}'")
     logarithmic = name == "log_range"
     if not low <= high or (logarithmic and low <= 0.0):
-        raise Refused(ends, f"needs low <= high{', both above 0' if logarithmic else ''}")
+        raise InvalidAxis(ends, f"needs low <= high{', both above 0' if logarithmic else ''}")
     paced = _number(node.value["step"].node, "a step")[2] if "step" in node.value else True
     return Span(low, high, unit, logarithmic, whole and also and paced)
 
@@ -258,7 +258,7 @@ def _number(node: LocatedValue, what: str) -> tuple[float, str, bool]:
     match = WRITTEN.fullmatch(value.strip()) if isinstance(value, str) else None
     number = float(match[1].replace(".inf", "inf")) if match else math.nan
     if match is None or not abs(number) <= LARGEST:
-        raise Refused(node, f"{what} is a finite number, with a unit or without, not {described(plain(node))}")
+        raise InvalidAxis(node, f"{what} is a finite number, with a unit or without, not {described(plain(node))}")
     return number, match[2], False
 
 
@@ -282,5 +282,5 @@ def _refuse_twins(nodes: Sequence[LocatedValue]) -> None:
     for node in nodes:
         text = repr(plain(node))
         if text in seen:
-            raise Refused(node, f"{shown(plain(node))} stands in the list twice")
+            raise InvalidAxis(node, f"{shown(plain(node))} stands in the list twice")
         seen[text] = node

@@ -1,9 +1,9 @@
-"""A tree is checked against what scenarios may say.
+"""Validation of a scenario's tree.
 
-    validate(tree) -> (Scenario or None, faults)
+    validate(tree) -> (Scenario or None, issues)
 
-Which kinds a scenario chooses is settled first, and data sheets are put in place of their names; the model for just
-these kinds then finds every other fault in one pass.
+First the kinds of all roles are determined, and datasheets replace their names. The pydantic model of exactly these
+kinds then finds all other issues in one pass.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Any, Final
 from pydantic import ValidationError
 
 from wsnsim.base.errors import Issue
-from wsnsim.scenario.datasheets import spelt_out
+from wsnsim.scenario.datasheets import with_fields
 from wsnsim.scenario.fields import PartError, described, names_of
 from wsnsim.scenario.kinds import AT_TOP, ROLES, Role, Scope
 from wsnsim.scenario.located_values import (
@@ -34,23 +34,23 @@ from wsnsim.scenario.registry import kinds
 from wsnsim.scenario.schema import Chosen, PartModel, Scenario, is_without_target, part_model, scenario_model
 
 BEACON_STEP: Final = 1.0
-"""s: between the rows of a network without a target, where the scenario says nothing else."""
+"""Time (s) between result rows of a network without a target, unless the scenario gives `step`."""
 
 
 def validate(tree: LocatedValue) -> tuple[Scenario | None, list[Issue]]:
-    """The scenario that a tree says, or every fault of it."""
+    """Return the scenario of a tree, or None and all its issues."""
     if not isinstance(tree.value, dict):
         message = f"expected keys such as 'name', got {described(plain(tree))}"
         return None, [] if tree.value is BROKEN else [tree.spot.issue((), message)]
     sheet = child(tree, "sheet")
     if sheet is not None:
-        said = f"is the data sheet of a {plain(sheet)}, and no scenario: name it in energy, as in radio: cc2420"
-        return None, [tree.spot.issue((), said)]
+        message = f"is the datasheet of a {plain(sheet)}, not a scenario: name it in energy, as in radio: cc2420"
+        return None, [tree.spot.issue((), message)]
     scope, issues = _scope(tree)
     tree = _with_defaults(tree, scope)
-    chosen, wrong = _choose(tree, scope)
-    tree, unknown = spelt_out(tree, chosen)
-    issues += wrong + unknown
+    chosen, of_kinds = _choose(tree, scope)
+    tree, of_sheets = with_fields(tree, chosen)
+    issues += of_kinds + of_sheets
     model = scenario_model(chosen)
     data = _located(tree, chosen)
     for key in AT_TOP:
@@ -65,19 +65,20 @@ def validate(tree: LocatedValue) -> tuple[Scenario | None, list[Issue]]:
 
 
 def with_sheets(tree: LocatedValue) -> LocatedValue:
-    """The tree with the fields of data sheets in place of their names, as far as they are found."""
+    """Return the tree with the fields of datasheets in place of their names, or as it is if one has issues."""
     chosen, _ = _choose(tree, Scope())
-    spelt, issues = spelt_out(tree, chosen)
-    return tree if issues else spelt
+    complete, issues = with_fields(tree, chosen)
+    return tree if issues else complete
 
 
 def _scope(tree: LocatedValue) -> tuple[Scope, list[Issue]]:
-    """Which roles the scenario uses."""
-    said, kind = at(tree, ("network",)), at(tree, ("workload", "kind"))
-    network, targets = said is None or said.value != "none", kind is None or not _is_without_target(kind.value)
-    if kind is None or network or targets:
-        return Scope(network, targets), []
-    message = "a network without a target needs a network: take 'network: none' out"
+    """Return which roles the scenario uses."""
+    network, kind = at(tree, ("network",)), at(tree, ("workload", "kind"))
+    has_network = network is None or network.value != "none"
+    has_targets = kind is None or not _is_without_target(kind.value)
+    if kind is None or has_network or has_targets:
+        return Scope(has_network, has_targets), []
+    message = "a scenario without a target needs a network: remove 'network: none'"
     return Scope(network=True, targets=False), [kind.spot.issue(("workload", "kind"), message)]
 
 
@@ -89,7 +90,7 @@ def _is_without_target(kind: Any) -> bool:
 
 
 def _with_defaults(tree: LocatedValue, scope: Scope) -> LocatedValue:
-    """The tree with an empty mapping for each role that is left out and has a default kind, or an empty list."""
+    """Return the tree with an empty mapping for each missing role that has a default kind, or an empty list."""
     spot = tree.spot
     missing = {} if scope.targets else {"step": Entry(spot, LocatedValue(BEACON_STEP, spot))}
     for role in filter(scope.uses, ROLES.values()):
@@ -107,20 +108,20 @@ def _with_defaults(tree: LocatedValue, scope: Scope) -> LocatedValue:
 
 
 def _choose(tree: LocatedValue, scope: Scope) -> tuple[Chosen, list[Issue]]:
-    """The models behind each key, by their kinds; a key of which no kind is known is left out."""
+    """Return the models of each key by their kinds; a key without a known kind is left out."""
     chosen: dict[str, tuple[type[PartModel] | None, ...]] = {}
     issues: list[Issue] = []
-    for key, path_and_node in _role_nodes(tree, scope, issues):
-        found = tuple(_model_at(node, path, issues) for path, node in path_and_node)
-        if any(found) or not found:
-            chosen[key] = found
+    for key, components in _components(tree, scope, issues):
+        models = tuple(_model_at(node, path, issues) for path, node in components)
+        if any(models) or not models:
+            chosen[key] = models
     return tuple(chosen.items()), issues
 
 
-def _role_nodes(
+def _components(
     tree: LocatedValue, scope: Scope, issues: list[Issue]
 ) -> Iterator[tuple[str, list[tuple[Keys, LocatedValue]]]]:
-    """(key, its mappings with their paths): one under a role's own name, several in a list."""
+    """Yield (key, its components with their paths): one under the name of a role, several under its list."""
     for role in ROLES.values():
         alone = None if role.optional else child(tree, role.name)
         several = child(tree, role.listed) if role.listed else None
@@ -139,7 +140,7 @@ def _role_nodes(
 
 
 def _items(several: LocatedValue, role: Role, issues: list[Issue]) -> list[tuple[Keys, LocatedValue]] | None:
-    """The mappings of a list with their paths; None if it is none, or an empty one where there must be some."""
+    """Return the items of a list with their paths, or None if it is no list or wrongly empty."""
     if not isinstance(several.value, list) or not (several.value or role.optional):
         if several.value is not BROKEN:
             message = f"expected a list of {role.plural}, got {described(plain(several) or None)}"
@@ -155,7 +156,7 @@ def _model_at(node: LocatedValue, path: Keys, issues: list[Issue]) -> type[PartM
     if node.value is BROKEN or (written is not None and written.value is BROKEN):
         return None
     if not isinstance(node.value, dict):
-        example = f"{{kind: {role.default or role.rows[0].kind}}}"
+        example = f"{{kind: {role.default or role.kinds[0].kind}}}"
         issues.append(node.spot.issue(path, f"expected a mapping such as {example}, got {described(plain(node))}"))
         return None
     kind = plain(written) if written else role.default
@@ -172,7 +173,7 @@ def _model_at(node: LocatedValue, path: Keys, issues: list[Issue]) -> type[PartM
 
 
 def _located(tree: LocatedValue, chosen: Chosen) -> dict[str, Any]:
-    """The plain values; file names (fields `path`, `..._path`) are taken from the folder of the text they stand in."""
+    """Return the plain values; file names (fields `path`, `..._path`) are relative to the folder of their text."""
     data: dict[str, Any] = plain(tree)
     for key, models in chosen:
         for i, model in enumerate(models):
@@ -180,8 +181,8 @@ def _located(tree: LocatedValue, chosen: Chosen) -> dict[str, Any]:
             for field in (name for name in names_of(model.part) if _is_path(name)) if model else ():
                 node = at(tree, (*path, field))
                 if node is not None and isinstance(node.value, str) and node.value:
-                    part = data[key][i] if len(path) > 1 else data[key]
-                    part[field] = str((node.spot.text.folder / node.value).resolve())
+                    component = data[key][i] if len(path) > 1 else data[key]
+                    component[field] = str((node.spot.text.folder / node.value).resolve())
     return data
 
 

@@ -48,7 +48,7 @@ class PartModel(BaseModel):
 
 def refusal(message: str) -> PydanticCustomError:
     """The error with which a validator refuses a value; the message is kept as it is."""
-    return PydanticCustomError("refused", "{said}", {"said": message})
+    return PydanticCustomError("refused", "{message}", {"message": message})
 
 
 @dataclass(frozen=True)
@@ -101,7 +101,7 @@ class Number:
         try:
             return float(number)
         except OverflowError:
-            raise refusal(f"{shown(number)} is beyond what a number can hold") from None
+            raise refusal(f"{shown(number)} is too large for a number") from None
 
     def _wanted(self) -> str:
         return "a whole number" if self.whole else "a number" if not self.quantity.unit else wanted(self.quantity.unit)
@@ -134,10 +134,10 @@ class Items:
 
 @dataclass(frozen=True)
 class Named:
-    """Says in the JSON Schema that the name of a data sheet may stand in place of its fields."""
+    """Says in the JSON Schema that the name of a datasheet may stand in place of its fields."""
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        return {"anyOf": [handler(schema), {"type": "string", "description": "name of a data sheet"}]}
+        return {"anyOf": [handler(schema), {"type": "string", "description": "name of a datasheet"}]}
 
 
 def described(value: Any) -> str:
@@ -222,7 +222,7 @@ def names_of(part: type[Any]) -> list[str]:
 
 
 @functools.cache
-def nested_of(part: Any) -> Mapping[str, type[Any]]:
+def nested_of(part: Any) -> Mapping[str, Any]:
     """The fields of a part in which another part stands, or may stand."""
     found = {}
     for name, hint in get_type_hints(part).items():

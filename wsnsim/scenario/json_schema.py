@@ -65,7 +65,7 @@ def _demands(schema: dict[str, Any]) -> dict[str, Any]:
     alone = [role for role in ROLES.values() if not role.listed]
     missing = [role for role in alone if role.default is None]
     of_targets = [role.name for role in missing if role.of_targets]
-    of_network = [role.name for role in missing if role.of_network or role.bench_default]
+    of_network = [role.name for role in missing if role.of_network or role.offline_default]
     either = [{"required": [key]} for key in ROLES["motion"].keys]
     bench = {"required": ["network"], "properties": {"network": {"const": "none"}}}
     beacons = {"properties": {"kind": {"const": BEACONS}}, "required": ["kind"]}

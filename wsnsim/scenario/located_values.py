@@ -1,8 +1,9 @@
-"""A scenario's values, each knowing where it stands: what files, `--set` and dicts have in common.
+"""Values with their positions: the common form of scenario files, `--set` and dicts.
 
-    Node: a value (a scalar, a list of Nodes, or a dict of Entries) and its Spot;  Entry: a key's Spot and its Node
+    LocatedValue: a value (a scalar, a list of LocatedValues, or a dict of Entries) and its Spot
+    Entry: the Spot of a key, and the LocatedValue under it
 
-Trees are never changed: `merged` and `assigned` give new ones that share what stays.
+Trees are immutable: `merged` and `assigned` return new ones that share the unchanged parts.
 """
 
 from __future__ import annotations
@@ -19,14 +20,14 @@ Key: TypeAlias = str | int
 Keys: TypeAlias = tuple[Key, ...]
 WIDTH: Final = 110
 BROKEN: Final = object()
-"""Stands for a value that already has its fault: nothing more is said of it."""
+"""Stands for a value whose issue is already reported, so that no further issue is."""
 
 
 @dataclass(frozen=True)
 class Text:
-    """What values come from: a file (name and lines), one `--set` (name and keys), or a caller's dict (no name).
+    """The origin of values: a file (name and lines), one `--set` (name and keys), or a caller's dict (no name).
 
-    `folder` is what relative paths in it start from.
+    Relative paths in it start from `folder`.
     """
 
     name: str
@@ -37,14 +38,14 @@ class Text:
 
 @dataclass(frozen=True, slots=True)
 class Spot:
-    """A line and a column (from 0) of a text."""
+    """A position in a text: line and column, both from 0."""
 
     text: Text
     line: int = 0
     column: int = 0
 
     def issue(self, path: Keys, message: str) -> Issue:
-        """A fault of this spot: 'x.yaml:3:5' with the line and a caret; else '--set a.b', or the keys of the dict."""
+        """Return an issue at this position: 'x.yaml:3:5' with the line and a caret, '--set a.b', or the dict's keys."""
         if self.text.lines:
             return Issue(path, message, f"{self.text.name}:{self.line + 1}:{self.column + 1}", self._excerpt())
         if self.text.name:
@@ -62,7 +63,7 @@ class Spot:
 
 @dataclass(frozen=True, slots=True)
 class LocatedValue:
-    """A value where it stands; `size` counts the values in it, those behind aliases once for each use."""
+    """A value and its position; `size` counts the values in it, those of an alias once for each use."""
 
     value: Any
     spot: Spot
@@ -71,36 +72,36 @@ class LocatedValue:
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """A key where it stands, and what it holds."""
+    """The position of a key, and the value under it."""
 
     spot: Spot
     node: LocatedValue
 
 
 def dotted(path: Keys) -> str:
-    """A path as messages write it: targets.0.bound."""
+    """Return a path as messages write it: targets.0.bound."""
     return ".".join(str(key) for key in path)
 
 
 def mapping(entries: dict[str, Entry], spot: Spot) -> LocatedValue:
-    """A node that holds these entries."""
+    """Return a mapping with these entries."""
     return LocatedValue(entries, spot, 1 + sum(entry.node.size for entry in entries.values()))
 
 
 def sequence(items: list[LocatedValue], spot: Spot) -> LocatedValue:
-    """A node that holds these items."""
+    """Return a list with these items."""
     return LocatedValue(items, spot, 1 + sum(item.size for item in items))
 
 
 def plain(node: LocatedValue) -> Any:
-    """The values alone, as dicts, lists and scalars."""
+    """Return the values without their positions, as dicts, lists and scalars."""
     if isinstance(node.value, dict):
         return {key: plain(entry.node) for key, entry in node.value.items()}
     return [plain(item) for item in node.value] if isinstance(node.value, list) else node.value
 
 
 def child(node: LocatedValue, key: Key) -> LocatedValue | None:
-    """What stands under a key or at an index; None if nothing does."""
+    """Return the value under a key or at an index, or None."""
     if isinstance(node.value, dict):
         entry = node.value.get(key)
         return entry.node if entry else None
@@ -108,7 +109,7 @@ def child(node: LocatedValue, key: Key) -> LocatedValue | None:
 
 
 def at(root: LocatedValue, path: Keys) -> LocatedValue | None:
-    """What stands at a path; None if nothing does."""
+    """Return the value at a path, or None."""
     node: LocatedValue | None = root
     for key in path:
         node = child(node, key) if node is not None else None
@@ -116,7 +117,7 @@ def at(root: LocatedValue, path: Keys) -> LocatedValue | None:
 
 
 def spot_of(root: LocatedValue, path: Keys, of_key: bool = False) -> Spot:
-    """Where the value at a path stands (or its key), or else the nearest thing around it that is written."""
+    """Return the position of the value at a path (or of its key), or of the nearest value around it."""
     node = root
     for depth, key in enumerate(path):
         inner = child(node, key)
@@ -129,7 +130,10 @@ def spot_of(root: LocatedValue, path: Keys, of_key: bool = False) -> Spot:
 
 
 def merged(base: LocatedValue, over: LocatedValue, path: Keys = ()) -> LocatedValue:
-    """`over` laid on `base`: mappings key by key, anything else replaced, and so is a role whose kind changes."""
+    """Return `base` with `over` merged into it.
+
+    Mappings are merged key by key; all other values, and roles whose kind changes, are replaced.
+    """
     if not (isinstance(base.value, dict) and isinstance(over.value, dict)):
         return over
     new = child(over, "kind")
@@ -144,22 +148,22 @@ def merged(base: LocatedValue, over: LocatedValue, path: Keys = ()) -> LocatedVa
 
 
 def _kind(node: LocatedValue, path: Keys) -> Any:
-    """The kind that a role's mapping has, written or by default."""
+    """Return the kind of a role, written or by default."""
     written = child(node, "kind")
     role = AT_TOP.get(str(path[0]))
     return plain(written) if written else role.default if role else None
 
 
 def _is_replaced(key: str, over: LocatedValue) -> bool:
-    """`motion` and `targets` are two ways to say one thing."""
+    """Return whether `over` gives the role under its other key, such as `targets` instead of `motion`."""
     return key in AT_TOP and any(other in over.value for other in AT_TOP[key].keys if other != key)
 
 
 def assigned(node: LocatedValue, path: Keys, new: LocatedValue, depth: int = 0) -> LocatedValue:
-    """The tree with `new` at a path; mappings that are missing on the way are made. A new kind replaces its role.
+    """Return the tree with `new` at a path; missing mappings are created. A new kind replaces its role.
 
     Raises:
-        LookupError: the path leads through a value that holds nothing, or to an item that the list has not.
+        LookupError: the path leads through a scalar, or to an item that the list does not have.
     """
     if depth == len(path):
         return new
@@ -182,7 +186,7 @@ def assigned(node: LocatedValue, path: Keys, new: LocatedValue, depth: int = 0) 
 
 
 def in_order(issues: Iterable[Issue]) -> list[Issue]:
-    """Faults in the order of their text, as far as they stand in one; each once."""
+    """Return the issues in the order of their positions in the text, each once."""
 
     def place(issue: Issue) -> tuple[str, int, int]:
         name, line, column = [*issue.place.rsplit(":", 2), "", ""][:3]

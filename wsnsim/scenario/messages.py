@@ -1,6 +1,6 @@
-"""What pydantic finds wrong, in the words of a scenario and at its place.
+"""From pydantic's errors to issues: in the words of a scenario, with their positions.
 
-faults_of(validation_error, model, tree) -> [Fault, ...]
+issues_of(validation_error, model, tree) -> [Issue, ...]
 """
 
 from __future__ import annotations
@@ -30,23 +30,23 @@ EXPECTED: Final = {
 
 
 def issues_of(error: ValidationError, model: type[BaseModel], tree: LocatedValue) -> list[Issue]:
-    """One fault a path: alternatives of a union that all fail are said in one message."""
-    said: dict[Keys, list[str]] = {}
+    """Return one issue per path; the alternatives of a union that all fail share a message."""
+    messages: dict[Keys, list[str]] = {}
     at_key = set()
     for problem in error.errors(include_url=False):
         path = _written(problem["loc"], tree)
         if _is_broken(tree, path):
             continue
         message = _message(problem, path, model)
-        if message not in said.setdefault(path, []):
-            said[path].append(message)
+        if message not in messages.setdefault(path, []):
+            messages[path].append(message)
         if problem["type"] == "extra_forbidden":
             at_key.add(path)
-    return [spot_of(tree, path, path in at_key).issue(path, "; or ".join(words)) for path, words in said.items()]
+    return [spot_of(tree, path, path in at_key).issue(path, "; or ".join(words)) for path, words in messages.items()]
 
 
 def _written(location: tuple[Key, ...], tree: LocatedValue) -> Keys:
-    """The location without the marks that pydantic leaves where it tried the alternatives of a union."""
+    """Return the location without the entries that pydantic adds for the alternatives of a union."""
     path: list[Key] = []
     node: LocatedValue | None = tree
     for key in location:
@@ -77,18 +77,18 @@ def _message(problem: Any, path: Keys, model: type[BaseModel]) -> str:
     if kind == "extra_forbidden":
         inside = _annotation(model, path[:-1])
         return f"unknown key, {did_you_mean(str(path[-1]), sorted(inside.model_fields))}"
-    return str(context.get("said", problem["msg"]))
+    return str(context.get("message", problem["msg"]))
 
 
 def _short(number: float) -> str:
     try:
         return f"{number:g}"
-    except OverflowError:  # a whole number that no float holds
+    except OverflowError:  # an integer that is too large for a float
         return shown(number)
 
 
 def literals(annotation: Any) -> list[str]:
-    """Every text that the Literals within an annotation allow."""
+    """Return every text that the Literals within an annotation allow."""
     found: list[str] = []
     for argument in get_args(annotation):
         found += [argument] if isinstance(argument, str) else literals(argument)
@@ -96,7 +96,7 @@ def literals(annotation: Any) -> list[str]:
 
 
 def _annotation(model: Any, path: Keys) -> Any:
-    """The annotation that a model gives a path; a model where there is one."""
+    """Return the annotation of a path in a model, or the model within that annotation."""
     here: Any = model
     for key in path:
         inside = here if _is_model(here) else _first_model(here)
@@ -125,7 +125,7 @@ def _first_model(annotation: Any) -> Any:
 
 
 def _unwrapped(annotation: Any) -> Any:
-    """An annotation without Annotated and without None."""
+    """Return an annotation without Annotated and without None."""
     arguments = [argument for argument in get_args(annotation) if argument is not type(None)]
     if hasattr(annotation, "__metadata__") or (len(arguments) == 1 and len(get_args(annotation)) == 2):
         return _unwrapped(arguments[0])

@@ -15,7 +15,7 @@ from typing import Any, Final
 from wsnsim.base.errors import Issue, ScenarioError
 from wsnsim.scenario.axes import Settings
 from wsnsim.scenario.build import build, resolved
-from wsnsim.scenario.load import Assignment, Gathered, finished
+from wsnsim.scenario.load import Assignment, ScenarioText, validated
 from wsnsim.scenario.located_values import Keys, LocatedValue, dotted, in_order, plain
 from wsnsim.scenario.schema import Scenario
 from wsnsim.scenario.sweep_schema import Point
@@ -30,7 +30,7 @@ SCENARIO: Final = "scenario"
 MOST_FAULTS: Final = 20
 
 
-def points_of(bases: Sequence[Gathered], common: Sequence[Assignment], settings: Iterable[Settings]) -> list[Point]:
+def points_of(bases: Sequence[ScenarioText], common: Sequence[Assignment], settings: Iterable[Settings]) -> list[Point]:
     """One point for each base and each of the settings; with several bases, their names are a column of their own.
 
     Raises:
@@ -42,7 +42,7 @@ def points_of(bases: Sequence[Gathered], common: Sequence[Assignment], settings:
     for base in bases:
         for laid in chosen:
             try:
-                scenario = finished(base, [*common, *laid])
+                scenario = validated(base, [*common, *laid])
                 build(scenario)
             except ScenarioError as error:
                 for issue in error.issues:  # of an axis whose every value has the same fault, the first is told
@@ -61,12 +61,12 @@ def points_of(bases: Sequence[Gathered], common: Sequence[Assignment], settings:
     return list(points.values())
 
 
-def reals_of(bases: Iterable[Gathered], common: Sequence[Assignment]) -> Callable[[Keys], bool]:
+def reals_of(bases: Iterable[ScenarioText], common: Sequence[Assignment]) -> Callable[[Keys], bool]:
     """Which keys hold a real number in every one of the scenarios that can be read without the axes."""
     said = []
     for base in bases:
         with contextlib.suppress(ScenarioError):  # it may lack what an axis gives it
-            said.append(resolved(finished(base, common)))
+            said.append(resolved(validated(base, common)))
     return lambda keys: bool(said) and all(isinstance(_value_at(values, keys), float) for values in said)
 
 

@@ -1,9 +1,9 @@
-"""YAML text becomes a tree, with every fault of the text at once.
+"""From YAML text to a tree of located values, with all issues of the text at once.
 
-    read(text, source) -> (Node or None, faults);  of_dict(mapping) -> the same for a caller's dict
+    read(content, text) -> (LocatedValue or None, issues)      of_dict(mapping, text) -> the same for a caller's dict
 
-YAML is read as PyYAML composes it, with the scalar rules of YAML 1.2's core schema: 1e3 is a float, 010 is ten, and
-12:30:00, no and on are text. Duplicate keys are faults; `<<` merge keys may repeat a key.
+PyYAML composes the nodes; scalars follow the core schema of YAML 1.2: 1e3 is a float, 010 is ten, and 12:30:00, no and
+on are text. Duplicate keys are issues; a merge key `<<` may repeat a key.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, Final
 
 import yaml
@@ -30,7 +31,7 @@ NULL: Final = re.compile(r"~|null|Null|NULL|")
 
 
 class _CoreLoader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]
-    """PyYAML's loader with the core schema's resolvers and a floor to its recursion. Our choice: 40 levels."""
+    """PyYAML's loader with the resolvers of the core schema and a limit of its recursion. Our choice: 40 levels."""
 
     yaml_implicit_resolvers: dict[str, Any] = {}  # noqa: RUF012
     levels = 0
@@ -55,8 +56,13 @@ for _tag, _pattern, _first in (
     _CoreLoader.add_implicit_resolver(TAG + _tag, re.compile(f"(?:{_pattern.pattern})$"), _first)
 
 
+def text_of(path: Path, content: str, keys: Keys = ()) -> Text:
+    """Return the origin of values that are read from a file. `keys`: where they are put in the scenario."""
+    return Text(str(path), path.parent, tuple(content.splitlines()) or ("",), keys)
+
+
 def read(content: str, text: Text) -> tuple[LocatedValue | None, list[Issue]]:
-    """The tree of a YAML text. None if it is no YAML, or holds nothing; the faults say why."""
+    """Return the tree of a YAML text (None if it is not YAML, or empty) and the issues of the text."""
     try:
         node = yaml.compose(content, Loader=_CoreLoader)
     except yaml.MarkedYAMLError as error:
@@ -64,7 +70,7 @@ def read(content: str, text: Text) -> tuple[LocatedValue | None, list[Issue]]:
     except yaml.reader.ReaderError as error:
         return None, [_character_issue(content, error, text)]
     except UnicodeError:
-        return None, [Spot(text).issue((), "not text: it holds half of a surrogate pair")]
+        return None, [Spot(text).issue((), "is not valid text: it contains half of a surrogate pair")]
     if node is None:
         return None, [Spot(text).issue((), "is empty")]
     reading = _Reading(text)
@@ -87,7 +93,7 @@ def _character_issue(content: str, error: yaml.reader.ReaderError, text: Text) -
 
 @dataclass
 class _Reading:
-    """One text being read: its faults, what each node gave, and the nodes still open (an alias to one has no end)."""
+    """The state of reading one text: its issues, the finished nodes, and the open ones (an alias to one is endless)."""
 
     text: Text
     issues: list[Issue] = field(default_factory=list)
@@ -98,12 +104,12 @@ class _Reading:
         if id(source) in self.known:
             return self.known[id(source)]
         if id(source) in self.open:
-            return self.complain(source, path, "an anchor cannot hold itself")
+            return self.complain(source, path, "an anchor cannot contain itself")
         self.open.add(id(source))
         node = self.fresh(source, path)
         self.open.discard(id(source))
         if node.size > LARGEST:
-            node = self.complain(source, path, f"holds more than {LARGEST} values once its aliases are spelt out")
+            node = self.complain(source, path, f"contains more than {LARGEST} values when its aliases are expanded")
         self.known[id(source)] = node
         return node
 
@@ -117,23 +123,23 @@ class _Reading:
         return sequence([self.node(item, (*path, i)) for i, item in enumerate(source.value)], self.spot(source))
 
     def entries(self, source: yaml.MappingNode, path: Keys) -> dict[str, Entry]:
-        """A mapping's own entries, laid over those that its merge keys bring."""
+        """Return the entries of a mapping: those of its merge keys, replaced by its own."""
         own: dict[str, Entry] = {}
-        brought: dict[str, Entry] = {}
+        merged: dict[str, Entry] = {}
         for key, value in source.value:
             if not isinstance(key, yaml.ScalarNode):
-                self.complain(key, path, "a key must be a word")
+                self.complain(key, path, "a key must be a scalar")
             elif key.tag == TAG + "merge":
-                brought = self.brought(value, path) | brought
+                merged = self.of_merge_key(value, path) | merged
             elif key.value in own:
                 first = own[key.value].spot.line + 1
                 self.complain(key, path, f"duplicate key {shown(key.value)} (first at line {first})")
             else:
                 own[key.value] = Entry(self.spot(key), self.node(value, (*path, key.value)))
-        return brought | own
+        return merged | own
 
-    def brought(self, source: yaml.Node, path: Keys) -> dict[str, Entry]:
-        """What a merge key brings: of several mappings, the earlier wins."""
+    def of_merge_key(self, source: yaml.Node, path: Keys) -> dict[str, Entry]:
+        """Return the entries of a merge key; of several mappings, the earlier wins."""
         found: dict[str, Entry] = {}
         for item in source.value if isinstance(source, yaml.SequenceNode) else [source]:
             node = self.node(item, path)
@@ -161,12 +167,12 @@ class _Reading:
 
 
 def _value(tag: str, text: str) -> Any:
-    """The value of a scalar. Raises ValueError where a tag was forced on a text, or a number is too large."""
+    """Return the value of a scalar. Raises ValueError if the text does not fit its tag or the number is too large."""
     rule = {"int": INT, "float": FLOAT, "bool": BOOL, "null": NULL}.get(tag)
     if rule is None:
         return text
     if not rule.fullmatch(text) and not (tag == "float" and INT.fullmatch(text)):
-        raise ValueError(f"{shown(text)} is no {tag}")
+        raise ValueError(f"{shown(text)} is not a valid {tag}")
     if tag == "null":
         return None
     if tag == "bool":
@@ -176,7 +182,7 @@ def _value(tag: str, text: str) -> Any:
 
 def _integer(text: str) -> int:
     if len(text) > 400:
-        raise ValueError(f"{shown(text)} is beyond what a number can hold")
+        raise ValueError(f"{shown(text)} is too large for a number")
     return int(text[2:], 8 if text[1] == "o" else 16) if text[:2] in ("0o", "0x") else int(text)
 
 
@@ -185,17 +191,19 @@ def _real(text: str) -> float:
         return float(text.replace(".", "", 1))
     value = float(text if not text.startswith(("0x", "0o")) else _integer(text))
     if math.isinf(value):
-        raise ValueError(f"{shown(text)} is beyond what a number can hold")
+        raise ValueError(f"{shown(text)} is too large for a number")
     return value
 
 
 def of_dict(
     values: Any, text: Text, path: Keys = (), inside: frozenset[int] = frozenset()
 ) -> tuple[LocatedValue, list[Issue]]:
-    """The tree of a caller's dict; tuples and arrays are lists, NumPy scalars their values, paths text."""
+    """Return the tree of a caller's dict: tuples and arrays as lists, NumPy scalars as their values, paths as text."""
     spot = Spot(text)
     if len(path) > DEEPEST or id(values) in inside:
-        return LocatedValue(BROKEN, spot), [spot.issue(path, f"nested deeper than {DEEPEST} levels, or within itself")]
+        return LocatedValue(BROKEN, spot), [
+            spot.issue(path, f"nested deeper than {DEEPEST} levels, or contains itself")
+        ]
     if hasattr(values, "tolist"):
         values = values.tolist()
     if isinstance(values, Mapping | list | tuple):
@@ -204,7 +212,7 @@ def of_dict(
         return LocatedValue(str(values), spot), []
     if values is None or isinstance(values, bool | int | float | str):
         return LocatedValue(values, spot), []
-    return LocatedValue(BROKEN, spot), [spot.issue(path, f"a {type(values).__name__} cannot stand in a scenario")]
+    return LocatedValue(BROKEN, spot), [spot.issue(path, f"a {type(values).__name__} is not allowed in a scenario")]
 
 
 def _of_many(values: Any, text: Text, path: Keys, inside: frozenset[int]) -> tuple[LocatedValue, list[Issue]]:

@@ -61,8 +61,8 @@ def _safe_name(name: str) -> str:
     return name
 
 
-class Refused(Exception):
-    """What a class says of the values that it will not take, and the path of the part within the scenario."""
+class InvalidComponent(Exception):
+    """A component refuses its values. `path`: where the component is in the scenario."""
 
     def __init__(self, path: Keys, reason: Exception) -> None:
         super().__init__(str(reason) or type(reason).__name__)
@@ -70,12 +70,12 @@ class Refused(Exception):
 
 
 def built(model: PartModel, path: Keys = ()) -> Any:
-    """The part itself, and the parts within it. Raises Refused with what a class says of its values."""
+    """The part itself, and the parts within it. Raises InvalidComponent with the reason."""
     values = {name: _built_within(getattr(model, name), (*path, name)) for name in names_of(model.part)}
     try:
         return model.part(**values)
     except (ValueError, TypeError) as reason:
-        raise Refused(path, reason) from reason
+        raise InvalidComponent(path, reason) from reason
 
 
 def _built_within(value: Any, path: Keys) -> Any:
@@ -236,8 +236,8 @@ def part_model(role: str, kind: str) -> type[PartModel]:
     Raises:
         LookupError: no such kind. ImportError: its module fails. PartError: its class cannot stand behind the role.
     """
-    row = find(role, kind)
-    part = load_class(row)
+    info = find(role, kind)
+    part = load_class(info)
     try:
         fields = fields_of(part)
         _demand_port(part, role)
@@ -247,7 +247,7 @@ def part_model(role: str, kind: str) -> type[PartModel]:
         base = TrackerModel if role == "tracker" else PartModel
         return made_model(part, base, {"kind": choice, **fields})
     except PartError as error:
-        raise PartError(f"{row.path} {error}") from None
+        raise PartError(f"{info.path} {error}") from None
 
 
 def _demand_port(part: type[Any], role: str) -> None:

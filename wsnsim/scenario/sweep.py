@@ -31,16 +31,14 @@ from pydantic import ValidationError
 from wsnsim.base.errors import ScenarioError
 from wsnsim.base.tables import TABLES
 from wsnsim.scenario import axes as shapes
-from wsnsim.scenario.axes import Draw, Refused, Settings
+from wsnsim.scenario.axes import InvalidAxis, Sampling, Settings
+from wsnsim.scenario.files import content_of, find_or_none, find_sweep
 from wsnsim.scenario.load import (
     Assignment,
-    Gathered,
+    ScenarioText,
     assignments_of,
-    content_of,
-    find_or_none,
-    gathered,
     keys_of,
-    shipped_sweeps,
+    read_scenario,
 )
 from wsnsim.scenario.located_values import (
     Entry,
@@ -59,8 +57,8 @@ from wsnsim.scenario.located_values import (
 )
 from wsnsim.scenario.messages import issues_of
 from wsnsim.scenario.points import LEFT_OUT, SCENARIO, demand_no_axis, keys_of_points, points_of, reals_of
-from wsnsim.scenario.reader import of_dict, read
-from wsnsim.scenario.sweep_schema import Plan, Written
+from wsnsim.scenario.reader import of_dict, read, text_of
+from wsnsim.scenario.sweep_schema import Plan, SweepText
 
 KEPT: Final = ("runs", "tracks")
 """What a campaign records where nobody asks for more."""
@@ -79,7 +77,7 @@ def is_sweep(source: str | Path) -> bool:
 
     A file that cannot be read is taken for one, so that `load_sweep` says what is wrong with it.
     """
-    path = _sweep_file(source)
+    path = find_sweep(source)
     if path is None:
         return False
     content = content_of(path)[0]
@@ -105,9 +103,9 @@ def load_sweep(
     tree, name, text = _read(source)
     tree = _with_given(_with_vary(tree, vary), given, name)
     try:
-        written = Written.model_validate(plain(tree))
+        written = SweepText.model_validate(plain(tree))
     except ValidationError as error:
-        raise ScenarioError(issues_of(error, Written, tree)) from None
+        raise ScenarioError(issues_of(error, SweepText, tree)) from None
     assignments, wrong = assignments_of(overrides)
     if wrong:
         raise ScenarioError(wrong)
@@ -117,7 +115,7 @@ def load_sweep(
         tree = _with_reals(tree, bases, common)
         settings = _combined(tree, written)
         shapes.demand_few(len(bases) * len(settings), tree)
-    except Refused as refused:
+    except InvalidAxis as refused:
         raise ScenarioError([refused.within(tree)]) from None
     demand_no_axis(assignments, settings)
     points = points_of(bases, common, settings)
@@ -137,7 +135,7 @@ def load_sweep(
     )
 
 
-def _bases(tree: LocatedValue) -> list[Gathered]:
+def _bases(tree: LocatedValue) -> list[ScenarioText]:
     """The scenarios that the sweep names: files from its folder, or shipped ones."""
     node = tree.value["scenario"].node
     if node.value == []:
@@ -145,7 +143,7 @@ def _bases(tree: LocatedValue) -> list[Gathered]:
     found = []
     for item in node.value if isinstance(node.value, list) else [node]:
         path = find_or_none(item.value, item.spot.text.folder)
-        text = gathered(path or item.value)
+        text = read_scenario(path or item.value)
         if text.tree is None:
             place = item.spot.text.lines and path is None
             raise ScenarioError(
@@ -163,10 +161,10 @@ def _read(source: str | Path | Mapping[str, Any] | Sequence[str]) -> tuple[Locat
             raise ScenarioError(in_order(issues))
         return tree, "sweep", json.dumps(plain(tree), indent=1, default=str)
     if isinstance(source, str | Path) and is_sweep(source):
-        path = _sweep_file(source)
+        path = find_sweep(source)
         assert path is not None
         content, issues = content_of(path)
-        node, found = (None, issues) if content is None else read(content, _text(path, content))
+        node, found = (None, issues) if content is None else read(content, text_of(path, content))
         if node is None or found:
             raise ScenarioError(in_order(found))
         return node, path.stem, content or ""
@@ -176,22 +174,6 @@ def _read(source: str | Path | Mapping[str, Any] | Sequence[str]) -> tuple[Locat
     given = nodes[0] if len(nodes) == 1 else sequence(nodes, spot)
     stems = "_".join(Path(name).stem for name in names[:4])
     return mapping({"scenario": Entry(spot, given)}, spot), re.sub(r"^\W|[^\w.\-]", "_", stems)[:100] or "sweep", ""
-
-
-def _text(path: Path, content: str) -> Text:
-    return Text(str(path), path.parent, tuple(content.splitlines()) or ("",))
-
-
-def _sweep_file(source: str | Path) -> Path | None:
-    """The file of this name, or else the shipped sweep; None where a scenario has the name."""
-    start = Path(source)
-    try:
-        for path in (start, start.with_name(f"{start.name}.yaml") if start.name else start):
-            if path.is_file():
-                return path
-    except (OSError, ValueError):  # a name that no file can have
-        return None
-    return shipped_sweeps().get(str(source).removesuffix(".yaml"))
 
 
 def _with_vary(tree: LocatedValue, vary: Iterable[str]) -> LocatedValue:
@@ -244,7 +226,7 @@ def _assigned(node: LocatedValue | None) -> list[Assignment]:
 def _keys(key: str, entry: Entry) -> Keys:
     keys = keys_of(key)
     if not keys or keys[0] in ("extends", SCENARIO, *LEFT_OUT) or "=" in key:
-        raise Refused(entry.node, f"'{key}' is no key of a scenario that can be varied")
+        raise InvalidAxis(entry.node, f"'{key}' is no key of a scenario that can be varied")
     return keys
 
 
@@ -253,12 +235,12 @@ def _axes(node: LocatedValue) -> shapes.Axes:
     axes: dict[Keys, LocatedValue] = {}
     for keys, values in _assigned(node):
         if keys in axes:
-            raise Refused(values, f"'{dotted(keys)}' is an axis twice")
+            raise InvalidAxis(values, f"'{dotted(keys)}' is an axis twice")
         axes[keys] = values
     return axes
 
 
-def _with_reals(tree: LocatedValue, bases: Iterable[Gathered], common: Sequence[Assignment]) -> LocatedValue:
+def _with_reals(tree: LocatedValue, bases: Iterable[ScenarioText], common: Sequence[Assignment]) -> LocatedValue:
     """The tree in which ranges between whole numbers are of real numbers, where the scenarios have one at their key."""
     is_real = reals_of(bases, common)
     for block in BLOCKS:
@@ -269,7 +251,7 @@ def _with_reals(tree: LocatedValue, bases: Iterable[Gathered], common: Sequence[
     return tree
 
 
-def _combined(tree: LocatedValue, written: Written) -> list[Settings]:
+def _combined(tree: LocatedValue, written: SweepText) -> list[Settings]:
     """Every point: one of each block, combined with each other."""
     blocks: list[list[Settings]] = []
     for name in ("grid", "zip"):
@@ -279,14 +261,14 @@ def _combined(tree: LocatedValue, written: Written) -> list[Settings]:
     several = child(tree, "points")
     if several is not None:
         if not several.value:
-            raise Refused(several, "is an empty list: a sweep needs a point")
+            raise InvalidAxis(several, "is an empty list: a sweep needs a point")
         blocks.append([tuple(_axes(item).items()) for item in several.value])
     for name, place in (("random", shapes.random), ("latin_hypercube", shapes.latin_hypercube)):
         drawn, over = getattr(written, name), at(tree, (name, "over"))
         if drawn is not None and over is not None:
             if not over.value:
-                raise Refused(over, "is empty: say over which axes points are drawn")
-            blocks.append(place(Draw(drawn.points, drawn.seed, _axes(over))))
+                raise InvalidAxis(over, "is empty: say over which axes points are drawn")
+            blocks.append(place(Sampling(drawn.points, drawn.seed, _axes(over))))
     shapes.demand_few(math.prod(len(block) for block in blocks), tree)
     return [_joined(chosen) for chosen in itertools.product(*blocks)]
 
@@ -296,7 +278,7 @@ def _joined(chosen: Iterable[Settings]) -> Settings:
     seen: set[Keys] = set()
     for keys, node in together:
         if keys in seen:
-            raise Refused(node, f"'{dotted(keys)}' is an axis twice")
+            raise InvalidAxis(node, f"'{dotted(keys)}' is an axis twice")
         seen.add(keys)
     return together
 

@@ -1,6 +1,6 @@
 """What a sweep file may say, and the plan that it becomes.
 
-Written: the file, every key checked;  StoppingRule: when a point has replicates enough
+SweepText: the file, every key checked;  StoppingRule: when a point has replicates enough
 Plan, Point: a sweep of which every point is known to be a scenario that can run
 """
 
@@ -67,7 +67,7 @@ class StoppingRule(BaseModel):
         return min(self.at_most, replicates + max(1, replicates // 2))
 
 
-class Drawn(BaseModel):
+class SampledPoints(BaseModel):
     """Points to be drawn, over axes that are ranges or lists."""
 
     model_config = FROZEN
@@ -76,7 +76,7 @@ class Drawn(BaseModel):
     over: dict[str, Any] = Field(description="axes, as ranges or lists")
 
 
-class Written(BaseModel):
+class SweepText(BaseModel):
     """What a sweep file may say."""
 
     model_config = FROZEN
@@ -88,8 +88,8 @@ class Written(BaseModel):
     grid: dict[str, Any] = Field({}, description="axes, every combination of which is a point")
     zip: dict[str, Any] = Field({}, description="axes that go together: the first values, the second, ...")
     points: tuple[dict[str, Any], ...] | None = Field(None, description="points one by one")
-    random: Drawn | None = Field(None, description="points drawn at random")
-    latin_hypercube: Drawn | None = Field(None, description="points of a Latin hypercube")
+    random: SampledPoints | None = Field(None, description="points drawn at random")
+    latin_hypercube: SampledPoints | None = Field(None, description="points of a Latin hypercube")
     replicates: _Whole | None = Field(None, description="runs a point; default what the scenario says")
     until: StoppingRule | None = Field(None, description="add replicates until a metric is known well enough")
     block: _Whole = Field(BLOCK, description="replicates in one file, which one worker runs one after the other")
@@ -98,7 +98,7 @@ class Written(BaseModel):
     )
 
     @model_validator(mode="after")
-    def _one_end(self) -> Written:
+    def _one_end(self) -> SweepText:
         if self.until is not None and self.replicates is not None:
             raise refusal("'replicates' and 'until' both say when a point ends: give one of them (until.at_most)")
         return self

@@ -93,7 +93,7 @@ def si(text: str, unit: str) -> float:
     with localcontext(EXACT):
         value = float(_convert(Decimal(number), (written or "").strip(), unit))
     if math.isnan(value) or (math.isinf(value) and "Inf" not in number):
-        raise UnitError(f"{shown(text)} is beyond what a number can hold")
+        raise UnitError(f"{shown(text)} is too large for a number")
     return value
 
 
