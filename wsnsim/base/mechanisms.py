@@ -6,12 +6,14 @@ the mechanism may use. The built-in components have no `start`: `network` binds 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final, Protocol, runtime_checkable
 
 from wsnsim.base.arrays import Floats, Ints
+from wsnsim.base.sleeping import Point, WakeUpMessage, WakeUpRound
 
+HeardMessage = Callable[[int, WakeUpMessage], None]
 NOBODY: Final = -1
 """Stands for a node in the log of a fault that hits none."""
 
@@ -135,5 +137,149 @@ class StartsFault(Protocol):
     """A fault component that brings its own mechanism: what a plug-in offers in addition to `radio.FaultEvent`."""
 
     def start(self, services: FaultServices) -> FaultMechanism:
+        """Return the mechanism. Called once, before the simulation starts."""
+        ...
+
+
+class WakeUpServices(Protocol):
+    """What a wake-up mechanism may use of the network. The network books and logs what it sends.
+
+    `now` is the simulated time in s.
+    """
+
+    @property
+    def now(self) -> float: ...
+
+    def is_up(self, node: int) -> bool:
+        """Whether a node is neither dead nor crashed."""
+        ...
+
+    def place(self, node: int) -> Point:
+        """The position of a node."""
+        ...
+
+    def neighbours(self, node: int) -> Ints:
+        """(n,) the nodes that a node's transmissions may reach, those included that are down."""
+        ...
+
+    def nodes_within(self, centre: Point, radius: float) -> Ints:
+        """(n,) the nodes within `radius` m of a point."""
+        ...
+
+    def sleepers(self, nodes: Ints) -> set[int]:
+        """Those of the nodes that are up and asleep now."""
+        ...
+
+    def broadcast(
+        self, round: WakeUpRound, node: int, message: WakeUpMessage, on_heard: HeardMessage, relayed: bool = False
+    ) -> None:
+        """Broadcast a copy of a message once.
+
+        Args:
+            round: the round of the message.
+            node: the sender.
+            message: what is sent; the copy says who sent it, and where from.
+            on_heard: called with each node that heard the copy, ascending, and the copy.
+            relayed: the sender forwards the message of another node.
+        """
+        ...
+
+    def call(
+        self, round: WakeUpRound, node: int, sleepers: Sequence[int], bits: int, on_awake: Callable[[list[int]], None]
+    ) -> None:
+        """Call sleeping neighbours on the wake-up radio; `on_awake` is called with those that woke."""
+        ...
+
+    def track(self, round: WakeUpRound, node: int, message: WakeUpMessage) -> None:
+        """Note that a node tracks at the message's step, and keep it awake until then and for the waiting time."""
+        ...
+
+    def release(self, node: int, target: int) -> None:
+        """Let a node follow its schedule again."""
+        ...
+
+    def drop(self, round: WakeUpRound, node: int, message: WakeUpMessage) -> None:
+        """Log that a node ignored a message because it had expired."""
+        ...
+
+    def chance(self, node: int, message: WakeUpMessage) -> float:
+        """A uniform random number of a node for a message, in [0, 1)."""
+        ...
+
+
+class WakeUpMechanism(Protocol):
+    """How nodes are woken ahead of a target."""
+
+    def begin(self, round: WakeUpRound) -> None:
+        """A head, `round.node`, wakes nodes for the step of `round.message`. Nobody waits for the end."""
+        ...
+
+
+@runtime_checkable
+class StartsWakeUp(Protocol):
+    """A wake-up component that brings its own mechanism: what a plug-in offers in addition to `sleeping.WakeUp`."""
+
+    def start(self, services: WakeUpServices) -> WakeUpMechanism:
+        """Return the mechanism. Called once, before the simulation starts."""
+        ...
+
+
+class WorkloadServices(Protocol):
+    """What a workload without a target may use of the network. The network books and logs what nodes send.
+
+    `now` is the simulated time in s; `positions` (N, 2) in m; `key` is the random key of the workload (see `base.rng`).
+    """
+
+    @property
+    def now(self) -> float: ...
+
+    @property
+    def positions(self) -> Floats: ...
+
+    @property
+    def key(self) -> int: ...
+
+    def is_awake(self, node: int) -> bool:
+        """Whether a node is up, and its radio listens."""
+        ...
+
+    def is_dead(self, node: int) -> bool:
+        """Whether the battery of a node is empty."""
+        ...
+
+    def lasts(self, node: int, seconds: float) -> float:
+        """The seconds that pass while a node's clock counts `seconds`."""
+        ...
+
+    def call_later(self, seconds: float, action: Callable[[], None]) -> None:
+        """Call an action after `seconds` of simulated time."""
+        ...
+
+    def word(self, what: str) -> int:
+        """The code of a word in the column `events.what`."""
+        ...
+
+    def broadcast(self, node: int, bits: int, word: int) -> None:
+        """Broadcast a payload of `bits` to all in range."""
+        ...
+
+    def send(self, node: int, to: int, bits: int, what: str, on_end: Callable[[bool], None]) -> None:
+        """Send a payload of `bits` to a node, relayed if it is out of range; `on_end(arrived)` is called at the end."""
+        ...
+
+
+class WorkloadMechanism(Protocol):
+    """What the nodes of a network without a target do."""
+
+    def begin(self) -> None:
+        """The simulation starts."""
+        ...
+
+
+@runtime_checkable
+class StartsWorkload(Protocol):
+    """A workload component that brings its own mechanism: what a plug-in offers in addition to `radio.Workload`."""
+
+    def start(self, services: WorkloadServices) -> WorkloadMechanism:
         """Return the mechanism. Called once, before the simulation starts."""
         ...
