@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 from wsnsim.cli import main
-from wsnsim.cli.progress import MODES, shown
+from wsnsim.cli.progress import MODES, RUN, display
 from wsnsim.experiment import Progress
 
 HEAVY = ("numpy", "pandas", "scipy", "numba", "h5py", "matplotlib", "networkx", "pydantic", "yaml", "simpy")
@@ -126,7 +126,7 @@ def test_new_writes_a_scenario_that_checks_and_never_overwrites(capsys: pytest.C
     assert capsys.readouterr().out.splitlines()[-1] == "mine.yaml: ok"
     Path("mine.yaml").write_text("mine")
     assert main(["new", "mine.yaml"]) == 2
-    assert capsys.readouterr().err == "wsnsim: error: mine.yaml exists already; it is left as it is\n"
+    assert capsys.readouterr().err == "wsnsim: error: file exists: mine.yaml\n"
     assert Path("mine.yaml").read_text() == "mine"
     assert main(["new", "../mine"]) == 2
 
@@ -191,7 +191,10 @@ def test_a_run_writes_its_page_too_where_it_is_asked_for(scenario: str, capsys: 
 
 def test_a_page_that_has_no_place_is_refused_before_anything_runs(capsys: pytest.CaptureFixture[str]) -> None:
     Path("y.html").mkdir()
-    for out, message in (("x.html", "would take its place; say --out x.h5"), ("y.h5", "--report: y.html is a folder")):
+    for out, message in (
+        ("x.html", "would overwrite x.html"),
+        ("y.h5", "--report: y.html is a folder"),
+    ):
         assert main(["run", "pso_mhpf", *QUICK, "--report", "--out", out]) == 2
         said = capsys.readouterr()
         assert message in said.err and said.out == "" and not Path(out).exists()
@@ -235,10 +238,10 @@ def test_a_result_that_is_missing_or_something_else_is_one_message(
 @pytest.mark.parametrize(
     ("out", "message"),
     [
-        ("nowhere/x.h5", "--out nowhere/x.h5: there is no folder nowhere; make it first"),
+        ("nowhere/x.h5", "--out nowhere/x.h5: folder does not exist: nowhere"),
         ("folder", "--out folder is a folder; give a file such as folder/pso_mhpf.h5"),
         ("file/x.h5", "cannot write file/x.h5: Not a directory"),
-        ("/dev/null", "--out /dev/null is no regular file"),
+        ("/dev/null", "--out /dev/null is not a regular file"),
     ],
 )
 def test_an_output_that_cannot_be_written_is_refused_before_anything_runs(
@@ -282,9 +285,9 @@ def test_plot_draws_what_is_asked_for_where_it_is_asked_for(result: Path, capsys
         (["--replicate", "2"], 2, "R: there is no replicate 2 in table truth; it has 0, 1"),
         (["--what", "track", "--target", "1"], 2, "R: there is no target 1 in table truth; it has 0"),
         (["--what", "energy", "--column", "px"], 2,
-         "--column has no meaning for --what energy; it has for all, states, particles"),
+         "--column cannot be combined with --what energy; it can with all, states, particles"),
         (["--out", "x.jpg"], 2, "x.jpg: a picture cannot have the suffix '.jpg' (did you mean '.png'?)"),
-        (["--out", "nowhere/x.png"], 2, "--out nowhere/x.png: there is no folder nowhere; make it first"),
+        (["--out", "nowhere/x.png"], 2, "--out nowhere/x.png: folder does not exist: nowhere"),
         (["--what", "particles"], 1,
          "R: cannot draw particles: table particles was not recorded; run the scenario with record.particles=true"),
         (["--what", "tracks"], 2, "Invalid value for '--what': 'tracks' is not one of 'all', 'track', 'states', "
@@ -303,7 +306,8 @@ def test_a_picture_never_takes_the_place_of_its_result(result: Path, capsys: pyt
     shutil.copy(result, "x.png")
     assert main(["plot", "x.png"]) == 2
     assert (
-        capsys.readouterr().err == "wsnsim: error: x.png is the result itself; say with --out where the picture goes\n"
+        capsys.readouterr().err
+        == "wsnsim: error: x.png is the result itself; give another file for the plot with --out\n"
     )
     assert Path("x.png").read_bytes() == result.read_bytes()
 
@@ -314,7 +318,7 @@ def test_a_picture_never_takes_the_place_of_its_result(result: Path, capsys: pyt
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["rnu"], "no such command 'rnu' (did you mean 'run'?) (see 'wsnsim --help')"),
+        (["rnu"], "unknown command 'rnu' (did you mean 'run'?) (see 'wsnsim --help')"),
         (["run"], "Missing argument 'SCENARIO'. (see 'wsnsim run --help')"),
         (["list", "trakers"], "unknown role 'trakers' (did you mean 'trackers'?)"),
         (["run", "--seed", "x", "y"],
@@ -344,7 +348,7 @@ def test_an_unexpected_error_is_one_line_and_its_traceback_is_for_those_who_ask(
     monkeypatch.setattr("wsnsim.cli.commands._loaded", breaks)
     assert main(["run", "x"]) == 1
     assert capsys.readouterr().err == (
-        "wsnsim: internal error: RuntimeError: two lines (set WSNSIM_TRACEBACK=1 to see where)\n"
+        "wsnsim: internal error: RuntimeError: two lines (set WSNSIM_TRACEBACK=1 for the traceback)\n"
     )
     monkeypatch.setenv("WSNSIM_TRACEBACK", "1")
     assert main(["run", "x"]) == 1
@@ -401,21 +405,19 @@ def report(replicate: int, time: float, wall: float) -> Progress:
 
 
 def test_plain_progress_is_a_line_every_tenth_or_half_minute(capsys: pytest.CaptureFixture[str]) -> None:
-    lines = shown("plain")
-    assert lines is not None
+    lines = display("plain", RUN)
     for replicate, time, wall in [(0, 0.5, 1.0), (0, 2.0, 2.0), (0, 3.0, 3.0), (0, 3.1, 40.0), (1, 10.0, 50.0)]:
         lines.step(report(replicate, time, wall))
     lines.close()
     assert capsys.readouterr().err.splitlines() == [
-        "wsnsim: 10 % (replicate 1 of 2, 2 of 10 s, 1 × real time, about 18 s left)",
-        "wsnsim: 16 % (replicate 1 of 2, 3.1 of 10 s, 0.0775 × real time, about 218 s left)",
-        "wsnsim: 100 % (replicate 2 of 2, 10 of 10 s, 0.4 × real time, about 0 s left)",
+        "wsnsim: 10 % (run 1 of 2, 2 of 10 s, 1 × real time, about 18 s left)",
+        "wsnsim: 16 % (run 1 of 2, 3.1 of 10 s, 0.0775 × real time, about 218 s left)",
+        "wsnsim: 100 % (run 2 of 2, 10 of 10 s, 0.4 × real time, about 0 s left)",
     ]
 
 
 def test_json_progress_is_one_object_a_line(capsys: pytest.CaptureFixture[str]) -> None:
-    lines = shown("json")
-    assert lines is not None
+    lines = display("json", RUN)
     lines.step(report(1, 5.0, 3.0))
     assert json.loads(capsys.readouterr().err) == {
         "replicate": 1, "replicates": 2, "time": 5.0, "duration": 10.0, "wall": 3.0, "share": 0.75,
@@ -423,8 +425,7 @@ def test_json_progress_is_one_object_a_line(capsys: pytest.CaptureFixture[str]) 
 
 
 def test_the_bar_shows_simulated_time_and_speed(capsys: pytest.CaptureFixture[str]) -> None:
-    bar = shown("bar")
-    assert bar is not None
+    bar = display("bar", RUN)
     bar.step(report(0, 5.0, 2.0))
     bar.step(report(1, 10.0, 4.0))
     bar.close()
@@ -433,8 +434,11 @@ def test_the_bar_shows_simulated_time_and_speed(capsys: pytest.CaptureFixture[st
     assert "5 × real time" in drawn
 
 
-def test_no_progress_is_nothing_at_all() -> None:
-    assert shown("none") is None
+def test_without_progress_nothing_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
+    nothing = display("none", RUN)
+    nothing.step(report(0, 5.0, 2.0))
+    nothing.close()
+    assert capsys.readouterr() == ("", "")
     assert MODES[0] == "auto"
 
 
@@ -443,4 +447,4 @@ def test_an_answer_that_cannot_be_written_is_an_error_in_words() -> None:
     with Path("/dev/full").open("w") as full:
         done = subprocess.run([sys.executable, "-m", "wsnsim", "list"], stdout=full, stderr=subprocess.PIPE, text=True)
     assert done.returncode == 1
-    assert done.stderr == "wsnsim: error: cannot go on: No space left on device\n"
+    assert done.stderr == "wsnsim: error: No space left on device\n"

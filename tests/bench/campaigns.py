@@ -24,7 +24,7 @@ from typing import Any
 
 from tests.bench.timing import row
 from wsnsim import __version__
-from wsnsim.campaign.task import Outcome, Task
+from wsnsim.campaign.task import Task, TaskOutcome
 
 EARLY, LATE, QUICK = 1_000, 10_000, 3_000
 """Tasks after which memory is looked at; and instead of the latter, where there is little time."""
@@ -86,10 +86,10 @@ def _asked(kind: str, count: int) -> dict[str, Any]:
 
 def local(tasks: int) -> dict[str, Any]:
     """{"milliseconds": a task's of each stretch, "cpu": the driver's, "megabytes": {who: [early, late]}}."""
-    from wsnsim.campaign.local import LocalPool
+    from wsnsim.campaign.local_engine import LocalEngine
 
     with _task_that_is_done() as task:
-        pool = LocalPool(WORKERS)
+        pool = LocalEngine(WORKERS)
         found = _measured(pool, task, tasks, lambda: {"worker": multiprocessing.active_children()[0].pid or 0})
         pool.close()
     return found
@@ -101,10 +101,10 @@ def cluster(tasks: int) -> dict[str, Any]:
         import distributed  # noqa: F401
     except ImportError:
         return {}
-    from wsnsim.campaign.cluster import DaskCluster
+    from wsnsim.campaign.dask_engine import DaskEngine
 
     with _task_that_is_done() as task, _scheduler(Path(task.folder)) as (file, pids):
-        engine = DaskCluster(Path(task.folder), scheduler_file=file, wait_for=60.0)
+        engine = DaskEngine(Path(task.folder), scheduler_file=file, wait_for=60.0)
         found = _measured(engine, task, tasks, lambda: pids)
         engine.close()
     return found
@@ -113,13 +113,13 @@ def cluster(tasks: int) -> dict[str, Any]:
 def simulated(tasks: int) -> dict[str, Any]:
     """The memory of driver and worker over a campaign whose tasks are real, and as short as can be."""
     from wsnsim import campaign
-    from wsnsim.campaign.local import LocalPool
+    from wsnsim.campaign.local_engine import LocalEngine
 
     found: dict[str, list[float]] = {}
     with tempfile.TemporaryDirectory() as place:
-        folder = campaign.begin(_plan(tasks), Path(place) / "x")
+        folder = campaign.prepare(_plan(tasks), Path(place) / "x")
 
-        def watch(progress: campaign.Progress) -> None:
+        def watch(progress: campaign.CampaignProgress) -> None:
             if progress.done >= (EARLY if not found else tasks):
                 pids = {"driver": os.getpid(), "worker": multiprocessing.active_children()[0].pid or 0}
                 for who, pid in pids.items():
@@ -127,17 +127,17 @@ def simulated(tasks: int) -> dict[str, Any]:
                     if len(held) < 2:
                         held.append(_megabytes(pid))
 
-        ended = campaign.drive(folder, LocalPool(WORKERS), watch=watch)
+        ended = campaign.run_campaign(folder, LocalEngine(WORKERS), on_progress=watch)
         assert ended.complete
     return {"megabytes": found}
 
 
 def efficiency(turns: int) -> dict[str, Any]:
     """{"pool": ratios of a turn each, "bare": the same of processes that nobody feeds}."""
-    from wsnsim.campaign.local import LocalPool
+    from wsnsim.campaign.local_engine import LocalEngine
 
     count = _spins_of_a_second()
-    one, two = (LocalPool(workers, functools.partial(spin, count)) for workers in (1, WORKERS))
+    one, two = (LocalEngine(workers, functools.partial(spin, count)) for workers in (1, WORKERS))
     warm = Task("", "", 0, 0, "warm", __version__)
     for pool in (one, two):
         _throughput(pool, warm, 2 * pool.workers)
@@ -160,12 +160,12 @@ KINDS: dict[str, Callable[[int], dict[str, Any]]] = {
 }
 
 
-def spin(count: int, task: Task | None = None) -> Outcome:
+def spin(count: int, task: Task | None = None) -> TaskOutcome:
     """Keep a core busy, without memory and without a system call."""
     total = 0
     for i in range(count):
         total += i & 7
-    return Outcome("done", size=total)
+    return TaskOutcome("done", size=total)
 
 
 def _spins_of_a_second() -> int:
@@ -200,8 +200,8 @@ def _pumped(engine: Any, task: Task, tasks: int) -> None:
         while given < tasks and given - ended < engine.window:
             engine.submit(task)
             given += 1
-        for ending in engine.ended(0.25):
-            assert isinstance(ending.outcome, Outcome), ending.outcome
+        for ending in engine.finished(0.25):
+            assert isinstance(ending.outcome, TaskOutcome), ending.outcome
             assert ending.outcome.status in ("there", "done"), ending.outcome
             ended += 1
 
@@ -233,7 +233,7 @@ def _task_that_is_done() -> Iterator[Task]:
 
     with tempfile.TemporaryDirectory() as place:
         plan = _plan(1)
-        folder = campaign.begin(plan, Path(place) / "x")
+        folder = campaign.prepare(plan, Path(place) / "x")
         point = plan.points[0].id
         folder.batch(point, 0, 0).touch()
         yield Task(str(folder.path), point, 0, 0, "bench", __version__)

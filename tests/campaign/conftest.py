@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from .places import write_lab
+from .moody_tracker import write_moody_tracker
 
 
 @pytest.fixture
@@ -19,4 +19,4 @@ def lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setitem(os.environ, "PYTHONPATH", str(Path(__file__).parents[2]))
     monkeypatch.chdir(tmp_path)
     monkeypatch.delitem(sys.modules, "moody", raising=False)
-    return write_lab(tmp_path)
+    return write_moody_tracker(tmp_path)

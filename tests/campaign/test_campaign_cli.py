@@ -19,29 +19,21 @@ import pandas as pd
 import pytest
 
 import wsnsim
-from wsnsim.campaign import estimate, local
-from wsnsim.campaign.engines import Ending
+from wsnsim.campaign import cost_estimate, local_engine
+from wsnsim.campaign.engines import FinishedTask
 from wsnsim.cli import main
 
-from .places import (
-    Inline,
-    assert_same,
-    children,
-    environment,
-    files_of,
-    lives,
-    sweep_of,
-    tables_of,
-    wait_for,
-    write_sweep,
-)
+from .campaign_files import assert_same, files_of, tables_of
+from .inline_engine import InlineEngine
+from .moody_tracker import sweep_of, write_sweep
+from .processes import children, environment, lives, wait_for
 
 CALM = [{"pause": 0.0}, {"pause": 0.001}]
 
 
 @pytest.fixture(autouse=True)
 def _inline(lab: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(local, "LocalPool", Inline)
+    monkeypatch.setattr(local_engine, "LocalEngine", InlineEngine)
 
 
 @pytest.fixture
@@ -56,7 +48,7 @@ def poisoned(lab: Path) -> str:
 
 def resume_of(said: str) -> list[str]:
     """The command that is printed for going on."""
-    line = next(line for line in said.splitlines() if line.startswith("wsnsim: go on with: "))
+    line = next(line for line in said.splitlines() if line.startswith("wsnsim: resume with: "))
     words = shlex.split(line.partition("with: ")[2])
     assert words[0] == "wsnsim"
     return words[1:]
@@ -72,7 +64,7 @@ def test_a_sweep_fills_its_folder_and_prints_a_table_and_again_runs_nothing(
     first = capsys.readouterr()
     before = files_of(Path("results/moods"))
     assert "moods: 2 points, 4 replicates each" in first.out and "tracker.pause" in first.out
-    assert first.err.splitlines()[-1].startswith("wsnsim: 100 % (8 of 8 replicates done, 0 failed")
+    assert first.err.splitlines()[-1].startswith("wsnsim: 100 % (8 of 8 runs done, 0 failed")
     assert len(before) == 4
     for again in (["sweep", sweep], ["sweep", "results/moods"]):
         assert main([*again, "--quiet"]) == 0
@@ -106,13 +98,11 @@ def test_a_dry_run_says_what_it_would_take_and_writes_nothing(
 ) -> None:
     before = sorted(Path().rglob("*"))
     assert main(["sweep", sweep, "--dry-run"]) == 0
-    assert capsys.readouterr().out.startswith(
-        "moods: 2 points, 8 replicates, of which 0 are there\n  left   8 replicates"
-    )
+    assert capsys.readouterr().out.startswith("moods: 2 points, 8 runs, 0 of them done\n  missing  8 runs in 4 tasks")
     assert main(["sweep", sweep, "--dry-run", "--json", "--shard", "1/2"]) == 0
     answer = json.loads(capsys.readouterr().out)
     assert (answer["replicates"], answer["left"], answer["tasks"]) == (4, 4, 2) and answer["cpu_seconds"] > 0
-    monkeypatch.setattr(estimate, "PATIENCE", -1.0)  # a trial is cut short at once
+    monkeypatch.setattr(cost_estimate, "TRIAL_TIMEOUT", -1.0)  # a trial is cut short at once
     assert main(["sweep", sweep, "--dry-run", "--json"]) == 0
     cut = json.loads(capsys.readouterr().out)
     assert cut["size"] is None and cut["cpu_seconds"] > 0
@@ -127,7 +117,7 @@ def test_a_dry_run_of_a_campaign_that_is_begun_counts_what_is_there(
     assert main(["sweep", sweep, "--dry-run", "--json", "--replicates", "5"]) == 0
     answer = json.loads(capsys.readouterr().out)
     assert (answer["done"], answer["left"], answer["tasks"]) == (8, 2, 2)
-    assert answer["source"] == "4 files that are there"
+    assert answer["source"] == "4 existing files"
 
 
 def test_parts_collected_are_the_campaign(sweep: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -136,7 +126,7 @@ def test_parts_collected_are_the_campaign(sweep: str, capsys: pytest.CaptureFixt
     for number in (1, 2):
         assert main(["sweep", sweep, "--shard", f"{number}/2", "-o", f"part{number}"]) == 0
         said = capsys.readouterr()
-        assert said.out == "" and f"part {number} of 2 is done: 4 replicates, 0 were there" in said.err
+        assert said.out == "" and f"shard {number} of 2 is complete: 4 runs done, 0 existed before" in said.err
     assert main(["collect", "part1", "-o", "all"]) == 3
     said = capsys.readouterr()
     assert said.err.splitlines() == [
@@ -159,9 +149,9 @@ def test_what_fails_is_named_and_kept_and_the_rest_is_done(poisoned: str, capsys
     lines = said.err.splitlines()
     assert "failed: the run failed at 1 s of simulated time" in lines[0] and "out of sorts" in lines[0]
     assert lines[1:] == [
-        "wsnsim: c is incomplete, 1 replicates are missing:",
+        "wsnsim: c is incomplete, runs missing: 1",
         "  tracker.mood = raises, tracker.at = 2: replicates 2",
-        "wsnsim: go on with: wsnsim sweep c",
+        "wsnsim: resume with: wsnsim sweep c",
     ]
     [note] = Path("c/failed").iterdir()
     assert "replicate 2, tracker.mood = raises" in note.read_text()
@@ -181,20 +171,23 @@ def test_a_shard_that_is_none_is_refused(sweep: str, shard: str, capsys: pytest.
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["--metric", "rsme"], "--metric: table runs has no figure 'rsme' (did you mean 'rmse'?)"),
-        (["--by", "tracker.pauses"], "--by: the campaign varies no 'tracker.pauses' (did you mean 'tracker.pause'?)"),
-        (["--csv", "nowhere/x.csv"], "--csv nowhere/x.csv: give a file in a folder that there is"),
+        (["--metric", "rsme"], "--metric: table runs has no metric 'rsme' (did you mean 'rmse'?)"),
+        (
+            ["--by", "tracker.pauses"],
+            "--by: the campaign does not vary 'tracker.pauses' (did",
+        ),
+        (["--csv", "nowhere/x.csv"], "--csv nowhere/x.csv: folder does not exist: nowhere"),
         (["-o", "moody.py"], "moody.py is a file; a campaign needs a folder"),
-        (["-o", "."], ". is not empty, and holds no campaign; give a new folder with --out"),
+        (["-o", "."], ". is not empty and holds no campaign; give a new folder with --out"),
         (["-o", "moody.py/c"], "cannot write moody.py/c: Not a directory"),
-        (["--scheduler", "tcp://x:1", "--scheduler-file", "f"], "give either --scheduler or --scheduler-file"),
+        (["--scheduler", "tcp://x:1", "--scheduler-file", "f"], "--scheduler cannot be combined with --scheduler-file"),
     ],
 )
 def test_what_could_not_be_answered_is_refused_before_anything_runs(
     sweep: str, words: list[str], message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["sweep", sweep, *words]) == 2
-    assert capsys.readouterr().err == f"wsnsim: error: {message}\n"
+    assert capsys.readouterr().err.startswith(f"wsnsim: error: {message}")
     assert not list(Path().rglob("r0*.h5"))
 
 
@@ -207,7 +200,11 @@ def test_a_damaged_manifest_or_result_and_another_version_are_named(
     capsys.readouterr()
     for text, code, words in (
         (manifest[:99], 1, "c/campaign.json: is damaged"),
-        (manifest.replace('"wsnsim_version": "', '"wsnsim_version": "9'), 2, "their results are not to be mixed"),
+        (
+            manifest.replace('"wsnsim_version": "', '"wsnsim_version": "9'),
+            2,
+            "versions are not mixed",
+        ),
     ):
         Path("c/campaign.json").write_text(text)
         for source in (["c"], [sweep, "-o", "c"]):
@@ -218,8 +215,8 @@ def test_a_damaged_manifest_or_result_and_another_version_are_named(
     result.write_bytes(result.read_bytes()[:2000])
     assert main(["sweep", "c", "-q"]) == 3
     said = capsys.readouterr()
-    assert said.err.startswith(f"wsnsim: {result}.damaged: was damaged, and is put aside") and said.out == ""
-    assert "go on with: wsnsim sweep c" in said.err
+    assert said.err.startswith(f"wsnsim: {result}.damaged: is damaged and was set aside") and said.out == ""
+    assert "resume with: wsnsim sweep c" in said.err
     assert main(["sweep", "c", "-q"]) == 0 and result.is_file()
 
 
@@ -258,18 +255,18 @@ def test_a_signal_ends_what_runs_and_prints_the_command_that_goes_on(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    class Signalled(Inline):
-        def ended(self, wait: float) -> list[Ending]:
-            endings = super().ended(wait)
+    class Signalled(InlineEngine):
+        def finished(self, timeout: float) -> list[FinishedTask]:
+            endings = super().finished(timeout)
             for number in numbers:
                 os.kill(os.getpid(), number)
             return endings
 
-    monkeypatch.setattr(local, "LocalPool", Signalled)
+    monkeypatch.setattr(local_engine, "LocalEngine", Signalled)
     assert main(["sweep", sweep, "-o", "a campaign", "-j", "3", "--metric", "median_error", "--json"]) == code
     said = capsys.readouterr()
     assert said.out == "" and said.err.splitlines()[-1] == words
-    monkeypatch.setattr(local, "LocalPool", Inline)
+    monkeypatch.setattr(local_engine, "LocalEngine", InlineEngine)
     command = resume_of(said.err)
     assert command == ["sweep", "a campaign", "--jobs", "3", "--metric", "median_error", "--json"]
     before = files_of(Path("a campaign"))
@@ -298,8 +295,8 @@ def test_a_reader_of_progress_that_goes_away_is_no_error(sweep: str) -> None:
     reader, writer = os.pipe()
     os.close(reader)
     script = (
-        "import sys; from wsnsim.campaign import local; from tests.campaign.places import Inline;"
-        "local.LocalPool = Inline; from wsnsim.cli import main; sys.exit(main(sys.argv[1:]))"
+        "import sys; from wsnsim.campaign import local_engine; from tests.campaign.inline_engine import InlineEngine;"
+        "local_engine.LocalEngine = InlineEngine; from wsnsim.cli import main; sys.exit(main(sys.argv[1:]))"
     )
     command = [sys.executable, "-c", script, "sweep", sweep, "--progress", "json"]
     done = subprocess.run(command, env=environment(), text=True, check=False, stdout=subprocess.PIPE, stderr=writer)
@@ -344,7 +341,7 @@ def test_a_full_disk_ends_the_campaign_which_goes_on_when_there_is_room(
     place, mount = disk
     assert main(["sweep", sweep, "--replicates", "20", "-q", "-o", str(place / "c")]) == 3
     said = capsys.readouterr().err
-    assert "error: the campaign was stopped: " in said and "less than 4 MB are left on the disk" in said
+    assert "error: the campaign was stopped: " in said and "less than 4 MB are free on the disk" in said
     before = files_of(place / "c")
     assert before and not list(place.rglob("*.tmp"))
     mount("size=20m")

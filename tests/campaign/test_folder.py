@@ -11,12 +11,12 @@ from typing import Any
 import pytest
 
 from wsnsim.base.errors import ResultError, StorageError, UsageError
-from wsnsim.campaign import begin, collect, drive, go_on
+from wsnsim.campaign import collect, prepare, reopen, run_campaign
 from wsnsim.recording.folder import Folder
 from wsnsim.scenario.sweep import load_sweep
 
-from .places import bare_campaign, files_of
-from .test_drive import Pool
+from .campaign_files import bare_campaign, files_of
+from .test_runner import Pool
 
 
 def dead_pid() -> int:
@@ -45,7 +45,7 @@ def test_only_a_file_with_its_final_name_counts(tmp_path: Path) -> None:
 
 def test_what_the_dead_left_is_removed_and_what_the_living_and_others_write_is_not(tmp_path: Path) -> None:
     folder = bare_campaign(tmp_path, {"a": 1})
-    mark = folder.mark("s", "a.r00000-00000")
+    mark = folder.marker("s", "a.r00000-00000")
     host, own, dead = mark.name.split(".")[-3], os.getpid(), dead_pid()
     kept = [f"a/r0.{host}.{own}.tmp", f"a/r0.another.{dead}.tmp", "a/own.tmp", f"running/s.a.{host}.{own}.log"]
     gone = [f"a/r0.{host}.{dead}.tmp", f"a/r0.{host}.{dead}-1.tmp", f"campaign.json.{host}.{dead}.tmp"]
@@ -53,16 +53,16 @@ def test_what_the_dead_left_is_removed_and_what_the_living_and_others_write_is_n
     for name in (*kept, *gone):
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).touch()
-    folder.clear()
+    folder.remove_leftovers()
     assert [name for name in (*kept, *gone) if (tmp_path / name).exists()] == kept
 
 
 def test_a_manifest_comes_back_as_it_was_written(tmp_path: Path) -> None:
-    folder = begin(plan(), tmp_path / "c", by=["tracker.particles"], baseline="20")
+    folder = prepare(plan(), tmp_path / "c", by=["tracker.particles"], baseline="20")
     manifest = folder.manifest()
     assert (manifest.keys, manifest.by, manifest.baseline) == (("tracker.particles",), ("tracker.particles",), "20")
     assert [dict(point.settings) for point in manifest.points] == [{"tracker.particles": 20}, {"tracker.particles": 40}]
-    assert go_on(tmp_path / "c").manifest() == manifest
+    assert reopen(tmp_path / "c").manifest() == manifest
 
 
 @pytest.mark.parametrize(
@@ -117,53 +117,53 @@ def test_what_cannot_be_put_in_place_leaves_nothing_beside_it(tmp_path: Path, mo
 
 
 def test_a_campaign_killed_before_it_had_a_manifest_is_begun_anew(tmp_path: Path) -> None:
-    folder = begin(plan(), tmp_path / "c")
+    folder = prepare(plan(), tmp_path / "c")
     (tmp_path / "c" / "campaign.json").unlink()
     (tmp_path / "c" / f"campaign.json.host.{dead_pid()}.tmp").touch()
-    assert begin(plan(), tmp_path / "c").manifest().points == folder.manifest().points
+    assert prepare(plan(), tmp_path / "c").manifest().points == folder.manifest().points
 
 
 def test_a_folder_of_something_else_is_refused_and_left_alone(tmp_path: Path) -> None:
     (tmp_path / "thesis.tex").write_text("mine")
     (tmp_path / "file").touch()
-    for place, words in ((tmp_path, "is not empty, and holds no campaign"), (tmp_path / "file", "is a file")):
+    for place, words in ((tmp_path, "is not empty and holds no campaign"), (tmp_path / "file", "is a file")):
         with pytest.raises(UsageError, match=words):
-            begin(plan(), place)
+            prepare(plan(), place)
         with pytest.raises(UsageError, match=words):
-            collect([begin(plan(), tmp_path / "part")], Folder(place))
+            collect([prepare(plan(), tmp_path / "part")], Folder(place))
     assert sorted(place.name for place in tmp_path.iterdir()) == ["file", "part", "thesis.tex"]
 
 
 def test_another_campaigns_folder_is_refused(tmp_path: Path) -> None:
-    begin(plan(name="one"), tmp_path / "c")
+    prepare(plan(name="one"), tmp_path / "c")
     with pytest.raises(UsageError, match="holds the campaign 'one', not 'two'; give another folder"):
-        begin(plan(name="two"), tmp_path / "c")
+        prepare(plan(name="two"), tmp_path / "c")
 
 
 def test_results_of_another_version_are_not_mixed(tmp_path: Path) -> None:
-    begin(plan(), tmp_path)
+    prepare(plan(), tmp_path)
     place = tmp_path / "campaign.json"
     place.write_text(place.read_text().replace('"wsnsim_version": "', '"wsnsim_version": "9'))
-    for again in (lambda: begin(plan(), tmp_path), lambda: go_on(tmp_path)):
-        with pytest.raises(UsageError, match=r"was begun by wsnsim 9.*their results are not to be mixed"):
+    for again in (lambda: prepare(plan(), tmp_path), lambda: reopen(tmp_path)):
+        with pytest.raises(UsageError, match=r"was started with wsnsim 9.*are not mixed"):
             again()
 
 
 def test_an_empty_folder_holds_no_campaign(tmp_path: Path) -> None:
     with pytest.raises(ResultError, match="holds no campaign"):
-        go_on(tmp_path)
+        reopen(tmp_path)
 
 
 # a block keeps its size, and parts come together
 
 
 def test_the_size_of_a_block_stays_that_of_the_first_session(tmp_path: Path) -> None:
-    begin(plan(block=2), tmp_path)
-    assert begin(plan(block=7), tmp_path).manifest().block == 2
+    prepare(plan(block=2), tmp_path)
+    assert prepare(plan(block=7), tmp_path).manifest().block == 2
 
 
 def test_parts_are_collected_once_and_what_is_there_stays(tmp_path: Path) -> None:
-    parts = [begin(plan(replicates=8, block=2), tmp_path / name) for name in ("one", "two")]
+    parts = [prepare(plan(replicates=8, block=2), tmp_path / name) for name in ("one", "two")]
     points = [point.id for point in parts[0].manifest().points]
     for part, numbers in zip(parts, [(0, 2), (2, 4, 6)], strict=True):
         for first in numbers:
@@ -181,19 +181,19 @@ def test_parts_are_collected_once_and_what_is_there_stays(tmp_path: Path) -> Non
 
 
 def test_parts_of_different_campaigns_are_not_brought_together(tmp_path: Path) -> None:
-    one = begin(plan(), tmp_path / "one")
+    one = prepare(plan(), tmp_path / "one")
     for name, other in (("block", plan(block=3)), ("points", plan(set={"duration": "9 s"})), ("name", plan(name="n"))):
-        part = begin(other, tmp_path / name)
-        with pytest.raises(UsageError, match=f"another campaign: its {name} differ"):
+        part = prepare(other, tmp_path / name)
+        with pytest.raises(UsageError, match=f"another campaign: {name} differs"):
             collect([one, part], Folder(tmp_path / "all"))
     assert not (tmp_path / "all").exists()
 
 
 def test_more_points_and_fewer_replicates_leave_what_is_there(tmp_path: Path) -> None:
-    folder = begin(plan(), tmp_path)
-    drive(folder, Pool(folder))
+    folder = prepare(plan(), tmp_path)
+    run_campaign(folder, Pool(folder))
     before = files_of(tmp_path)
-    folder = begin(plan(replicates=1, grid={"tracker.particles": [10, 40, 20]}), tmp_path)
+    folder = prepare(plan(replicates=1, grid={"tracker.particles": [10, 40, 20]}), tmp_path)
     pool = Pool(folder)
-    drive(folder, pool)
+    run_campaign(folder, pool)
     assert len(pool.written) == 1 and before.items() <= files_of(tmp_path).items()

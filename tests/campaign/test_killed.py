@@ -17,22 +17,14 @@ from typing import Any
 
 import pytest
 
-from wsnsim.campaign import Ended, Progress, begin, drive
-from wsnsim.campaign.local import LocalPool
+from wsnsim.campaign import CampaignOutcome, CampaignProgress, prepare, run_campaign
+from wsnsim.campaign.local_engine import LocalEngine
 from wsnsim.scenario.sweep import load_sweep
 
-from .places import (
-    Inline,
-    assert_same,
-    children,
-    environment,
-    files_of,
-    lives,
-    sweep_of,
-    tables_of,
-    wait_for,
-    write_sweep,
-)
+from .campaign_files import assert_same, files_of, tables_of
+from .inline_engine import InlineEngine
+from .moody_tracker import sweep_of, write_sweep
+from .processes import children, environment, lives, wait_for
 
 KILLS = int(os.environ.get("WSNSIM_KILLS", "2"))
 WORKERS = 1 if KILLS <= 2 else 2
@@ -49,8 +41,8 @@ def sweep(lab: Path) -> str:
 @pytest.fixture
 def truth(sweep: str, lab: Path) -> Any:
     """The tables of a campaign that nobody kills."""
-    folder = begin(load_sweep(sweep), lab / "truth")
-    assert drive(folder, Inline()).complete
+    folder = prepare(load_sweep(sweep), lab / "truth")
+    assert run_campaign(folder, InlineEngine()).complete
     assert len(files_of(folder.path)) == FILES
     return tables_of(folder.path)
 
@@ -58,8 +50,8 @@ def truth(sweep: str, lab: Path) -> Any:
 def gone_on_with(sweep: str, place: Path, truth: Any) -> None:
     """What is missing is run; what there was stays as it is; the tables are those of a campaign that nobody killed."""
     before = files_of(place)
-    folder = begin(load_sweep(sweep), place)
-    ended: Ended = drive(folder, LocalPool(WORKERS) if KILLS > 2 else Inline())
+    folder = prepare(load_sweep(sweep), place)
+    ended: CampaignOutcome = run_campaign(folder, LocalEngine(WORKERS) if KILLS > 2 else InlineEngine())
     assert ended.complete and not ended.failed
     after = files_of(place)
     assert {name: after[name] for name in before} == before and len(after) == FILES
@@ -95,7 +87,7 @@ def test_a_campaign_whose_worker_is_killed_is_completed_all_the_same(
     wanted, killed = chance.randrange(10), []
     later = time.monotonic() + (chance.uniform(0.0, 3.0) if not wanted else 0.0)
 
-    def watch(progress: Progress) -> None:
+    def watch(progress: CampaignProgress) -> None:
         """Told now and then; kills one worker, once, when enough is done."""
         workers = [pid for pid in children(os.getpid()) if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()]
         if not killed and progress.done >= wanted and time.monotonic() > later and workers:
@@ -103,19 +95,19 @@ def test_a_campaign_whose_worker_is_killed_is_completed_all_the_same(
             time.sleep(chance.uniform(0.0, 0.1))
             os.kill(killed[0], signal.SIGKILL)
 
-    folder = begin(load_sweep(sweep), lab / "killed")
-    ended = drive(folder, LocalPool(WORKERS), watch=watch)
+    folder = prepare(load_sweep(sweep), lab / "killed")
+    ended = run_campaign(folder, LocalEngine(WORKERS), on_progress=watch)
     assert killed and ended.complete and not ended.failed
     gone_on_with(sweep, folder.path, truth)
 
 
 def test_a_file_that_was_not_finished_is_not_taken_for_one(lab: Path, sweep: str, truth: Any) -> None:
     """What a writer leaves at each moment of its life, laid down by hand."""
-    folder = begin(load_sweep(sweep), lab / "killed")
+    folder = prepare(load_sweep(sweep), lab / "killed")
     whole = next((lab / "truth").glob("*/r00000-00001.h5"))
     dead = subprocess.Popen(["true"])
     dead.wait()
-    host = folder.mark("s", "t").name.split(".")[-3]
+    host = folder.marker("s", "t").name.split(".")[-3]
     for share in (0.0, 0.5, 1.0):
         text = whole.read_bytes()[: int(share * whole.stat().st_size)]
         (folder.path / whole.parent.name / f"r00000-00001.{host}.{dead.pid}-{int(9 * share)}.tmp").write_bytes(text)

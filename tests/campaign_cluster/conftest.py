@@ -11,11 +11,11 @@ from typing import Any
 import pytest
 
 from wsnsim import campaign
-from wsnsim.campaign.cluster import DaskCluster
+from wsnsim.campaign.dask_engine import DaskEngine
 from wsnsim.recording.folder import Folder
 from wsnsim.scenario.sweep import load_sweep
 
-from .processes import Lab, lab, until
+from .dask_processes import Lab, lab, until
 
 ODD = {"tracker": {"kind": "mylab_odd:Odd"}, "duration": "5 s"}
 Begun = Callable[..., Folder]
@@ -50,18 +50,18 @@ def begun(tmp_path: Path) -> Begun:
 
     def begin(**written: Any) -> Folder:
         plan = load_sweep({"name": "odd", "scenario": "ungm_pf", "set": ODD, "block": 1, **written})
-        return campaign.begin(plan, tmp_path / plan.name)
+        return campaign.prepare(plan, tmp_path / plan.name)
 
     return begin
 
 
 @pytest.fixture
-def engine_of(scheduler: Path) -> Iterator[Callable[[Folder], DaskCluster]]:
+def engine_of(scheduler: Path) -> Iterator[Callable[[Folder], DaskEngine]]:
     """An engine for a folder, of which both workers are there."""
-    engines: list[DaskCluster] = []
+    engines: list[DaskEngine] = []
 
-    def make(folder: Folder) -> DaskCluster:
-        engine = DaskCluster(folder.path, scheduler_file=scheduler, wait_for=60.0)
+    def make(folder: Folder) -> DaskEngine:
+        engine = DaskEngine(folder.path, scheduler_file=scheduler, wait_for=60.0)
         engines.append(engine)
         until(lambda: len(engine._client.nthreads()) == 2)
         return engine

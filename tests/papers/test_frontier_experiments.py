@@ -10,7 +10,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from tests.campaign.places import Inline
+from tests.campaign.inline_engine import InlineEngine
 from wsnsim import scenario
 from wsnsim.papers import measures, reproduce
 from wsnsim.papers.frontier import experiments as frontier
@@ -205,7 +205,7 @@ def tracked(tmp_path_factory):
         quick_sets=("duration=1.2 s",),
     )
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(reproduce, "LocalPool", Inline)
+        patch.setattr(reproduce, "LocalPool", InlineEngine)
         assert reproduce.run("frontier", small, where, 1).complete
     folder = reproduce.place(where, "frontier", small)
     return measures.Data(reproduce.Folder(folder)), small, folder

@@ -15,7 +15,9 @@ import numpy as np
 import pytest
 
 import wsnsim
-from tests.campaign.places import Inline, wait_for, write_lab
+from tests.campaign.inline_engine import InlineEngine
+from tests.campaign.moody_tracker import write_moody_tracker
+from tests.campaign.processes import wait_for
 from wsnsim.analysis import statistics
 from wsnsim.base import metrics
 from wsnsim.base.errors import UsageError
@@ -61,7 +63,7 @@ def papers(monkeypatch, tmp_path):
     """Instead of every paper, the small experiment; in a folder of its own."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(reproduce, "experiments", lambda paper: (SMALL,))
-    monkeypatch.setattr(reproduce, "LocalPool", Inline)
+    monkeypatch.setattr(reproduce, "LocalPool", InlineEngine)
 
 
 @pytest.fixture(scope="module")
@@ -245,7 +247,7 @@ def test_what_cannot_be_is_refused_before_anything_runs(arguments, words, monkey
 
 
 def test_a_run_that_fails_leaves_its_experiment_out_and_the_exit_code_says_so(papers, tmp_path, capsys, monkeypatch):
-    write_lab(tmp_path)
+    write_moody_tracker(tmp_path)
     monkeypatch.syspath_prepend(str(tmp_path))
     wrong = Variant("ungm_pf", ("tracker={kind: moody:Moody, mood: raises, at: 2}",))
     bad = replace(SMALL, name="bad", variants={"bad": wrong}, claims=(), sets=("duration=3 s",))

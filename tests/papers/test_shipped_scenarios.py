@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.campaign.places import Inline
+from tests.campaign.inline_engine import InlineEngine
 from wsnsim.bounds import crlb
 from wsnsim.papers import measures, reproduce
 from wsnsim.papers.reproduction import Experiment, Variant
@@ -36,7 +36,7 @@ def data(tmp_path_factory):
     experiment = Experiment("shipped", "", bounded, RUNS, RUNS)
     where = tmp_path_factory.mktemp("shipped")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(reproduce, "LocalPool", Inline)
+        patch.setattr(reproduce, "LocalPool", InlineEngine)
         assert reproduce.run("shipped", experiment, where).complete
     return measures.Data(reproduce.Folder(reproduce.place(where, "shipped", experiment)))
 

@@ -1,7 +1,7 @@
-"""The seam between a campaign and whoever runs its tasks.
+"""The interface between the runner of a campaign and the workers that run its tasks.
 
-An engine is given tasks and says how they ended; it neither retries nor decides. Two are enough: `local.LocalPool`,
-processes of this machine, and `cluster.DaskCluster`, workers of a Dask scheduler.
+An engine accepts tasks and reports how they ended. It does not retry and it does not decide. There are two:
+`local_engine.LocalEngine` (processes of this machine) and `dask_engine.DaskEngine` (workers of a Dask scheduler).
 """
 
 from __future__ import annotations
@@ -10,51 +10,55 @@ from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 from wsnsim.base.errors import WsnsimError
-from wsnsim.campaign.task import Outcome, Task
+from wsnsim.campaign.task import Task, TaskOutcome
 
 
 class EngineError(WsnsimError):
-    """No task can be run any more: the scheduler is gone, or workers die before they begin."""
+    """No further task can be run: the scheduler is gone, or workers die before they start."""
 
 
 @dataclass(frozen=True, slots=True)
-class Vanished:
-    """The worker that a task was given to is gone, whoever's fault it was."""
+class WorkerLost:
+    """The worker of a task died, not necessarily because of the task."""
 
-    words: str
+    reason: str
 
 
-class Ending(NamedTuple):
-    """A task, and how it ended."""
+class FinishedTask(NamedTuple):
+    """A task and its outcome."""
 
     task: Task
-    outcome: Outcome | Vanished
+    outcome: TaskOutcome | WorkerLost
 
 
 class Engine(Protocol):
-    """Whoever runs tasks."""
+    """Runs tasks on workers."""
 
     @property
     def window(self) -> int:
-        """How many tasks to have under way, so that no worker waits."""
+        """Number of tasks to submit ahead, so that no worker waits."""
         ...
 
     def submit(self, task: Task) -> None:
-        """Take a task. Raises EngineError if none can be taken."""
-        ...
-
-    def ended(self, wait: float) -> list[Ending]:
-        """The tasks that have ended since the last call; if there are none, whatever ends within `wait` seconds.
+        """Accept a task.
 
         Raises:
-            EngineError: none will ever end.
+            EngineError: no further task can be run.
         """
         ...
 
-    def withdraw(self) -> list[Task]:
-        """Take back the tasks that no worker has begun."""
+    def finished(self, timeout: float) -> list[FinishedTask]:
+        """The tasks that finished since the last call; waits up to `timeout` seconds for the first.
+
+        Raises:
+            EngineError: no task will ever finish.
+        """
+        ...
+
+    def cancel_pending(self) -> list[Task]:
+        """Cancel the tasks that no worker has started, and return those that will not be reported as finished."""
         ...
 
     def close(self) -> None:
-        """Let go of what still runs: a process of this machine is killed."""
+        """Abandon what still runs. A local engine kills its processes."""
         ...

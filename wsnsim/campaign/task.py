@@ -1,9 +1,8 @@
-"""A task, and what a worker does with it: run a block of replicates of one point into a file of its own.
+"""A task: a block of replicates of one point, which a worker runs into one result file.
 
-    perform(task) -> Outcome            in the worker's process; also the whole of what crosses to it and back
-
-Whoever runs a task, where and how often, leaves one file of the same rows. A task that kills its worker leaves a mark
-in the campaign's folder; one that takes too long ends its worker itself, and says in the mark where it was.
+The file does not depend on the worker, nor on how often the task is run. A worker keeps a marker file in the campaign's
+folder while it runs a task. If the task kills the worker, the marker stays. If the task takes too long, it ends the
+worker's process, and the marker holds the traceback.
 """
 
 from __future__ import annotations
@@ -16,7 +15,7 @@ import os
 import shutil
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final, Literal, TextIO
 
@@ -25,23 +24,27 @@ from wsnsim.base.version import __version__
 from wsnsim.recording.folder import Folder
 from wsnsim.recording.layout import cannot_write
 
-Status = Literal["done", "there", "failed", "suspect", "storage", "version", "withdrawn"]
-MOST_WORDS: Final = 600
+TaskStatus = Literal["done", "exists", "failed", "suspect", "storage", "version", "cancelled"]
+MAX_MESSAGE: Final = 600
+"""Characters of an error message that are kept."""
 TIMEOUT_MARK: Final = "Timeout ("
-"""How faulthandler begins what it writes when the time is up."""
-START: Final = 60.0
-"""s: what a worker that has just started may take to import what the scenario needs, beside its time for replicates."""
-ROOM: Final = 4_000_000
-"""bytes: what must be free before a task begins; the file of a block takes some 50 kB."""
-KILLS: Final = 2
-"""Workers that a task may kill before nobody takes it up again."""
+"""How the text that faulthandler writes at a timeout begins."""
+IMPORT_TIME: Final = 60.0
+"""Seconds that a new worker may take for its imports, in addition to the timeout of a replicate."""
+MIN_FREE: Final = 4_000_000
+"""Bytes that must be free on the disk before a task starts; the file of a block takes about 50 kB."""
+MAX_KILLS: Final = 2
+"""Workers that a task may kill before it counts as failed."""
 
 
 @dataclass(frozen=True, slots=True)
 class Task:
     """Replicates `first` to `last` of one point of the campaign in `folder`.
 
-    `session` names the driver; `version` is its wsnsim; a replicate that takes more than `timeout` seconds is given up.
+    Attributes:
+        session: name of the session that runs the campaign.
+        version: version of wsnsim in that session.
+        timeout: seconds after which a replicate fails, None for no limit.
     """
 
     folder: str
@@ -54,141 +57,148 @@ class Task:
 
     @property
     def name(self) -> str:
-        """Point and replicates: the name of its file, and of its failure."""
+        """Point and replicates, such as `3f2a.r00000-00004`: names its marker and its failure report."""
         return f"{self.point}.r{self.first:05d}-{self.last:05d}"
 
     @property
     def replicates(self) -> int:
-        """How many replicates it has."""
+        """Number of replicates."""
         return self.last - self.first + 1
 
     def singly(self) -> list[Task]:
-        """A task for each replicate."""
-        numbers = range(self.first, self.last + 1)
-        return [Task(self.folder, self.point, n, n, self.session, self.version, self.timeout) for n in numbers]
+        """One task per replicate."""
+        return [replace(self, first=number, last=number) for number in range(self.first, self.last + 1)]
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
-    """How a task ended, and what it took: seconds of wall clock, bytes of its file."""
+class TaskOutcome:
+    """How a task ended: status, reason of a failure, duration (s) and size of its file (bytes).
 
-    status: Status
-    words: str = ""
+    The statuses:
+        done: the file was written.
+        exists: the file was there before.
+        failed: the simulation failed.
+        suspect: workers died while they ran this task.
+        storage: the file cannot be written, and no other file could be.
+        version: the worker's version of wsnsim differs.
+        cancelled: the campaign stops.
+    """
+
+    status: TaskStatus
+    reason: str = ""
     seconds: float = 0.0
     size: int = 0
 
 
-def perform(task: Task) -> Outcome:
-    """Run a task, unless its file is there. Never raises: what went wrong is in the outcome, a plug-in's exit, too.
-
-    Statuses: done; there (the file was); failed (the simulation); suspect (workers that had it have died); storage (the
-    file cannot be written: no other could be); version (this worker has another wsnsim than the driver); withdrawn
-    (the campaign is to stop).
-    """
+def perform(task: Task) -> TaskOutcome:
+    """Run a task unless its file exists. It never raises: every error, a plug-in's exit included, is an outcome."""
     began = time.monotonic()
     folder = Folder(task.folder)
     path = folder.batch(task.point, task.first, task.last)
     try:
         if path.is_file():
-            return Outcome("there", size=path.stat().st_size)
+            return TaskOutcome("exists", size=path.stat().st_size)
         if task.version != __version__:
-            return Outcome("version", f"the worker has wsnsim {__version__}, the campaign is run by {task.version}")
-        if outcome := _given_up(folder, task):
+            return TaskOutcome(
+                "version", f"the worker has wsnsim {__version__}, but the campaign runs with {task.version}"
+            )
+        if outcome := _blamed(folder, task):
             return outcome
-        _demand_room(path)
-        with _marked(folder, task) as mark:
-            _run(folder, task, path, mark)
-        return Outcome("done", seconds=time.monotonic() - began, size=path.stat().st_size)
+        _check_free_space(path)
+        with _marker_kept(folder, task) as marker:
+            _run(folder, task, path, marker)
+        return TaskOutcome("done", seconds=time.monotonic() - began, size=path.stat().st_size)
     except StorageError as error:
-        return Outcome("storage", words_of(error))
+        return TaskOutcome("storage", describe_error(error))
     except BaseException as error:
-        return Outcome("failed", words_of(error), time.monotonic() - began)
+        return TaskOutcome("failed", describe_error(error), time.monotonic() - began)
 
 
-def words_of(error: BaseException) -> str:
-    """What went wrong, in less than a kilobyte that can be written down."""
+def describe_error(error: BaseException) -> str:
+    """The message of an error as encodable text, shorter than a kilobyte."""
     try:
-        said = str(error) if isinstance(error, WsnsimError) else f"{type(error).__name__}: {error}"
+        text = str(error) if isinstance(error, WsnsimError) else f"{type(error).__name__}: {error}"
     except Exception:
-        said = f"{type(error).__name__}, which cannot say what it is about"
-    said = said.encode("utf-8", "backslashreplace").decode("utf-8")
-    return said if len(said) <= MOST_WORDS else f"{said[: MOST_WORDS - 2]} …"
+        text = f"{type(error).__name__} (its message cannot be read)"
+    text = text.encode("utf-8", "backslashreplace").decode("utf-8")
+    return text if len(text) <= MAX_MESSAGE else f"{text[: MAX_MESSAGE - 2]} …"
 
 
-def timed_out(mark: str) -> bool:
-    """Whether a mark says that the time was up."""
-    return TIMEOUT_MARK in mark
+def is_timeout(marker: str) -> bool:
+    """Whether the text of a marker reports a timeout."""
+    return TIMEOUT_MARK in marker
 
 
-def _run(folder: Folder, task: Task, path: Path, mark: TextIO) -> None:
-    _arm(task, mark, START)
-    from wsnsim.experiment import Progress, run
+def _run(folder: Folder, task: Task, path: Path, marker: TextIO) -> None:
+    _set_timeout(task, marker, IMPORT_TIME)
+    import wsnsim.experiment as experiment
 
     scenario = _scenario(folder.scenario(task.point))
-    reached = [-1]
+    current = -1
 
-    def watch(progress: Progress) -> None:
-        if progress.replicate != reached[0]:
-            reached[0] = progress.replicate
-            _arm(task, mark)
+    def restart_timeout(progress: experiment.Progress) -> None:
+        nonlocal current
+        if progress.replicate != current:
+            current = progress.replicate
+            _set_timeout(task, marker)
 
-    _arm(task, mark)
-    run(
+    _set_timeout(task, marker)
+    experiment.run(
         scenario,
         replicates=range(task.first, task.last + 1),
         out=path,
         command_line="a campaign's worker",
-        progress=watch if task.timeout else None,
+        progress=restart_timeout if task.timeout else None,
     )
 
 
-def _demand_room(path: Path) -> None:
-    """Raise StorageError where the disk is all but full: HDF5 may crash when it runs out of space."""
+def _check_free_space(path: Path) -> None:
+    """Raise StorageError if the disk is nearly full: HDF5 may crash when it runs out of space."""
     with contextlib.suppress(OSError):
-        if shutil.disk_usage(path.parent).free < ROOM:
-            raise StorageError(f"{path}: cannot be written: less than {ROOM / 1e6:.0f} MB are left on the disk")
+        if shutil.disk_usage(path.parent).free < MIN_FREE:
+            raise StorageError(f"{path}: cannot be written: less than {MIN_FREE / 1e6:.0f} MB are free on the disk")
 
 
-def _arm(task: Task, mark: TextIO, more: float = 0.0) -> None:
-    """From now on the process ends once the time is up, even where it is in compiled code."""
+def _set_timeout(task: Task, marker: TextIO, extra: float = 0.0) -> None:
+    """End the process after the timeout, counted from now, even if it is in compiled code."""
     if task.timeout:
-        faulthandler.dump_traceback_later(task.timeout + more, exit=True, file=mark)
+        faulthandler.dump_traceback_later(task.timeout + extra, exit=True, file=marker)
 
 
 @contextlib.contextmanager
-def _marked(folder: Folder, task: Task) -> Iterator[TextIO]:
-    """A mark while the task runs. If the process dies, it stays, with the place in the code if that can be said."""
-    place = folder.mark(task.session, task.name)
+def _marker_kept(folder: Folder, task: Task) -> Iterator[TextIO]:
+    """Keep a marker file while the task runs. If the process dies, the file stays, with a traceback if there is one."""
+    path = folder.marker(task.session, task.name)
     before = faulthandler.is_enabled()
     try:
-        place.parent.mkdir(exist_ok=True)
-        mark = place.open("w", encoding="utf-8")
+        path.parent.mkdir(exist_ok=True)
+        marker = path.open("w", encoding="utf-8")
     except OSError as error:
-        raise cannot_write(place, error) from error
-    with mark:
-        faulthandler.enable(mark)
+        raise cannot_write(path, error) from error
+    with marker:
+        faulthandler.enable(marker)
         try:
-            yield mark
+            yield marker
         finally:
             faulthandler.cancel_dump_traceback_later()
             faulthandler.disable()
             if before:
-                with contextlib.suppress(OSError, RuntimeError):  # where stderr is no file, as in a notebook
+                with contextlib.suppress(OSError, RuntimeError):  # stderr may be no file, as in a notebook
                     faulthandler.enable()
-            place.unlink(missing_ok=True)
+            path.unlink(missing_ok=True)
 
 
-def _given_up(folder: Folder, task: Task) -> Outcome | None:
-    """Why this is not the moment to take the task up again: its marks of this session; None if there is no reason."""
-    marks = folder.left_by(task.session, task.name)
-    if any(timed_out(mark) for mark in marks):
-        return Outcome("failed", f"took more than {task.timeout:g} s")
-    return Outcome("suspect", f"{len(marks)} workers died of it") if len(marks) >= KILLS else None
+def _blamed(folder: Folder, task: Task) -> TaskOutcome | None:
+    """The outcome of a task that this session's markers blame for a timeout or for dead workers, otherwise None."""
+    markers = folder.marker_texts(task.session, task.name)
+    if any(is_timeout(marker) for marker in markers):
+        return TaskOutcome("failed", f"took more than {task.timeout:g} s")
+    return TaskOutcome("suspect", f"killed {len(markers)} workers") if len(markers) >= MAX_KILLS else None
 
 
 @functools.lru_cache(maxsize=8)
 def _scenario(resolved: str) -> Any:
-    """A point's scenario, checked once a process, and its parts imported."""
+    """A point's scenario, checked once per process, with its components imported."""
     import wsnsim.scenario as scenario
 
     loaded = scenario.load(json.loads(resolved))
@@ -196,10 +206,10 @@ def _scenario(resolved: str) -> Any:
     return loaded
 
 
-def start_worker(began: Any = None) -> None:
-    """What a worker's process does first: leave signals to the driver, end when it does, and say that it has begun.
+def start_worker(started: Any = None) -> None:
+    """Prepare a worker's process: ignore signals, end with the parent process, and set the flag `started`.
 
-    What a tracker prints goes to stderr: stdout is the driver's answer.
+    Output of a plug-in goes to stderr, because stdout carries the answer of the command.
     """
     import multiprocessing
     import signal
@@ -209,13 +219,13 @@ def start_worker(began: Any = None) -> None:
         signal.signal(number, signal.SIG_IGN)
     with contextlib.suppress(OSError):
         os.dup2(2, 1)
-    if began is not None:
-        began.value = 1
+    if started is not None:
+        started.value = 1
     parent = multiprocessing.parent_process()
     if parent is not None:
-        threading.Thread(target=_follow, args=(parent,), daemon=True).start()
+        threading.Thread(target=_exit_after, args=(parent,), daemon=True).start()
 
 
-def _follow(parent: Any) -> None:
+def _exit_after(parent: Any) -> None:
     parent.join()
     os._exit(1)

@@ -1,11 +1,11 @@
-"""The command line: what a user types becomes calls, and what went wrong becomes one message and an exit code.
+"""The command line: arguments become calls, and errors become one message and an exit code.
 
     wsnsim run | sweep | compare | collect | reproduce | report | check | list | schema | new | info | export | trace |
            diff | plot | verify | recover
 
-Only click is imported here; everything else when it is used, so that `wsnsim --help` and `wsnsim list` answer at once.
-stdout is the answer, stderr progress and log. Exit codes: 0 ok; 1 a run failed; 2 usage or scenario; 3 a
-campaign is incomplete; 130 Ctrl-C; 141 broken pipe; 143 SIGTERM.
+Only click is imported here. Every command imports what it needs, so that `wsnsim --help` and `wsnsim list` answer at
+once. Answers go to stdout, progress and errors to stderr. Exit codes: 0 success; 1 a run failed; 2 wrong usage or
+scenario; 3 a campaign is incomplete; 130 Ctrl-C; 141 broken pipe; 143 SIGTERM.
 """
 
 from __future__ import annotations
@@ -29,24 +29,24 @@ THREADS: Final = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", 
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """The exit code of a command line. No error leaves a traceback, unless WSNSIM_TRACEBACK is set."""
+    """The exit code of a command line. An error prints a traceback only if WSNSIM_TRACEBACK is set."""
     for name in THREADS:
         os.environ.setdefault(name, "1")
     if "" not in sys.path and str(Path.cwd()) not in sys.path:
-        sys.path.append(str(Path.cwd()))  # for kinds such as mylab.trackers:Mine, written beside the scenario
+        sys.path.append(str(Path.cwd()))  # for kinds such as mylab.trackers:Mine, defined beside the scenario
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
-            stream.reconfigure(errors="replace")  # a terminal that has no × still gets its answer
+            stream.reconfigure(errors="replace")  # for terminals whose encoding lacks ×
     interrupts = Interrupts()
     try:
         with interrupts.raising():
             return _perform(list(sys.argv[1:] if arguments is None else arguments), interrupts)
-    except KeyboardInterrupt:  # while the answer was on its way
+    except KeyboardInterrupt:  # while the answer was printed
         return interrupts.code
 
 
 def _perform(arguments: list[str], interrupts: Interrupts) -> int:
-    """Run the command. Whatever comes after a signal came is the signal's: compiled code may give it another name."""
+    """Run the command. An error after a signal is due to the signal, whatever compiled code made of it."""
     try:
         with group.make_context("wsnsim", arguments or ["--help"], obj=interrupts) as context:
             code = group.invoke(context)
@@ -56,64 +56,60 @@ def _perform(arguments: list[str], interrupts: Interrupts) -> int:
         return end.exit_code
     except BaseException as error:
         if interrupts.number:
-            return _complain(interrupts.words, interrupts.code)
+            return _print_error(interrupts.reason, interrupts.code)
         return _failed(error)
 
 
 def _failed(error: BaseException) -> int:
-    """The message of what went wrong, and its exit code."""
+    """Print the message of an error; the exit code."""
     try:
         raise error
     except click.ClickException as error:
-        return _complain(f"{error.format_message()}{_hint(error)}", 2)
+        return _print_error(f"{error.format_message()}{_hint(error)}", 2)
     except ScenarioError as error:
-        return _complain(str(error), error.exit_code, mark="")
+        return _print_error(str(error), error.exit_code, prefix="")
     except WsnsimError as error:
-        _trace()
-        return _complain(str(error), error.exit_code)
+        _print_traceback()
+        return _print_error(str(error), error.exit_code)
     except (KeyboardInterrupt, click.Abort):
-        return _complain("interrupted", 130)
+        return _print_error("interrupted", 130)
     except BrokenPipeError:
-        return _leave_pipe()
+        return _close_stdout()
     except OSError as error:
-        _trace()
-        _leave_pipe()
-        return _complain(f"cannot go on: {error.strerror or error}{f': {error.filename}' if error.filename else ''}", 1)
+        _print_traceback()
+        _close_stdout()
+        return _print_error(f"{error.strerror or error}{f': {error.filename}' if error.filename else ''}", 1)
     except Exception as error:
-        return _internal(error)
+        _print_traceback()
+        message = " ".join(str(error).split())
+        hint = "set WSNSIM_TRACEBACK=1 for the traceback"
+        return _print_error(f"{type(error).__name__}: {message} ({hint})", 1, prefix="wsnsim: internal error: ")
 
 
-def _complain(message: str, code: int, mark: str = "wsnsim: error: ") -> int:
+def _print_error(message: str, code: int, prefix: str = "wsnsim: error: ") -> int:
     try:
-        click.echo(f"{mark}{message}", err=True)
+        click.echo(f"{prefix}{message}", err=True)
     except BrokenPipeError:
-        return _leave_pipe()
+        return _close_stdout()
     return code
 
 
 def _hint(error: click.ClickException) -> str:
-    context = getattr(error, "ctx", None)
+    context = error.ctx if isinstance(error, click.UsageError) else None
     return f" (see '{context.command_path} --help')" if context else ""
 
 
-def _leave_pipe() -> int:
-    """Nobody reads on: leave silently, and let the interpreter's last flush go nowhere."""
+def _close_stdout() -> int:
+    """Redirect stdout to nowhere, so that the interpreter's last flush does not fail; the exit code."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 1)
     os.close(nowhere)
     return 141
 
 
-def _trace() -> None:
-    """The traceback, for those who asked for it."""
+def _print_traceback() -> None:
+    """Print the traceback if WSNSIM_TRACEBACK is set."""
     if os.environ.get("WSNSIM_TRACEBACK"):
         import traceback
 
         traceback.print_exc()
-
-
-def _internal(error: Exception) -> int:
-    _trace()
-    said = " ".join(str(error).split())
-    hint = "set WSNSIM_TRACEBACK=1 to see where"
-    return _complain(f"{type(error).__name__}: {said} ({hint})", 1, mark="wsnsim: internal error: ")

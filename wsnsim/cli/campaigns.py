@@ -4,49 +4,63 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 import click
 
 from wsnsim.base.errors import UsageError, did_you_mean
+from wsnsim.cli.campaign_session import (
+    INCOMPLETE,
+    METRIC,
+    ComparisonOptions,
+    SessionOptions,
+    echo_lines,
+    print_comparison,
+    resume,
+    run_plan,
+)
 from wsnsim.cli.interrupts import Interrupts
-from wsnsim.cli.progress import MODES
-from wsnsim.cli.session import INCOMPLETE, METRIC, Choices, Said, answer, carried_out, gone_on_with, say
-from wsnsim.cli.shared import group, is_campaign, json_option, overrides_option
+from wsnsim.cli.shared import (
+    PATH,
+    group,
+    is_campaign,
+    jobs_option,
+    json_option,
+    overrides_option,
+    progress_option,
+    quiet_option,
+    seed_option,
+)
 
-FEW: Final = 5
+MAX_NAMED: Final = 5
+"""Scenarios that the name of a comparison lists."""
+MAX_NAME: Final = 100
+Command = TypeVar("Command", bound=Callable[..., Any])
 
 
-def _shared(command: Callable[..., Any]) -> Callable[..., Any]:
-    """The options that sweep and compare share."""
-    path = click.Path(path_type=Path)
+def _session_options(command: Command) -> Command:
+    """Add the options that sweep and compare share."""
     options = [
         overrides_option,
-        click.option("--replicates", type=click.IntRange(min=1), metavar="N", help="Runs a point."),
-        click.option("--seed", type=click.IntRange(min=0), metavar="S", help="Seed of every random stream."),
-        click.option("--timeout", metavar="TIME", help="Give a replicate up after that long: '10 min'."),
-        click.option("--out", "-o", type=path, metavar="DIR", help="Folder of results; default results/NAME."),
-        click.option(
-            "--jobs", "-j", type=click.IntRange(1, 1024), metavar="N", help="Worker processes; default all cores."
-        ),
+        click.option("--replicates", type=click.IntRange(min=1), metavar="N", help="Monte Carlo runs per point."),
+        seed_option,
+        click.option("--timeout", metavar="TIME", help="Time limit of one run, such as '10 min'."),
+        click.option("--out", "-o", type=PATH, metavar="DIR", help="Folder of the campaign; default results/NAME."),
+        jobs_option,
         click.option("--scheduler", metavar="ADDRESS", help="Run on the workers of a Dask scheduler: tcp://host:8786."),
-        click.option("--scheduler-file", type=path, metavar="FILE", help="The same, by the file that it writes."),
-        click.option("--shard", metavar="I/N", help="Run the I-th of N parts; `wsnsim collect` brings them together."),
-        click.option(
-            "--dry-run", is_flag=True, help="Say what would be run, how long it would take, and how large it is."
-        ),
+        click.option("--scheduler-file", type=PATH, metavar="FILE", help="Read its address from the scheduler's file."),
+        click.option("--shard", metavar="I/N", help="Run shard I of N; `wsnsim collect` merges the shards."),
+        click.option("--dry-run", is_flag=True, help="Only estimate the number of runs, the time and the size."),
         click.option("--metric", default=METRIC, show_default=True, metavar="NAME", help="Column of runs to compare."),
+        click.option("--by", multiple=True, metavar="KEY", help="Compare the values of this key, the others fixed."),
+        click.option("--baseline", metavar="VALUE", help="Value from which differences are taken; default the first."),
+        click.option("--csv", type=PATH, metavar="FILE", help="Also write the table to this file."),
         click.option(
-            "--by", multiple=True, metavar="KEY", help="Compare by this key, within each value of the others."
-        ),
-        click.option("--baseline", metavar="VALUE", help="Differences are from this one; default the first."),
-        click.option("--csv", type=path, metavar="FILE", help="Write the table to a file, too."),
-        click.option(
-            "--bound/--no-bound", default=None, help="The bound beside the errors; compare shows it by default."
+            "--bound/--no-bound", default=None, help="Show the CRLB beside the errors; default only in compare."
         ),
         json_option,
-        click.option("--quiet", "-q", is_flag=True, help="No progress and no log."),
-        click.option("--progress", type=click.Choice(MODES), default="auto", show_default=True, help="How to show it."),
+        quiet_option,
+        progress_option,
     ]
     for option in reversed(options):
         command = option(command)
@@ -56,49 +70,49 @@ def _shared(command: Callable[..., Any]) -> Callable[..., Any]:
 @group.command()
 @click.argument("source", metavar="SWEEP|SCENARIO|DIR")
 @click.option("--vary", multiple=True, metavar="KEY=VALUES", help="An axis: tracker.particles=100,200,400.")
-@_shared
+@_session_options
 @click.pass_obj
 def sweep(
     interrupts: Interrupts,
+    /,
     source: str,
     vary: tuple[str, ...],
     overrides: tuple[str, ...],
     replicates: int | None,
     seed: int | None,
     timeout: str | None,
-    **choices: Any,
+    **given: Any,
 ) -> int:
-    """Run a scenario over axes of its parameters, many replicates a point.
+    """Run a scenario at many points, with several Monte Carlo runs per point.
 
-    SWEEP is a file that names scenario, axes and replicates (`wsnsim list sweeps`); a SCENARIO takes its axes from
-    --vary; DIR is the folder of a campaign, which is gone on with.
+    SWEEP is a file with a scenario, axes and the number of runs (`wsnsim list sweeps`). A SCENARIO needs axes from
+    --vary. DIR is the folder of a campaign, which is resumed.
     """
-    chosen = _choices(choices)
+    options = _options(given)
     if is_campaign(source):
-        if vary or overrides or replicates or seed is not None or chosen.out or timeout:
-            raise UsageError(
-                f"{source} is a campaign, which says itself what is to be run: give the sweep to change it"
-            )
-        return gone_on_with(source, chosen, interrupts)
+        if vary or overrides or replicates or seed is not None or options.out or timeout:
+            raise UsageError(f"{source} is a campaign, whose sweep is fixed; to change it, give the sweep file instead")
+        return resume(source, options, interrupts)
     from wsnsim.scenario.sweep import is_sweep, load_sweep
 
-    given = {"replicates": replicates, "timeout": timeout}
+    changes: dict[str, Any] = {"replicates": replicates, "timeout": timeout}
     if not is_sweep(source):
         if not vary:
-            raise UsageError(_no_sweep(source))
-        given["name"] = _named(source, vary)
-    plan = load_sweep(source, vary, _seeded(overrides, seed), **given)
-    return carried_out(plan, chosen, interrupts, chosen.said.by)
+            raise UsageError(_why_no_sweep(source))
+        changes["name"] = _campaign_name(source, vary)
+    plan = load_sweep(source, vary, _with_seed(overrides, seed), **changes)
+    return run_plan(plan, options, interrupts, options.comparison.by)
 
 
 @group.command()
 @click.argument("sources", metavar="SCENARIO...|DIR", nargs=-1, required=True)
-@click.option("--trackers", metavar="A,B,...", help="Put each of these in place of the scenario's tracker.")
+@click.option("--trackers", metavar="A,B,...", help="Run the scenario with each of these trackers.")
 @click.option("--vary", multiple=True, metavar="KEY=VALUES", help="Compare at each of these values.")
-@_shared
+@_session_options
 @click.pass_obj
 def compare(
     interrupts: Interrupts,
+    /,
     sources: tuple[str, ...],
     trackers: str | None,
     vary: tuple[str, ...],
@@ -106,81 +120,84 @@ def compare(
     replicates: int | None,
     seed: int | None,
     timeout: str | None,
-    **choices: Any,
+    **given: Any,
 ) -> int:
-    """Compare trackers, or scenarios, replicate by replicate on the same truth and the same readings."""
-    chosen = _choices({**choices, "bound": choices["bound"] is not False})
+    """Compare trackers or scenarios, run by run, on the same ground truth and the same measurements."""
+    options = _options({**given, "bound": given["bound"] is not False})
     if len(sources) == 1 and is_campaign(sources[0]):
         if trackers or vary or overrides or replicates or seed is not None or timeout:
-            raise UsageError(f"{sources[0]} is a campaign, which says itself what is compared")
-        return gone_on_with(sources[0], chosen, interrupts)
+            raise UsageError(f"{sources[0]} is a campaign, whose comparison is fixed")
+        return resume(sources[0], options, interrupts)
     from wsnsim.scenario.sweep import load_sweep
 
     if len(sources) == 1 and not trackers:
-        raise UsageError("give trackers to compare (--trackers pso_mhpf,ipf,ppf), or several scenarios")
+        raise UsageError("give trackers to compare (--trackers pso_mhpf,ipf,ppf) or several scenarios")
     axes = ([f"tracker.kind={trackers}"] if trackers else []) + list(vary)
-    name = _safe("_".join(["compare", *(Path(source).stem for source in sources[:FEW])]))
-    given = {"replicates": replicates, "timeout": timeout, "name": name}
-    plan = load_sweep(list(sources), axes, _seeded(overrides, seed), **given)
+    name = _file_name("_".join(["compare", *(Path(source).stem for source in sources[:MAX_NAMED])]))
+    changes: dict[str, Any] = {"replicates": replicates, "timeout": timeout, "name": name}
+    plan = load_sweep(list(sources), axes, _with_seed(overrides, seed), **changes)
     by = [*(["scenario"] if len(sources) > 1 else []), *(["tracker.kind"] if trackers else [])]
-    return carried_out(plan, chosen, interrupts, chosen.said.by or tuple(by))
+    return run_plan(plan, options, interrupts, options.comparison.by or tuple(by))
 
 
 @group.command()
-@click.argument("parts", metavar="DIR...", nargs=-1, required=True, type=click.Path(path_type=Path))
-@click.option("--out", "-o", type=click.Path(path_type=Path), metavar="DIR", help="Where; default the first.")
-@click.option("--metric", default=METRIC, show_default=True, metavar="NAME", help="Column of runs to show.")
+@click.argument("shards", metavar="DIR...", nargs=-1, required=True, type=PATH)
+@click.option("--out", "-o", type=PATH, metavar="DIR", help="Folder of the merged campaign; default the first DIR.")
+@click.option("--metric", default=METRIC, show_default=True, metavar="NAME", help="Column of runs to compare.")
 @json_option
-def collect(parts: tuple[Path, ...], out: Path | None, metric: str, as_json: bool) -> int:
-    """Bring the parts of a campaign together, and say what is missing."""
+def collect(shards: tuple[Path, ...], out: Path | None, metric: str, as_json: bool) -> int:
+    """Merge the shards of a campaign and list the missing runs."""
     import wsnsim.campaign as campaign
     from wsnsim.recording.folder import Folder
 
-    into = Folder(out or parts[0])
-    manifest = campaign.collect([Folder(part) for part in parts], into)
+    into = Folder(out or shards[0])
+    manifest = campaign.collect([Folder(shard) for shard in shards], into)
     missing = campaign.missing(into)
-    code = answer(into, Said(metric, (), None, None, as_json, bound=False))
+    code = print_comparison(into, ComparisonOptions(metric, (), None, None, as_json, bound=False))
     if missing:
-        say([f"wsnsim: {into.path} is incomplete:", *campaign.missing_words(missing, manifest)])
+        echo_lines([f"wsnsim: {into.path} is incomplete:", *campaign.describe_missing(missing, manifest)])
     return INCOMPLETE if missing else code
 
 
 @group.command()
-@click.argument("result", metavar="FILE|DIR", type=click.Path(path_type=Path))
-@click.option("--parquet", "place", type=click.Path(path_type=Path), required=True, metavar="DIR", help="Where to.")
-@click.option("--table", "tables", multiple=True, metavar="NAME", help="Only this table; default all that there are.")
-def export(result: Path, place: Path, tables: tuple[str, ...]) -> None:
-    """Write the tables of a result, or of a campaign, as Parquet files."""
+@click.argument("result", metavar="FILE|DIR", type=PATH)
+@click.option("--parquet", "folder", type=PATH, required=True, metavar="DIR", help="Folder of the Parquet files.")
+@click.option("--table", "tables", multiple=True, metavar="NAME", help="Export only this table; default all.")
+def export(result: Path, folder: Path, tables: tuple[str, ...]) -> None:
+    """Export the tables of a result or of a campaign as Parquet files."""
     from wsnsim.analysis import parquet
 
-    for file, rows in parquet.export(result, place, tables):
+    for file, rows in parquet.export(result, folder, tables):
         click.echo(f"{file}: {rows:,} rows")
 
 
-def _no_sweep(source: str) -> str:
+def _why_no_sweep(source: str) -> str:
     from wsnsim.scenario.files import find_or_none, shipped_sweeps
 
     if Path(source).is_dir():
-        return f"{source} is a folder, and holds no campaign"
+        return f"folder holds no campaign: {source}"
     if find_or_none(source) is not None:
-        return f"{source} is a scenario: say with --vary KEY=VALUES over which axes to run it"
-    return f"there is no sweep, scenario or campaign '{source}' ({did_you_mean(source, shipped_sweeps())})"
+        return f"{source} is a scenario: give the axes to vary with --vary KEY=VALUES"
+    return f"unknown sweep, scenario or campaign '{source}' ({did_you_mean(source, shipped_sweeps())})"
 
 
-def _choices(given: Mapping[str, Any]) -> Choices:
-    said = Said(**{name: given[name] for name in Said._fields})
-    return Choices(said=said, **{name: value for name, value in given.items() if name not in Said._fields})
+def _options(given: Mapping[str, Any]) -> SessionOptions:
+    """The options of a command line, those of the comparison apart."""
+    comparison = ComparisonOptions(**{name: given[name] for name in ComparisonOptions._fields})
+    others = {name: value for name, value in given.items() if name not in ComparisonOptions._fields}
+    return SessionOptions(comparison=comparison, **others)
 
 
-def _seeded(overrides: tuple[str, ...], seed: int | None) -> tuple[str, ...]:
+def _with_seed(overrides: tuple[str, ...], seed: int | None) -> tuple[str, ...]:
     return overrides if seed is None else (*overrides, f"seed={seed}")
 
 
-def _named(source: str, vary: Sequence[str]) -> str:
-    """What a campaign is called whose axes come from the command line: pso_mhpf_by_particles."""
+def _campaign_name(source: str, vary: Sequence[str]) -> str:
+    """The name of a campaign whose axes come from the command line, such as pso_mhpf_by_particles."""
     keys = "_".join(axis.partition("=")[0].strip().rpartition(".")[2] for axis in vary)
-    return _safe(f"{Path(source).stem}_by_{keys}")
+    return _file_name(f"{Path(source).stem}_by_{keys}")
 
 
-def _safe(name: str) -> str:
-    return "".join(c if c.isalnum() or c in "_-." else "_" for c in name)[:100]
+def _file_name(text: str) -> str:
+    """The text with every unsafe character replaced by '_'."""
+    return "".join(c if c.isalnum() or c in "_-." else "_" for c in text)[:MAX_NAME]

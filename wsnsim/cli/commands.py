@@ -1,7 +1,8 @@
-"""The commands of scenarios and results: each reads its arguments, calls the room that does the work, and answers."""
+"""The commands of scenarios and results."""
 
 from __future__ import annotations
 
+import contextlib
 import json
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,43 +11,46 @@ from typing import TYPE_CHECKING, Any, Final
 import click
 
 from wsnsim.base.errors import ResultError, ScenarioError, UsageError
-from wsnsim.cli.progress import MODES, shown
+from wsnsim.cli.progress import RUN, display
 from wsnsim.cli.shared import (
+    PATH,
     command_line,
-    echo_json,
+    echo_answer,
     group,
     is_campaign,
     json_option,
     overrides_option,
+    progress_option,
+    quiet_option,
     result_argument,
+    seed_option,
     writable,
 )
 
 if TYPE_CHECKING:
+    from wsnsim.experiment import Report
     from wsnsim.scenario.schema import Scenario
 
-HDF5_MARK: Final = b"\x89HDF\r\n\x1a\n"
+HDF5_SIGNATURE: Final = b"\x89HDF\r\n\x1a\n"
 
 
 @group.command()
 @click.argument("source", metavar="SCENARIO")
 @overrides_option
-@click.option("--replicates", type=click.IntRange(min=1), metavar="N", help="Runs with other draws, into one file.")
-@click.option("--seed", type=click.IntRange(min=0), metavar="S", help="Seed of every random stream.")
-@click.option(
-    "--out", "-o", type=click.Path(path_type=Path), metavar="FILE.h5", help="Result; default results/NAME.h5."
-)
-@click.option("--report", "paged", is_flag=True, help="Write its page beside it, too: NAME.html.")
+@click.option("--replicates", type=click.IntRange(min=1), metavar="N", help="Number of Monte Carlo runs.")
+@seed_option
+@click.option("--out", "-o", type=PATH, metavar="FILE.h5", help="Result file; default results/NAME.h5.")
+@click.option("--report", "with_page", is_flag=True, help="Also write the result's HTML page, beside the result.")
 @json_option
-@click.option("--quiet", "-q", is_flag=True, help="No progress and no log.")
-@click.option("--progress", type=click.Choice(MODES), default="auto", show_default=True, help="How to show progress.")
+@quiet_option
+@progress_option
 def run(
     source: str,
     overrides: tuple[str, ...],
     replicates: int | None,
     seed: int | None,
     out: Path | None,
-    paged: bool,
+    with_page: bool,
     as_json: bool,
     quiet: bool,
     progress: str,
@@ -54,45 +58,46 @@ def run(
     """Run a scenario and write its result."""
     seeded = overrides if seed is None else (*overrides, f"seed={seed}")
     scenario = _loaded(source, seeded)
-    place = writable(out, Path("results") / f"{scenario.name}.h5")
-    page = _page_beside(place) if paged else None
+    path = writable(out, Path("results") / f"{scenario.name}.h5")
+    page = _page_path(path) if with_page else None
     import wsnsim.experiment as experiment
+    from wsnsim.papers.published import published
+
+    with contextlib.closing(display("none" if quiet else progress, RUN)) as shown:
+        report = experiment.run(
+            scenario, replicates=replicates, out=path, command_line=command_line(), progress=shown.step
+        )
+    echo_answer(_summary(report, scenario, as_json))
+    if page:
+        import wsnsim.report as pages
+
+        written = pages.write([path], page, published=published)
+        if not quiet:
+            click.echo(f"wsnsim: {written.path}: {written.size / 1e6:.2f} MB; open it in a browser", err=True)
+
+
+def _summary(report: Report, scenario: Scenario, as_json: bool) -> str | dict[str, Any]:
+    """The summary of a run, with the values that its paper publishes."""
     from wsnsim.analysis import beaconing, summary, summary_text
     from wsnsim.papers.published import published
     from wsnsim.scenario import resolved
 
-    show = shown("none" if quiet else progress)
-    try:
-        report = experiment.run(
-            scenario,
-            replicates=replicates,
-            out=place,
-            command_line=command_line(),
-            progress=show.step if show else None,
-        )
-    finally:
-        if show:
-            show.close()
-    printed, paper = published(resolved(scenario))
     if not report.states:
-        told = beaconing.as_json(report) if as_json else beaconing.text(report)
-    else:
-        limit = summary.bounds_of_report(report)
-        told = summary.as_json(report, printed, limit) if as_json else summary_text.text(report, printed, paper, limit)
-    echo_json(told) if isinstance(told, dict) else click.echo(told)
-    if page:
-        from wsnsim.report import html_page as reports
-
-        written = reports.write([place], page, published=published)
-        if not quiet:
-            click.echo(f"wsnsim: {written.out}: {written.bytes / 1e6:.2f} MB; open it in a browser", err=True)
+        return beaconing.as_json(report) if as_json else beaconing.text(report)
+    values, paper = published(resolved(scenario))
+    limit = summary.bounds_of_report(report)
+    return summary.as_json(report, values, limit) if as_json else summary_text.text(report, values, paper, limit)
 
 
-def _page_beside(result: Path) -> Path:
-    """Where the result's page goes. Raises UsageError, before anything runs, if it cannot go there."""
+def _page_path(result: Path) -> Path:
+    """The path of the result's page.
+
+    Raises:
+        UsageError: the page cannot be written there. It is checked before anything runs.
+    """
     page = result.with_suffix(".html")
     if page == result or (page.exists() and result.exists() and page.samefile(result)):
-        raise UsageError(f"--report: the page of {result} would take its place; say --out {result.with_suffix('.h5')}")
+        raise UsageError(f"--report: the page would overwrite {result}; give --out {result.with_suffix('.h5')}")
     try:
         return writable(page, Path(page.name))
     except UsageError as error:
@@ -103,38 +108,34 @@ def _page_beside(result: Path) -> Path:
 @click.argument("sources", metavar="SCENARIO...", nargs=-1, required=True)
 @overrides_option
 def check(sources: tuple[str, ...], overrides: tuple[str, ...]) -> int:
-    """Find every fault of scenarios, running none."""
+    """Check scenarios without running them, and report every error."""
     import wsnsim.scenario as scenario
 
-    wrong = 0
+    invalid = False
     for source in sources:
         try:
             scenario.build(_loaded(source, overrides))
         except ScenarioError as error:
-            wrong += 1
+            invalid = True
             click.echo(str(error), err=True)
         else:
             click.echo(f"{source}: ok")
-    return 2 if wrong else 0
+    return 2 if invalid else 0
 
 
 @group.command("list")
 @click.argument("role", required=False)
 @json_option
 def list_(role: str | None, as_json: bool) -> None:
-    """Show the kinds of every role, or of one: trackers, motions ...; or shipped scenarios, sweeps, or parts."""
+    """List the kinds of every role or of one (trackers, motions, ...), or the shipped scenarios, sweeps or parts."""
     from wsnsim.cli import listing
 
-    answer = listing.listed(role, as_json)
-    if isinstance(answer, dict):
-        echo_json(answer)
-    else:
-        click.echo(answer)
+    echo_answer(listing.listed(role, as_json))
 
 
 @group.command()
 def schema() -> None:
-    """Print the JSON Schema of scenarios, installed plug-ins included."""
+    """Print the JSON Schema of scenarios, including installed plug-ins."""
     from wsnsim.scenario.json_schema import json_schema
 
     click.echo(json.dumps(json_schema(), indent=2, ensure_ascii=False))
@@ -142,123 +143,108 @@ def schema() -> None:
 
 @group.command()
 @click.argument("name")
-@click.option("--bench", is_flag=True, help="Without a network: a filter on its own.")
+@click.option("--bench", is_flag=True, help="A standalone filter, without a network.")
 def new(name: str, bench: bool) -> None:
-    """Write NAME.yaml, a commented scenario to start from."""
+    """Write NAME.yaml, a commented scenario as a starting point."""
     from wsnsim.scenario.schema import is_safe_name
     from wsnsim.scenario.template import template
 
     stem = name.removesuffix(".yaml")
     if not is_safe_name(stem):
-        raise UsageError(f"'{name}' cannot name a scenario: use letters and digits, then also '_', '-' and '.'")
+        raise UsageError(f"'{name}' is not a valid name: start with a letter or digit, then also '_', '-' and '.'")
     path = Path(f"{stem}.yaml")
     try:
         with path.open("x", encoding="utf-8") as file:
             file.write(template(stem, bench))
     except FileExistsError:
-        raise UsageError(f"{path} exists already; it is left as it is") from None
+        raise UsageError(f"file exists: {path}") from None
     except OSError as error:
         raise UsageError(f"cannot write {path}: {error.strerror}") from None
-    click.echo(f"{path}: a scenario to start from; run it with: wsnsim run {path}")
+    click.echo(f"{path}: written; run it with: wsnsim run {path}")
 
 
 @group.command()
 @click.argument("source", metavar="FILE|NAME")
 @json_option
 def info(source: str, as_json: bool) -> None:
-    """Say what a result or a campaign's folder holds, a datasheet (`wsnsim list parts`), or a scenario's radio."""
+    """Describe a result, a campaign's folder, a datasheet (`wsnsim list parts`), or a scenario's radio."""
     if is_campaign(source):
         from wsnsim.analysis import campaign_info
 
-        told: Any = campaign_info.info(source) if as_json else campaign_info.info_text(source)
+        echo_answer(campaign_info.info(source) if as_json else campaign_info.info_text(source))
     elif source.endswith(".h5") or _is_result(source):
         from wsnsim.analysis import result_info
 
-        told = result_info.info(Path(source)) if as_json else result_info.info_text(Path(source))
+        echo_answer(result_info.info(Path(source)) if as_json else result_info.info_text(Path(source)))
     else:
-        from wsnsim.cli import profiles
+        from wsnsim.cli import component_info
 
-        profile = profiles.profile(source)
-        told = profile.as_json() if as_json else profile.text()
-    if as_json:
-        echo_json(told)
-    else:
-        click.echo(told)
+        found = component_info.describe(source)
+        echo_answer(found.as_json() if as_json else found.text())
 
 
 @group.command()
 @result_argument
 @json_option
 def verify(result: Path, as_json: bool) -> int:
-    """Run a result's scenario again and compare the fingerprints."""
+    """Run a result's scenario again and compare fingerprints, estimates and energy."""
     import wsnsim.verification as verification
 
     answer = verification.verify(result)
-    if as_json:
-        echo_json({"ok": answer.ok, "rows": answer.rows})
-    else:
-        click.echo(answer.text)
+    echo_answer({"ok": answer.ok, "rows": answer.rows} if as_json else answer.text)
     return 0 if answer.ok else 1
 
 
 @group.command()
 @result_argument
-@click.option("--step", type=click.IntRange(min=0), required=True, metavar="K", help="Step to tell.")
-@click.option(
-    "--replicate", type=click.IntRange(min=0), default=0, show_default=True, metavar="R", help="Of which run."
-)
-@click.option("--target", type=click.IntRange(min=0), metavar="T", help="Of which target; default all.")
+@click.option("--step", type=click.IntRange(min=0), required=True, metavar="K", help="Step to describe.")
+@click.option("--replicate", type=click.IntRange(min=0), default=0, show_default=True, metavar="R", help="Run.")
+@click.option("--target", type=click.IntRange(min=0), metavar="T", help="Target; default all.")
 @click.option(
     "--limit",
     type=click.IntRange(min=0),
     default=4,
     show_default=True,
     metavar="N",
-    help="Similar messages told one by one; more are summed.",
+    help="Similar messages shown one by one; more are summed up.",
 )
 @json_option
 def trace(result: Path, step: int, replicate: int, target: int | None, limit: int, as_json: bool) -> None:
-    """Tell one step of a run: who sensed, who sent what to whom, what was lost, and what it cost."""
+    """Describe one step of a run: who sensed, who sent what to whom, what was lost, and the energy spent."""
     from wsnsim.analysis import trace as tracing
 
     picked = tracing.trace(result, step, replicate, target, limit)
-    if as_json:
-        echo_json(tracing.as_json(picked))
-    else:
-        click.echo(tracing.text(picked))
+    echo_answer(tracing.as_json(picked) if as_json else tracing.text(picked))
 
 
 @group.command()
-@click.argument("a", metavar="A", type=click.Path(path_type=Path))
-@click.argument("b", metavar="B", type=click.Path(path_type=Path))
+@click.argument("a", metavar="A", type=PATH)
+@click.argument("b", metavar="B", type=PATH)
 @json_option
 def diff(a: Path, b: Path, as_json: bool) -> int:
-    """Say where two results part; exit code 1 if they do, 2 if one cannot be read."""
+    """Find the first difference of two results; exit code 1 if they differ, 2 if one cannot be read."""
     from wsnsim.analysis import difference, difference_text
 
     try:
         found = difference.differ(a, b)
     except ResultError as error:
         raise UsageError(str(error)) from error
-    if as_json:
-        echo_json(difference.as_json(found))
-    else:
-        click.echo(difference_text.text(found))
+    echo_answer(difference.as_json(found) if as_json else difference_text.text(found))
     return 0 if found.same else 1
 
 
 @group.command()
-@click.argument("left", metavar="X.tmp", type=click.Path(path_type=Path))
-@click.option("--out", "-o", type=click.Path(path_type=Path), metavar="FILE.h5", help="Where to write what is left.")
-def recover(left: Path, out: Path | None) -> None:
-    """Copy out what a killed run left in its temporary file."""
+@click.argument("unfinished", metavar="X.tmp", type=PATH)
+@click.option("--out", "-o", type=PATH, metavar="FILE.h5", help="Result file; default the name that the run had.")
+def recover(unfinished: Path, out: Path | None) -> None:
+    """Recover the rows in the temporary file of a killed run."""
     import wsnsim.recording as recording
 
-    click.echo(f"{recording.recover(left, out)}: what was left, marked as partial")
+    click.echo(f"{recording.recover(unfinished, out)}: recovered, with the status partial")
 
 
 def _loaded(source: str, overrides: Sequence[str]) -> Scenario:
-    """The scenario of a file or name, or the one that a result holds."""
+    """The scenario of a file or name, or the scenario stored in a result."""
     import wsnsim.scenario as scenario
 
     if not _is_result(source):
@@ -271,6 +257,6 @@ def _loaded(source: str, overrides: Sequence[str]) -> Scenario:
 def _is_result(source: str) -> bool:
     try:
         with Path(source).open("rb") as file:
-            return file.read(len(HDF5_MARK)) == HDF5_MARK
+            return file.read(len(HDF5_SIGNATURE)) == HDF5_SIGNATURE
     except (OSError, ValueError):
         return source.endswith(".h5")

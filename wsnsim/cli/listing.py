@@ -1,6 +1,6 @@
-"""What `wsnsim list` shows: the kinds of a role, the shipped scenarios, sweeps and datasheets, importing none of them.
+"""The tables of `wsnsim list`: the kinds of a role, and the shipped scenarios, sweeps and datasheets.
 
-listed(word, as_json) -> text or dict
+None of the listed kinds is imported.
 """
 
 from __future__ import annotations
@@ -9,7 +9,8 @@ import re
 import shutil
 import sys
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any, Final
 
 from wsnsim.scenario import shipped
@@ -21,65 +22,36 @@ TRACKER_COLUMNS: Final = ("kind", "paper", "idea", "state", "messages", "variant
 
 
 def listed(word: str | None, as_json: bool) -> str | dict[str, Any]:
-    """What a word asks for: the kinds of a role, 'scenarios', 'sweeps', 'parts', or with no word every role."""
+    """The list that a word names: a role, 'scenarios', 'sweeps' or 'parts'; without a word, every role."""
     if word in ("scenario", "scenarios"):
-        return scenarios_json() if as_json else scenarios_text()
+        # a file without a name is a base that scenarios extend
+        named = {n: p for n, p in shipped().items() if re.search(r"^name:", _text(p), re.MULTILINE)}
+        return _files("scenarios", ["scenario", "description"], named, as_json)
     if word in ("sweep", "sweeps"):
-        return sweeps_json() if as_json else sweeps_text()
+        return _files("sweeps", ["sweep", "question"], shipped_sweeps(), as_json)
     if word in ("part", "parts"):
-        return parts_json() if as_json else parts_text()
+        return _datasheets(as_json)
     roles = [role_named(word)] if word else list(ROLES.values())
-    return roles_json(roles) if as_json else roles_text(roles)
-
-
-def roles_text(roles: Sequence[Role]) -> str:
-    """A table a role."""
+    if as_json:
+        return {"roles": {role.name: _role_json(role) for role in roles}}
     return "\n\n".join(_role_text(role) for role in roles)
 
 
-def roles_json(roles: Sequence[Role]) -> dict[str, Any]:
-    """The same as plain values."""
-    return {"roles": {role.name: _role_json(role) for role in roles}}
+def _files(key: str, heads: list[str], files: Mapping[str, Path], as_json: bool) -> str | dict[str, Any]:
+    """Files and the first sentence of each."""
+    descriptions = {name: _first_sentence(_text(path)) for name, path in files.items()}
+    return {key: descriptions} if as_json else table(heads, [list(row) for row in descriptions.items()])
 
 
-def scenarios_text() -> str:
-    """A table of the shipped scenarios."""
-    return table(["scenario", "what it is"], [[name, words] for name, words in scenarios_json()["scenarios"].items()])
-
-
-def scenarios_json() -> dict[str, Any]:
-    """The same as plain values. A file that names no scenario is there to be extended."""
-    texts = {name: path.read_text(encoding="utf-8") for name, path in shipped().items()}
-    named = {name: text for name, text in texts.items() if re.search(r"^name:", text, re.MULTILINE)}
-    return {"scenarios": {name: _first_sentence(text) for name, text in named.items()}}
-
-
-def sweeps_text() -> str:
-    """A table of the shipped sweeps."""
-    return table(["sweep", "what it asks"], [[name, words] for name, words in sweeps_json()["sweeps"].items()])
-
-
-def sweeps_json() -> dict[str, Any]:
-    """The same as plain values."""
-    texts = {name: path.read_text(encoding="utf-8") for name, path in shipped_sweeps().items()}
-    return {"sweeps": {name: _first_sentence(text) for name, text in texts.items()}}
-
-
-def parts_text() -> str:
-    """A table of the shipped datasheets."""
-    rows = [[name, row["sheet"], row["what"]] for name, row in parts_json()["parts"].items()]
-    return table(["part", "datasheet of a", "what it is"], rows)
-
-
-def parts_json() -> dict[str, Any]:
-    """The same as plain values."""
-    found = shipped_parts().items()
-    return {
-        "parts": {
-            name: {"sheet": sheet_of(path), "what": _first_sentence(path.read_text(encoding="utf-8"))}
-            for name, path in found
-        }
+def _datasheets(as_json: bool) -> str | dict[str, Any]:
+    """The shipped datasheets, and what each describes."""
+    found = {
+        name: {"sheet": sheet_of(path), "what": _first_sentence(_text(path))} for name, path in shipped_parts().items()
     }
+    if as_json:
+        return {"parts": found}
+    rows = [[name, row["sheet"], row["what"]] for name, row in found.items()]
+    return table(["part", "datasheet of a", "description"], rows)
 
 
 def _role_json(role: Role) -> dict[str, Any]:
@@ -95,34 +67,37 @@ def _role_text(role: Role) -> str:
 
 
 def _cell(row: Kind, name: str, role: Role) -> str:
-    text = str(getattr(row, name))
+    text = str(vars(row)[name])
     return f"{text} (default)" if name == "kind" and text == role.default else text
 
 
+def _text(path: Path) -> str:
+    return path.read_text(encoding="utf-8")
+
+
 def _first_sentence(text: str) -> str:
-    """What the comment on top of a scenario says first; a remark in brackets is for editors."""
+    """The first sentence of the comment at the top of a file, without the note for editors and lines in brackets."""
     lines = [
         line.lstrip("# ") for line in text.splitlines() if line.startswith("#") and "yaml-language-server" not in line
     ]
-    spoken = " ".join(line for line in lines if not line.startswith("("))
-    return spoken.partition(". ")[0]
+    return " ".join(line for line in lines if not line.startswith("(")).partition(". ")[0]
 
 
-def table(heads: list[str], rows: list[list[str]]) -> str:
-    """Aligned columns; on a terminal that is too narrow for them, a block of lines a row."""
+def table(heads: list[str], rows: Sequence[list[str]]) -> str:
+    """A table with aligned columns; on a terminal that is too narrow, a block of lines per row."""
     widths = [max(map(len, column)) for column in zip(heads, *rows, strict=True)]
-    room = shutil.get_terminal_size().columns
-    if sys.stdout.isatty() and sum(widths) + 2 * len(widths) > room:
-        return "\n".join(_block(heads, row, room) for row in rows)
+    width = shutil.get_terminal_size().columns
+    if sys.stdout.isatty() and sum(widths) + 2 * len(widths) > width:
+        return "\n".join(_block(heads, row, width) for row in rows)
     lines = ("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)) for row in [heads, *rows])
     return "\n".join(f"  {line}".rstrip() for line in lines)
 
 
-def _block(heads: list[str], row: list[str], room: int) -> str:
-    """A row as lines: its first cell, then each further one beside its head, wrapped."""
+def _block(heads: list[str], row: list[str], width: int) -> str:
+    """A row as lines: its first cell, then every other cell behind its head, wrapped."""
     indent = 6 + max(map(len, heads))
     lines = [f"  {row[0]}"]
     for head, cell in zip(heads[1:], row[1:], strict=True):
         start = f"    {head}".ljust(indent)
-        lines += textwrap.wrap(cell, max(room - 1, 2 * indent), initial_indent=start, subsequent_indent=" " * indent)
+        lines += textwrap.wrap(cell, max(width - 1, 2 * indent), initial_indent=start, subsequent_indent=" " * indent)
     return "\n".join(lines)

@@ -1,4 +1,4 @@
-"""The command that writes a page of results."""
+"""The command that writes an HTML page of results."""
 
 from __future__ import annotations
 
@@ -6,19 +6,12 @@ from pathlib import Path
 
 import click
 
-from wsnsim.base.errors import UsageError
-from wsnsim.cli.shared import group, writable
+from wsnsim.cli.shared import PATH, group, not_the_result, writable
 
 
 @group.command()
-@click.argument("results", metavar="FILE...", nargs=-1, required=True, type=click.Path(path_type=Path))
-@click.option(
-    "--out",
-    "-o",
-    type=click.Path(path_type=Path),
-    metavar="PAGE.html",
-    help="Default FILE.html, of several report.html.",
-)
+@click.argument("results", metavar="FILE...", nargs=-1, required=True, type=PATH)
+@click.option("--out", "-o", type=PATH, metavar="PAGE.html", help="Default FILE.html; report.html for several files.")
 @click.option("--replicate", type=click.IntRange(min=0), metavar="R", help="Run to replay; default the first.")
 @click.option(
     "--megabytes",
@@ -26,22 +19,21 @@ from wsnsim.cli.shared import group, writable
     default=2.0,
     show_default=True,
     metavar="MB",
-    help="Size to keep to; what does not fit is thinned.",
+    help="Largest size of the page; replay and figures are reduced to fit.",
 )
 def report(results: tuple[Path, ...], out: Path | None, replicate: int | None, megabytes: float) -> None:
-    """Write one HTML page of results, with a replay; it needs no network."""
+    """Write one HTML page of results, with a replay. The page loads nothing from the Internet."""
+    import wsnsim.recording as recording
+    import wsnsim.report as pages
     from wsnsim.papers.published import published
-    from wsnsim.recording import attributes
-    from wsnsim.report import html_page as reports
 
     for result in results:
-        attributes(result)
+        recording.attributes(result)
     page = out or (results[0].with_suffix(".html") if len(results) == 1 else Path("report.html"))
-    place = writable(page, Path(page.name))
+    path = writable(page, Path(page.name))
     for result in results:
-        if place.exists() and place.samefile(result):
-            raise UsageError(f"{place} is the result itself; say with --out where the page goes")
-    written = reports.write(results, place, replicate, int(1e6 * megabytes), published)
-    click.echo(f"{written.out}: {written.bytes / 1e6:.2f} MB; open it in a browser")
+        not_the_result(path, result, "page")
+    written = pages.write(results, path, replicate, int(1e6 * megabytes), published)
+    click.echo(f"{written.path}: {written.size / 1e6:.2f} MB; open it in a browser")
     for note in written.notes:
         click.echo(f"  {note}")

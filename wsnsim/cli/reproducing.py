@@ -1,145 +1,157 @@
-"""The command of the papers: reproduce."""
+"""The command that reproduces the papers."""
 
 from __future__ import annotations
 
 import contextlib
 import errno
 import os
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 import click
 
 from wsnsim.base.errors import ResultError, UsageError
+from wsnsim.cli.campaign_session import INCOMPLETE
 from wsnsim.cli.interrupts import Interrupts
-from wsnsim.cli.progress import CAMPAIGN, MODES, shown
-from wsnsim.cli.session import INCOMPLETE
-from wsnsim.cli.shared import echo_json, group, json_option
+from wsnsim.cli.progress import CAMPAIGN, display
+from wsnsim.cli.shared import PATH, echo_json, group, jobs_option, json_option, progress_option, quiet_option
 
 if TYPE_CHECKING:
-    from wsnsim.campaign import Ended
-    from wsnsim.papers.reproduction import Experiment
+    from wsnsim.campaign import CampaignOutcome
+    from wsnsim.papers.reproduction import Experiment, Row
 
-FEW: Final = 3
-"""Reasons that are told."""
+MAX_REASONS: Final = 3
+"""Reasons of an incomplete campaign that are printed."""
 
 
 @group.command()
 @click.argument("papers", metavar="[PAPER]...", nargs=-1)
-@click.option("--quick/--full", "quick", default=True, show_default=True, help="Few runs; or as many as the papers'.")
-@click.option("--out", "-o", type=click.Path(path_type=Path), default=Path("results/reproduce"), show_default=True,
-              metavar="DIR", help="Folder of the campaigns.")  # fmt: skip
-@click.option("--figures", type=click.Path(path_type=Path), metavar="DIR", help="Draw the papers' figures there, too.")
-@click.option("--only", metavar="EXPERIMENT", help="Only this experiment: table_2, figure_3, ...")
-@click.option("--jobs", "-j", type=click.IntRange(1, 1024), metavar="N", help="Worker processes; default all cores.")
+@click.option("--quick/--full", "quick", default=True, show_default=True, help="Few runs, or as many as the papers.")
+@click.option("--out", "-o", type=PATH, default=Path("results/reproduce"), show_default=True, metavar="DIR",
+              help="Folder of the campaigns.")  # fmt: skip
+@click.option("--figures", type=PATH, metavar="DIR", help="Also draw the papers' figures into this folder.")
+@click.option("--only", metavar="EXPERIMENT", help="Run only this experiment: table_2, figure_3, ...")
+@jobs_option
 @json_option
-@click.option("--markdown", is_flag=True, help="Answer with the main rows as a table of Markdown.")
-@click.option("--quiet", "-q", is_flag=True, help="No progress and no log.")
-@click.option("--progress", type=click.Choice(MODES), default="auto", show_default=True, help="How to show it.")
+@click.option("--markdown", is_flag=True, help="Print the main rows as a Markdown table.")
+@quiet_option
+@progress_option
 @click.pass_obj
 def reproduce(interrupts: Interrupts, papers: tuple[str, ...], quick: bool, out: Path, figures: Path | None,
               only: str | None, jobs: int | None, as_json: bool, markdown: bool, quiet: bool,
               progress: str) -> int:  # fmt: skip
-    """Run the tables and figures of the papers: published, measured, possible, and a verdict on each.
+    """Reproduce the tables and figures of the papers, with a verdict on each published value.
 
-    PAPER is jiang2013, liu2012, wei2022, ruan2020 or li2012; by default all of them. `frontier` is a page of our own:
-    error against joules of every tracker on one field. What has been run is not run again.
+    Each row shows the published value, the measured one and the bound. PAPER is jiang2013, liu2012, wei2022, ruan2020
+    or li2012; all of them by default. `frontier` is our own comparison: error against energy of every tracker on one
+    field. Finished runs are not repeated.
     """
-    from wsnsim.papers import digest, table
     from wsnsim.papers import reproduce as reproducing
 
     if as_json and markdown:
-        raise UsageError("--json and --markdown: one of them, please")
+        raise UsageError("--json cannot be combined with --markdown")
     chosen = reproducing.chosen(papers, only)
     if figures:
-        _demand_folder(figures)
-    where = out / ("quick" if quick else "full")
-    for paper, experiment in chosen:  # before anything runs: each folder must be one that can be gone on with
-        reproducing.begin(paper, experiment, where, full=not quick)
-    found, said, code = [], [], 0
-    with interrupts.noted() as stop:
-        job = _Job(where, jobs, not quick, "none" if quiet else progress, stop)
-        for number, (paper, experiment) in enumerate(chosen, 1):
-            if not quiet and progress != "json":
-                click.echo(
-                    f"wsnsim: {number} of {len(chosen)}: {paper}, {experiment.name}: {experiment.title}", err=True
-                )
-            ended = job.run(paper, experiment)
-            if interrupts.number:
-                break
-            folder = reproducing.place(where, paper, experiment)
-            if not ended.complete or ended.stopped:
-                code = INCOMPLETE
-                _say_incomplete(folder, ended)
-                continue
-            try:
-                rows, lines = reproducing.rows(paper, experiment, folder), reproducing.lines(experiment, folder)
-            except ResultError:
-                if not job.mend(paper, experiment, folder):
-                    raise
-                rows, lines = reproducing.rows(paper, experiment, folder), reproducing.lines(experiment, folder)
-            found += rows
-            said += lines
-            if figures:
-                for picture in reproducing.draw(paper, experiment, folder, figures):
-                    click.echo(f"wsnsim: {picture}", err=True)
-    if interrupts.number:
-        click.echo(f"wsnsim: {interrupts.words}; the same command goes on", err=True)
-        return interrupts.code
-    if as_json:
-        echo_json({"schema_version": 1, "rows": reproducing.as_json(found), "lines": said})
-    else:
-        words = [digest.markdown(found, said)] if markdown else [table.text(found), "\n".join(said)]
-        click.echo("\n\n".join(filter(None, words)))
+        _check_folder(figures)
+    session = _ReproductionSession(out / ("quick" if quick else "full"), jobs, not quick, quiet, progress, figures)
+    code = session.run_all(chosen, interrupts)
+    if not interrupts.number:
+        session.print_answer(as_json, markdown)
     return code
 
 
 @dataclass(frozen=True)
-class _Job:
-    """How experiments are run: where, by how many processes, at which number of runs, and how progress is shown."""
+class _ReproductionSession:
+    """The experiments of one command: how they are run, and the rows and lines that they gave so far."""
 
     where: Path
     jobs: int | None
     full: bool
+    quiet: bool
     progress: str
-    stop: Callable[[], bool]
+    figures: Path | None
+    rows: list[Row] = field(default_factory=list)
+    lines: list[str] = field(default_factory=list)
 
-    def run(self, paper: str, experiment: Experiment) -> Ended:
+    def run_all(self, chosen: Sequence[tuple[str, Experiment]], interrupts: Interrupts) -> int:
+        """Run the experiments one after the other; the exit code."""
+        from wsnsim.papers import reproduce as reproducing
+
+        for paper, experiment in chosen:  # before anything runs, so that a folder that cannot be used is found at once
+            reproducing.begin(paper, experiment, self.where, full=self.full)
+        complete = True
+        with interrupts.noted() as should_stop:
+            for number, (paper, experiment) in enumerate(chosen, 1):
+                if not self.quiet and self.progress != "json":
+                    name = f"{paper}, {experiment.name}: {experiment.title}"
+                    click.echo(f"wsnsim: {number} of {len(chosen)}: {name}", err=True)
+                outcome = self.run(paper, experiment, should_stop)
+                if interrupts.number:
+                    click.echo(f"wsnsim: {interrupts.reason}; repeat the command to resume", err=True)
+                    return interrupts.code
+                if outcome.complete and not outcome.stopped:
+                    self.evaluate(paper, experiment, should_stop)
+                else:
+                    complete = False
+                    _print_incomplete(reproducing.place(self.where, paper, experiment), outcome)
+        return 0 if complete else INCOMPLETE
+
+    def run(self, paper: str, experiment: Experiment, should_stop: Callable[[], bool]) -> CampaignOutcome:
         """Run what is missing of an experiment."""
         from wsnsim.papers import reproduce as reproducing
 
-        show = shown(self.progress, of=CAMPAIGN)
-        with contextlib.closing(show) if show else contextlib.nullcontext():
+        with contextlib.closing(display("none" if self.quiet else self.progress, CAMPAIGN)) as shown:
             return reproducing.run(
-                paper, experiment, self.where, self.jobs, full=self.full, watch=show.step if show else None,
-                stop=self.stop,
-            )  # fmt: skip
+                paper, experiment, self.where, self.jobs, full=self.full, watch=shown.step, stop=should_stop
+            )
 
-    def mend(self, paper: str, experiment: Experiment, folder: Path) -> bool:
-        """Put aside what is damaged, and run it again; whether all is whole now that was not."""
+    def evaluate(self, paper: str, experiment: Experiment, should_stop: Callable[[], bool]) -> None:
+        """Add the rows, lines and figures of an experiment. Damaged files are set aside and run again once."""
         from wsnsim.papers import reproduce as reproducing
 
-        moved = reproducing.set_aside(folder)
-        for place in moved:
-            click.echo(f"wsnsim: {place}: was damaged, and is put aside: its replicates are run again", err=True)
-        return bool(moved) and self.run(paper, experiment).complete
+        folder = reproducing.place(self.where, paper, experiment)
+        try:
+            rows, lines = reproducing.rows(paper, experiment, folder), reproducing.lines(experiment, folder)
+        except ResultError:
+            damaged = reproducing.set_aside(folder)
+            for path in damaged:
+                click.echo(f"wsnsim: {path}: is damaged and was set aside; its runs are repeated", err=True)
+            if not damaged or not self.run(paper, experiment, should_stop).complete:
+                raise
+            rows, lines = reproducing.rows(paper, experiment, folder), reproducing.lines(experiment, folder)
+        self.rows.extend(rows)
+        self.lines.extend(lines)
+        if self.figures:
+            for figure in reproducing.draw(paper, experiment, folder, self.figures):
+                click.echo(f"wsnsim: {figure}", err=True)
+
+    def print_answer(self, as_json: bool, markdown: bool) -> None:
+        """Print the rows and lines of all experiments."""
+        from wsnsim.papers import digest, table
+        from wsnsim.papers import reproduce as reproducing
+
+        if as_json:
+            echo_json({"schema_version": 1, "rows": reproducing.as_json(self.rows), "lines": self.lines})
+        elif markdown:
+            click.echo(digest.markdown(self.rows, self.lines))
+        else:
+            click.echo("\n\n".join(filter(None, [table.text(self.rows), "\n".join(self.lines)])))
 
 
-def _demand_folder(place: Path) -> None:
-    """Raise UsageError, before anything runs, if figures cannot be written there."""
+def _check_folder(path: Path) -> None:
+    """Raise UsageError, before anything runs, if figures cannot be written to the folder."""
     try:
-        place.mkdir(parents=True, exist_ok=True)
-        if not os.access(place, os.W_OK):
+        path.mkdir(parents=True, exist_ok=True)
+        if not os.access(path, os.W_OK):
             raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
     except OSError as error:
-        raise UsageError(f"--figures {place}: {error.strerror or error}") from None
+        raise UsageError(f"--figures {path}: {error.strerror or error}") from None
 
 
-def _say_incomplete(folder: Path, ended: Ended) -> None:
-    lacking = sum(map(len, ended.missing.values()))
-    reasons = list(dict.fromkeys(filter(None, [ended.stopped, *ended.failed.values()])))[:FEW]
-    click.echo(f"wsnsim: {folder} is incomplete, {lacking} replicates are missing; the same command goes on", err=True)
-    for reason in reasons:
+def _print_incomplete(folder: Path, outcome: CampaignOutcome) -> None:
+    count = sum(map(len, outcome.missing.values()))
+    click.echo(f"wsnsim: {folder} is incomplete, runs missing: {count}; repeat the command to resume", err=True)
+    for reason in list(dict.fromkeys(filter(None, [outcome.stopped, *outcome.failed.values()])))[:MAX_REASONS]:
         click.echo(f"wsnsim: {reason}", err=True)

@@ -1,4 +1,4 @@
-"""What all commands share: the group they belong to, options that several have, and how an answer goes out."""
+"""What all commands share: the group that they belong to, common options, and how answers are written."""
 
 from __future__ import annotations
 
@@ -11,46 +11,60 @@ import click
 
 from wsnsim.base.errors import UsageError, did_you_mean
 from wsnsim.base.version import __version__
+from wsnsim.cli.progress import MODES
 
 SCHEMA_VERSION: Final = 1
+PATH: Final = click.Path(path_type=Path)
 
 
-class _Commands(click.Group):
-    """A group that names the nearest command when it has none of the name."""
+class _CommandGroup(click.Group):
+    """A group of commands that suggests the nearest command for an unknown one."""
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
         if args and self.get_command(ctx, args[0]) is None and not args[0].startswith("-"):
-            raise click.UsageError(f"no such command '{args[0]}' ({did_you_mean(args[0], self.commands)})", ctx)
+            raise click.UsageError(f"unknown command '{args[0]}' ({did_you_mean(args[0], self.commands)})", ctx)
         return super().resolve_command(ctx, args)
 
 
-def _version(ctx: click.Context, option: click.Parameter, wanted: bool) -> None:
+def _print_version(ctx: click.Context, option: click.Parameter, wanted: bool) -> None:
     if wanted:
         click.echo(f"wsnsim {__version__}")
         ctx.exit()
 
 
-@click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
-@click.option("--version", is_flag=True, is_eager=True, expose_value=False, callback=_version, help="Show the version.")
+@click.group(cls=_CommandGroup, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+@click.option(
+    "--version", is_flag=True, is_eager=True, expose_value=False, callback=_print_version, help="Show the version."
+)
 def group() -> None:
     """Simulate wireless sensor networks that track moving targets, joule by joule.
 
-    SCENARIO is a YAML file, the name of a shipped scenario (`wsnsim list scenarios`), or a result whose scenario is run
-    again.
+    SCENARIO is a YAML file, the name of a shipped scenario (`wsnsim list scenarios`), or a result, whose scenario is
+    used.
     """
 
 
 overrides_option = click.option(
     "--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Change a value: link.reach='80 m'."
 )
-json_option = click.option(
-    "--json", "as_json", is_flag=True, help="Answer with one JSON object (SI units; NaN and infinity are null)."
+seed_option = click.option(
+    "--seed", type=click.IntRange(min=0), metavar="S", help="Seed from which all random streams are derived."
 )
-result_argument = click.argument("result", metavar="FILE", type=click.Path(path_type=Path))
+jobs_option = click.option(
+    "--jobs", "-j", type=click.IntRange(1, 1024), metavar="N", help="Number of worker processes; default all cores."
+)
+json_option = click.option(
+    "--json", "as_json", is_flag=True, help="Print one JSON object (SI units; NaN and infinity are null)."
+)
+quiet_option = click.option("--quiet", "-q", is_flag=True, help="Print no progress and no notes.")
+progress_option = click.option(
+    "--progress", type=click.Choice(MODES), default="auto", show_default=True, help="How to show progress."
+)
+result_argument = click.argument("result", metavar="FILE", type=PATH)
 
 
 def is_campaign(source: str) -> bool:
-    """Whether a name is that of a campaign's folder."""
+    """Whether the name is that of a campaign's folder."""
     try:
         return (Path(source) / "campaign.json").is_file()
     except (OSError, ValueError):
@@ -58,7 +72,11 @@ def is_campaign(source: str) -> bool:
 
 
 def writable(out: Path | None, default: Path) -> Path:
-    """Where the answer goes. Raises UsageError, before anything runs, if it cannot be written there."""
+    """The path to write to: `out`, or the default, whose folder is created.
+
+    Raises:
+        UsageError: the path cannot be written. It is checked before anything runs.
+    """
     import tempfile
 
     path = out or default
@@ -68,9 +86,9 @@ def writable(out: Path | None, default: Path) -> Path:
         if path.is_dir():
             raise UsageError(f"--out {path} is a folder; give a file such as {path / default.name}")
         if path.exists() and not path.is_file():
-            raise UsageError(f"--out {path} is no regular file")
+            raise UsageError(f"--out {path} is not a regular file")
         if not path.parent.exists():
-            raise UsageError(f"--out {path}: there is no folder {path.parent}; make it first")
+            raise UsageError(f"--out {path}: folder does not exist: {path.parent}")
         with tempfile.TemporaryFile(dir=path.parent):
             pass
     except (OSError, ValueError) as error:
@@ -78,13 +96,32 @@ def writable(out: Path | None, default: Path) -> Path:
     return path
 
 
+def not_the_result(path: Path, result: Path, content: str) -> Path:
+    """The path, unless it is the result itself.
+
+    Raises:
+        UsageError: writing the `content` there would overwrite the result.
+    """
+    if path.exists() and path.samefile(result):
+        raise UsageError(f"{path} is the result itself; give another file for the {content} with --out")
+    return path
+
+
+def echo_answer(answer: str | dict[str, Any]) -> None:
+    """Print an answer on stdout: a text, or a mapping as JSON."""
+    if isinstance(answer, dict):
+        echo_json(answer)
+    else:
+        click.echo(answer)
+
+
 def echo_json(answer: dict[str, Any]) -> None:
-    """One JSON object on stdout."""
+    """Print one JSON object on stdout."""
     click.echo(json.dumps(_finite({"schema_version": SCHEMA_VERSION} | answer), ensure_ascii=False, allow_nan=False))
 
 
 def _finite(value: Any) -> Any:
-    """JSON has no NaN and no infinity: they are null."""
+    """The value with NaN and infinity, which JSON does not have, as None."""
     if isinstance(value, dict):
         return {str(key): _finite(inner) for key, inner in value.items()}
     if isinstance(value, list | tuple):
@@ -95,7 +132,7 @@ def _finite(value: Any) -> Any:
 
 
 def command_line() -> str:
-    """What was typed, for provenance."""
+    """The command line of this process, for the provenance."""
     import shlex
 
     return shlex.join(["wsnsim", *sys.argv[1:]])

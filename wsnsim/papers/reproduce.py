@@ -1,7 +1,7 @@
 """Every table and figure of the papers, run as campaigns that can be gone on with, and what comes of it.
 
 begin(paper, experiment, where) -> Folder                     the experiment's campaign
-run(paper, experiment, where, full=False, ...) -> Ended       what is missing of it
+run(paper, experiment, where, full=False, ...) -> CampaignOutcome       what is missing of it
 rows(paper, experiment, folder) -> [Row, ...]                 published, measured, bound, verdict
 draw(experiment, folder, into) -> [file, ...]                 the paper's figures, ours
 """
@@ -17,7 +17,7 @@ from typing import Any, Final
 
 import wsnsim.campaign as campaign
 from wsnsim.base.errors import UsageError, did_you_mean
-from wsnsim.campaign.local import LocalPool, cores
+from wsnsim.campaign.local_engine import LocalEngine, available_cores
 from wsnsim.papers import measures
 from wsnsim.papers.measures import VARIANT, Data
 from wsnsim.papers.reproduction import Claim, Experiment, Limit, Order, Row, judged, ordered
@@ -92,7 +92,7 @@ def begin(paper: str, experiment: Experiment, where: Path, full: bool = False) -
     Raises:
         UsageError: the folder is of another version, or cannot be written.
     """
-    return campaign.begin(plan(paper, experiment, full), place(where, paper, experiment), by=(VARIANT,))
+    return campaign.prepare(plan(paper, experiment, full), place(where, paper, experiment), by=(VARIANT,))
 
 
 def run(
@@ -102,11 +102,16 @@ def run(
     jobs: int | None = None,
     *,
     full: bool = False,
-    watch: Callable[[campaign.Progress], None] | None = None,
+    watch: Callable[[campaign.CampaignProgress], None] | None = None,
     stop: Callable[[], bool] = lambda: False,
-) -> campaign.Ended:
+) -> campaign.CampaignOutcome:
     """Run what is missing of an experiment."""
-    return campaign.drive(begin(paper, experiment, where, full), LocalPool(jobs or cores()), watch=watch, stop=stop)
+    return campaign.run_campaign(
+        begin(paper, experiment, where, full),
+        LocalEngine(jobs or available_cores()),
+        on_progress=watch,
+        should_stop=stop,
+    )
 
 
 def place(where: Path, paper: str, experiment: Experiment) -> Path:

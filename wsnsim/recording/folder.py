@@ -83,7 +83,7 @@ class Folder:
         """Whether there is a manifest."""
         return (self.path / MANIFEST).is_file()
 
-    def is_bare(self) -> bool:
+    def holds_only_scenarios(self) -> bool:
         """Whether there is nothing but what a campaign puts in place before its manifest."""
         files = [place for place in self.path.rglob("*") if not place.is_dir()]
         return all(place.name == SCENARIO or LEFT.fullmatch(place.name) for place in files)
@@ -155,7 +155,7 @@ class Folder:
         """The replicates of a point that are on disk."""
         return {number for batch in self.batches(point) for number in range(batch.first, batch.last + 1)}
 
-    def unasked(self, manifest: Manifest) -> tuple[int, int]:
+    def outside_manifest(self, manifest: Manifest) -> tuple[int, int]:
         """What is on disk and not of the campaign as it is now: (points, replicates of its points)."""
         own = {point.id: point.replicates for point in manifest.points}
         there = {place.parent.name for place in self.path.glob("*/r*.h5")}
@@ -207,28 +207,28 @@ class Folder:
         """It could be run after all, or is to be tried again."""
         (self.path / "failed" / f"{task}.txt").unlink(missing_ok=True)
 
-    def mark(self, session: str, task: str) -> Path:
+    def marker(self, session: str, task: str) -> Path:
         """The file that a worker keeps while it runs a task, and that stays behind if the worker is killed."""
         return self.path / "running" / f"{session}.{task}.{_host()}.{os.getpid()}.log"
 
-    def marks(self, session: str, task: str = "*") -> list[Path]:
+    def markers(self, session: str, task: str = "*") -> list[Path]:
         """What workers that were killed left behind in this session."""
         return sorted(self.path.glob(f"running/{session}.{task}.*.log"))
 
-    def left_by(self, session: str, task: str) -> list[str]:
+    def marker_texts(self, session: str, task: str) -> list[str]:
         """What the marks of a task say."""
         found = []
-        for place in self.marks(session, task):
+        for place in self.markers(session, task):
             with contextlib.suppress(FileNotFoundError):  # another worker has just ended it
                 found.append(place.read_text(encoding="utf-8", errors="replace"))
         return found
 
-    def remove_marks(self, session: str, task: str) -> None:
+    def remove_markers(self, session: str, task: str) -> None:
         """The task is to begin anew."""
-        for place in self.marks(session, task):
+        for place in self.markers(session, task):
             place.unlink(missing_ok=True)
 
-    def clear(self) -> None:
+    def remove_leftovers(self) -> None:
         """Remove what killed processes of this machine left: temporary files, and marks of tasks."""
         for place in [*self.path.glob("*.tmp"), *self.path.glob("*/*.tmp")]:
             owner = LEFT.fullmatch(place.name)

@@ -1,6 +1,6 @@
 """One HTML page of one or several results: summary, replay, figures, scenario and provenance, all within the file.
 
-write(paths, out, replicate=None, limit=2_000_000, published=None) -> Written        as `wsnsim report`
+write(paths, out, replicate=None, limit=2_000_000, published=None) -> WrittenPage        as `wsnsim report`
 
 The page fetches nothing: a Content-Security-Policy forbids it, and only the page's own script may run. Every text from
 a file is escaped. What there is no room for is thinned or left out, and the page says so.
@@ -39,18 +39,18 @@ SLOT: Final = re.compile(r"\{\{(\w+)\}\}")
 
 
 @dataclass(frozen=True)
-class Written:
+class WrittenPage:
     """A page that was written: its size, and what a reader must know of it."""
 
-    out: Path
-    bytes: int
+    path: Path
+    size: int
     notes: tuple[str, ...]
 
 
 def write(
     paths: Sequence[Path], out: Path, replicate: int | None = None, limit: int = LIMIT,
     published: Published | None = None,
-) -> Written:  # fmt: skip
+) -> WrittenPage:  # fmt: skip
     """Write the page of results, the replay being that of one replicate: the first of each file, if none is named.
 
     Raises:
@@ -67,7 +67,7 @@ def write(
     if len(page) > limit:
         notes.append(f"The page has more than the {limit / 1e6:g} MB asked for: figures and texts alone take as much.")
     _put(out, page)
-    return Written(out, len(page), tuple(notes))
+    return WrittenPage(out, len(page), tuple(notes))
 
 
 def _parts(paths: Sequence[Path], replicate: int | None) -> list[Part]:

@@ -20,13 +20,13 @@ from hypothesis import strategies as st
 
 from wsnsim.analysis import campaigns, statistics
 from wsnsim.analysis.stopping import ReplicateCounts
-from wsnsim.campaign import ALL, Ended, Part, Progress, drive
-from wsnsim.campaign.drive import MOST_LOST
-from wsnsim.campaign.engines import Ending, EngineError, Vanished
-from wsnsim.campaign.task import Outcome, Task, timed_out
+from wsnsim.campaign import WHOLE, CampaignOutcome, CampaignProgress, Shard, run_campaign
+from wsnsim.campaign.engines import EngineError, FinishedTask, WorkerLost
+from wsnsim.campaign.runner import MAX_LOSSES
+from wsnsim.campaign.task import Task, TaskOutcome, is_timeout
 from wsnsim.recording.folder import Folder, runs_of
 
-from .places import bare_campaign, files_of
+from .campaign_files import bare_campaign, files_of
 
 Where = tuple[str, int]
 MOODS = ("raises", "killed", "crashes", "hangs")
@@ -51,7 +51,7 @@ class Pool:
         self.taken.append(task.name)
         self.under_way.append(task)
 
-    def ended(self, wait: float) -> list[Ending]:
+    def finished(self, timeout: float) -> list[FinishedTask]:
         begun = self.under_way[: self.workers]
         if not begun:
             return []
@@ -61,30 +61,30 @@ class Pool:
             return self._die(begun, task, SAID[mood])
         self.under_way.remove(task)
         if mood:
-            return [Ending(task, Outcome("failed", mood))]
-        return [Ending(task, self._write(task))]
+            return [FinishedTask(task, TaskOutcome("failed", mood))]
+        return [FinishedTask(task, self._write(task))]
 
-    def _die(self, begun: list[Task], guilty: Task, words: str) -> list[Ending]:
+    def _die(self, begun: list[Task], guilty: Task, words: str) -> list[FinishedTask]:
         """One worker dies, and its neighbours with it; each leaves its mark."""
         self.deaths[guilty.name] += 1
         for task in begun:
-            mark = self.folder.mark(task.session, task.name)
+            mark = self.folder.marker(task.session, task.name)
             mark.parent.mkdir(exist_ok=True)
             mark.write_text(words if task is guilty else "")
         everyone, self.under_way = self.under_way, []
         self._random.shuffle(everyone)
-        return [Ending(task, Vanished("a process died")) for task in everyone]
+        return [FinishedTask(task, WorkerLost("a process died")) for task in everyone]
 
-    def _write(self, task: Task) -> Outcome:
+    def _write(self, task: Task) -> TaskOutcome:
         place = self.folder.batch(task.point, task.first, task.last)
         if place.exists():
-            return Outcome("there")
+            return TaskOutcome("exists")
         self.written.update(replicates_of(task))
         place.parent.mkdir(exist_ok=True)
         place.write_text(task.name)
-        return Outcome("done", seconds=0.1, size=1)
+        return TaskOutcome("done", seconds=0.1, size=1)
 
-    def withdraw(self) -> list[Task]:
+    def cancel_pending(self) -> list[Task]:
         waiting, self.under_way = self.under_way[self.workers :], self.under_way[: self.workers]
         return waiting
 
@@ -104,7 +104,7 @@ def on_disk(folder: Folder) -> set[Where]:
     return {(point.id, number) for point in folder.manifest().points for number in folder.done(point.id)}
 
 
-def missing_of(ended: Ended) -> set[Where]:
+def missing_of(ended: CampaignOutcome) -> set[Where]:
     return {(point, number) for point, numbers in ended.missing.items() for number in numbers}
 
 
@@ -131,7 +131,7 @@ def test_all_that_can_be_run_is_run_once_and_the_rest_is_named(
     with tempfile.TemporaryDirectory() as place:
         folder = bare_campaign(Path(place), replicates, block, timeout=5.0)
         pool = Pool(folder, moods, workers, seed)
-        ended = drive(folder, pool)
+        ended = run_campaign(folder, pool)
         assert on_disk(folder) == set(everything) - set(moods)
         assert set(pool.written.values()) <= {1}
         assert missing_of(ended) == set(moods) == {_where(name) for name in ended.failed}
@@ -160,7 +160,7 @@ def test_parts_share_nothing_and_are_together_everything(
         with tempfile.TemporaryDirectory() as place:
             rule = {"metric": "rmse", "half_width": 0.99, "at_least": 3, "at_most": 3}
             folder = bare_campaign(Path(place), replicates, block, until=rule if ruled else None)
-            ended = drive(folder, Pool(folder, {}, 2, seed), Part(number, of))
+            ended = run_campaign(folder, Pool(folder, {}, 2, seed), Shard(number, of))
             assert ended.complete
             found.update(on_disk(folder))
     assert set(found) == all_of(dict.fromkeys(replicates, 3) if ruled else replicates)
@@ -169,11 +169,11 @@ def test_parts_share_nothing_and_are_together_everything(
 
 def test_what_is_there_is_not_touched_and_files_do_not_cross_the_border_of_a_block(tmp_path: Path) -> None:
     folder = bare_campaign(tmp_path, {"a": 7}, block=5)
-    drive(folder, Pool(folder))
+    run_campaign(folder, Pool(folder))
     before = files_of(tmp_path)
     assert list(before) and sorted(before) == ["a/r00000-00004.h5", "a/r00005-00006.h5"]
     bare_campaign(tmp_path, {"a": 12}, block=5)
-    ended = drive(folder, Pool(folder))
+    ended = run_campaign(folder, Pool(folder))
     after = files_of(tmp_path)
     assert (ended.done, ended.found) == (5, 7)
     assert {name: after[name] for name in before} == before
@@ -194,7 +194,7 @@ def test_runs_cover_the_numbers_and_stay_within_blocks(numbers: set[int], block:
 
 def test_a_block_that_raises_is_tried_one_by_one(folder: Folder) -> None:
     pool = Pool(folder, {("a", 1): "raises"})
-    ended = drive(folder, pool)
+    ended = run_campaign(folder, pool)
     assert pool.taken.count("a.r00000-00002") == 1
     assert {"a.r00000-00000", "a.r00001-00001", "a.r00002-00002"} <= set(pool.taken)
     assert ended.failed == {"a.r00001-00001": "raises"}
@@ -203,13 +203,13 @@ def test_a_block_that_raises_is_tried_one_by_one(folder: Folder) -> None:
 
 def test_what_kills_its_worker_without_a_word_is_run_alone_before_it_is_given_up(folder: Folder) -> None:
     class Watched(Pool):
-        def _die(self, begun: list[Task], guilty: Task, words: str) -> list[Ending]:
+        def _die(self, begun: list[Task], guilty: Task, words: str) -> list[FinishedTask]:
             company.append((guilty.name, len(self.under_way)))
             return super()._die(begun, guilty, words)
 
     company: list[tuple[str, int]] = []
-    ended = drive(folder, Watched(folder, {("b", 4): "killed"}, workers=2))
-    assert ended.failed == {"b.r00004-00004": "killed its worker twice (killed from outside, as where memory runs out)"}
+    ended = run_campaign(folder, Watched(folder, {("b", 4): "killed"}, workers=2))
+    assert ended.failed == {"b.r00004-00004": "killed its worker twice (killed from outside, perhaps out of memory)"}
     assert [name for name, others in company if others == 1][-2:] == ["b.r00003-00004", "b.r00004-00004"]
 
 
@@ -220,7 +220,7 @@ def test_neighbours_of_a_death_that_is_explained_are_not_suspects(tmp_path: Path
     neighbours: list[set[str]] = []
 
     class Watched(Pool):
-        def _die(self, begun: list[Task], guilty: Task, words: str) -> list[Ending]:
+        def _die(self, begun: list[Task], guilty: Task, words: str) -> list[FinishedTask]:
             neighbours.append({task.name for task in self.under_way} - {guilty.name})
             return super()._die(begun, guilty, words)
 
@@ -232,12 +232,12 @@ def test_neighbours_of_a_death_that_is_explained_are_not_suspects(tmp_path: Path
 
     together: list[tuple[int, int]] = []
     pool = Watched(folder, {("a", 3): mood}, workers=4)
-    assert set(drive(folder, pool).failed) == {"a.r00003-00003"}
+    assert set(run_campaign(folder, pool).failed) == {"a.r00003-00003"}
     assert together[6] == (6, 0)
 
 
 def test_a_crash_says_where_it_was(folder: Folder) -> None:
-    ended = drive(folder, Pool(folder, {("a", 6): "crashes"}))
+    ended = run_campaign(folder, Pool(folder, {("a", 6): "crashes"}))
     assert ended.failed == {"a.r00006-00006": "killed its worker twice (Segmentation fault)"}
     assert "Fatal Python error: Segmentation fault" in folder.failures()["a.r00006-00006"]
 
@@ -245,35 +245,35 @@ def test_a_crash_says_where_it_was(folder: Folder) -> None:
 def test_what_takes_too_long_is_given_up_at_once(tmp_path: Path) -> None:
     folder = bare_campaign(tmp_path, {"a": 4}, block=1, timeout=5.0)
     pool = Pool(folder, {("a", 2): "hangs"})
-    ended = drive(folder, pool)
+    ended = run_campaign(folder, pool)
     assert ended.failed == {"a.r00002-00002": "took more than 5 s"} and pool.deaths["a.r00002-00002"] == 1
-    assert timed_out(folder.failures()["a.r00002-00002"])
+    assert is_timeout(folder.failures()["a.r00002-00002"])
 
 
 def test_a_whole_point_of_crashes_costs_no_other_point(tmp_path: Path) -> None:
     folder = bare_campaign(tmp_path, {"a": 10, "b": 10}, block=5)
-    ended = drive(folder, Pool(folder, {("a", n): "killed" for n in range(10)}))
+    ended = run_campaign(folder, Pool(folder, {("a", n): "killed" for n in range(10)}))
     assert missing_of(ended) == {("a", n) for n in range(10)} == {_where(name) for name in ended.failed}
 
 
 def test_tasks_that_are_lost_before_they_begin_are_not_tried_for_ever(folder: Folder) -> None:
     class Losing(Pool):
-        def ended(self, wait: float) -> list[Ending]:
+        def finished(self, timeout: float) -> list[FinishedTask]:
             everyone, self.under_way = self.under_way, []
-            return [Ending(task, Vanished("gone")) for task in everyone]
+            return [FinishedTask(task, WorkerLost("gone")) for task in everyone]
 
     pool = Losing(folder)
-    ended = drive(folder, pool)
-    assert missing_of(ended) == all_of({"a": 7, "b": 5}) and max(Counter(pool.taken).values()) == MOST_LOST
-    assert set(ended.failed.values()) == {f"was lost with its worker {MOST_LOST} times"}
+    ended = run_campaign(folder, pool)
+    assert missing_of(ended) == all_of({"a": 7, "b": 5}) and max(Counter(pool.taken).values()) == MAX_LOSSES
+    assert set(ended.failed.values()) == {f"was lost with its worker {MAX_LOSSES} times"}
 
 
 def test_what_failed_once_and_is_done_now_is_no_failure_any_more(folder: Folder) -> None:
     """Also where the replicate comes in a block, this time."""
-    drive(folder, Pool(folder, {("a", 1): "raises", ("b", 0): "raises"}))
+    run_campaign(folder, Pool(folder, {("a", 1): "raises", ("b", 0): "raises"}))
     for name in ("r00000-00000", "r00002-00002"):
         (folder.path / "a" / f"{name}.h5").unlink()
-    assert drive(folder, Pool(folder, {("b", 0): "raises"})).failed == {"b.r00000-00000": "raises"}
+    assert run_campaign(folder, Pool(folder, {("b", 0): "raises"})).failed == {"b.r00000-00000": "raises"}
     assert list(folder.failures()) == ["b.r00000-00000"]
 
 
@@ -289,7 +289,7 @@ def test_the_stopping_rule_depends_on_the_replicates_alone(seed: int, of: int, w
         patch.setattr(campaigns, "metric", _known)
         for number in range(1, of + 1):
             folder = bare_campaign(Path(place) / str(number), dict.fromkeys("abc", 5), block, until=rule)
-            assert drive(folder, Pool(folder, {}, workers, seed), Part(number, of)).complete
+            assert run_campaign(folder, Pool(folder, {}, workers, seed), Shard(number, of)).complete
             for point in folder.manifest().points:
                 if done := folder.done(point.id):
                     counts[point.id] = ReplicateCounts(folder, folder.manifest()).wanted(point)
@@ -328,47 +328,47 @@ def test_told_to_stop_it_ends_what_runs_and_begins_nothing(folder: Folder) -> No
         asked.append(len(pool.taken))
         return len(asked) > 2
 
-    ended = drive(folder, pool, stop=stop)
+    ended = run_campaign(folder, pool, should_stop=stop)
     assert ended.stopped == "interrupted" and not ended.complete and pool.closed
     assert len(pool.taken) == asked[-1] and not pool.under_way
     assert 0 < ended.done == len(on_disk(folder))
     assert missing_of(ended) == all_of({"a": 7, "b": 5}) - on_disk(folder)
     again = Pool(folder)
-    assert drive(folder, again).complete and not set(again.written) & set(pool.written)
+    assert run_campaign(folder, again).complete and not set(again.written) & set(pool.written)
 
 
 @pytest.mark.parametrize("status", ["storage", "version"])
 def test_where_no_task_could_be_written_none_is_begun(folder: Folder, status: Any) -> None:
     class Full(Pool):
-        def _write(self, task: Task) -> Outcome:
-            return Outcome(status, "no space") if self.written else super()._write(task)
+        def _write(self, task: Task) -> TaskOutcome:
+            return TaskOutcome(status, "no space") if self.written else super()._write(task)
 
     pool = Full(folder, workers=1)
-    ended = drive(folder, pool)
+    ended = run_campaign(folder, pool)
     assert ended.stopped == "no space" and not ended.failed and not ended.complete
     assert len(pool.taken) <= 3 and ended.done == 3
 
 
 def test_an_engine_that_is_gone_ends_the_campaign_with_its_words(folder: Folder) -> None:
     class Gone(Pool):
-        def ended(self, wait: float) -> list[Ending]:
+        def finished(self, timeout: float) -> list[FinishedTask]:
             if self.written:
                 raise EngineError("the scheduler is gone")
-            return super().ended(wait)
+            return super().finished(timeout)
 
     pool = Gone(folder)
-    ended = drive(folder, pool)
+    ended = run_campaign(folder, pool)
     assert ended.stopped == "the scheduler is gone" and ended.done and not ended.complete and pool.closed
 
 
 def test_whatever_is_raised_lets_the_engine_go(folder: Folder) -> None:
     class Interrupted(Pool):
-        def ended(self, wait: float) -> list[Ending]:
+        def finished(self, timeout: float) -> list[FinishedTask]:
             raise KeyboardInterrupt
 
     pool = Interrupted(folder)
     with pytest.raises(KeyboardInterrupt):
-        drive(folder, pool)
+        run_campaign(folder, pool)
     assert pool.closed
 
 
@@ -376,13 +376,13 @@ def test_whatever_is_raised_lets_the_engine_go(folder: Folder) -> None:
 
 
 def test_progress_counts_replicates_up_to_all_of_this_part(folder: Folder) -> None:
-    told: list[Progress] = []
-    drive(folder, Pool(folder, {("a", 0): "raises"}), watch=told.append)
+    told: list[CampaignProgress] = []
+    run_campaign(folder, Pool(folder, {("a", 0): "raises"}), on_progress=told.append)
     assert [p.done for p in told] == sorted(p.done for p in told)
     assert {p.total for p in told} == {12} and (told[-1].done, told[-1].failed) == (11, 1)
     assert told[0].left is None or told[0].done
     assert told[-1].left == 0.0
-    drive(folder, Pool(folder), watch=told.append)
+    run_campaign(folder, Pool(folder), on_progress=told.append)
     assert (told[-1].done, told[-1].failed, told[-1].total) == (12, 0, 12)
 
 
@@ -394,8 +394,8 @@ def test_a_session_is_named_after_its_process_and_no_two_alike(folder: Folder) -
             names.add(task.session)
             super().submit(task)
 
-    drive(folder, Listening(folder), ALL)
+    run_campaign(folder, Listening(folder), WHOLE)
     for place in folder.path.glob("a/*.h5"):
         place.unlink()
-    drive(folder, Listening(folder), ALL)
+    run_campaign(folder, Listening(folder), WHOLE)
     assert len(names) == 2 and all(f"-{os.getpid()}-" in name for name in names)

@@ -12,15 +12,17 @@ from typing import Any
 
 import pytest
 
-from wsnsim.campaign import Part, begin, collect, drive
-from wsnsim.campaign import local as pools
-from wsnsim.campaign.engines import Ending
-from wsnsim.campaign.local import LocalPool
-from wsnsim.campaign.task import Outcome, Task, perform, words_of
+from wsnsim.campaign import Shard, collect, local_engine, prepare, run_campaign
+from wsnsim.campaign.engines import FinishedTask
+from wsnsim.campaign.local_engine import LocalEngine
+from wsnsim.campaign.task import Task, TaskOutcome, describe_error, perform
 from wsnsim.recording.folder import Folder
 from wsnsim.scenario.sweep import load_sweep
 
-from .places import Inline, assert_same, lives, sweep_of, tables_of, wait_for
+from .campaign_files import assert_same, tables_of
+from .inline_engine import InlineEngine
+from .moody_tracker import sweep_of
+from .processes import lives, wait_for
 
 
 def first_task(folder: Folder, **said: Any) -> Task:
@@ -28,18 +30,18 @@ def first_task(folder: Folder, **said: Any) -> Task:
     return Task(str(folder.path), point, **{"first": 0, "last": 1, "session": "s", "version": "0.1.0", **said})
 
 
-def all_ended(pool: LocalPool, count: int) -> list[Ending]:
-    endings: list[Ending] = []
-    wait_for(lambda: endings.extend(pool.ended(0.1)) or len(endings) >= count)
+def all_ended(pool: LocalEngine, count: int) -> list[FinishedTask]:
+    endings: list[FinishedTask] = []
+    wait_for(lambda: endings.extend(pool.finished(0.1)) or len(endings) >= count)
     return endings
 
 
 def test_the_tables_do_not_depend_on_workers_or_parts(lab: Path) -> None:
     plan = load_sweep(sweep_of([{"pause": pause} for pause in (0.0, 0.001, 0.002)], 5))
     for workers in (1, 2):
-        assert drive(begin(plan, lab / f"{workers}"), LocalPool(workers)).complete
+        assert run_campaign(prepare(plan, lab / f"{workers}"), LocalEngine(workers)).complete
     for number in (1, 2):
-        assert drive(begin(plan, lab / f"part{number}"), Inline(), Part(number, 2)).complete
+        assert run_campaign(prepare(plan, lab / f"part{number}"), InlineEngine(), Shard(number, 2)).complete
     collect([Folder(lab / "part1"), Folder(lab / "part2")], Folder(lab / "all"))
     one = tables_of(lab / "1")
     assert len(one["runs"]) == 3 * 5 and one["runs"]["rmse"].nunique() == 5
@@ -50,15 +52,15 @@ def test_the_tables_do_not_depend_on_workers_or_parts(lab: Path) -> None:
 def test_tasks_that_raise_exit_crash_or_never_end_are_named_and_the_rest_is_done(lab: Path) -> None:
     moods = {"raises": 0, "exits": 1, "killed": 2, "crashes": 0, "hangs": 1, "sleeps": 2}
     sweep = sweep_of([{"mood": "calm"}, *({"mood": m, "at": at} for m, at in moods.items())], 3, block=1, timeout=3)
-    folder = begin(load_sweep(sweep), lab / "c")
-    ended = drive(folder, LocalPool(1))
+    folder = prepare(load_sweep(sweep), lab / "c")
+    ended = run_campaign(folder, LocalEngine(1))
     ids = {point.settings["tracker.mood"]: point.id for point in folder.manifest().points}
     assert ended.missing == {ids[mood]: [at] for mood, at in moods.items()}
     words = {mood: ended.failed[f"{ids[mood]}.r{at:05d}-{at:05d}"] for mood, at in moods.items()}
     assert words == {
         "raises": "the run failed at 1 s of simulated time (seed 20220101, replicate 0): ValueError: out of sorts",
         "exits": "SystemExit: 7",
-        "killed": "killed its worker twice (killed from outside, as where memory runs out)",
+        "killed": "killed its worker twice (killed from outside, perhaps out of memory)",
         "crashes": "killed its worker twice (Segmentation fault)",
         "hangs": "took more than 3 s",
         "sleeps": "took more than 3 s",
@@ -69,17 +71,17 @@ def test_tasks_that_raise_exit_crash_or_never_end_are_named_and_the_rest_is_done
 
 
 def test_a_worker_that_cannot_begin_is_not_the_tasks_fault(lab: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(pools, "_start", importlib.import_module("moody").die_at_once)
-    monkeypatch.setattr(pools, "MOST_BROKEN", 2)
-    folder = begin(load_sweep(sweep_of([{"mood": "calm"}])), lab / "c")
-    ended = drive(folder, LocalPool(1))
-    assert ended.stopped.startswith("2 times in a row workers died before they began: is there enough memory?")
+    monkeypatch.setattr(local_engine, "_start", importlib.import_module("moody").die_at_once)
+    monkeypatch.setattr(local_engine, "MAX_BROKEN_POOLS", 2)
+    folder = prepare(load_sweep(sweep_of([{"mood": "calm"}])), lab / "c")
+    ended = run_campaign(folder, LocalEngine(1))
+    assert ended.stopped.startswith("workers died 2 times in a row before they started: is there enough memory?")
     assert not ended.failed and not ended.complete
 
 
 def test_workers_do_not_hear_ctrl_c_even_while_they_start_and_end_with_the_pool(lab: Path) -> None:
-    folder = begin(load_sweep(sweep_of([{"mood": "calm"}])), lab / "c")
-    pool = LocalPool(1)
+    folder = prepare(load_sweep(sweep_of([{"mood": "calm"}])), lab / "c")
+    pool = LocalEngine(1)
     pool.submit(first_task(folder))
     workers = [process.pid for process in multiprocessing.active_children()]
     for worker in workers:
@@ -94,8 +96,8 @@ def test_workers_do_not_hear_ctrl_c_even_while_they_start_and_end_with_the_pool(
 
 
 def test_a_pool_that_broke_while_nobody_looked_gives_its_tasks_back_and_is_made_anew(lab: Path) -> None:
-    folder = begin(load_sweep(sweep_of([{"mood": "calm", "pause": 30.0}, {"mood": "calm"}])), lab / "c")
-    pool = LocalPool(1)
+    folder = prepare(load_sweep(sweep_of([{"mood": "calm", "pause": 30.0}, {"mood": "calm"}])), lab / "c")
+    pool = LocalEngine(1)
     pool.submit(first_task(folder))
     wait_for(lambda: list(folder.path.glob("running/*")))
     for process in multiprocessing.active_children():
@@ -104,7 +106,7 @@ def test_a_pool_that_broke_while_nobody_looked_gives_its_tasks_back_and_is_made_
     wait_for(lambda: all(future.done() for future in pool._running))
     pool.submit(first_task(folder, first=2, last=3))
     gone = all_ended(pool, 2)
-    assert [type(ending.outcome).__name__ for ending in gone] == ["Vanished", "Vanished"]
+    assert [type(ending.outcome).__name__ for ending in gone] == ["WorkerLost", "WorkerLost"]
     point = folder.manifest().points[1].id
     pool.submit(Task(str(folder.path), point, 0, 1, "s", "0.1.0"))
     assert all_ended(pool, 1)[0].outcome.status == "done"
@@ -114,8 +116,8 @@ def test_a_pool_that_broke_while_nobody_looked_gives_its_tasks_back_and_is_made_
 # a task by itself
 
 
-def performed(lab: Path, mood: str, **said: Any) -> tuple[Folder, Outcome]:
-    folder = begin(load_sweep(sweep_of([{"mood": mood}])), lab / "c")
+def performed(lab: Path, mood: str, **said: Any) -> tuple[Folder, TaskOutcome]:
+    folder = prepare(load_sweep(sweep_of([{"mood": mood}])), lab / "c")
     return folder, perform(first_task(folder, **said))
 
 
@@ -125,31 +127,31 @@ def test_a_task_leaves_its_file_and_nothing_else(lab: Path) -> None:
     assert (outcome.status, outcome.size) == ("done", place.stat().st_size) and outcome.seconds > 0
     assert {p.name for p in lab.glob("c/*/*")} == {"scenario.json", "r00000-00001.h5"}
     written = place.stat().st_mtime_ns
-    assert perform(first_task(folder)).status == "there" and place.stat().st_mtime_ns == written
+    assert perform(first_task(folder)).status == "exists" and place.stat().st_mtime_ns == written
 
 
 @pytest.mark.parametrize(("mood", "words"), [("raises", "ValueError: out of sorts"), ("exits", "SystemExit: 7")])
 def test_what_a_tracker_raises_is_the_outcome(lab: Path, mood: str, words: str) -> None:
     folder, outcome = performed(lab, mood)
-    assert outcome.status == "failed" and words in outcome.words
+    assert outcome.status == "failed" and words in outcome.reason
     assert not list(folder.path.glob("*/r*")) and not list(folder.path.glob("running/*"))
 
 
 def test_a_task_of_another_version_is_not_run(lab: Path) -> None:
     folder, outcome = performed(lab, "calm", version="9.9")
-    assert outcome == Outcome("version", "the worker has wsnsim 0.1.0, the campaign is run by 9.9")
+    assert outcome == TaskOutcome("version", "the worker has wsnsim 0.1.0, but the campaign runs with 9.9")
     assert not list(folder.path.glob("*/r*"))
 
 
 @pytest.mark.parametrize(
     ("marks", "outcome"),
     [
-        (["", ""], Outcome("suspect", "2 workers died of it")),
-        (["Timeout (0:00:03)!"], Outcome("failed", "took more than 3 s")),
+        (["", ""], TaskOutcome("suspect", "killed 2 workers")),
+        (["Timeout (0:00:03)!"], TaskOutcome("failed", "took more than 3 s")),
     ],
 )
-def test_a_task_that_has_killed_before_is_not_taken_up(lab: Path, marks: list[str], outcome: Outcome) -> None:
-    folder = begin(load_sweep(sweep_of([{"mood": "calm"}])), lab / "c")
+def test_a_task_that_has_killed_before_is_not_taken_up(lab: Path, marks: list[str], outcome: TaskOutcome) -> None:
+    folder = prepare(load_sweep(sweep_of([{"mood": "calm"}])), lab / "c")
     task = first_task(folder, timeout=3.0)
     (folder.path / "running").mkdir()
     for number, text in enumerate(marks):
@@ -166,14 +168,14 @@ class _Mute(Exception):
 @pytest.mark.parametrize(
     ("error", "words"),
     [
-        (_Mute(), "_Mute, which cannot say what it is about"),
+        (_Mute(), "_Mute (its message cannot be read)"),
         (ValueError("\udcff"), "ValueError: \\udcff"),
         (ValueError("x" * 9999), "ValueError: " + "x" * 586 + " …"),
         (KeyboardInterrupt(), "KeyboardInterrupt: "),
     ],
 )
 def test_what_went_wrong_can_always_be_said_and_written(error: BaseException, words: str) -> None:
-    assert words_of(error) == words and len(words.encode()) < 1000
+    assert describe_error(error) == words and len(words.encode()) < 1000
 
 
 def test_an_outcome_is_small(lab: Path) -> None:

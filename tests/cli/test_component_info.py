@@ -1,4 +1,4 @@
-"""`wsnsim info` of datasheets and scenarios, and `wsnsim list` of what scenarios can name."""
+"""`wsnsim info` of data sheets and scenarios, and `wsnsim list` of what scenarios can name."""
 
 from __future__ import annotations
 
@@ -8,10 +8,9 @@ from pathlib import Path
 import pytest
 import yaml
 
+from tests.scenario.stand_ins import base_scenario
 from wsnsim.cli import main
 from wsnsim.scenario.files import shipped_parts
-
-from .stand_ins import base_scenario
 
 
 @pytest.fixture(autouse=True)
@@ -54,9 +53,7 @@ def test_a_file_of_ones_own_is_shown_too_and_what_it_does_not_say(capsys: pytest
     )
     for name in ("mine", "mine.yaml", "./mine.yaml"):
         told = " ".join(said(capsys, "info", name).split())
-        assert told.startswith(
-            "Mine: a processor, from me value unit where it comes from rate 1000000 Hz the file does not say"
-        )
+        assert told.startswith("Mine: a processor, from me value unit source rate 1000000 Hz the file does not say")
         assert "run 3 mW the file" in told and "energy_per_cycle - J left out" in told
 
 
@@ -80,10 +77,10 @@ def test_a_scenario_shows_what_its_radio_rests_on_and_what_follows(capsys: pytes
         "max_backoffs 4 macMaxCSMABackoffs: attempts after the first",
         "exponent 2.4 of the path loss: 2 in free space",
         # 12 bytes and 17 of preamble, header and checksum at 250 kbit/s
-        "packet 232 bit on the air, of a payload of 12 bytes",
-        "airtime 0.000928 s of a payload of 12 bytes",
+        "packet 232 bit on the air, with a payload of 12 bytes",
+        "airtime 0.000928 s of a packet with a payload of 12 bytes",
         # 55 + 24 lg d = 95
-        f"reach {10 ** (40 / 24):.6g} m where the mean received power meets the sensitivity",
+        f"reach {10 ** (40 / 24):.6g} m distance at which the mean received power equals the sensitivity",
         # 62 mW of listening and 15.3 uW of a sleeping processor
         "draw dormant 0.0620153 W radio 0.062 W, processor 1.53e-05 W",
     ):
@@ -91,7 +88,7 @@ def test_a_scenario_shows_what_its_radio_rests_on_and_what_follows(capsys: pytes
     answer = json.loads(said(capsys, "info", "air.yaml", "--json"))
     assert answer["mac"]["kind"] == "csma"
     assert answer["mac"]["derived"]["airtime"] == {
-        "value": 928e-6, "unit": "s", "what": "of a payload of 12 bytes",
+        "value": 928e-6, "unit": "s", "what": "of a packet with a payload of 12 bytes",
     }  # fmt: skip
     assert answer["link"]["derived"]["audible"]["value"] > answer["link"]["derived"]["reach"]["value"]
     assert answer["energy"]["values"]["radio.receive"]["value"] == 0.062
@@ -109,10 +106,10 @@ def test_the_first_order_models_show_their_crossover(capsys: pytest.CaptureFixtu
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        ("ungm_pf", "ungm_pf has no network (network: none): there is no radio to tell of"),
-        ("cc2402", "there is no result, scenario or datasheet 'cc2402' (did you mean 'cc2420'?)"),
-        ("pso_mhfp", "there is no result, scenario or datasheet 'pso_mhfp' (did you mean 'pso_mhpf'?)"),
-        ("a\0b", "there is no result, scenario or datasheet 'a"),
+        ("ungm_pf", "ungm_pf has no network (network: none), and therefore no radio to describe"),
+        ("cc2402", "unknown result, scenario or datasheet 'cc2402' (did you mean 'cc2420'?)"),
+        ("pso_mhfp", "unknown result, scenario or datasheet 'pso_mhfp' (did you mean 'pso_mhpf'?)"),
+        ("a\0b", "unknown result, scenario or datasheet 'a"),
     ],
 )
 def test_what_has_no_radio_or_is_nowhere_says_so(name: str, message: str, capsys: pytest.CaptureFixture[str]) -> None:

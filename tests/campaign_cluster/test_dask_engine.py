@@ -15,14 +15,14 @@ import pandas as pd
 
 import wsnsim
 from wsnsim import campaign
-from wsnsim.campaign import there
-from wsnsim.campaign.cluster import DaskCluster
-from wsnsim.campaign.engines import Ending
-from wsnsim.campaign.local import LocalPool
-from wsnsim.campaign.task import Outcome, Task
+from wsnsim.campaign import dask_worker
+from wsnsim.campaign.dask_engine import DaskEngine
+from wsnsim.campaign.engines import FinishedTask
+from wsnsim.campaign.local_engine import LocalEngine
+from wsnsim.campaign.task import Task, TaskOutcome
 from wsnsim.recording.folder import Folder
 
-from .processes import PATIENCE, Lab, files, said, stop, until
+from .dask_processes import PATIENCE, Lab, files, said, stop, until
 
 Begun = Callable[..., Folder]
 
@@ -40,17 +40,17 @@ def task_of(folder: Folder, number: int = 0) -> Task:
     return Task(str(folder.path), folder.manifest().points[0].id, number, number, "vm-1-abc", wsnsim.__version__)
 
 
-def endings_of(engine: DaskCluster, count: int = 1) -> list[Ending]:
+def endings_of(engine: DaskEngine, count: int = 1) -> list[FinishedTask]:
     """The next `count` endings."""
-    found: list[Ending] = []
+    found: list[FinishedTask] = []
     end = time.monotonic() + PATIENCE
     while len(found) < count:
         assert time.monotonic() < end, "waited in vain"
-        found += engine.ended(0.1)
+        found += engine.finished(0.1)
     return found
 
 
-def workers_of(engine: DaskCluster) -> Mapping[str, int]:
+def workers_of(engine: DaskEngine) -> Mapping[str, int]:
     """The process of each worker."""
     return dict(engine._client.run(os.getpid))
 
@@ -58,8 +58,8 @@ def workers_of(engine: DaskCluster) -> Mapping[str, int]:
 def test_a_campaign_has_the_same_rows_as_on_this_machine(begun: Begun, engine_of: Any) -> None:
     written = {"set": {"duration": "20 s"}, "grid": {"tracker.particles": [20, 40]}, "replicates": 12, "block": 5}
     here, there = (begun(**written, name=name) for name in ("here", "there"))
-    assert campaign.drive(here, LocalPool(1)).complete
-    ended = campaign.drive(there, engine_of(there))
+    assert campaign.run_campaign(here, LocalEngine(1)).complete
+    ended = campaign.run_campaign(there, engine_of(there))
     assert ended.complete and ended.done == 24
     pd.testing.assert_frame_equal(rows(there), rows(here), check_exact=True)
     assert rows(there)["rmse"].nunique() == 24
@@ -71,19 +71,19 @@ def test_a_campaign_has_the_same_rows_as_on_this_machine(begun: Begun, engine_of
 def test_a_task_and_its_outcome_are_small_and_nothing_of_them_stays(begun: Begun, engine_of: Any) -> None:
     folder = begun(replicates=8)
     engine = engine_of(folder)
-    assert len(pickle.dumps((there.perform_there, task_of(folder), engine._need))) < 1000
-    assert len(pickle.dumps(Outcome("failed", "x" * 600, 1.0, 1))) < 1000
+    assert len(pickle.dumps((dask_worker.perform_on_worker, task_of(folder), engine._required))) < 1000
+    assert len(pickle.dumps(TaskOutcome("failed", "x" * 600, 1.0, 1))) < 1000
     for number in range(8):
         engine.submit(task_of(folder, number))
     endings = endings_of(engine, 8)
     assert sorted(ending.task.first for ending in endings) == list(range(8))
     until(lambda: not engine._client.futures)
-    assert not engine._running and engine.ended(0.0) == []
-    assert campaign.drive(folder, engine).found == 8
+    assert not engine._running and engine.finished(0.0) == []
+    assert campaign.run_campaign(folder, engine).found == 8
     assert not list(folder.path.glob("running/*"))
 
 
-def reasons_of(ended: campaign.Ended, folder: Folder) -> list[str]:
+def reasons_of(ended: campaign.CampaignOutcome, folder: Folder) -> list[str]:
     """Why each point failed; '' for one that did not."""
     assert sorted(folder.failures()) == sorted(ended.failed) and not ended.stopped
     failed = {task.partition(".")[0]: words for task, words in ended.failed.items()}
@@ -93,18 +93,20 @@ def reasons_of(ended: campaign.Ended, folder: Folder) -> list[str]:
 def test_tasks_that_crash_or_raise_are_named_and_the_rest_is_done(begun: Begun, engine_of: Any) -> None:
     points = [{}, {"tracker.crash": 1}, {"tracker.fail": 1}, {"tracker.sleep": 0.1}]
     folder = begun(points=points, replicates=1)
-    ended = campaign.drive(folder, engine_of(folder))
+    ended = campaign.run_campaign(folder, engine_of(folder))
     reasons = reasons_of(ended, folder)
-    assert reasons[:2] == ["", "2 workers died of it"] and reasons[3] == ""
+    assert reasons[:2] == ["", "killed 2 workers"] and reasons[3] == ""
     assert reasons[2].endswith("ArithmeticError: told to fail")
     assert ended.done == 2 and len(files(folder)) == 2
 
 
 def test_a_task_that_hangs_is_given_up_when_its_time_is_up(begun: Begun, engine_of: Any) -> None:
     warm = begun(name="warm", replicates=4, grid={"tracker.sleep": [0.5]})
-    assert campaign.drive(warm, engine_of(warm)).complete  # to import all that it takes is in a worker's first time
+    assert campaign.run_campaign(
+        warm, engine_of(warm)
+    ).complete  # to import all that it takes is in a worker's first time
     folder = begun(points=[{}, {"tracker.sleep": 0.1}, {"tracker.sleep": 100}], replicates=1, timeout=3)
-    ended = campaign.drive(folder, engine_of(folder))
+    ended = campaign.run_campaign(folder, engine_of(folder))
     assert reasons_of(ended, folder) == ["", "", "took more than 3 s"] and ended.seconds < 50
 
 
@@ -113,12 +115,12 @@ def test_a_worker_that_is_killed_costs_nothing_but_time(begun: Begun, engine_of:
     engine = engine_of(folder)
     victim, killed = next(iter(workers_of(engine).values())), []
 
-    def watch(progress: campaign.Progress) -> None:
+    def watch(progress: campaign.CampaignProgress) -> None:
         if progress.done >= 4 and not killed:
             os.kill(victim, signal.SIGKILL)
             killed.append(victim)
 
-    ended = campaign.drive(folder, engine, watch=watch)
+    ended = campaign.run_campaign(folder, engine, on_progress=watch)
     assert killed and ended.complete and not ended.failed and len(rows(folder)) == 20
     assert not list(folder.path.glob("*/*.tmp"))
 
@@ -133,7 +135,7 @@ def test_an_outcome_that_died_with_its_worker_is_said_again(begun: Begun, engine
     before = files(folder)
     for process in workers_of(engine).values():
         os.kill(process, signal.SIGKILL)
-    assert endings_of(engine)[0].outcome.status == "there"  # type: ignore[union-attr]
+    assert endings_of(engine)[0].outcome.status == "exists"  # type: ignore[union-attr]
     assert len(before) == 1 and files(folder) == before
 
 
@@ -143,13 +145,13 @@ def test_what_no_worker_has_begun_is_taken_back(begun: Begun, engine_of: Any) ->
     tasks = [task_of(folder, number) for number in range(6)]
     for task in tasks[:5]:
         engine.submit(task)
-    engine.ended(0.0)
+    engine.finished(0.0)
     until(lambda: marks(folder) == 2)
     engine.submit(tasks[5])
-    taken = engine.withdraw()
+    taken = engine.cancel_pending()
     done = [ending.task for ending in endings_of(engine, 2)]
     assert len(taken) == 4 and sorted([*taken, *done], key=lambda task: task.first) == tasks
-    assert len(files(folder)) == 2 and engine.ended(0.2) == []
+    assert len(files(folder)) == 2 and engine.finished(0.2) == []
 
 
 def test_when_the_scheduler_is_killed_the_printed_command_goes_on(begun: Begun, place: Lab) -> None:
@@ -164,7 +166,7 @@ def test_when_the_scheduler_is_killed_the_printed_command_goes_on(begun: Begun, 
     assert code == 3 and 2 <= len(before) < 20
     assert "is gone" in err and "Traceback" not in err and "distributed" not in err
     command = shlex.split(
-        next(line for line in err.splitlines() if "go on with: " in line).partition("go on with: ")[2]
+        next(line for line in err.splitlines() if "resume with: " in line).partition("resume with: ")[2]
     )
     place.worker(place.scheduler("mortal"), "--no-nanny")
     code, out, err = said(place.wsnsim(*command[1:], "--json", "--quiet"))
@@ -180,5 +182,5 @@ def test_after_ctrl_c_what_runs_ends_and_nothing_is_begun(begun: Begun, place: L
     driver.send_signal(signal.SIGINT)
     code, _, err = said(driver)
     assert code == 130 and "Traceback" not in err and "distributed" not in err
-    assert f"go on with: wsnsim sweep {folder.path} --scheduler-file {scheduler}" in err
+    assert f"resume with: wsnsim sweep {folder.path} --scheduler-file {scheduler}" in err
     assert 2 <= len(files(folder)) <= 4 and not list(folder.path.glob("running/*"))

@@ -18,22 +18,22 @@ import pytest
 import wsnsim
 from wsnsim import campaign
 from wsnsim.base.errors import UsageError
-from wsnsim.campaign import cluster
-from wsnsim.campaign.cluster import DaskCluster
+from wsnsim.campaign import dask_engine
+from wsnsim.campaign.dask_engine import DaskEngine
+from wsnsim.campaign.dask_worker import WorkerRequirements, unmet_requirement
 from wsnsim.campaign.engines import EngineError
-from wsnsim.campaign.there import Need, lacks
 from wsnsim.recording.folder import Folder
 
-from .processes import Lab, files, said, stop, until
+from .dask_processes import Lab, files, said, stop, until
 
-HERE = Need(wsnsim.__version__, np.__version__, "")
+HERE = WorkerRequirements(wsnsim.__version__, np.__version__, "")
 Begun = Callable[..., Folder]
 
 
 @pytest.mark.parametrize(
     ("options", "foreign", "words"),
     [
-        ((), True, f"has wsnsim 9.9.9, and the campaign is run by {wsnsim.__version__}"),
+        ((), True, f"has wsnsim 9.9.9, but the campaign runs with {wsnsim.__version__}"),
         (("--nthreads", "2"), False, "has 2 threads: start workers with --nthreads 1"),
     ],
 )
@@ -45,12 +45,12 @@ def test_a_worker_that_does_not_belong_is_refused_at_the_start_and_later(
     late = place.worker(scheduler, "--no-nanny", *options, changes=place.other_version if foreign else None)
     until(lambda: len(engine._client.nthreads()) == 3)
     with pytest.raises(UsageError, match=f"worker tcp://.* {words}"):
-        DaskCluster(folder.path, scheduler_file=scheduler)
-    ended = campaign.drive(folder, engine)
+        DaskEngine(folder.path, scheduler_file=scheduler)
+    ended = campaign.run_campaign(folder, engine)
     stop(late)
     assert ended.stopped.startswith("worker tcp://") and ended.stopped.endswith(words)
     assert not ended.complete and not ended.failed
-    again = campaign.drive(folder, engine_of(folder))
+    again = campaign.run_campaign(folder, engine_of(folder))
     assert again.complete and again.found == len(files(folder)) - again.done
 
 
@@ -61,8 +61,8 @@ def test_a_worker_that_does_not_see_the_folder_is_refused(begun: Begun, place: L
         pytest.skip("this user may not hide a folder from a process")
     file = place.scheduler("blind")
     place.worker(file, "--no-nanny", before=(*blind, str(folder.path)))
-    with pytest.raises(UsageError, match=f"worker tcp.* does not see {folder.path}: .* all share"):
-        DaskCluster(folder.path, scheduler_file=file, wait_for=60.0)
+    with pytest.raises(UsageError, match=f"worker tcp.* does not see {folder.path}: .* shared"):
+        DaskEngine(folder.path, scheduler_file=file, wait_for=60.0)
     assert not list(folder.path.glob("running/*"))
 
 
@@ -70,27 +70,27 @@ def test_a_worker_that_does_not_see_the_folder_is_refused(begun: Begun, place: L
     ("need", "threads", "words"),
     [
         (HERE, 1, ""),
-        (HERE._replace(wsnsim="9"), 1, f"has wsnsim {wsnsim.__version__}, and the campaign is run by 9"),
-        (HERE._replace(numpy="9"), 1, f"has NumPy {np.__version__}, and the driver 9"),
+        (HERE._replace(wsnsim="9"), 1, f"has wsnsim {wsnsim.__version__}, but the campaign runs with 9"),
+        (HERE._replace(numpy="9"), 1, f"has NumPy {np.__version__}, but the campaign runs with 9"),
         (HERE, 2, "has 2 threads"),
-        (HERE._replace(mark="elsewhere/running/driver.log"), 1, "does not see elsewhere"),
+        (HERE._replace(marker="elsewhere/running/driver.log"), 1, "does not see elsewhere"),
     ],
 )
-def test_a_worker_says_what_it_lacks(tmp_path: Path, need: Need, threads: int, words: str) -> None:
+def test_a_worker_says_what_it_lacks(tmp_path: Path, need: WorkerRequirements, threads: int, words: str) -> None:
     mark = tmp_path / "running" / "driver.log"
     mark.parent.mkdir()
     mark.touch()
     worker = SimpleNamespace(state=SimpleNamespace(nthreads=threads))
-    found = lacks(need if need.mark else need._replace(mark=str(mark)), worker)
+    found = unmet_requirement(need if need.marker else need._replace(marker=str(mark)), worker)
     assert found.startswith(words) and bool(found) == bool(words)
 
 
 def test_a_scheduler_without_workers_or_of_another_version_is_refused(begun: Begun, place: Lab) -> None:
     folder = begun(replicates=1)
-    with pytest.raises(UsageError, match=r"has no worker, after 0\.5 s"):
-        DaskCluster(folder.path, scheduler_file=place.scheduler("empty"), wait_for=0.5)
-    with pytest.raises(UsageError, match=r"the scheduler .* has wsnsim 9\.9\.9, and this is"):
-        DaskCluster(folder.path, scheduler_file=place.scheduler("other", place.other_version))
+    with pytest.raises(UsageError, match=r"has no worker after 0\.5 s"):
+        DaskEngine(folder.path, scheduler_file=place.scheduler("empty"), wait_for=0.5)
+    with pytest.raises(UsageError, match=r"the scheduler .* has wsnsim 9\.9\.9, but this is"):
+        DaskEngine(folder.path, scheduler_file=place.scheduler("other", place.other_version))
     assert not list(folder.path.glob("running/*"))
 
 
@@ -99,10 +99,12 @@ def test_a_scheduler_that_hangs_is_given_up(
 ) -> None:
     folder = begun(grid={"tracker.sleep": [0.1]}, replicates=1)
     engine = engine_of(folder)
-    monkeypatch.setattr(cluster, "ANSWERING", 0.5)
-    monkeypatch.setattr(cluster, "REFRESH", 0.0)
+    monkeypatch.setattr(dask_engine, "ANSWER_TIMEOUT", 0.5)
+    monkeypatch.setattr(dask_engine, "REFRESH", 0.0)
     process = next(
-        process for process in place.started if engine._name in process.args and "dask_scheduler" in str(process.args)
+        process
+        for process in place.started
+        if engine._name.split()[-1] in process.args and "dask_scheduler" in str(process.args)
     )
     os.kill(process.pid, signal.SIGSTOP)
     try:
@@ -115,34 +117,34 @@ def test_a_scheduler_that_hangs_is_given_up(
 @pytest.mark.parametrize("text", ["", "[]", "{}", "tcp://127.0.0.1"])
 def test_a_file_that_names_no_scheduler_is_refused(tmp_path: Path, text: str) -> None:
     (tmp_path / "s.json").write_text(text)
-    with pytest.raises(UsageError, match="is no scheduler file"):
-        DaskCluster(tmp_path, scheduler_file=tmp_path / "s.json")
-    with pytest.raises(UsageError, match="there is no scheduler file"):
-        DaskCluster(tmp_path, scheduler_file=tmp_path / "t.json")
+    with pytest.raises(UsageError, match="is not a scheduler file"):
+        DaskEngine(tmp_path, scheduler_file=tmp_path / "s.json")
+    with pytest.raises(UsageError, match="scheduler file does not exist"):
+        DaskEngine(tmp_path, scheduler_file=tmp_path / "t.json")
 
 
 @pytest.mark.parametrize("address", ["nonsense", "tcp://no.such.host.invalid:1", "foo://127.0.0.1:1", "127.0.0.1:x"])
 def test_an_address_where_no_scheduler_is_is_refused(
     tmp_path: Path, address: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(cluster, "CONNECTING", 0.5)
-    with pytest.raises(UsageError, match=f"the scheduler {address} cannot be reached"):
-        DaskCluster(tmp_path, address)
+    monkeypatch.setattr(dask_engine, "CONNECT_TIMEOUT", 0.5)
+    with pytest.raises(UsageError, match=f"cannot connect to the scheduler {address}"):
+        DaskEngine(tmp_path, address)
 
 
 def test_a_port_where_nobody_answers_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cluster, "CONNECTING", 0.5)
+    monkeypatch.setattr(dask_engine, "CONNECT_TIMEOUT", 0.5)
     with socket.create_server(("127.0.0.1", 0)) as silent, pytest.raises(UsageError, match="does not answer"):
-        DaskCluster(tmp_path, f"tcp://127.0.0.1:{silent.getsockname()[1]}")
+        DaskEngine(tmp_path, f"tcp://127.0.0.1:{silent.getsockname()[1]}")
 
 
 def test_without_dask_it_is_said_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(UsageError, match=r"pip install 'wsnsim\[cluster\]'"):
-        DaskCluster(tmp_path, "tcp://127.0.0.1:1")
+        DaskEngine(tmp_path, "tcp://127.0.0.1:1")
 
 
 def test_the_command_line_says_in_time_that_nobody_is_there(nobody: subprocess.Popen[bytes]) -> None:
     code, out, err = said(nobody)
-    assert code == 2 and not out and err.startswith("wsnsim: error: the scheduler tcp://127.0.0.1:")
-    assert "cannot be reached" in err and err.count("\n") == 1
+    assert code == 2 and not out and err.startswith("wsnsim: error: cannot connect to the scheduler tcp://127.0.0.1:")
+    assert err.count("\n") == 1

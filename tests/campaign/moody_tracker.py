@@ -1,0 +1,99 @@
+"""A tracker that misbehaves on demand, in a file as a user would write it, and sweeps of it that take milliseconds."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+MODULE = '''
+import ctypes
+import os
+import signal
+import sys
+import time
+from typing import Annotated
+
+import numpy as np
+
+import wsnsim
+from wsnsim.base.rng import HEAD_KEY, Streams, derive
+
+SEED = 20220101
+
+
+def first_key(replicate):
+    return derive(derive(Streams(SEED, replicate).key("tracker"), 0), 1, HEAD_KEY)
+
+
+def misbehave(mood):
+    if mood == "raises" and not os.path.exists("cured"):
+        raise ValueError("out of sorts")
+    if mood == "exits":
+        sys.exit(7)
+    if mood == "killed":
+        os.kill(os.getpid(), signal.SIGKILL)
+    if mood == "crashes":
+        ctypes.string_at(8)
+    if mood == "sleeps":
+        time.sleep(3600)
+    while mood == "hangs":
+        pass
+
+
+@wsnsim.part
+class Moody:
+    """A tracker that guesses at random, and misbehaves in one step of one replicate."""
+
+    mood: Annotated[str, "raises, exits, killed, crashes, sleeps or hangs"] = "calm"
+    at: Annotated[int, wsnsim.Quantity("", ge=0), "replicate in which it misbehaves"] = 0
+    pause: Annotated[float, wsnsim.Quantity("s", ge=0), "duration of a step"] = 0.0
+
+    def start(self, prior, scene):
+        yield wsnsim.Compute(0.0)
+        return prior
+
+    def step(self, belief, scene):
+        if scene.step == 1 and self.mood != "calm" and scene.key == first_key(self.at):
+            misbehave(self.mood)
+        time.sleep(self.pause)
+        yield wsnsim.Compute(10.0)
+        guess = np.random.default_rng(scene.key).normal(size=1)
+        return wsnsim.Estimate(belief.mean + guess, belief.cov)
+
+    def hand_over(self, belief, scene, successor):
+        yield wsnsim.Compute(0.0)
+        return belief
+
+    def estimate(self, belief):
+        return belief
+
+    def forecast(self, belief, scene, ahead):
+        return belief
+
+
+def die_at_once(*arguments):
+    os._exit(1)
+'''
+QUICK: Mapping[str, Any] = {"tracker.kind": "moody:Moody", "duration": "3 s"}
+
+
+def write_moody_tracker(folder: Path) -> Path:
+    """Write the tracker to moody.py in the folder."""
+    (folder / "moody.py").write_text(MODULE)
+    return folder
+
+
+def sweep_of(points: Iterable[Mapping[str, Any]], replicates: int = 4, **more: Any) -> dict[str, Any]:
+    """A sweep with one point per setting of the tracker."""
+    settings = [{f"tracker.{key}": value for key, value in point.items()} for point in points]
+    return {"name": "moods", "scenario": "ungm_pf", "set": dict(QUICK), "points": settings, "block": 2, **more} | (
+        {} if "until" in more else {"replicates": replicates}
+    )
+
+
+def write_sweep(place: Path, sweep: Mapping[str, Any]) -> str:
+    """Write the sweep to a file (JSON is YAML) and return the file's name."""
+    place.write_text(json.dumps(sweep))
+    return str(place)

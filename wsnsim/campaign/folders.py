@@ -1,0 +1,198 @@
+"""The folder of a campaign: prepared, reopened, merged from shards, and searched for missing replicates."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Final
+
+from wsnsim.analysis.stopping import ReplicateCounts
+from wsnsim.base.errors import UsageError
+from wsnsim.base.version import __version__
+from wsnsim.recording import provenance
+from wsnsim.recording.folder import Folder, Manifest, PointOnDisk, runs_of
+from wsnsim.recording.layout import reason
+from wsnsim.scenario.sweep_schema import Plan
+
+MAX_SHOWN: Final = 56
+"""Characters of a differing value in a message."""
+
+
+def prepare(
+    plan: Plan, path: str | Path, *, by: Sequence[str] = (), baseline: str | None = None, command_line: str = ""
+) -> Folder:
+    """Write the manifest and the scenarios of a campaign. Results of the same campaign in the folder are kept.
+
+    Args:
+        plan: the sweep.
+        path: the campaign's folder.
+        by: keys whose values are to be compared.
+        baseline: value from which differences are taken.
+        command_line: command line, for the provenance.
+
+    Raises:
+        UsageError: the folder cannot be written, holds something else, or belongs to another version of wsnsim.
+    """
+    folder = Folder(path)
+    before = existing_manifest(folder, plan.name)
+    _check_writable(folder.path)
+    points = tuple(PointOnDisk(point.id, point.settings, point.world, plan.replicates) for point in plan.points)
+    manifest = Manifest(
+        name=plan.name,
+        keys=plan.keys,
+        points=points,
+        block=before.block if before else plan.block,
+        wsnsim_version=__version__,
+        by=tuple(by),
+        baseline=baseline,
+        until=plan.until.model_dump() if plan.until else None,
+        timeout=plan.timeout,
+        source=plan.source,
+        provenance=provenance(command_line, 0),
+    )
+    for point in plan.points:
+        folder.write_scenario(point.id, point.resolved)
+    folder.write_manifest(manifest)
+    return folder
+
+
+def reopen(path: str | Path) -> Folder:
+    """The folder of an existing campaign, checked so that the campaign can be resumed.
+
+    Raises:
+        ResultError: the folder holds no campaign.
+        UsageError: the campaign belongs to another version of wsnsim, or the folder cannot be written.
+    """
+    folder = Folder(path)
+    _check_version(folder, folder.manifest())
+    _check_writable(folder.path)
+    return folder
+
+
+def collect(shards: Sequence[Folder], into: Folder) -> Manifest:
+    """Merge the results of several folders of one campaign. Existing results in `into` are kept.
+
+    Returns:
+        The manifest of the merged campaign.
+
+    Raises:
+        UsageError: a folder holds another campaign, or results of another version of wsnsim.
+        StorageError: the results cannot be written.
+    """
+    manifests = [shard.manifest() for shard in shards]
+    first = into.manifest() if into.holds_campaign() else manifests[0]
+    for shard, manifest in zip(shards, manifests, strict=True):
+        _check_same_campaign(first, manifest, shard.path)
+    if not into.holds_campaign():
+        _check_free(into)
+    _check_writable(into.path)
+    most = {point.id: max(m.point(point.id).replicates for m in [first, *manifests]) for point in first.points}
+    for shard in shards:
+        for point in first.points:
+            _copy_point(shard, into, point.id)
+    points = tuple(replace(point, replicates=most[point.id]) for point in first.points)
+    merged = replace(first, points=points)
+    into.write_manifest(merged)
+    return merged
+
+
+def missing(folder: Folder) -> dict[str, list[int]]:
+    """The missing replicates by point, of a fixed number or of the number that the stopping rule wants."""
+    manifest = folder.manifest()
+    rule = ReplicateCounts(folder, manifest)
+    found = {point.id: rule.missing(point) for point in manifest.points}
+    return {point: numbers for point, numbers in found.items() if numbers}
+
+
+def describe_missing(missing: Mapping[str, Iterable[int]], manifest: Manifest, most: int = 10) -> list[str]:
+    """One line per point: its missing replicates."""
+    lines = []
+    for point, numbers in list(missing.items())[:most]:
+        settings = ", ".join(f"{key} = {value}" for key, value in manifest.point(point).settings.items())
+        spans = ", ".join(f"{a}" if a == b else f"{a}-{b}" for a, b in runs_of(sorted(numbers), 10**9))
+        lines.append(f"  {settings or point}: replicates {spans}")
+    if len(missing) > most:
+        lines.append(f"  and {len(missing) - most} more points")
+    return lines
+
+
+def existing_manifest(folder: Folder, name: str) -> Manifest | None:
+    """The manifest of the campaign of this name in the folder, None if the folder is empty.
+
+    Raises:
+        UsageError: the folder holds something else, or a campaign of another version of wsnsim.
+    """
+    if not folder.holds_campaign():
+        try:
+            _check_free(folder)
+        except UsageError:
+            if not folder.holds_campaign():  # another process may have just prepared it
+                raise
+        return None if not folder.holds_campaign() else existing_manifest(folder, name)
+    manifest = folder.manifest()
+    if manifest.name != name:
+        raise UsageError(
+            f"{folder.path} holds the campaign '{manifest.name}', not '{name}'; give another folder with --out"
+        )
+    _check_version(folder, manifest)
+    return manifest
+
+
+def _check_free(folder: Folder) -> None:
+    """Raise UsageError unless the folder is empty, or holds only scenarios of a campaign killed at its start."""
+    path = folder.path
+    if path.exists() and not path.is_dir():
+        raise UsageError(f"{path} is a file; a campaign needs a folder")
+    if path.is_dir() and not folder.holds_only_scenarios():
+        raise UsageError(f"{path} is not empty and holds no campaign; give a new folder with --out")
+
+
+def _check_version(folder: Folder, manifest: Manifest) -> None:
+    if manifest.wsnsim_version != __version__:
+        raise UsageError(
+            f"{folder.path} was started with wsnsim {manifest.wsnsim_version}, but this is {__version__}: results of"
+            " different versions are not mixed; give another folder with --out"
+        )
+
+
+def _check_writable(path: Path) -> None:
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=path):
+            pass
+    except OSError as error:
+        raise UsageError(f"cannot write {path}: {reason(error)}") from None
+
+
+def _check_same_campaign(one: Manifest, other: Manifest, path: Path) -> None:
+    """Raise UsageError if the manifests of two folders belong to different campaigns."""
+    pairs: dict[str, tuple[object, object]] = {
+        "name": (one.name, other.name),
+        "block": (one.block, other.block),
+        "until": (one.until, other.until),
+        "wsnsim_version": (one.wsnsim_version, other.wsnsim_version),
+        "points": ([point.id for point in one.points], [point.id for point in other.points]),
+    }
+    for what, (expected, found) in pairs.items():
+        if found != expected:
+            raise UsageError(
+                f"{path} holds another campaign: {what} differs ({_short(found)} instead of {_short(expected)})"
+            )
+
+
+def _short(value: object) -> str:
+    text = str(value)
+    return text if len(text) <= MAX_SHOWN else f"{text[:MAX_SHOWN]} ..."
+
+
+def _copy_point(shard: Folder, into: Folder, point: str) -> None:
+    """Copy the files of a point whose replicates are missing in `into`, each as a whole or not at all."""
+    if shard.path.resolve() == into.path.resolve():
+        return
+    into.write_scenario(point, shard.scenario(point))
+    done = into.done(point)
+    for batch in shard.batches(point):
+        if not done >= set(range(batch.first, batch.last + 1)):
+            into.copy_in(batch, point)

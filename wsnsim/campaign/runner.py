@@ -1,0 +1,303 @@
+"""The runner of a campaign: which tasks are missing, what is retried, and when a point has enough replicates.
+
+No decision depends on the engine, on the number of workers, or on the order in which tasks finish.
+"""
+
+from __future__ import annotations
+
+import os
+import socket
+import time
+from collections import Counter, deque
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import Final, final
+
+from wsnsim.analysis.stopping import ReplicateCounts
+from wsnsim.base.errors import ResultError
+from wsnsim.base.version import __version__
+from wsnsim.campaign.engines import Engine, EngineError, FinishedTask, WorkerLost
+from wsnsim.campaign.status import WHOLE, CampaignOutcome, CampaignProgress, Shard
+from wsnsim.campaign.task import Task, TaskOutcome, is_timeout
+from wsnsim.recording.folder import Folder, Manifest, runs_of
+
+GRACE: Final = 10.0
+"""Seconds that running tasks get to finish after the campaign is stopped."""
+POLL: Final = 0.25
+"""Seconds to wait for workers before checking for a stop and reporting progress."""
+MAX_MARKER_TEXT: Final = 4000
+MAX_LOSSES: Final = 20
+"""Losses of workers before the task started, after which it fails although other tasks are the likely cause."""
+LOSSES_BEFORE_ISOLATION: Final = 3
+"""Losses after which a task is run alone."""
+
+
+def run_campaign(
+    folder: Folder,
+    engine: Engine,
+    shard: Shard = WHOLE,
+    on_progress: Callable[[CampaignProgress], None] | None = None,
+    should_stop: Callable[[], bool] = lambda: False,
+) -> CampaignOutcome:
+    """Run the missing tasks of a campaign whose manifest and scenarios are on disk, and close the engine.
+
+    Args:
+        folder: the campaign's folder, to which workers write results.
+        engine: what runs the tasks.
+        shard: the part of the campaign to run.
+        on_progress: called with the progress several times a second.
+        should_stop: asked several times a second whether to stop.
+
+    Returns:
+        What was done, and what failed or is missing.
+    """
+    try:
+        runner = _CampaignRunner(folder, folder.manifest(), engine, shard, on_progress)
+        runner.run(should_stop)
+    finally:
+        engine.close()
+        folder.remove_leftovers()
+    return runner.outcome()
+
+
+@final
+@dataclass
+class _CampaignRunner:
+    """The state of one session.
+
+    Attributes:
+        pending: tasks to submit.
+        suspects: tasks whose worker died, to be run alone.
+        running: submitted tasks by name.
+        failed: reasons by failed task, or by point if a file of it cannot be read.
+        left: unfinished replicates by point.
+        losses: how often a task was lost with its worker before it started.
+        isolated: name of the task that runs alone, '' if none does.
+    """
+
+    folder: Folder
+    manifest: Manifest
+    engine: Engine
+    shard: Shard
+    on_progress: Callable[[CampaignProgress], None] | None
+    pending: deque[Task] = field(default_factory=deque)
+    suspects: deque[Task] = field(default_factory=deque)
+    running: dict[str, Task] = field(default_factory=dict)
+    failed: dict[str, str] = field(default_factory=dict)
+    left: Counter[str] = field(default_factory=Counter)
+    losses: Counter[str] = field(default_factory=Counter)
+    isolated: str = ""
+    stopped: str = ""
+    done: int = 0
+    found: int = 0
+
+    def __post_init__(self) -> None:
+        self.started_at = time.monotonic()
+        self.session = f"{socket.gethostname().split('.')[0]}-{os.getpid()}-{time.time_ns():x}"
+        self.rule = ReplicateCounts(self.folder, self.manifest)
+        self.wanted = {point.id: self.rule.first(point) for point in self.manifest.points}
+        self.positions = {point.id: i for i, point in enumerate(self.manifest.points)}
+        self.failed_before = set(self.folder.failures())
+
+    def run(self, should_stop: Callable[[], bool]) -> None:
+        """Run tasks until none is left or the campaign is stopped."""
+        self.folder.remove_leftovers()
+        for point in self.wanted:
+            self.plan(point, 0)
+        # the first replicates of all points come first, so that an unfinished campaign can already be compared
+        self.pending = deque(sorted(self.pending, key=lambda task: task.first))
+        try:
+            while not self.stopped and (self.pending or self.suspects or self.running):
+                if should_stop():
+                    self.stopped = "interrupted"
+                    break
+                self.submit_pending()
+                self.settle(self.engine.finished(POLL))
+                self.report_progress()
+            self.wind_up()
+        except EngineError as error:
+            self.stopped = str(error)
+        self.report_progress()
+
+    def plan(self, point: str, first: int) -> None:
+        """Queue tasks for the missing replicates of a point from `first` on; if none is missing, ask the rule."""
+        wanted = [number for number in range(first, self.wanted[point]) if self.is_ours(point, number)]
+        done = self.folder.done(point)
+        missing = [number for number in wanted if number not in done]
+        self.found += len(wanted) - len(missing)
+        self.queue(point, missing)
+        if not missing:
+            self.extend_point(point)
+
+    def queue(self, point: str, missing: Sequence[int]) -> None:
+        """Queue tasks for these replicates, in order."""
+        self.left[point] += len(missing)
+        for first, last in runs_of(missing, self.manifest.block):
+            self.pending.append(self.task(point, first, last))
+
+    def is_ours(self, point: str, replicate: int) -> bool:
+        """Whether the shard has the replicate. With a stopping rule, a point belongs to one shard as a whole."""
+        block = 0 if self.manifest.until else replicate // self.manifest.block
+        return self.shard.has(self.positions[point], block)
+
+    def task(self, point: str, first: int, last: int) -> Task:
+        """A task of this session."""
+        folder = str(self.folder.path.resolve())
+        return Task(folder, point, first, last, self.session, __version__, self.manifest.timeout)
+
+    def submit_pending(self) -> None:
+        """Submit as many tasks as the engine takes. A suspect is submitted when nothing else runs."""
+        while self.pending and not self.isolated and len(self.running) < self.engine.window:
+            self.submit(self.pending.popleft())
+        if self.suspects and not self.pending and not self.running:
+            task = self.suspects.popleft()
+            self.isolated = task.name
+            self.submit(task)
+
+    def submit(self, task: Task) -> None:
+        """Submit a task."""
+        self.running[task.name] = task
+        self.engine.submit(task)
+
+    def settle(self, finished: Iterable[FinishedTask]) -> None:
+        """Process the outcomes of finished tasks."""
+        lost = []
+        for task, outcome in finished:
+            del self.running[task.name]
+            if isinstance(outcome, WorkerLost):
+                lost.append(task)
+            else:
+                self.judge(task, outcome, self.end_isolation(task))
+        if lost:
+            self.investigate(lost)
+
+    def end_isolation(self, task: Task) -> bool:
+        """Whether the finished task ran alone; others may run from now on."""
+        was_isolated = self.isolated == task.name
+        if was_isolated:
+            self.isolated = ""
+        return was_isolated
+
+    def judge(self, task: Task, outcome: TaskOutcome, was_isolated: bool) -> None:
+        """Process the outcome that a worker reported."""
+        if outcome.status == "cancelled":
+            return
+        if outcome.status in ("storage", "version"):
+            self.stopped = outcome.reason
+        elif outcome.status == "suspect":
+            self.folder.remove_markers(self.session, task.name)
+            if was_isolated:
+                self.give_up(task, outcome.reason, isolate=True)
+            else:
+                self.suspects.append(task)
+        elif outcome.status == "failed":
+            self.give_up(task, outcome.reason)
+        else:
+            self.finish(task)
+
+    def finish(self, task: Task) -> None:
+        """Count a task whose file exists."""
+        self.done += task.replicates
+        for single in task.singly():
+            if single.name in self.failed_before:
+                self.folder.forget_failure(single.name)
+        self.left[task.point] -= task.replicates
+        if not self.left[task.point]:
+            self.extend_point(task.point)
+
+    def extend_point(self, point: str) -> None:
+        """Ask the stopping rule whether a point, all of whose tasks are done, needs more replicates.
+
+        A file that the rule cannot read is set aside, and its replicates are run again.
+        """
+        before = self.wanted[point]
+        try:
+            if self.manifest.until and self.is_ours(point, 0):
+                self.wanted[point] = self.rule.next(point, before)
+        except ResultError as error:
+            if self.folder.set_aside(point):
+                missing = self.folder.missing(point, before)
+                self.found -= len(missing)
+                self.queue(point, missing)
+                if not missing:  # other files hold the same replicates
+                    self.extend_point(point)
+            else:
+                self.failed[point] = str(error)
+        if self.wanted[point] > before:
+            self.plan(point, before)
+
+    def investigate(self, tasks: Iterable[Task]) -> None:
+        """Find out from the markers of lost tasks which of them started, and which one killed the workers."""
+        found = [(task, self.folder.marker_texts(self.session, task.name)) for task in tasks]
+        is_explained = any("".join(markers) for _, markers in found)
+        for task, markers in found:
+            self.folder.remove_markers(self.session, task.name)
+            was_isolated = self.end_isolation(task)
+            text = "\n".join(marker[:MAX_MARKER_TEXT] for marker in markers)
+            if is_timeout(text):
+                self.give_up(task, f"took more than {task.timeout:g} s", text)
+            elif not markers or (is_explained and not text):  # it had not started, or another task broke the pool
+                self.retry(task, was_isolated)
+            elif not was_isolated:
+                self.suspects.append(task)
+            else:
+                self.give_up(task, f"killed its worker twice ({_cause(text)})", text, isolate=True)
+
+    def retry(self, task: Task, was_isolated: bool) -> None:
+        """Run a task that is not to blame next; alone, or not at all, if it was lost too often."""
+        self.losses[task.name] += 1
+        if self.losses[task.name] >= MAX_LOSSES and was_isolated:
+            self.give_up(task, f"was lost with its worker {MAX_LOSSES} times", isolate=True)
+        elif was_isolated or self.losses[task.name] >= LOSSES_BEFORE_ISOLATION:
+            self.suspects.append(task)
+        else:
+            self.pending.appendleft(task)
+
+    def give_up(self, task: Task, reason: str, details: str = "", isolate: bool = False) -> None:
+        """Split a task of several replicates into single ones; a single one has failed."""
+        if task.replicates > 1:
+            done = self.folder.done(task.point)
+            missing = [single for single in task.singly() if single.first not in done]
+            (self.suspects if isolate else self.pending).extend(missing)
+            self.done += task.replicates - len(missing)
+            self.left[task.point] -= task.replicates - len(missing)
+            return
+        self.failed[task.name] = reason
+        settings = self.manifest.point(task.point).settings
+        where = ", ".join([f"replicate {task.first}", *(f"{key} = {value}" for key, value in settings.items())])
+        self.folder.write_failure(task.name, "\n".join([reason, where, details]).strip() + "\n")
+
+    def wind_up(self) -> None:
+        """If the campaign was stopped, start nothing more, and give running tasks some seconds to finish."""
+        if self.stopped:
+            for task in self.engine.cancel_pending():
+                self.running.pop(task.name, None)
+        deadline = time.monotonic() + GRACE
+        while self.running and time.monotonic() < deadline:
+            self.settle(self.engine.finished(POLL))
+            self.report_progress()
+
+    def report_progress(self) -> None:
+        """Report the progress, if anybody wants it."""
+        if self.on_progress is None:
+            return
+        wall, left = time.monotonic() - self.started_at, self.left.total()
+        total = self.found + self.done + left
+        rest = wall / self.done * (left - len(self.failed)) if self.done else None
+        self.on_progress(CampaignProgress(self.found + self.done, len(self.failed), total, wall, rest))
+
+    def outcome(self) -> CampaignOutcome:
+        """The outcome of the session. What is missing is looked up on disk."""
+        missing: dict[str, list[int]] = {}
+        for point, count in self.wanted.items():
+            numbers = [number for number in self.folder.missing(point, count) if self.is_ours(point, number)]
+            if numbers:
+                missing[point] = numbers
+        seconds = time.monotonic() - self.started_at
+        return CampaignOutcome(self.done, self.found, self.failed, missing, self.stopped, seconds)
+
+
+def _cause(text: str) -> str:
+    """Why a worker died: the first line of its marker, or what an empty marker means."""
+    lines = [line for line in text.splitlines() if line.strip()]
+    return lines[0].removeprefix("Fatal Python error: ") if lines else "killed from outside, perhaps out of memory"

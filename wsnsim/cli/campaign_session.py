@@ -1,0 +1,285 @@
+"""One session of a campaign from the command line: prepare or resume, run, compare, and report what is missing."""
+
+from __future__ import annotations
+
+import contextlib
+import shlex
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+import click
+
+from wsnsim.base.errors import UsageError
+from wsnsim.cli.interrupts import Interrupts
+from wsnsim.cli.progress import CAMPAIGN, display, duration
+from wsnsim.cli.shared import command_line, echo_json
+
+if TYPE_CHECKING:
+    from wsnsim.campaign import CampaignOutcome, Shard
+    from wsnsim.campaign.cost_estimate import CostEstimate
+    from wsnsim.campaign.engines import Engine
+    from wsnsim.recording.folder import Folder, Manifest
+    from wsnsim.scenario.sweep_schema import Plan
+
+INCOMPLETE: Final = 3
+"""Exit code of a campaign with missing runs."""
+METRIC: Final = "rmse"
+"""The metric that is compared by default."""
+MAX_FAILURES: Final = 5
+"""Failures that are printed."""
+
+
+class ComparisonOptions(NamedTuple):
+    """What is compared in a campaign's results, and where the table goes."""
+
+    metric: str
+    by: tuple[str, ...]
+    baseline: str | None
+    csv: Path | None
+    as_json: bool
+    bound: bool
+
+
+class SessionOptions(NamedTuple):
+    """The options that `sweep` and `compare` share: how a campaign is run, and what is compared."""
+
+    out: Path | None
+    jobs: int | None
+    scheduler: str | None
+    scheduler_file: Path | None
+    shard: str | None
+    dry_run: bool
+    quiet: bool
+    progress: str
+    comparison: ComparisonOptions
+
+
+def run_plan(plan: Plan, options: SessionOptions, interrupts: Interrupts, by: tuple[str, ...]) -> int:
+    """Prepare the campaign of a sweep, or resume it, and run what is missing; the exit code."""
+    import wsnsim.campaign as campaign
+    from wsnsim.recording.folder import Folder
+
+    path = options.out or Path("results") / plan.name
+    shard = _shard(options.shard)
+    _check_comparison(options.comparison, plan, by)
+    _check_engine_options(options)
+    if options.dry_run:
+        from wsnsim.campaign.cost_estimate import estimate_cost
+
+        campaign.existing_manifest(Folder(path), plan.name)
+        _print_estimate(plan.name, estimate_cost(plan, Folder(path), _workers(options), shard), options)
+        return 0
+    folder = campaign.prepare(plan, path, by=by, baseline=options.comparison.baseline, command_line=command_line())
+    return _run(folder, shard, options, interrupts)
+
+
+def resume(source: str, options: SessionOptions, interrupts: Interrupts) -> int:
+    """Resume the campaign in a folder; the exit code."""
+    import wsnsim.campaign as campaign
+
+    if options.dry_run:
+        raise UsageError("--dry-run needs a sweep; `wsnsim info DIR` shows the progress of a campaign")
+    shard = _shard(options.shard)
+    folder = campaign.reopen(source)
+    _check_engine_options(options)
+    manifest = folder.manifest()
+    _check_comparison(options.comparison, manifest, options.comparison.by or manifest.by)
+    return _run(folder, shard, options, interrupts)
+
+
+def _run(folder: Folder, shard: Shard, options: SessionOptions, interrupts: Interrupts) -> int:
+    """Run what is missing, print the comparison, and say what is still missing."""
+    import wsnsim.campaign as campaign
+
+    engine = _engine(folder, options)
+    shown = display("none" if options.quiet else options.progress, CAMPAIGN)
+    with interrupts.noted() as should_stop, contextlib.closing(shown):
+        try:
+            outcome = campaign.run_campaign(folder, engine, shard, shown.step, should_stop)
+        except KeyboardInterrupt:
+            echo_lines([f"wsnsim: resume with: {_resume_command(folder, shard, options)}"])
+            raise
+    code = 0
+    if shard == campaign.WHOLE and not interrupts.number:
+        code = print_comparison(folder, options.comparison)
+    return _report_outcome(folder, outcome, shard, options, interrupts) or code
+
+
+def _engine(folder: Folder, options: SessionOptions) -> Engine:
+    if options.scheduler is not None or options.scheduler_file is not None:
+        from wsnsim.campaign.dask_engine import DaskEngine
+
+        return DaskEngine(folder.path, options.scheduler, options.scheduler_file)
+    from wsnsim.campaign import local_engine
+
+    return local_engine.LocalEngine(_workers(options))
+
+
+def _check_engine_options(options: SessionOptions) -> None:
+    """Raise UsageError, before anything is written, if options exclude each other."""
+    if options.scheduler is not None and options.scheduler_file is not None:
+        raise UsageError("--scheduler cannot be combined with --scheduler-file")
+    if options.jobs and (options.scheduler is not None or options.scheduler_file is not None):
+        raise UsageError("--jobs cannot be combined with --scheduler: the scheduler sets the number of workers")
+
+
+def _workers(options: SessionOptions) -> int:
+    from wsnsim.campaign.local_engine import available_cores
+
+    return options.jobs or available_cores()
+
+
+def print_comparison(folder: Folder, options: ComparisonOptions) -> int:
+    """Print the comparison of what is on disk.
+
+    Returns:
+        The exit code: 1 if there are no results, 3 if a damaged file was set aside.
+    """
+    from wsnsim.analysis import comparison, comparison_text
+    from wsnsim.base.errors import ResultError
+
+    try:
+        found = comparison.compare(folder, options.metric, options.by or None, options.baseline)
+    except ResultError as error:
+        damaged = [path for point in folder.manifest().points for path in folder.set_aside(point.id)]
+        if not damaged:
+            echo_lines([f"wsnsim: error: {error}"])
+            return error.exit_code
+        echo_lines([f"wsnsim: {path}: is damaged and was set aside; its runs are missing now" for path in damaged])
+        echo_lines([f"wsnsim: resume with: wsnsim sweep {shlex.quote(str(folder.path))}"])
+        return INCOMPLETE
+    if options.bound:
+        from wsnsim.analysis import comparison_bounds
+
+        found = comparison_bounds.with_bounds(found, folder)
+    if options.csv:
+        _write_csv(found.table, options.csv)
+    if options.as_json:
+        echo_json({**comparison.as_json(found), "folder": str(folder.path)})
+    else:
+        click.echo(comparison_text.text(found))
+    return 0
+
+
+def _check_comparison(options: ComparisonOptions, plan: Plan | Manifest, by: Sequence[str]) -> None:
+    """Raise UsageError, before anything runs, if the comparison would fail or could not be written."""
+    from wsnsim.analysis import comparison
+    from wsnsim.base.errors import did_you_mean
+    from wsnsim.base.tables import METRICS
+
+    if options.metric not in METRICS:
+        nearest = did_you_mean(options.metric, METRICS)
+        raise UsageError(f"--metric: table runs has no metric '{options.metric}' ({nearest})")
+    for key in options.by:
+        if key not in plan.keys:
+            raise UsageError(f"--by: the campaign does not vary '{key}' ({did_you_mean(key, plan.keys)})")
+    comparison.demand_baseline(plan, by, options.baseline)
+    if options.csv and options.csv.is_dir():
+        raise UsageError(f"--csv {options.csv} is a folder, not a file")
+    if options.csv and not options.csv.parent.is_dir():
+        raise UsageError(f"--csv {options.csv}: folder does not exist: {options.csv.parent}")
+
+
+def _write_csv(table: Any, path: Path) -> None:
+    try:
+        table.to_csv(path, index=False)
+    except OSError as error:
+        raise UsageError(f"cannot write {path}: {error.strerror or error}") from None
+
+
+def _report_outcome(
+    folder: Folder, outcome: CampaignOutcome, shard: Shard, options: SessionOptions, interrupts: Interrupts
+) -> int:
+    """Print what failed, what is missing and how to resume; the exit code."""
+    import wsnsim.campaign as campaign
+
+    manifest = folder.manifest()
+    lines = [] if options.quiet else _surplus(folder, manifest)
+    lines += _failures(folder, outcome)
+    if outcome.stopped and not interrupts.number:
+        lines.append(f"wsnsim: error: the campaign was stopped: {outcome.stopped}")
+    if outcome.missing:
+        count = sum(map(len, outcome.missing.values()))
+        lines += [f"wsnsim: {folder.path} is incomplete, runs missing: {count}"]
+        lines += campaign.describe_missing(outcome.missing, manifest)
+        lines += [f"wsnsim: resume with: {_resume_command(folder, shard, options)}"]
+    elif shard != campaign.WHOLE and not options.quiet:
+        counts = f"{outcome.done} runs done, {outcome.found} existed before"
+        lines.append(f"wsnsim: shard {shard.number} of {shard.total} is complete: {counts}")
+    echo_lines(lines)
+    if interrupts.number:
+        echo_lines([f"wsnsim: {interrupts.reason}"])
+        return interrupts.code
+    return INCOMPLETE if not outcome.complete or outcome.stopped else 0
+
+
+def _surplus(folder: Folder, manifest: Manifest) -> list[str]:
+    """A line on results in the folder that do not belong to the campaign as it is defined now."""
+    points, runs = folder.outside_manifest(manifest)
+    if not points and not runs:
+        return []
+    return [f"wsnsim: {folder.path} also holds {points} points and {runs} runs outside this campaign; they are kept"]
+
+
+def _failures(folder: Folder, outcome: CampaignOutcome) -> list[str]:
+    """Lines on the first failures."""
+    lines = [f"wsnsim: {task} failed: {reason}" for task, reason in list(outcome.failed.items())[:MAX_FAILURES]]
+    if len(outcome.failed) > MAX_FAILURES:
+        more = len(outcome.failed) - MAX_FAILURES
+        lines.append(f"wsnsim: {more} more tasks failed; see {folder.path / 'failed'}")
+    return lines
+
+
+def _resume_command(folder: Folder, shard: Shard, options: SessionOptions) -> str:
+    """The command that resumes the campaign."""
+    words = ["wsnsim", "sweep", str(folder.path)]
+    if shard.total > 1:
+        words += ["--shard", f"{shard.number}/{shard.total}"]
+    comparison = options.comparison
+    values: dict[str, object] = {
+        "jobs": options.jobs,
+        "scheduler": options.scheduler,
+        "scheduler-file": options.scheduler_file,
+        "metric": comparison.metric if comparison.metric != METRIC else None,
+        "baseline": comparison.baseline,
+        "csv": comparison.csv,
+    }
+    for name, value in values.items():
+        words += [f"--{name}", str(value)] if value is not None else []
+    words += [word for key in comparison.by for word in ("--by", key)]
+    words += [f"--{name}" for name, wanted in (("bound", comparison.bound), ("json", comparison.as_json)) if wanted]
+    return shlex.join(words)
+
+
+def echo_lines(lines: Sequence[str]) -> None:
+    """Print lines on stderr."""
+    for line in lines:
+        click.echo(line, err=True)
+
+
+def _shard(text: str | None) -> Shard:
+    from wsnsim.campaign import WHOLE, Shard
+
+    if text is None:
+        return WHOLE
+    number, sign, count = text.partition("/")
+    if not (sign and number.isdecimal() and count.isdecimal() and 1 <= int(number) <= int(count)):
+        raise UsageError(f"--shard takes I/N with 1 <= I <= N, such as 1/2, not '{text}'")
+    return Shard(int(number), int(count))
+
+
+def _print_estimate(name: str, estimate: CostEstimate, options: SessionOptions) -> None:
+    """Print the answer of --dry-run."""
+    import dataclasses
+    import math
+
+    if options.comparison.as_json:
+        echo_json({"name": name, **dataclasses.asdict(estimate)})
+        return
+    size = "unknown" if math.isnan(estimate.size) else f"{estimate.size / 1e6:.1f} MB"
+    click.echo(f"{name}: {estimate.points} points, {estimate.replicates} runs, {estimate.done} of them done")
+    click.echo(f"  missing  {estimate.left} runs in {estimate.tasks} tasks")
+    click.echo(f"  time     {duration(estimate.wall_seconds)} ({duration(estimate.cpu_seconds)} of CPU time)")
+    click.echo(f"  size     {size}")
+    click.echo(f"  estimated from {estimate.source}")
