@@ -31,7 +31,7 @@ from wsnsim.models.deploy import coverage
 from wsnsim.network.beacons import BeaconWorld
 from wsnsim.network.nodes import Nodes
 from wsnsim.network.result_rows import called_row, run_row, woken_rows, write_network, write_rows
-from wsnsim.network.world import World
+from wsnsim.network.world import Sensors, Targets, World
 from wsnsim.offline.offline_run import OfflineRun
 from wsnsim.recording import ResultFile, provenance, read_text
 
@@ -142,7 +142,7 @@ def _beaconing(problem: BeaconSetup, replicate: int, recorder: Recorder, progres
     streams = Streams(problem.seed, replicate)
     positions = _deployed(problem, problem.link.reach, streams, replicate)
     outcome = BeaconWorld(problem, replicate, positions, streams, recorder).run(progress)
-    write_network(outcome.fleet, replicate, (), recorder)
+    write_network(outcome.nodes, replicate, (), recorder)
     run = {
         "replicate": replicate,
         "status": 0,
@@ -152,14 +152,13 @@ def _beaconing(problem: BeaconSetup, replicate: int, recorder: Recorder, progres
         "lost": 0,
         "tracked": NAN,
         "tracked_three": NAN,
-        **(row := run_row(outcome, ())),
+        **(row := run_row(outcome)),
         "fingerprint": fingerprint(row["event_fingerprint"], ()),
-        "coverage": NAN,
         "cpu_seconds": time.process_time() - started,
     }
     if recorder.wants("runs"):
         recorder.write("runs", run)
-    joules = {cause: total for cause, total in zip(CAUSES, outcome.fleet.totals, strict=True) if total}
+    joules = {cause: total for cause, total in zip(CAUSES, outcome.nodes.totals, strict=True) if total}
     return Summary(run, (), np.empty((0, problem.steps)), np.empty((0, 0)), joules, 0)
 
 
@@ -213,11 +212,12 @@ def _in_network(
     parts: NetworkSetup, replicate: int, setting: _Setting, paths: Sequence[Floats], progress: Tell
 ) -> _Played:
     """A run of the network. `paths` are the truths at the instants at which nodes look for a lost target, too."""
-    outcome = World(parts, replicate, *setting, paths=paths).run(progress)
+    sensors, targets = Sensors(setting.positions, setting.traits), Targets(setting.truths, setting.priors, paths)
+    outcome = World(parts, replicate, sensors, targets, setting.streams, setting.recorder).run(progress)
     write_rows(outcome, replicate, parts, setting.recorder)
     tracks = [_Track(t.estimates, t.heads, woken_rows(outcome, t), t.reacquired, called_row(t)) for t in outcome.tracks]
-    joules = {cause: total for cause, total in zip(CAUSES, outcome.fleet.totals, strict=True) if total}
-    row = {**run_row(outcome, outcome.tracks), "coverage": _coverage_left(outcome.fleet, parts)}
+    joules = {cause: total for cause, total in zip(CAUSES, outcome.nodes.totals, strict=True) if total}
+    row = run_row(outcome, _coverage_left(outcome.nodes, parts))
     return _Played(outcome.steps, tracks, row, joules, sum(len(track.clusters) for track in outcome.tracks))
 
 

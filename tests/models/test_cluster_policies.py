@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from wsnsim.base.ports import head_protocol
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.models.clusters import Central, MovingHead, StrongestSignal
 from wsnsim.models.energy import FirstOrder
@@ -77,14 +78,28 @@ def test_among_many_nodes_the_successor_is_the_one_that_a_look_at_each_finds(see
     assert StrongestSignal().successor(point, positions, able) == (min(apart)[1] if apart else None)
 
 
-def test_a_successor_may_call_an_election():
-    assert not StrongestSignal().calls_election
-    assert StrongestSignal(successor_rule="elect").calls_election
+def test_each_policy_names_what_its_heads_do():
+    policies = StrongestSignal(), StrongestSignal(successor_rule="elect"), Central(), MovingHead()
+    assert [policy.protocol for policy in policies] == ["standing", "electing", "open", "moving"]
+
+
+@pytest.mark.parametrize(
+    ("flags", "protocol"),
+    [
+        ({}, "standing"),
+        ({"calls_election": True}, "electing"),
+        ({"is_open": True}, "open"),
+        ({"moves": True}, "moving"),
+    ],
+)
+def test_a_policy_with_the_flags_of_earlier_versions_gets_its_head_protocol_with_a_warning(flags, protocol):
+    policy = SimpleNamespace(**{"is_open": False, "moves": False, "calls_election": False, **flags})
+    with pytest.warns(DeprecationWarning, match="replaced by `protocol`"):
+        assert head_protocol(policy) == protocol
 
 
 def test_the_central_cluster_has_one_head_for_good_near_its_place():
     policy, able = Central(x=9.0, y=0.0), np.ones(4, bool)
-    assert policy.is_open
     assert policy.elect([2, 3], [1.0, 2.0], [True, True]) is None
     assert policy.successor(np.array([0.0, 20.0]), POSITIONS, able) == 1
     able[1] = False
@@ -93,10 +108,9 @@ def test_the_central_cluster_has_one_head_for_good_near_its_place():
     assert policy.minimum_active == 0
 
 
-def test_only_the_moving_head_moves():
-    assert [policy().moves for policy in (StrongestSignal, Central, MovingHead)] == [False, False, True]
+def test_the_moving_head_has_the_times_of_its_documentation():
     head = MovingHead()
-    assert (head.is_open, head.calls_election, head.minimum_active) == (False, False, 1)
+    assert head.minimum_active == 1
     assert (head.main, head.sampling, head.quiet, head.cap, head.patience) == ("prediction", 2e-3, 12e-3, 50e-3, 3.0)
 
 

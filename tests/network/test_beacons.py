@@ -57,9 +57,15 @@ def play(made):
     """A run: its outcome, its log, its tables, where its nodes stand."""
     streams, memory = Streams(made.seed, 0), Memory({**RECORDED_BY_DEFAULT, "links": True})
     positions = made.deploy.draw(REACH, streams("deploy"))
-    outcome = BeaconWorld(made, 0, positions, streams, memory).run()
+    world = BeaconWorld(made, 0, positions, streams, memory)
+    outcome = world.run()
     return SimpleNamespace(
-        problem=made, outcome=outcome, memory=memory, log=memory.table("events"), positions=positions
+        problem=made,
+        outcome=outcome,
+        beacons=world.beacons,
+        memory=memory,
+        log=memory.table("events"),
+        positions=positions,
     )
 
 
@@ -101,12 +107,12 @@ def test_the_counts_are_those_of_the_event_log():
     received, collided = (len(of_kind(run, kind)["time"]) for kind in (RECEIVE, COLLIDE))
     assert counts.in_range == neighbours[sends["node"]].sum() == received + collided
     assert (counts.delivered, counts.collided) == (received, collided)
-    assert counts.frames_sent == counts.packets_sent == counts.transmissions == len(sends["time"])
+    assert counts.frames_sent == counts.packets_sent == counts.numbers == len(sends["time"])
     given_up = of_kind(run, DROP)
     assert set(given_up["what"].tolist()) <= {run.memory.words.code("no_channel")}
     assert counts.access_failures == len(given_up["time"])
-    under_way = run.outcome.beacons - counts.frames_sent - counts.access_failures
-    assert run.outcome.beacons == 8000 and 0 <= under_way < 20
+    under_way = run.beacons - counts.frames_sent - counts.access_failures
+    assert run.beacons == 8000 and 0 <= under_way < 20
     spoilt = set(of_kind(run, COLLIDE)["frame"].tolist())
     assert counts.frames_lost == len(spoilt)
 
@@ -144,7 +150,7 @@ def test_the_links_add_up_to_the_counts():
 
 def test_the_books_close_and_are_a_count_of_bits():
     run = cross_check()
-    fleet, sends = run.outcome.fleet, of_kind(run, SEND)
+    fleet, sends = run.outcome.nodes, of_kind(run, SEND)
     sent = np.bincount(sends["node"], minlength=fleet.size)
     assert fleet.ledger.sum(axis=0) == pytest.approx(fleet.spent, rel=1e-9)
     assert fleet.ledger[CAUSE["tx_electronics"]] == pytest.approx(sent * 232 * 50e-9, rel=1e-9)
@@ -161,7 +167,7 @@ def test_a_radio_by_its_data_sheet_is_paid_for_every_second_of_the_run():
     """Listening and receiving draw 62 mW, sending 57.42 mW, and nothing else costs anything."""
     run = play(few(energy=States(radio=RADIO, processor=PROCESSOR)))
     sent = np.bincount(of_kind(run, SEND)["node"], minlength=40)
-    assert run.outcome.fleet.spent == pytest.approx(62e-3 * 20 - sent * AIRTIME * (62e-3 - 57.42e-3), rel=1e-9)
+    assert run.outcome.nodes.spent == pytest.approx(62e-3 * 20 - sent * AIRTIME * (62e-3 - 57.42e-3), rel=1e-9)
 
 
 def test_where_nothing_contends_every_beacon_reaches_everybody_in_range():
@@ -169,7 +175,7 @@ def test_where_nothing_contends_every_beacon_reaches_everybody_in_range():
     counts = run.outcome.counts
     assert counts.delivered == counts.in_range == 5 * within_reach(run).sum()
     assert counts.collided == counts.access_failures == counts.frames_lost == 0
-    assert counts.frames_sent == run.outcome.beacons == 5 * 400
+    assert counts.frames_sent == run.beacons == 5 * 400
 
 
 def test_a_node_that_is_down_sends_no_beacons_and_comes_back_in_its_rhythm():
@@ -180,7 +186,7 @@ def test_a_node_that_is_down_sends_no_beacons_and_comes_back_in_its_rhythm():
         assert not ((own > 5.0) & (own < 12.0)).any() and len(own) == 13, f"node {node}"
         phases = np.mod(own, 1.0)
         assert np.ptp(phases) < 0.05, "contention alone moves a beacon within its second"
-    assert run.outcome.beacons == calm.outcome.beacons - 2 * 7
+    assert run.beacons == calm.beacons - 2 * 7
     heard = run.log["time"][(run.log["kind"] == RECEIVE) & (run.log["node"] == 3)]
     assert not ((heard > 5.0) & (heard < 12.0)).any() and (heard > 12.0).any()
 
@@ -206,7 +212,7 @@ def test_in_a_blackout_of_everybody_nothing_is_sent_and_every_beacon_gives_up():
     sends = of_kind(run, SEND)["time"]
     assert not ((sends > 4.0 + TURNAROUND + AIRTIME) & (sends < 14.0)).any() and (sends > 14.0).any()
     assert run.outcome.counts.access_failures == pytest.approx(10 * 40, abs=8)
-    assert run.outcome.fleet.ledger.sum(axis=0) == pytest.approx(run.outcome.fleet.spent, rel=1e-9)
+    assert run.outcome.nodes.ledger.sum(axis=0) == pytest.approx(run.outcome.nodes.spent, rel=1e-9)
 
 
 def test_a_fast_clock_beats_faster_by_its_rate():

@@ -256,7 +256,7 @@ def two_camps(*faults: Any, **changes: Any) -> Run:
 def is_well_defined(run: Run) -> bool:
     """Whether the run reached its end, and at its end the target is tracked, or was reported lost."""
     track = run.outcome.tracks[0]
-    led = track.head is not None and bool(run.outcome.fleet.alive[track.head])
+    led = track.head is not None and bool(run.outcome.nodes.alive[track.head])
     told = bool(run.events("lost"))
     return run.outcome.steps == run.parts.steps and (led or told)
 
@@ -420,9 +420,9 @@ def test_a_stuck_sensor_and_a_clock_that_jumps_change_what_the_tracker_is_told()
 def test_a_drained_head_dies_and_the_leak_is_in_the_ledger_and_in_the_log():
     struck = circle(Drain(at=0.41, head=0, share=1.0))
     (death,) = struck.events("death")
-    assert struck.outcome.fleet.died_at == {int(death["node"]): 0.41} and is_well_defined(struck)
+    assert struck.outcome.nodes.died_at == {int(death["node"]): 0.41} and is_well_defined(struck)
     (fault,) = struck.events("fault", "drain")
-    assert fault["joules"] == struck.outcome.fleet.totals[CAUSE["leak"]] > 1.9
+    assert fault["joules"] == struck.outcome.nodes.totals[CAUSE["leak"]] > 1.9
 
 
 @pytest.mark.parametrize("block", range(10))
@@ -451,15 +451,15 @@ def test_the_random_scenarios_meet_what_they_are_for():
 
 def _ledger_closes(run: Run, number: int) -> None:
     battery = run.parts.energy.battery
-    for node, book in run.outcome.fleet.books.items():
+    for node, book in run.outcome.nodes.books.items():
         assert sum(book[:SPENT]) == pytest.approx(book[SPENT], rel=1e-9), (number, node)
         assert book[SPENT] <= battery * (1 + 1e-12), (number, node)
-        assert (node in run.outcome.fleet.died_at) == (book[SPENT] == battery), (number, node)
+        assert (node in run.outcome.nodes.died_at) == (book[SPENT] == battery), (number, node)
 
 
 def _events_sum_to_the_ledger(run: Run, table: Any, number: int) -> None:
     """Of what acts cost, node by node; what time costs has no events."""
-    ledger, size = run.outcome.fleet.ledger, run.outcome.fleet.size
+    ledger, size = run.outcome.nodes.ledger, run.outcome.nodes.size
     for cause in ("tx", "rx", "overhear", "cpu", "sense", "leak"):
         rows = table["cause"] == EVENT_CAUSE[cause]
         logged = np.bincount(table["node"][rows].astype(int), table["joules"][rows], size)

@@ -64,7 +64,7 @@ def test_the_fingerprint_depends_neither_on_the_log_nor_on_workers_nor_on_readin
     context = multiprocessing.get_context("spawn")
     with concurrent.futures.ProcessPoolExecutor(2, mp_context=context) as pool:
         assert set(pool.map(fingerprint, [name] * 2, [changes] * 2)) == {plain}
-    made = nodes.make_fleet
+    made = nodes.make_nodes
     looked = []
 
     def curious(env, *rest):

@@ -18,7 +18,7 @@ from wsnsim.experiment import simulate
 from wsnsim.models.access import Csma
 from wsnsim.network.clusters.target_search import TargetSearch
 from wsnsim.network.radio.channel import Channel
-from wsnsim.network.world import World
+from wsnsim.network.sensing import ContinuousSensing
 from wsnsim.trackers.ekf import ExtendedKalman
 
 
@@ -328,11 +328,11 @@ def test_no_node_sends_in_its_sleep(monkeypatch):
     asleep, sent = [], []
     transmit = Channel.transmit
 
-    def watched(self, source, frame, *rest):
-        if frame.bits > Csma().ack_bits:  # a radio that has just received a frame acknowledges it
+    def watched(self, source, message, *rest):
+        if message.bits > Csma().ack_bits:  # a radio that has just received a frame acknowledges it
             sent.append(source)
-            asleep.extend([source] if not self._nodes.is_awake(source) else [])
-        return transmit(self, source, frame, *rest)
+            asleep.extend([source] if not self._fleet.is_awake(source) else [])
+        return transmit(self, source, message, *rest)
 
     monkeypatch.setattr(Channel, "transmit", watched)
     for tracker in PAIRS:
@@ -353,31 +353,33 @@ def test_how_often_nodes_look_for_a_target_changes_nothing_about_it(motion):
 
 def test_all_four_are_given_the_same_readings_and_the_same_nodes_are_awake(monkeypatch):
     seen: dict[str, list] = {}
-    sense, first = World._sense_awake, TargetSearch.first
+    update, first = ContinuousSensing.update, TargetSearch.first_detection
 
-    def record_step(self, target, readings):
-        awake = [self._stage.fleet.duty_cycles.scheduled(node) for node in range(200)]
-        seen.setdefault(self.tag, []).append((self._stage.step, dict(readings), awake))
-        return sense(self, target, readings)
+    def record_step(self, target):
+        services, step = self._services, self._services.clock.step
+        awake = [services.nodes.duty_cycles.scheduled(node) for node in range(200)]
+        readings = dict(services.available[target].readings(step))
+        seen.setdefault(self.tag, []).append((step, readings, awake))
+        update(self, target)
 
-    def record_look(self, target, part):
+    def record_search(self, target, poll):
         if self._between:
-            at = self._stage.step * self._polls + max(part, 1)
-            seen.setdefault("looks", []).append((at, dict(self._between[target].readings(at))))
-        return first(self, target, part)
+            at = self._network.clock.step * self._polls + max(poll, 1)
+            seen.setdefault("searches", []).append((at, dict(self._between[target].readings(at))))
+        return first(self, target, poll)
 
-    monkeypatch.setattr(World, "_sense_awake", record_step)
-    monkeypatch.setattr(TargetSearch, "first", record_look)
+    monkeypatch.setattr(ContinuousSensing, "update", record_step)
+    monkeypatch.setattr(TargetSearch, "first_detection", record_search)
     for tracker in PAIRS:
-        monkeypatch.setattr(World, "tag", tracker, raising=False)
+        monkeypatch.setattr(ContinuousSensing, "tag", tracker, raising=False)
         Run(scenario(tracker, duration=20.0))
     reference = seen["gmtt"]
     assert any(readings for _, readings, _ in reference)
     for tracker in PAIRS:
         assert seen[tracker] == reference
-    looks: dict[int, dict] = {}
-    for at, readings in seen["looks"]:
-        assert looks.setdefault(at, readings) == readings
+    searches: dict[int, dict] = {}
+    for at, readings in seen["searches"]:
+        assert searches.setdefault(at, readings) == readings
 
 
 def test_looking_for_a_target_costs_a_reading_each_time_whether_or_not_a_poll_is_named():

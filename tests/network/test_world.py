@@ -29,7 +29,7 @@ def cluster_of_three(**changes):
 
 def test_the_energy_of_a_cluster_is_what_a_hand_count_gives():
     run = cluster_of_three()
-    fleet, bits = run.outcome.fleet, 96
+    fleet, bits = run.outcome.nodes, 96
     # Three strengths and one announcement at reach, heard by the two others each; two joins; then two readings a step.
     distances = {1: 30.0, 2: 40.0}
     broadcasts = 4
@@ -63,7 +63,7 @@ def test_every_step_has_an_estimate_issued_within_the_instant():
 
 def test_the_ledger_closes_for_every_node():
     run = Run(parts())
-    for book in run.outcome.fleet.books.values():
+    for book in run.outcome.nodes.books.values():
         assert sum(book[:SPENT]) == pytest.approx(book[SPENT], rel=1e-9)
 
 
@@ -76,7 +76,7 @@ def test_the_events_alone_reproduce_the_energy_of_the_air():
     distance = np.where(ends < 0, 75.0, np.linalg.norm(run.positions[starts] - run.positions[ends], axis=1))
     bits = table["bits"][sent]
     assert np.allclose(table["joules"][sent], bits * BIT + bits * AMP * distance**2, rtol=1e-12)
-    spent = sum(run.outcome.fleet.totals[CAUSE[cause]] for cause in ("tx_electronics", "tx_amplifier"))
+    spent = sum(run.outcome.nodes.totals[CAUSE[cause]] for cause in ("tx_electronics", "tx_amplifier"))
     assert table["joules"][sent].sum() == pytest.approx(spent, rel=1e-9)
 
 
@@ -128,7 +128,7 @@ def test_a_head_that_dies_in_the_middle_of_a_step_takes_its_belief_along_and_the
 def test_when_nobody_is_left_who_could_lead_nothing_hangs_and_every_step_has_its_row():
     energy = FirstOrder(battery=1e-3, capacitance=0.67e-6)
     run = cluster_of_three(energy=energy, steps=300, tracker=Centroid(cycles=100.0))
-    assert {1, 2} <= set(run.outcome.fleet.died_at)
+    assert {1, 2} <= set(run.outcome.nodes.died_at)
     table = run.memory.table("estimates")
     assert len(table["step"]) == 300
     assert math.isnan(table["error"][-1])
@@ -139,9 +139,9 @@ def test_when_nobody_is_left_who_could_lead_nothing_hangs_and_every_step_has_its
 def test_a_network_of_ten_thousandths_of_a_joule_ends_without_hanging_whatever_the_moment_of_death():
     for battery in np.linspace(5e-6, 4e-4, 40):
         run = cluster_of_three(energy=FirstOrder(battery=float(battery)), steps=30)
-        for node, book in run.outcome.fleet.books.items():
+        for node, book in run.outcome.nodes.books.items():
             assert book[SPENT] <= battery
-            assert (node in run.outcome.fleet.died_at) == (book[SPENT] == battery)
+            assert (node in run.outcome.nodes.died_at) == (book[SPENT] == battery)
 
 
 def test_with_a_rate_airtime_counts_and_an_estimate_that_misses_its_step_is_late():
@@ -248,7 +248,7 @@ def test_energy_steps_sum_to_the_ledger():
     table = run.memory.table("energy_steps")
     for cause in range(len(CAUSES)):
         spent = table["joules"][table["cause"] == cause].sum()
-        assert spent == pytest.approx(run.outcome.fleet.totals[cause], rel=1e-9, abs=1e-18)
+        assert spent == pytest.approx(run.outcome.nodes.totals[cause], rel=1e-9, abs=1e-18)
 
 
 def gone_at(start: tuple[float, float], steps: int) -> np.ndarray:
@@ -258,7 +258,7 @@ def gone_at(start: tuple[float, float], steps: int) -> np.ndarray:
 
 def nobody_waits_for_the_dead(run: Run) -> None:
     """No track is left with a dead head, nor one without a head though somebody able senses its target."""
-    fleet = run.outcome.fleet
+    fleet = run.outcome.nodes
     for track in run.outcome.tracks:
         assert track.head is None or fleet.alive[track.head]
     for book in fleet.books.values():
@@ -267,7 +267,7 @@ def nobody_waits_for_the_dead(run: Run) -> None:
 
 def air_energy_is_in_the_events(run: Run) -> None:
     """Equations (9)-(10) over the logged bits give the booked joules, whoever died in mid-burst."""
-    table, totals = run.memory.table("events"), run.outcome.fleet.totals
+    table, totals = run.memory.table("events"), run.outcome.nodes.totals
     sent = np.isin(table["kind"], [7, 14])
     starts, ends = table["node"][sent].astype(int), table["peer"][sent].astype(int)
     distance = np.where(ends < 0, 75.0, np.linalg.norm(run.positions[starts] - run.positions[ends], axis=1))
@@ -286,7 +286,7 @@ def test_deaths_in_mid_handover_and_mid_election_leave_every_track_led_or_open_t
         nobody_waits_for_the_dead(run)
         air_energy_is_in_the_events(run)
         lost |= {run.memory.words.all()[int(row["what"])] for row in run.events("lost")}
-        died += len(run.outcome.fleet.died_at)
+        died += len(run.outcome.nodes.died_at)
     assert died > 100 and "head_died" in lost
 
 
@@ -308,7 +308,7 @@ def test_two_targets_that_cross_on_failing_nodes_leave_every_track_led_or_open_t
 def test_whoever_dies_in_its_own_broadcast_wins_no_election():
     for battery in np.linspace(6.0e-5, 7.5e-5, 40):
         run = Run(parts(steps=20, energy=FirstOrder(battery=float(battery)), clusters=StrongestSignal(threshold=0.0)))
-        died = run.outcome.fleet.died_at
+        died = run.outcome.nodes.died_at
         assert not any(row["node"] in died and died[row["node"]] < row["time"] for row in run.events("elect"))
         nobody_waits_for_the_dead(run)
 

@@ -24,8 +24,9 @@ from wsnsim.models.motion import BoundedVelocity
 from wsnsim.models.sensing import AcousticEnergy
 from wsnsim.models.sleep import EventWake
 from wsnsim.models.wakeup import NoWakeUp
+from wsnsim.network.outcome import NetworkOutcome
 from wsnsim.network.result_rows import woken_rows, write_rows
-from wsnsim.network.world import Outcome, World
+from wsnsim.network.world import Sensors, Targets, World
 
 
 def reading_of(member: Member) -> Parcel:
@@ -126,8 +127,8 @@ class Run:
             truths = [motion.truth(made.steps, made.dt, stream) for motion in made.motions]
         self.truths = truths
         priors = [Estimate(truth[0], np.diag([25.0, 9.0, 25.0, 9.0])) for truth in truths]
-        world = World(made, replicate, self.positions, traits, truths, priors, streams, self.memory)
-        self.outcome: Outcome = world.run()
+        world = World(made, replicate, Sensors(self.positions, traits), Targets(truths, priors), streams, self.memory)
+        self.outcome: NetworkOutcome = world.run()
         write_rows(self.outcome, replicate, made, self.memory)
         self.errors = np.array([self._write_track(track, replicate) for track in self.outcome.tracks])
 

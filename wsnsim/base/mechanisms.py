@@ -11,10 +11,9 @@ from dataclasses import dataclass
 from typing import Final, Protocol, runtime_checkable
 
 from wsnsim.base.arrays import Floats, Ints
-from wsnsim.base.counters import Counters
-from wsnsim.base.frames import Burst, MacFrame, Received
-from wsnsim.base.radio import FramedMac
+from wsnsim.base.sleeping import Point, WakeUpMessage, WakeUpRound
 
+HeardMessage = Callable[[int, WakeUpMessage], None]
 NOBODY: Final = -1
 """Stands for a node in the log of a fault that hits none."""
 
@@ -142,176 +141,145 @@ class StartsFault(Protocol):
         ...
 
 
-class Signal(Protocol):
-    """An event that the network waits for."""
+class WakeUpServices(Protocol):
+    """What a wake-up mechanism may use of the network. The network books and logs what it sends.
 
-    def succeed(self) -> object:
-        """Fire the signal, once."""
-        ...
-
-
-class OnAir(Protocol):
-    """One MAC frame on the air, from `start` to `end` (s)."""
-
-    @property
-    def source(self) -> int: ...
-
-    @property
-    def frame(self) -> MacFrame: ...
-
-    @property
-    def start(self) -> float: ...
-
-    @property
-    def end(self) -> float: ...
-
-    @property
-    def cut(self) -> bool:
-        """Whether the sender fell silent before the end."""
-        ...
-
-
-class SharedChannel(Protocol):
-    """A channel on which sending takes time, and transmissions collide. It charges, logs and counts every frame."""
-
-    def is_busy(self, node: int) -> bool:
-        """Whether a node hears a transmission during the assessment that ends now, or sends itself."""
-        ...
-
-    def is_sending(self, node: int) -> bool:
-        """Whether a node sends or is about to: its radio cannot send another frame."""
-        ...
-
-    def transmit(
-        self,
-        source: int,
-        frame: MacFrame,
-        ended: Callable[[OnAir, Received], None],
-        asleep: Ints | None = None,
-    ) -> OnAir:
-        """Send a frame, one turnaround from now.
-
-        Args:
-            source: The sender, which must not be sending.
-            frame: The frame.
-            ended: Called at the end with the transmission and its result.
-            asleep: (n,) nodes that have the radio off because they know that the frame is not for them.
-        """
-        ...
-
-    def silence(self, node: int) -> None:
-        """Cut the transmission of a node that died or crashed."""
-        ...
-
-
-class Fragmenter(Protocol):
-    """Splits bursts into MAC frames."""
-
-    def split(self, burst: Burst, ended: Callable[[], None]) -> list[MacFrame]:
-        """Return the frames of a burst, in order; none for a burst without packets.
-
-        The MAC calls `finish` on each of them once. After the last one the burst holds what arrived, and `ended` is
-        called.
-        """
-        ...
-
-
-class MacServices(Protocol):
-    """What a MAC may use of the network. `now` is the simulated time in s, `step` the number of the present step."""
+    `now` is the simulated time in s.
+    """
 
     @property
     def now(self) -> float: ...
-
-    @property
-    def step(self) -> int: ...
-
-    @property
-    def counters(self) -> Counters: ...
-
-    def key(self, stream: str) -> int:
-        """Return the key of a random stream (see `base.rng`)."""
-        ...
 
     def is_up(self, node: int) -> bool:
         """Whether a node is neither dead nor crashed."""
         ...
 
-    def is_awake(self, node: int) -> bool:
-        """Whether a node is up and listens."""
+    def place(self, node: int) -> Point:
+        """The position of a node."""
         ...
 
     def neighbours(self, node: int) -> Ints:
-        """(n,) the nodes that a node's transmissions may reach, ascending."""
+        """(n,) the nodes that a node's transmissions may reach, those included that are down."""
         ...
 
-    def hold_awake(self, node: int) -> None:
-        """Keep a node awake until `release`, because it has a frame to send."""
+    def nodes_within(self, centre: Point, radius: float) -> Ints:
+        """(n,) the nodes within `radius` m of a point."""
         ...
 
-    def release(self, node: int) -> None:
+    def sleepers(self, nodes: Ints) -> set[int]:
+        """Those of the nodes that are up and asleep now."""
+        ...
+
+    def broadcast(
+        self, round: WakeUpRound, node: int, message: WakeUpMessage, on_heard: HeardMessage, relayed: bool = False
+    ) -> None:
+        """Broadcast a copy of a message once.
+
+        Args:
+            round: the round of the message.
+            node: the sender.
+            message: what is sent; the copy says who sent it, and where from.
+            on_heard: called with each node that heard the copy, ascending, and the copy.
+            relayed: the sender forwards the message of another node.
+        """
+        ...
+
+    def call(
+        self, round: WakeUpRound, node: int, sleepers: Sequence[int], bits: int, on_awake: Callable[[list[int]], None]
+    ) -> None:
+        """Call sleeping neighbours on the wake-up radio; `on_awake` is called with those that woke."""
+        ...
+
+    def track(self, round: WakeUpRound, node: int, message: WakeUpMessage) -> None:
+        """Note that a node tracks at the message's step, and keep it awake until then and for the waiting time."""
+        ...
+
+    def release(self, node: int, target: int) -> None:
         """Let a node follow its schedule again."""
         ...
 
-    def true_seconds(self, node: int, seconds: float) -> float:
-        """Return how long a timer of a node really runs, by the rate of its clock."""
+    def drop(self, round: WakeUpRound, node: int, message: WakeUpMessage) -> None:
+        """Log that a node ignored a message because it had expired."""
+        ...
+
+    def chance(self, node: int, message: WakeUpMessage) -> float:
+        """A uniform random number of a node for a message, in [0, 1)."""
+        ...
+
+
+class WakeUpMechanism(Protocol):
+    """How nodes are woken ahead of a target."""
+
+    def begin(self, round: WakeUpRound) -> None:
+        """A head, `round.node`, wakes nodes for the step of `round.message`. Nobody waits for the end."""
+        ...
+
+
+@runtime_checkable
+class StartsWakeUp(Protocol):
+    """A wake-up component that brings its own mechanism: what a plug-in offers in addition to `sleeping.WakeUp`."""
+
+    def start(self, services: WakeUpServices) -> WakeUpMechanism:
+        """Return the mechanism. Called once, before the simulation starts."""
+        ...
+
+
+class WorkloadServices(Protocol):
+    """What a workload without a target may use of the network. The network books and logs what nodes send.
+
+    `now` is the simulated time in s; `positions` (N, 2) in m; `key` is the random key of the workload (see `base.rng`).
+    """
+
+    @property
+    def now(self) -> float: ...
+
+    @property
+    def positions(self) -> Floats: ...
+
+    @property
+    def key(self) -> int: ...
+
+    def is_awake(self, node: int) -> bool:
+        """Whether a node is up, and its radio listens."""
+        ...
+
+    def is_dead(self, node: int) -> bool:
+        """Whether the battery of a node is empty."""
+        ...
+
+    def lasts(self, node: int, seconds: float) -> float:
+        """The seconds that pass while a node's clock counts `seconds`."""
         ...
 
     def call_later(self, seconds: float, action: Callable[[], None]) -> None:
         """Call an action after `seconds` of simulated time."""
         ...
 
-    def signal(self) -> Signal:
-        """Return a new signal, for the end of bursts."""
+    def word(self, what: str) -> int:
+        """The code of a word in the column `events.what`."""
         ...
 
-    def open_channel(self, mac: FramedMac, assessment: float) -> SharedChannel:
-        """Return a channel on which the frames of a MAC take time. `assessment`: s of a clear channel assessment."""
+    def broadcast(self, node: int, bits: int, word: int) -> None:
+        """Broadcast a payload of `bits` to all in range."""
         ...
 
-    def fragmentation(self, mac: FramedMac) -> Fragmenter:
-        """Return what splits bursts into the frames of a MAC."""
-        ...
-
-    def log_drop(self, node: int, dropped: Burst | MacFrame, reason: str) -> None:
-        """Log that a node dropped a burst or a frame without sending it."""
+    def send(self, node: int, to: int, bits: int, what: str, on_end: Callable[[bool], None]) -> None:
+        """Send a payload of `bits` to a node, relayed if it is out of range; `on_end(arrived)` is called at the end."""
         ...
 
 
-class MacMechanism(Protocol):
-    """When the frames of a network get the channel."""
+class WorkloadMechanism(Protocol):
+    """What the nodes of a network without a target do."""
 
-    def send(self, bursts: Sequence[Burst], head: int | None = None) -> Signal:
-        """Send bursts; each ends with what arrived written into it.
-
-        Args:
-            bursts: The bursts, of any senders.
-            head: The cluster head, if all of them are between it and its members.
-
-        Returns:
-            A signal from `MacServices.signal` that succeeds when the last burst has ended.
-        """
-        ...
-
-    def offer(self, node: int, payload_bits: int, done: Callable[[Received | None], None], code: int = 0) -> None:
-        """Broadcast one payload, without a burst.
-
-        Args:
-            node: The sender.
-            payload_bits: Length of the payload.
-            done: Called once with the ids (n,) that received it, or None if it never got the channel.
-            code: What the event log calls it.
-        """
-        ...
-
-    def silence(self, node: int) -> None:
-        """Stop a node that died or crashed: its frames are lost, and their bursts end."""
+    def begin(self) -> None:
+        """The simulation starts."""
         ...
 
 
 @runtime_checkable
-class StartsMac(Protocol):
-    """A MAC component that brings its own mechanism: what a plug-in offers in addition to `radio.Mac`."""
+class StartsWorkload(Protocol):
+    """A workload component that brings its own mechanism: what a plug-in offers in addition to `radio.Workload`."""
 
-    def start(self, services: MacServices) -> MacMechanism:
+    def start(self, services: WorkloadServices) -> WorkloadMechanism:
         """Return the mechanism. Called once, before the simulation starts."""
         ...

@@ -7,6 +7,7 @@ uint64 counter keys, one a particle (see `base.rng`): equal keys, equal noise, w
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol, TypeVar, runtime_checkable
@@ -42,7 +43,7 @@ class Estimate:
     effective: float = float("nan")
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class Scene:
     """What the head knows without asking.
 
@@ -263,20 +264,20 @@ class PriorModel(Protocol):
 
 
 class ClusterPolicy(Protocol):
-    """Who leads, who follows, and until when.
+    """Which node leads a cluster, and until when.
 
-    `minimum_active`: a cluster that forms with fewer sensing members holds a network-wide election. `threshold`:
-    joules that a head must hold, None for the paper's rule. `is_open`: whoever senses belongs, without a frame, and
-    nobody hands over. `calls_election`: the node nearest to the forecast calls an election instead of leading itself.
+    `protocol` names what heads do:
+    - 'standing': a cluster keeps its head until too few members sense; then the successor leads.
+    - 'electing': the same, but the successor calls an election.
+    - 'open': the head that `successor` names leads; every node that senses belongs to the cluster, without a frame.
+    - 'moving': the head is chosen again at each step; see `MovingPolicy`.
 
-    `moves`: there is a main node anew at each step, and no standing cluster. `main`: it is the one nearest to the
-    'prediction' among those woken for the step, or the one that read the target to be nearest ('detection') at the
-    step before. It takes `sampling` s to take a reading; a main node waits for readings until none has come for
-    `quiet` s, at most for `cap` s. It coasts for `patience` s without a reading before the track is lost.
+    A cluster that forms with fewer than `minimum_active` sensing members holds a network-wide election. A head must
+    hold more than `threshold` joules; None: the paper's rule.
     """
 
     @property
-    def moves(self) -> bool: ...
+    def protocol(self) -> str: ...
 
     @property
     def minimum_active(self) -> int: ...
@@ -284,17 +285,13 @@ class ClusterPolicy(Protocol):
     @property
     def threshold(self) -> float | None: ...
 
-    @property
-    def is_open(self) -> bool: ...
-
-    @property
-    def calls_election(self) -> bool: ...
-
     def elect(self, ids: Sequence[int], strengths: Sequence[float], able: Sequence[bool]) -> int | None:
         """The head among candidates, given each one's reading and whether its charge exceeds the threshold."""
         ...
 
-    def must_hand_over(self, active: int, members: int) -> bool: ...
+    def must_hand_over(self, active: int, members: int) -> bool:
+        """Whether too few of the members sense."""
+        ...
 
     def successor(self, forecast: Floats, positions: Floats, able: Bools) -> int | None:
         """The next head, given the predicted position (2,), all nodes' positions (N, 2) and who is able (N,)."""
@@ -302,13 +299,37 @@ class ClusterPolicy(Protocol):
 
 
 class MovingPolicy(ClusterPolicy, Protocol):
-    """A policy whose main node moves: see `ClusterPolicy`."""
+    """A policy of moving heads.
+
+    `main`: the head is the node nearest to the 'prediction' among those woken for the step, or the one that measured
+    the target nearest at the step before ('detection'). Measuring takes `sampling` s. The head waits for readings until
+    none has come for `quiet` s, at most for `cap` s. Without readings it continues its prediction for `patience` s
+    before the track is lost.
+    """
 
     main: str
     sampling: float
     quiet: float
     cap: float
     patience: float
+
+
+def head_protocol(policy: Any) -> str:
+    """The name of a policy's head protocol.
+
+    A policy written before `protocol` existed has the flags `is_open`, `moves` and `calls_election` instead.
+    """
+    name = getattr(policy, "protocol", None)
+    if name is not None:
+        return str(name)
+    warnings.warn(
+        f"{type(policy).__name__}: the flags is_open, moves and calls_election of a cluster policy are replaced by "
+        "`protocol`: 'standing', 'electing', 'open' or 'moving'",
+        DeprecationWarning,
+        stacklevel=2,
+    )
+    flags = {"is_open": "open", "moves": "moving", "calls_election": "electing"}
+    return next((name for flag, name in flags.items() if getattr(policy, flag, False)), "standing")
 
 
 class Recorder(Protocol):

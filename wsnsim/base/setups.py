@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 from wsnsim.base.metrics import LOST_ERROR, LOST_WINDOW
@@ -20,6 +21,7 @@ from wsnsim.base.ports import (
     PriorModel,
     SensorModel,
     Tracker,
+    head_protocol,
 )
 from wsnsim.base.radio import Clock, Cpu, EnergyModel, FaultEvent, LinkModel, Mac, Packing, Routing, Sink
 from wsnsim.base.requests import PACKET_BITS
@@ -82,11 +84,26 @@ class NetworkSetup(TrackingSetup, RadioSetup):
     sink: Sink
     until_clusters: int | None = None
 
+    @cached_property
+    def head_protocol(self) -> str:
+        """The name of the head protocol of the cluster policy; see `ClusterPolicy`."""
+        return head_protocol(self.clusters)
+
+    @property
+    def nodes_search(self) -> bool:
+        """Whether awake nodes search all the time for targets that nobody tracks: those of moving heads do."""
+        return self.head_protocol == "moving"
+
+    @property
+    def members_are_fixed(self) -> bool:
+        """Whether a cluster keeps the members with which it formed."""
+        return self.head_protocol in ("standing", "electing")
+
     @property
     def polls(self) -> int:
-        """How often in a step nodes that are awake look for a target that nobody follows."""
+        """How often in a step awake nodes search for a target that nobody tracks."""
         every = self.acquire.poll
-        return 1 if every is None or not self.clusters.moves else max(1, round(self.dt / every))
+        return 1 if every is None or not self.nodes_search else max(1, round(self.dt / every))
 
     @property
     def head_threshold(self) -> float:

@@ -8,7 +8,7 @@ the node, the message and the time alone; the network room performs it, and pays
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 from typing import Any, NamedTuple, Protocol
 
@@ -97,6 +97,40 @@ class WakeUpMessage:
     reach: float
     bits: int
     belief: Any = None
+
+
+@dataclass(slots=True)
+class WakeUpRound:
+    """One wake-up message of a head, and what came of it; a row of the table `wakeups`.
+
+    Attributes:
+        message: as the head composed it.
+        node: the head.
+        time: at which the head sent it, in s.
+        foreseen: the message names a predicted position, not the last fix.
+        tracking: {node: copy of the message} of the nodes that track at the message's step.
+        sleepers: nodes of the region that slept when the round began, and have not been called.
+        called_nodes: nodes that have been called.
+        reached: nodes that a call has woken.
+        sequence: the number of the message's frames in the event log.
+        forwards, called, expired, dismissed, woken, ineffective: columns of the table.
+    """
+
+    message: WakeUpMessage
+    node: int
+    time: float
+    foreseen: bool
+    tracking: dict[int, WakeUpMessage] = field(default_factory=dict)
+    sleepers: set[int] = field(default_factory=set)
+    called_nodes: set[int] = field(default_factory=set)
+    reached: set[int] = field(default_factory=set)
+    sequence: int = 0
+    forwards: int = 0
+    called: int = 0
+    expired: int = 0
+    dismissed: int = 0
+    woken: int = 0
+    ineffective: int = 0
 
 
 class Decision(Enum):

@@ -31,7 +31,7 @@ class RecordedReadings:
     """The tables of a result file that say whose readings counted."""
 
     def __init__(self, path: str | Path, setup: TrackingSetup) -> None:
-        self._standing = isinstance(setup, NetworkSetup) and not (setup.clusters.is_open or setup.clusters.moves)
+        self._standing = isinstance(setup, NetworkSetup) and setup.members_are_fixed
         self._estimates = read_table(path, "estimates", [*KEYS, "step", "time", "issued", "head", "active", "readings"])
         self._clusters = read_table(path, "clusters", [*KEYS, "formed", "released", "head"])
         events = read_table(path, "events", [*KEYS, "time", "step", "node", "peer", "kind", "what"])

@@ -106,7 +106,7 @@ class FromReadings:
         """A sensor without end: a target that may be anywhere cannot be looked for on a lattice."""
         if np.isinf(setup.sensor.reach):
             yield Issue(("sensor",), "its reach must be finite in a network: a new track is looked for within it")
-        if self.poll is not None and isinstance(setup, NetworkSetup) and setup.clusters.moves:
+        if self.poll is not None and isinstance(setup, NetworkSetup) and setup.nodes_search:
             times = setup.dt / self.poll
             if times * setup.steps > MOST_LOOKS:
                 yield Issue(

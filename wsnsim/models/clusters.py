@@ -40,9 +40,6 @@ class StrongestSignal:
     Source: Jiang, Song, Lin (2013), section 2.3.
     """
 
-    is_open: ClassVar[bool] = False
-    moves: ClassVar[bool] = False
-
     handover_fraction: Annotated[
         float, Quantity("", ge=0, le=1), "hand over below this share of members that sense"
     ] = 0.25
@@ -53,9 +50,9 @@ class StrongestSignal:
     ] = None
 
     @property
-    def calls_election(self) -> bool:
-        """Whether the node nearest to the forecast calls an election instead of leading."""
-        return self.successor_rule == "elect"
+    def protocol(self) -> str:
+        """'electing' if the node nearest to the forecast calls an election instead of leading, else 'standing'."""
+        return "electing" if self.successor_rule == "elect" else "standing"
 
     def elect(self, ids: Sequence[int], strengths: Sequence[float], able: Sequence[bool]) -> int | None:
         """The loudest of those able; of equally loud ones the lowest id. None if nobody is able."""
@@ -82,9 +79,7 @@ class Central:
     head, at the start and when the old one has died, wherever the target is.
     """
 
-    is_open: ClassVar[bool] = True
-    moves: ClassVar[bool] = False
-    calls_election: ClassVar[bool] = False
+    protocol: ClassVar[str] = "open"
     minimum_active: ClassVar[int] = 0
 
     x: Annotated[float, PLACE, "the head is the able node nearest to (x, y)"] = 0.0
@@ -122,9 +117,7 @@ class MovingHead:
     Source: Li, Jiang, Zhang, Zhang (2012), section 2.2; the times are our choice, as the paper gives none.
     """
 
-    is_open: ClassVar[bool] = False
-    moves: ClassVar[bool] = True
-    calls_election: ClassVar[bool] = False
+    protocol: ClassVar[str] = "moving"
     minimum_active: ClassVar[int] = 1
 
     main: Annotated[Literal["prediction", "detection"], "what decides who leads at the next step"] = "prediction"

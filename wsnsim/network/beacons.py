@@ -1,19 +1,17 @@
 """A network without a target: every node broadcasts a beacon now and then, to be found and to measure the radio.
 
-BeaconWorld(problem, replicate, positions, streams, recorder).run() -> BeaconOutcome
+BeaconWorld(problem, replicate, positions, streams, recorder).run() -> NetworkOutcome
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Generator
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import simpy
 
 from wsnsim.base.arrays import Floats
-from wsnsim.base.counters import Counters
 from wsnsim.base.ports import Recorder
 from wsnsim.base.rng import Streams, derive_all, uniforms
 from wsnsim.base.setups import BeaconSetup
@@ -22,24 +20,10 @@ from wsnsim.network.energy.energy_steps import EnergySteps
 from wsnsim.network.event_log import EventLog, event
 from wsnsim.network.fault_services import FaultSite, NodeControl
 from wsnsim.network.faults import FaultSchedule
-from wsnsim.network.nodes import Nodes
+from wsnsim.network.outcome import NetworkOutcome
 from wsnsim.network.radio.radio_stack import make_radio_stack, run_until
 
 Beaconing = Generator[simpy.Event, Any, None]
-
-
-@dataclass(frozen=True, slots=True)
-class BeaconOutcome:
-    """What a run leaves behind. `beacons`: how many nodes wanted to send; `awake`: the share of their time that nodes
-    were awake; `cycles`: nothing is computed.
-    """
-
-    fleet: Nodes
-    counts: Counters
-    beacons: int
-    event_fingerprint: int
-    awake: float
-    cycles: float = 0.0
 
 
 class BeaconWorld:
@@ -52,24 +36,24 @@ class BeaconWorld:
         self._replicate = replicate
         self._recorder = recorder
         self._journal = EventLog(recorder, replicate)
-        traits, count_links = np.ones((len(positions), 0)), recorder.wants("links")
-        stack = make_radio_stack(problem, positions, traits, streams, self._journal, count_links)
-        radio, self._clocks, self._mac, self._links = stack.radio, stack.clocks, stack.mac, stack.links
-        if radio.topology.distance_only:
-            radio.topology.find_all()
-        self._counters = radio.counters
-        self._env = env = radio.env
-        self._fleet = fleet = radio.nodes
+        ether = make_radio_stack(problem, positions, np.ones((len(positions), 0)), streams, self._journal)
+        if ether.wiring.sharp:
+            ether.wiring.survey()
+        self._env = env = ether.env
+        self._fleet = fleet = ether.fleet
+        self._clocks, self._mac = ether.clocks, ether.mac
+        if recorder.wants("links"):
+            self._mac.count_links()
         fleet.on_death = self._bury
         self._costs = EnergySteps(env, fleet, recorder)
-        self._beacons = 0
+        self.beacons = 0
         self._code = self._journal.code("beacon")
         phases = uniforms(derive_all(streams.key("beacons"), np.arange(fleet.size)), 0)
         for node, phase in enumerate((phases * problem.workload.period).tolist()):
             env.process(self._beacon(node, phase))
         FaultSchedule(problem.faults, self._site(), streams.key("faults"), problem.dt).start()
 
-    def run(self, progress: Callable[[float], None] | None = None) -> BeaconOutcome:
+    def run(self, progress: Callable[[float], None] | None = None) -> NetworkOutcome:
         """Run to the end. A failure names seed, replicate and simulated time."""
         problem = self._problem
         clock = self._env.process(self._clock(progress))
@@ -78,7 +62,7 @@ class BeaconWorld:
         self._costs.end(problem.steps - 1)
         self._costs.write(self._replicate, problem.dt, self._recorder)
         self._write_links()
-        return BeaconOutcome(self._fleet, self._counters, self._beacons, self._journal.fingerprint(), awake)
+        return NetworkOutcome(self._fleet, self._mac.counts, self._journal.fingerprint(), awake)
 
     def _clock(self, progress: Callable[[float], None] | None) -> Beaconing:
         dt = self._problem.dt
@@ -98,7 +82,7 @@ class BeaconWorld:
         yield self._env.timeout(phase)
         while node not in self._fleet.died_at:
             if alive[node] and self._fleet.is_awake(node):
-                self._beacons += 1
+                self.beacons += 1
                 self._mac.offer(node, bits, _told, self._code)
             yield self._env.timeout(period)
 
@@ -119,9 +103,10 @@ class BeaconWorld:
         self._journal.add(event(self._env.now, self._journal.step, -1, node, KIND[kind]))
 
     def _write_links(self) -> None:
-        rows = self._links.rows()
-        if rows:
-            self._recorder.write("links", {"replicate": self._replicate, **rows})
+        if self._recorder.wants("links"):
+            rows = self._mac.link_rows()
+            if rows:
+                self._recorder.write("links", {"replicate": self._replicate, **rows})
 
 
 def _told(heard: Any) -> None:

@@ -1,168 +1,190 @@
-"""A sensor node's life, as one SimPy process, born at its first wake.
+"""A sensor node as one SimPy process, created at its first wake-up.
 
-Asleep, it waits on one event: the target's sound, or a frame that gives it a role. Awake it senses, stands for
-election, follows or leads; it sleeps again when it neither senses nor has a role, and dies when its charge ends, in
-the middle of whatever it did.
+A node that sleeps waits on one event: the target came into range, or a frame gave it a role. It falls asleep again
+when it neither senses nor has a role, and dies when its battery is empty, in the middle of whatever it does.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
-from typing import Any
+from collections.abc import Callable, Generator, Iterable
+from dataclasses import dataclass
+from typing import Any, Final
 
 import simpy
 
 from wsnsim.base.radio import Mode
-from wsnsim.base.requests import PACKET_BITS, Parcel
-from wsnsim.network.clusters.handover import Crew, Handover
-from wsnsim.network.clusters.head_life_cycle import tenure
-from wsnsim.network.clusters.moving_head import pursue
-from wsnsim.network.clusters.standing_cluster import lead
-from wsnsim.network.clusters.track import Election, Track
-from wsnsim.network.run_context import RunContext
+from wsnsim.network.nodes import Nodes
+from wsnsim.network.step_clock import ProtocolLog
 
-TARGET, FRAME, CALL = "target", "frame", "call"
-"""What makes a node wake, or sleep again."""
-Life = Generator[simpy.Event, Any, None]
-Order = Callable[[], Any]
+TARGET: Final = "target"
+FRAME: Final = "frame"
+"""Why a node wakes or falls asleep."""
+Activity = Generator[simpy.Event, Any, None]
+Change = Callable[[], Any]
 
 
-class Node:
-    """One node. `senses` and `serves` are the targets it hears, and those it has a role for; `watches` those for which
-    it stays awake for a while.
+@dataclass(frozen=True, slots=True)
+class NodeServices:
+    """What a node process uses. `on_wake(node, target, by_frame)` is called at each wake-up."""
+
+    env: simpy.Environment
+    nodes: Nodes
+    log: ProtocolLog
+    on_wake: Callable[[int, int, bool], None]
+
+
+class NodeProcess:
+    """One node that has been awake at least once.
+
+    `senses`: the targets that it senses; `serves`: those for which it has a role in a cluster; `awake_until`: those for
+    which it stays awake until a time.
     """
 
-    def __init__(self, stage: RunContext, crew: Crew, index: int) -> None:
+    def __init__(self, services: NodeServices, index: int) -> None:
         self.index = index
         self.senses: set[int] = set()
         self.serves: set[int] = set()
-        self.watches: dict[int, float] = {}
-        self._stage = stage
-        self._crew = crew
+        self.awake_until: dict[int, float] = {}
+        self._services = services
+        self._env = services.env
         self._awake = False
-        self._orders: list[tuple[int, str, Order]] = []
-        self._call = stage.env.event()
-        self._duties: list[simpy.Process] = []
-        self._process = stage.env.process(self._life())
+        self._changes: list[tuple[int, str, Change]] = []
+        self._changed = self._env.event()
+        self._activities: list[simpy.Process] = []
+        self._process = self._env.process(self._run())
 
     def hear_target(self, target: int) -> None:
-        """The target has come within sensing range."""
-        self._tell(target, TARGET, lambda: self.senses.add(target))
+        """Note that the target came into sensing range."""
+        self._change(target, TARGET, lambda: self.senses.add(target))
 
     def lose_target(self, target: int) -> None:
-        """The target has left the sensing range."""
-        self._tell(target, TARGET, lambda: self.senses.discard(target))
+        """Note that the target left the sensing range."""
+        self._change(target, TARGET, lambda: self.senses.discard(target))
 
     def serve(self, target: int) -> None:
-        """A frame has made the node a member, or head."""
-        self._tell(target, FRAME, lambda: self.serves.add(target))
+        """Take a role, as member or as head."""
+        self._change(target, FRAME, lambda: self.serves.add(target))
 
     def dismiss(self, target: int) -> None:
-        """The cluster has dissolved."""
-        self._tell(target, FRAME, lambda: self.serves.discard(target))
+        """Give up the role: the cluster was dissolved."""
+        self._change(target, FRAME, lambda: self.serves.discard(target))
 
-    def watch(self, target: int, until: float, why: str = FRAME) -> None:
-        """Stay awake for a target until then, at least, because of a frame or a call."""
-        known = self.watches.get(target)
+    def keep_awake(self, target: int, until: float, why: str = FRAME) -> None:
+        """Stay awake for a target at least until a time, because of a frame or a call."""
+        known = self.awake_until.get(target)
         if known is not None and known >= until:
             return
-        self.watches[target] = until
+        self.awake_until[target] = until
         if known is None:
-            self._tell(target, why, _nothing)
-            self._look_again(target, until)
+            self._change(target, why, _nothing)
+            self._check_at(target, until)
 
-    def relax(self, target: int) -> None:
-        """Need not stay awake for a target any longer."""
-        if self.watches.pop(target, None) is not None:
-            self._tell(target, TARGET, _nothing)
+    def release(self, target: int) -> None:
+        """End `keep_awake` for a target."""
+        if self.awake_until.pop(target, None) is not None:
+            self._change(target, TARGET, _nothing)
 
-    def _look_again(self, target: int, until: float) -> None:
-        """Fall back to the schedule, unless it has been told to stay for longer."""
-        event = self._stage.env.timeout(max(until - self._stage.env.now, 0.0))
+    def begin(self, activity: Activity) -> None:
+        """Run a generator in a process of its own, so that it ends with the node at whatever instant it goes down."""
+        self._activities = [process for process in self._activities if process.is_alive]
+        self._activities.append(self._env.process(activity))
+
+    def stop(self) -> None:
+        """Interrupt every process of a node that died or went down; the active one checks for itself."""
+        for process in (self._process, *self._activities):
+            if process.is_alive and process is not self._env.active_process:
+                process.interrupt("death")
+
+    def _check_at(self, target: int, until: float) -> None:
+        """Follow the schedule again at a time, unless `keep_awake` was extended by then."""
+        event = self._env.timeout(max(until - self._env.now, 0.0))
         assert event.callbacks is not None
-        event.callbacks.append(lambda _: self._watched(target, until))
+        event.callbacks.append(lambda _: self._check(target, until))
 
-    def _watched(self, target: int, until: float) -> None:
-        known = self.watches.get(target)
+    def _check(self, target: int, until: float) -> None:
+        known = self.awake_until.get(target)
         if known is None:
             return
         if known > until:
-            self._look_again(target, known)
+            self._check_at(target, known)
         else:
-            self.relax(target)
+            self.release(target)
 
-    def take_lead(self, track: Track, mission: Handover) -> None:
-        """Lead a track from now on: a duty of its own, so that a death in this very instant ends it too."""
-        self.serve(track.target)
-        life = pursue if self._stage.parts.clusters.moves else lead
-        self._begin(tenure(self._stage, self._crew, track, self.index, mission, life))
-
-    def stand(self, track: Track, election: Election) -> None:
-        """Stand for election."""
-        self._begin(self._stand(track, election))
-
-    def die(self) -> None:
-        """The node is dead or down: every process of it ends; the one that runs now sees it for itself."""
-        for process in (self._process, *self._duties):
-            if process.is_alive and process is not self._stage.env.active_process:
-                process.interrupt("death")
-
-    def _tell(self, target: int, why: str, order: Order) -> None:
-        if not self._stage.fleet.alive[self.index]:
+    def _change(self, target: int, why: str, change: Change) -> None:
+        if not self._services.nodes.alive[self.index]:
             return
-        self._orders.append((target, why, order))
-        if not self._call.triggered:
-            self._call.succeed()
+        self._changes.append((target, why, change))
+        if not self._changed.triggered:
+            self._changed.succeed()
 
-    def _begin(self, duty: Life) -> None:
-        self._duties = [process for process in self._duties if process.is_alive]
-        self._duties.append(self._stage.env.process(duty))
-
-    def _life(self) -> Life:
+    def _run(self) -> Activity:
         try:
             while True:
-                yield self._call
-                self._call = self._stage.env.event()
-                orders, self._orders = self._orders, []
-                for _, _, order in orders:
-                    order()
-                self._wake_or_sleep(*orders[0][:2])
-                if not self._stage.fleet.alive[self.index]:
+                yield self._changed
+                self._changed = self._env.event()
+                changes, self._changes = self._changes, []
+                for _, _, change in changes:
+                    change()
+                self._wake_or_sleep(*changes[0][:2])
+                if not self._services.nodes.alive[self.index]:
                     return
         except simpy.Interrupt:
             self._awake = False
 
     def _wake_or_sleep(self, target: int, why: str) -> None:
-        busy = bool(self.senses or self.serves or self.watches)
-        if busy != self._awake:
-            self._awake = busy
-            fleet = self._stage.fleet
-            if fleet.is_scheduled_awake(self.index):
-                self._stage.log("stay" if busy else "resume", target, self.index, why if busy else "schedule")
-            else:
-                why = "schedule" if fleet.follows_schedules and not busy else why
-                self._stage.log("wake" if busy else "sleep", target, self.index, why)
-                if busy:
-                    self._crew.woke(self.index, target, why != TARGET)
-            fleet.set_mode(self.index, Mode.AWAKE if busy else fleet.rest_of(self.index))
-
-    def _stand(self, track: Track, election: Election) -> Life:
-        """Broadcast the strength of the own reading; the winner of an election that fills a vacancy takes the lead."""
-        stage = self._stage
-        parcel = Parcel(election.strengths[self.index], 1, PACKET_BITS, "strength")
-        try:
-            event, (frame,) = stage.air.broadcast([self.index], [parcel], track.target)
-            yield event
-            election.report(self.index, frame.received)
-            winner = yield election.closed
-        except simpy.Interrupt:
+        busy = bool(self.senses or self.serves or self.awake_until)
+        if busy == self._awake:
             return
-        if winner == self.index and election.fills_vacancy and stage.fleet.alive[self.index]:
-            stage.log("elect", track.target, self.index)
-            readings = election.readings_at(self.index)
-            mission = Handover(election.step, readings=readings, elected=True, at_once=True)
-            self._crew.appoint(track, self.index, mission)
+        self._awake = busy
+        nodes, log = self._services.nodes, self._services.log
+        if nodes.is_scheduled_awake(self.index):
+            log.add("stay" if busy else "resume", target, self.index, why if busy else "schedule")
+        else:
+            why = "schedule" if nodes.follows_schedules and not busy else why
+            log.add("wake" if busy else "sleep", target, self.index, why)
+            if busy:
+                self._services.on_wake(self.index, target, why != TARGET)
+        nodes.set_mode(self.index, Mode.AWAKE if busy else nodes.rest_of(self.index))
+
+
+class NodeProcesses:
+    """The processes of all nodes that have been awake, by index."""
+
+    def __init__(self, services: NodeServices) -> None:
+        self._services = services
+        self._processes: dict[int, NodeProcess] = {}
+
+    def of(self, index: int) -> NodeProcess:
+        """The process of a node, created at the first call."""
+        process = self._processes.get(index)
+        if process is None:
+            process = self._processes[index] = NodeProcess(self._services, index)
+        return process
+
+    def find(self, index: int) -> NodeProcess | None:
+        """The process of a node, None if it has not been created."""
+        return self._processes.get(index)
+
+    def stop(self, index: int) -> None:
+        """Interrupt what a node that went down is doing."""
+        process = self._processes.get(index)
+        if process is not None:
+            process.stop()
+
+    def forget(self, index: int) -> None:
+        """Delete the process of a node that crashed: it restarts without a role."""
+        self._processes.pop(index, None)
+
+    def enlist(self, members: Iterable[int], target: int) -> None:
+        """Give nodes a role for a target."""
+        for index in members:
+            self.of(index).serve(target)
+
+    def dismiss(self, members: Iterable[int], target: int) -> None:
+        """Take the role for a target from nodes."""
+        for index in members:
+            self.of(index).dismiss(target)
 
 
 def _nothing() -> None:
-    """An order that changes nothing but makes the node look at what it has to do."""
+    """A change that only makes the node check whether it has something to do."""

@@ -399,7 +399,7 @@ def make_nodes(env: simpy.Environment, parts: RadioSetup, positions: Floats, tra
 
 def _looking(parts: RadioSetup) -> float:
     """W that a node which is awake spends on looking for targets: a reading each time, on the average."""
-    if not isinstance(parts, NetworkSetup) or not parts.clusters.moves:
+    if not isinstance(parts, NetworkSetup) or not parts.nodes_search:
         return 0.0
     return parts.energy.sense() / (parts.acquire.poll or parts.dt)
 

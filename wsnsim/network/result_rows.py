@@ -7,47 +7,28 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import fields
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
-from wsnsim.base.counters import Counters
 from wsnsim.base.ports import Recorder
 from wsnsim.base.setups import NetworkSetup
+from wsnsim.base.sleeping import WakeUpRound
 from wsnsim.network.clusters.track import ClusterRecord, Track
-from wsnsim.network.clusters.wake_up_service import WakeUpRound
 from wsnsim.network.nodes import Nodes
-from wsnsim.network.world import Outcome
+from wsnsim.network.outcome import NetworkOutcome
+from wsnsim.network.radio.counters import Counters
 
 NAN = float("nan")
 
 
-class Left(Protocol):
-    """What every run leaves behind, with targets or without."""
-
-    @property
-    def fleet(self) -> Nodes: ...
-
-    @property
-    def counts(self) -> Counters: ...
-
-    @property
-    def cycles(self) -> float: ...
-
-    @property
-    def event_fingerprint(self) -> int: ...
-
-    @property
-    def awake(self) -> float: ...
-
-
-def write_rows(outcome: Outcome, replicate: int, parts: NetworkSetup, recorder: Recorder) -> None:
+def write_rows(outcome: NetworkOutcome, replicate: int, parts: NetworkSetup, recorder: Recorder) -> None:
     """Write the tables of nodes, energy and clusters of a run that ended."""
-    write_network(outcome.fleet, replicate, parts.sensor.trait_names, recorder)
+    write_network(outcome.nodes, replicate, parts.sensor.trait_names, recorder)
     for track in outcome.tracks:
         _write(recorder, "clusters", replicate, {"target": track.target, **_clusters(track.clusters)})
-        if track.wakings:
-            _write(recorder, "wakeups", replicate, {"target": track.target, **_wakeups(track.wakings)})
+        if track.rounds:
+            _write(recorder, "wakeups", replicate, {"target": track.target, **_wakeups(track.rounds)})
 
 
 def write_network(fleet: Nodes, replicate: int, trait_names: tuple[str, ...], recorder: Recorder) -> None:
@@ -56,7 +37,7 @@ def write_network(fleet: Nodes, replicate: int, trait_names: tuple[str, ...], re
     _write(recorder, "energy", replicate, _energy(fleet))
 
 
-def woken_rows(outcome: Outcome, track: Track) -> dict[str, Any]:
+def woken_rows(outcome: NetworkOutcome, track: Track) -> dict[str, Any]:
     """The columns of the table `estimates` that only a network has."""
     woken = outcome.woken[track.target, 1 : outcome.steps + 1]
     received = [outcome.received.get((track.target, step), NAN) for step in range(1, outcome.steps + 1)]
@@ -65,23 +46,29 @@ def woken_rows(outcome: Outcome, track: Track) -> dict[str, Any]:
 
 def called_row(track: Track) -> dict[str, int]:
     """What the table `tracks` says of calls on the wake-up radio."""
-    return {name: sum(getattr(waking, name) for waking in track.wakings) for name in ("called", "dismissed")}
+    return {name: sum(getattr(one, name) for one in track.rounds) for name in ("called", "dismissed")}
 
 
-def run_row(outcome: Left, tracks: Sequence[Track]) -> dict[str, Any]:
-    """What the table `runs` says of the network."""
-    fleet = outcome.fleet
-    deaths = sorted(fleet.died_at.values())
-    half = (fleet.size + 1) // 2
+def run_row(outcome: NetworkOutcome, coverage: float = NAN) -> dict[str, Any]:
+    """The columns of the table `runs` about the network.
+
+    Args:
+        outcome: what the run left behind.
+        coverage: fraction of the field that the living nodes sense.
+    """
+    nodes = outcome.nodes
+    deaths = sorted(nodes.died_at.values())
+    half = (nodes.size + 1) // 2
     return {
-        "energy": float(sum(fleet.totals)),
-        "handovers": sum(track.handovers for track in tracks),
+        "energy": float(sum(nodes.totals)),
+        "handovers": sum(track.handovers for track in outcome.tracks),
         **count_columns(outcome.counts),
         "cycles": outcome.cycles,
         "awake": outcome.awake,
-        "alive": sum(fleet.alive),
+        "alive": sum(nodes.alive),
         "first_death": deaths[0] if deaths else NAN,
         "half_dead": deaths[half - 1] if len(deaths) >= half else NAN,
+        "coverage": coverage,
         "event_fingerprint": outcome.event_fingerprint,
     }
 
@@ -130,10 +117,10 @@ def _clusters(clusters: Sequence[ClusterRecord]) -> dict[str, Any]:
     }
 
 
-def _wakeups(wakings: Sequence[WakeUpRound]) -> dict[str, Any]:
+def _wakeups(rounds: Sequence[WakeUpRound]) -> dict[str, Any]:
     own = ("time", "node", "sequence", "foreseen", "forwards", "called", "dismissed", "woken", "ineffective", "expired")
-    columns = {name: np.array([getattr(waking, name) for waking in wakings], dtype=np.float64) for name in own}
+    columns = {name: np.array([getattr(one, name) for one in rounds], dtype=np.float64) for name in own}
     for name in ("step", "radius", "expires"):
-        columns[name] = np.array([getattr(waking.message, name) for waking in wakings], dtype=np.float64)
-    columns["x"], columns["y"] = np.array([waking.message.centre for waking in wakings]).T
+        columns[name] = np.array([getattr(one.message, name) for one in rounds], dtype=np.float64)
+    columns["x"], columns["y"] = np.array([one.message.centre for one in rounds]).T
     return columns

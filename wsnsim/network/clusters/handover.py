@@ -1,27 +1,28 @@
-"""What passes between heads: the mission that one is given, the crew that it may call on, the word for a loss."""
+"""What passes from one head of a track to the next, and how a head's lead can end otherwise."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from wsnsim.network.clusters.cluster import Cluster
-from wsnsim.network.clusters.track import Election, Track
 
-
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class Handover:
-    """What a new head starts from: a belief that reached it, or, for a new track, the readings that it knows.
+    """What a new head, `successor`, starts from: a belief that reached it or, for a new track, readings that it knows.
 
-    Either is of step `belief_step`. `elected`: a network-wide election has already chosen this head. `at_once`: it
-    acts in the present step, not at the next tick.
-
-    Of heads that move: `detected`, {node: reading} of a target that nobody follows, which this head takes up;
-    `looks_ahead`: it has nodes woken before it does anything else; `fixed_at`: when the target was last sensed, in s;
-    `belief_time`: when the belief holds, None: at its step's instant.
+    Attributes:
+        belief_step: the step of the belief or of the readings.
+        hops: of the belief's way to the successor; `bits`: sent on it.
+        elected: a network-wide election has chosen the successor.
+        at_once: the successor acts in the present step, not at the next tick.
+        detected: {node: reading} of a target that nobody tracks. Of moving heads alone, like all that follow.
+        wakes_nodes: the successor has nodes woken before it does anything else.
+        last_sensed: time in s at which the target was last sensed.
+        belief_time: time in s of the belief; None: the instant of its step.
     """
 
+    successor: int
     belief_step: int
     belief: Any = None
     readings: Mapping[int, float] | None = None
@@ -31,26 +32,14 @@ class Handover:
     elected: bool = False
     at_once: bool = False
     detected: Mapping[int, float] | None = None
-    looks_ahead: bool = False
-    fixed_at: float = 0.0
+    wakes_nodes: bool = False
+    last_sensed: float = 0.0
     belief_time: float | None = None
 
 
-@dataclass(slots=True)
-class Crew:
-    """How processes reach each other: give a node the lead, have candidates stand, tell members their role.
-
-    `woke(node, target, by_frame)` is told of each wake.
-    """
-
-    appoint: Callable[[Track, int, Handover], None]
-    call_election: Callable[[Track, Election], None]
-    enlist: Callable[[Track, Cluster], None]
-    release: Callable[[Track, Cluster], None]
-    dismiss: Callable[[Track, int], None]
-    woke: Callable[[int, int, bool], None]
-    end_run: Callable[[], None]
-
-
 class TrackLost(Exception):
-    """The belief is gone though the head lives; the message is the word for the log."""
+    """The track was lost while its cluster head is alive. The argument is the reason that is logged."""
+
+
+class LastClusterDone(Exception):
+    """The scenario ends with this cluster (`until.clusters`)."""

@@ -1,263 +1,219 @@
-"""A head that moves with the target: anew at each step there is a main node, and nodes that were told to track.
+"""Moving heads: the head is chosen again at each step among the nodes that were woken for it.
 
-    pursue(stage, crew, track, head, mission)      a main node's life, until another takes over (see `tenure`)
+At the step's instant the woken nodes measure and send their readings to the head. The head waits until none has come
+for a while, estimates, reports, and has nodes woken for the next step; `succession` says which node leads then. A
+target whose track was lost is searched for by the nodes that happen to be awake; the first to detect it becomes head.
 
-At the step's instant the nodes that were woken for it take their readings and send them to the main node, which waits
-until none has come for a while, estimates, reports, and has nodes woken for the next step. Who leads then is the one
-of these nearest to the prediction, or the one that has read the target nearest. Nobody follows a target that was lost:
-nodes that happen to be awake look for it, and the first to detect it becomes main node.
-
-Li, Jiang, Zhang, Zhang (2012), section 2.2, and the reconstructions of its two rivals. Idealisations, all our choice:
-those who track know who of them is nearest to the prediction, and nodes that are awake know whether a target is
-followed already.
+Li, Jiang, Zhang, Zhang (2012), section 2.2, and our reconstructions of its two rivals. Idealisations, all our choice:
+the woken nodes know which of them is nearest to the prediction, and awake nodes know whether a target is tracked.
 """
 
 from __future__ import annotations
 
-from collections.abc import Generator, Mapping
-from dataclasses import dataclass
-from typing import Any, cast
+from collections.abc import Generator, Iterable, Mapping
+from dataclasses import replace
+from typing import Any, Final, cast
 
-import numpy as np
 import simpy
 
-from wsnsim.base.ports import MovingPolicy, Portable, Ranks, Scene
+from wsnsim.base.ports import MovingPolicy, Portable
 from wsnsim.base.requests import Parcel
 from wsnsim.network.clusters.cluster import Cluster
-from wsnsim.network.clusters.driver import Driver, HeadDied
-from wsnsim.network.clusters.handover import Crew, Handover, TrackLost
-from wsnsim.network.clusters.head_life_cycle import Waiting, count_start, dissolve, enter_office, issue, snapshot
+from wsnsim.network.clusters.driver import Driver
+from wsnsim.network.clusters.handover import Handover, LastClusterDone, TrackLost
+from wsnsim.network.clusters.head_protocol import HeadServices, Leading, Waiting
+from wsnsim.network.clusters.succession import Lead, make_succession
 from wsnsim.network.clusters.track import Track
-from wsnsim.network.clusters.wake_ahead import look_ahead, predicted
-from wsnsim.network.radio.transport import Datagram
-from wsnsim.network.run_context import RunContext
+from wsnsim.network.radio.transport import datagram
 
-TINY = 1e-9
-
-
-@dataclass(slots=True)
-class _Office:
-    """A main node's time: its belief, of step `last` and time `since`; when it last had a reading; what it works with.
-
-    `scene`: of the last step. A target that was found between two steps has a first step shorter than others.
-    """
-
-    stage: RunContext
-    crew: Crew
-    track: Track
-    head: int
-    policy: MovingPolicy
-    belief: Any
-    last: int
-    since: float
-    fixed_at: float
-    scene: Scene | None = None
-    heard: Mapping[int, float] | None = None
+ROUNDING: Final = 1e-9
+"""Times (s) that differ by less than this are equal but for rounding."""
 
 
-def pursue(stage: RunContext, crew: Crew, track: Track, head: int, mission: Handover) -> Waiting:
-    """A main node's life for one target, from taking over until another does."""
-    policy = cast(MovingPolicy, stage.parts.clusters)
-    since = mission.belief_time if mission.belief_time is not None else mission.belief_step * stage.parts.dt
-    office = _Office(stage, crew, track, head, policy, mission.belief, mission.belief_step, since, mission.fixed_at)
-    enter_office(stage, track, _cluster(stage, track, head, []), mission)
-    if mission.detected is not None:
-        yield from _take_up(office, mission.detected)
-        if (yield from _move_on(office)):
-            return
-    elif mission.looks_ahead:
-        office.scene = _cluster(stage, track, head, []).scene(0)
-        office.scene.time, office.scene.dt = office.since, (stage.step + 1) * stage.parts.dt - office.since
-        look_ahead(stage, track, head, office.belief, office.scene, office.fixed_at)
-        yield track.tick
-        if (yield from _give_way(office)):
-            return
-    while True:
-        yield from _step(office)
-        if (yield from _move_on(office)):
-            return
+class MovingHeadProtocol:
+    """A head that leads until another node takes over, at most from one step to the next."""
 
+    def __init__(self, services: HeadServices) -> None:
+        self._services = services
+        self._network = services.network
+        self._clock = services.network.clock
+        self._setup = services.network.setup
+        self._log = services.driver.log
+        self._policy = cast(MovingPolicy, self._setup.clusters)
+        self._succession = make_succession(services.network, self._policy.main)
 
-def _cluster(stage: RunContext, track: Track, head: int, joined: list[int]) -> Cluster:
-    return Cluster(stage, track.target, head, joined, is_open=False, keys_ahead=1)
+    def fill_vacancy(self, track: Track, poll: int) -> Handover | None:
+        """The awake node that detects the target first takes it up."""
+        found = self._services.search.first_detection(track.target, poll)
+        if found is None:
+            return None
+        head, detected = found
+        return Handover(head, self._clock.step, at_once=True, detected=detected)
 
+    def release(self, track: Track, cluster: Cluster) -> None:
+        """Do nothing: members have no role."""
 
-def _take_up(office: _Office, detected: Mapping[int, float]) -> Waiting:
-    """Tell the neighbours of a target that nobody follows; who senses it, too, answers. The track starts from that.
+    def lead(self, track: Track, handover: Handover) -> Leading:
+        """Take the track up or over, and lead it step by step until another node is head."""
+        lead = self._take_over(track, handover)
+        if handover.detected is not None:
+            yield from self._initiate(lead, handover.detected)
+        elif handover.wakes_nodes:
+            scene = self._cluster(track, lead.head, []).scene(0)
+            lead.scene = replace(scene, time=lead.belief_time, dt=self._clock.next_step - lead.belief_time)
+            self._wake_nodes(lead)
+            yield track.tick
+            following = yield from self._give_way(lead)
+            if following is not None:
+                return following
+            yield from self._step(lead)
+        else:
+            yield from self._step(lead)
+        while (following := (yield from self._move_on(lead))) is None:
+            yield from self._step(lead)
+        return following
 
-    `detected`: {node: reading} of all who are awake and sense the target at this instant.
-    """
-    stage, track, head = office.stage, office.track, office.head
-    began, step, acquire = stage.env.now, stage.step, stage.parts.acquire
-    for node in detected:
-        stage.log("sense", track.target, node)
-    yield stage.env.timeout(office.policy.sampling)
-    listeners = yield from _ask(office, "detection")
-    answers = [Datagram(node, head, Parcel(detected[node], 1, acquire.answer_bits, "reading"))
-               for node in listeners if node in detected]  # fmt: skip
-    cluster = _cluster(stage, track, head, [item.source for item in answers])
-    driver = _driver(office, cluster)
-    yield from driver.collect(answers)
-    readings = {head: detected[head], **{item.source: detected[item.source] for item in answers if item.arrived}}
-    nodes = np.array(sorted(readings), dtype=np.int64)
-    prior = acquire.estimate(
-        np.array([readings[node] for node in nodes.tolist()]), stage.fleet.positions[nodes], stage.fleet.traits[nodes],
-        stage.parts.filter_sensor, stage.parts.filter_motions[track.target], track.prior,
-    )  # fmt: skip
-    office.scene = cluster.scene(0)
-    office.scene.time, office.scene.dt = began, (step + 1) * stage.parts.dt - began
-    office.belief = yield from driver.perform(stage.parts.tracker.start(prior, office.scene))
-    driver.readings = len(readings)
-    office.heard, office.fixed_at, office.last, office.since = readings, began, step, began
-    count_start(stage, track, head)
-    if abs(began - step * stage.parts.dt) < TINY:
-        issue(stage, track, step, office.scene, driver, stage.parts.tracker.estimate(office.belief))
+    def _take_over(self, track: Track, handover: Handover) -> Lead:
+        clock, belief_time = self._clock, handover.belief_time
+        since = handover.belief_step * clock.dt if belief_time is None else belief_time
+        track.open_cluster(self._cluster(track, handover.successor, []), handover, clock.now)
+        return Lead(track, handover.successor, handover.belief, handover.belief_step, since, handover.last_sensed)
 
+    def _cluster(self, track: Track, head: int, joined: list[int]) -> Cluster:
+        return Cluster(self._network, track.target, head, joined, keys_ahead=1)
 
-def _step(office: _Office) -> Waiting:
-    """One step at the main node: readings in, an estimate out."""
-    stage, track, head = office.stage, office.track, office.head
-    began = stage.env.now
-    told, nobody_is_told = _told(office), stage.waker is None
-    _sample(stage, track, list(stage.sensing[track.target]) if nobody_is_told else [head, *told])
-    yield stage.env.timeout(office.policy.sampling)
-    if nobody_is_told:
-        listeners = yield from _ask(office, "request")
-        told = [node for node in listeners if node in stage.sensing[track.target]]
-    cluster = track.cluster = _cluster(stage, track, head, told)
-    track.clusters[-1].members = max(track.clusters[-1].members, cluster.size)
-    driver = _driver(office, cluster)
-    step = stage.step
-    office.scene = scene = cluster.scene(step - office.last)
-    scene.dt = (scene.time - office.since) / scene.steps if scene.steps else scene.dt
-    office.belief = yield from driver.perform(stage.parts.tracker.step(office.belief, scene))
-    office.last, office.since, office.heard = step, scene.time, driver.heard
-    scene.dt = stage.parts.dt
-    if driver.readings:
-        office.fixed_at = began
-        issue(stage, track, step, office.scene, driver, stage.parts.tracker.estimate(office.belief))
-        snapshot(stage, track, cluster, office.belief, step)
-    elif began - office.fixed_at > office.policy.patience + TINY:
-        raise TrackLost("no_readings")
+    def _initiate(self, lead: Lead, detected: Mapping[int, float]) -> Waiting:
+        """Tell the neighbours of a target that nobody tracks; those that sense it answer. The track starts from that.
 
+        `detected`: {node: reading} of all nodes that are awake and sense the target at this instant.
+        """
+        clock, track, head, estimates = self._clock, lead.track, lead.head, self._services.estimates
+        began, step, acquire = clock.now, clock.step, self._setup.acquire
+        self._log_sensing(track, detected, detected)
+        yield clock.env.timeout(self._policy.sampling)
+        listeners = yield from self._ask(lead, "detection")
+        answers = [datagram(node, head, Parcel(detected[node], 1, acquire.answer_bits, "reading"))
+                   for node in listeners if node in detected]  # fmt: skip
+        cluster = self._cluster(track, head, [item.source for item in answers])
+        driver = self._driver(track, cluster)
+        yield from driver.collect(answers)
+        readings = {head: detected[head], **{item.source: detected[item.source] for item in answers if item.arrived}}
+        prior = estimates.initial(track, readings)
+        lead.scene = replace(cluster.scene(0), time=began, dt=(step + 1) * clock.dt - began)
+        lead.belief = yield from driver.perform(self._setup.tracker.start(prior, lead.scene))
+        driver.readings = len(readings)
+        lead.heard, lead.last_sensed, lead.belief_step, lead.belief_time = readings, began, step, began
+        if not track.started:
+            self._log.add("acquire", track.target, head)
+        estimates.note_start(track, head)
+        if abs(began - step * clock.dt) < ROUNDING:
+            estimates.issue(track, step, lead.scene, driver, lead.belief)
 
-def _told(office: _Office) -> list[int]:
-    """Who tracks at this step, having been told, and can."""
-    waking, stage = office.track.waking, office.stage
-    if waking is None or waking.message.step != stage.step:
-        return []
-    return [node for node in sorted(waking.tracking) if node != office.head and stage.fleet.alive[node]]
+    def _step(self, lead: Lead) -> Waiting:
+        """One step at the head: readings in, an estimate out."""
+        clock, track, estimates = self._clock, lead.track, self._services.estimates
+        began = clock.now
+        members = yield from self._measuring(lead)
+        cluster = track.cluster = self._cluster(track, lead.head, members)
+        track.clusters[-1].members = max(track.clusters[-1].members, cluster.size)
+        driver = self._driver(track, cluster)
+        step = clock.step
+        scene = cluster.scene(step - lead.belief_step)
+        dt = (scene.time - lead.belief_time) / scene.steps if scene.steps else scene.dt
+        lead.belief = yield from driver.perform(self._setup.tracker.step(lead.belief, replace(scene, dt=dt)))
+        lead.belief_step, lead.belief_time, lead.heard, lead.scene = step, scene.time, driver.heard, scene
+        if driver.readings:
+            lead.last_sensed = began
+            estimates.issue(track, step, scene, driver, lead.belief)
+            estimates.snapshot(track, cluster, lead.belief, step)
+        elif began - lead.last_sensed > self._policy.patience + ROUNDING:
+            raise TrackLost("no_readings")
 
+    def _measuring(self, lead: Lead) -> Generator[simpy.Event, Any, list[int]]:
+        """Let nodes measure: those that were woken; where nobody is, those that hear the head's request.
 
-def _ask(office: _Office, what: str) -> Generator[simpy.Event, Any, list[int]]:
-    """Broadcast a word about the target; who heard it."""
-    stage, head = office.stage, office.head
-    bits = stage.parts.acquire.detection_bits
-    event, (frame,) = stage.air.broadcast([head], [Parcel(None, 1, bits, what)], office.track.target)
-    yield event
-    if not stage.fleet.alive[head]:
-        raise HeadDied
-    return [node for node in sorted(frame.received) if stage.fleet.alive[node]]
+        Measuring takes `sampling` s, and no energy of its own: awake nodes sense all the time.
+        """
+        track, readings = lead.track, self._network.readings
+        if self._services.wake_ahead.wakes_nodes:
+            woken = self._woken(lead)
+            self._log_sensing(track, [lead.head, *woken], readings[track.target])
+            yield self._clock.env.timeout(self._policy.sampling)
+            return woken
+        self._log_sensing(track, list(readings[track.target]), readings[track.target])
+        yield self._clock.env.timeout(self._policy.sampling)
+        listeners = yield from self._ask(lead, "request")
+        return [node for node in listeners if node in readings[track.target]]
 
+    def _log_sensing(self, track: Track, nodes: Iterable[int], readings: Mapping[int, float]) -> None:
+        for node in nodes:
+            if node in readings:
+                self._log.add("sense", track.target, node)
 
-def _driver(office: _Office, cluster: Cluster) -> Driver:
-    window = office.policy.quiet, office.policy.cap
-    return Driver(office.stage, office.track.target, office.head, cluster.members, window)
+    def _woken(self, lead: Lead) -> list[int]:
+        """The living nodes that were woken for this step, without the head."""
+        round_ = lead.track.round
+        if round_ is None or round_.message.step != self._clock.step:
+            return []
+        alive = self._network.nodes.alive
+        return [node for node in sorted(round_.tracking) if node != lead.head and alive[node]]
 
+    def _ask(self, lead: Lead, what: str) -> Generator[simpy.Event, Any, list[int]]:
+        """Broadcast a question about the target; return the nodes that heard it."""
+        bits = self._setup.acquire.detection_bits
+        return (yield from self._services.messages.ask(lead.track.target, lead.head, what, bits))
 
-def _sample(stage: RunContext, track: Track, nodes: list[int]) -> None:
-    """Note who of the nodes that take a reading gets one. Who is awake looks all the time: it is paid for already."""
-    for node in nodes:
-        if node in stage.sensing[track.target]:
-            stage.log("sense", track.target, node)
+    def _driver(self, track: Track, cluster: Cluster) -> Driver:
+        window = self._policy.quiet, self._policy.cap
+        return Driver(self._services.driver, track.target, cluster.head, cluster.members, window)
 
+    def _wake_nodes(self, lead: Lead) -> None:
+        self._services.wake_ahead.wake(lead.track, lead.head, lead.belief, lead.scene, lead.last_sensed)
 
-def _move_on(office: _Office) -> Generator[simpy.Event, Any, bool]:
-    """Have nodes woken for the next step, and wait for it; whether another main node has taken over.
+    def _move_on(self, lead: Lead) -> Leading:
+        """Have nodes woken for the next step and wait for it; the handover, if another node leads from now on."""
+        waker = self._succession.waker(lead)
+        if waker != lead.head:
+            return (yield from self._hand_over(lead, waker, wakes_nodes=True))
+        self._wake_nodes(lead)
+        yield lead.track.tick
+        return (yield from self._give_way(lead))
 
-    Where the next main node wakes them, it is told at once; else the present one wakes them, and gives way at the step.
-    """
-    stage, track, head = office.stage, office.track, office.head
-    assert office.scene is not None, "a step, or an acquisition, went before"
-    if stage.parts.wakeup.mechanism == "region" and office.policy.main == "prediction":
-        successor = _nearest(stage, predicted(stage, track, office.belief, office.scene))
-    elif office.policy.main == "detection":
-        successor = _loudest(office)
-    else:
-        successor = head
-    if successor is None:
-        raise TrackLost("empty_region")
-    if successor != head:
-        yield from _hand_over(office, successor, looks_ahead=True)
-        return True
-    look_ahead(stage, track, head, office.belief, office.scene, office.fixed_at)
-    yield track.tick
-    return (yield from _give_way(office))
+    def _give_way(self, lead: Lead) -> Leading:
+        """The handover at a step's instant, if another of the woken nodes is head now."""
+        successor = self._succession.head_at_step(lead)
+        if successor == lead.head:
+            return None
+        if not (self._setup.wakeup.carries_belief and isinstance(self._setup.tracker, Portable)):
+            return (yield from self._hand_over(lead, successor, wakes_nodes=False))
+        assert lead.track.round is not None, "only a node that was woken takes over at the step"
+        self._log.add("handover", lead.track.target, lead.head, "message", peer=successor)
+        return self._next(lead, Handover(successor, lead.belief_step, lead.track.round.tracking[successor].belief))
 
+    def _hand_over(self, lead: Lead, successor: int, wakes_nodes: bool) -> Leading:
+        """Send the belief to the next head. If it does not arrive, the track is lost."""
+        track = lead.track
+        driver = self._driver(track, self._cluster(track, lead.head, []))
+        self._log.add("handover", track.target, lead.head, peer=successor)
+        flow = self._setup.tracker.hand_over(lead.belief, lead.scene, successor)
+        belief = yield from driver.perform(flow)
+        if belief is None or not self._network.nodes.alive[successor]:
+            raise TrackLost("handover_lost")
+        handover = Handover(
+            successor, lead.belief_step, belief, hops=driver.hops, bits=driver.bits, wakes_nodes=wakes_nodes
+        )
+        return self._next(lead, handover)
 
-def _give_way(office: _Office) -> Generator[simpy.Event, Any, bool]:
-    """At the step's instant: whether another of those who were woken for it is main node now."""
-    stage, track = office.stage, office.track
-    waking = track.waking
-    if office.policy.main != "prediction" or waking is None or waking.message.step != stage.step:
-        return False
-    able = [node for node in sorted(waking.tracking) if stage.able(node)]
-    if not able:
-        raise TrackLost("expired" if waking.expired else "nobody_woken")
-    positions = stage.fleet.positions[np.array(able)]
-    away = ((positions - np.array(waking.message.centre)) ** 2).sum(axis=1)
-    successor = able[int(np.argmin(away))]
-    if successor == office.head:
-        return False
-    if stage.parts.wakeup.carries_belief and isinstance(stage.parts.tracker, Portable):
-        stage.log("handover", track.target, office.head, "message", peer=successor)
-        _appoint(office, Handover(office.last, waking.tracking[successor].belief, at_once=True), successor)
-    else:
-        yield from _hand_over(office, successor, looks_ahead=False)
-    return True
-
-
-def _nearest(stage: RunContext, point: Any) -> int | None:
-    """The living node nearest to a point, if it is in the sensors' reach of it."""
-    near = stage.fleet.tree.query_ball_point(point, stage.parts.sensor.reach)
-    able = [node for node in near if stage.able(node)]
-    if not able:
-        return None
-    away = ((stage.fleet.positions[np.array(able)] - point) ** 2).sum(axis=1)
-    return min(zip(away.tolist(), able, strict=True))[1]
-
-
-def _loudest(office: _Office) -> int:
-    """Who has read the target nearest of those whose readings came; the main node itself if none came."""
-    stage, sensor = office.stage, office.stage.parts.sensor
-    able = {node: reading for node, reading in (office.heard or {}).items() if stage.able(node)}
-    if not able:
-        return office.head
-    strength = sensor.strength if isinstance(sensor, Ranks) else float
-    return min(able, key=lambda node: (-strength(able[node]), node))
-
-
-def _hand_over(office: _Office, successor: int, looks_ahead: bool) -> Waiting:
-    """Send the belief to the next main node. If it does not arrive, the track is lost."""
-    stage, track, head = office.stage, office.track, office.head
-    assert office.scene is not None, "a step, or an acquisition, went before"
-    driver = _driver(office, _cluster(stage, track, head, []))
-    stage.log("handover", track.target, head, peer=successor)
-    belief = yield from driver.perform(stage.parts.tracker.hand_over(office.belief, office.scene, successor))
-    if belief is None or not stage.fleet.alive[successor]:
-        raise TrackLost("handover_lost")
-    mission = Handover(office.last, belief, at_once=True, looks_ahead=looks_ahead)
-    mission.hops, mission.bits = driver.hops, driver.bits
-    _appoint(office, mission, successor)
-
-
-def _appoint(office: _Office, mission: Handover, successor: int) -> None:
-    stage, track, crew = office.stage, office.track, office.crew
-    until = stage.parts.until_clusters
-    if until is not None and len(track.clusters) >= until:
-        crew.end_run()
-        return
-    track.handovers += 1
-    mission.previous_head, mission.fixed_at, mission.belief_time = office.head, office.fixed_at, office.since
-    dissolve(stage, crew, track)
-    crew.appoint(track, successor, mission)
+    def _next(self, lead: Lead, handover: Handover) -> Handover:
+        """A handover, completed by what the next head must know of this lead."""
+        until = self._setup.until_clusters
+        if until is not None and len(lead.track.clusters) >= until:
+            raise LastClusterDone
+        lead.track.handovers += 1
+        return replace(
+            handover,
+            at_once=True,
+            previous_head=lead.head,
+            last_sensed=lead.last_sensed,
+            belief_time=lead.belief_time,
+        )

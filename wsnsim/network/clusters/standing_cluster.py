@@ -1,152 +1,188 @@
-"""What a head does: form its cluster, run the tracker step by step, and hand over when the cluster no longer suffices.
+"""Standing clusters: a head forms its cluster, tracks step by step, and hands over when too few members sense.
 
-Jiang (2013), section 2.3. One SimPy process a head and target (see `tenure`); it ends when the head has handed over,
-or died. Heads that move with the target: see `pursuit`.
+Jiang (2013), section 2.3.
 """
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Generator, Mapping
 from dataclasses import replace
 from typing import Any
 
 import simpy
 
 from wsnsim.base.arrays import planar
-from wsnsim.base.ports import Scene
-from wsnsim.base.requests import PACKET_BITS, Parcel
+from wsnsim.base.ports import Estimate, Scene
+from wsnsim.base.requests import Flow
 from wsnsim.network.clusters.cluster import Cluster
-from wsnsim.network.clusters.driver import Driver
-from wsnsim.network.clusters.formation import first_estimate, recruit, vote
-from wsnsim.network.clusters.handover import Crew, Handover, TrackLost
-from wsnsim.network.clusters.head_life_cycle import Waiting, count_start, dissolve, enter_office, issue, snapshot
+from wsnsim.network.clusters.driver import Driver, HeadDied
+from wsnsim.network.clusters.handover import Handover, LastClusterDone, TrackLost
+from wsnsim.network.clusters.head_protocol import HandingOver, HeadServices, Leading
 from wsnsim.network.clusters.track import Track
-from wsnsim.network.clusters.wake_ahead import look_ahead
-from wsnsim.network.radio.transport import Datagram
-from wsnsim.network.run_context import RunContext
 
 
-def lead(stage: RunContext, crew: Crew, track: Track, head: int, mission: Handover) -> Waiting:
-    """A head's life for one target, from taking over until handing on."""
-    cluster = yield from _form(stage, crew, track, head, mission)
-    if cluster is None:
-        return
-    driver = Driver(stage, track.target, head, cluster.members)
-    tracker = stage.parts.tracker
-    belief, last = mission.belief, mission.belief_step
-    if mission.readings is not None:
-        scene = cluster.scene(0)
-        prior, readings = yield from first_estimate(stage, track, head, mission)
-        belief = yield from driver.perform(tracker.start(prior, scene))
-        driver.readings = readings
-        count_start(stage, track, head)
-        issue(stage, track, last, scene, driver, tracker.estimate(belief))
-        yield track.tick
-    waits_for = _patience(stage, track, cluster)
-    while True:
-        scene = cluster.scene(stage.step - last)
-        last = stage.step
-        belief = yield from driver.perform(tracker.step(belief, scene))
-        issue(stage, track, last, scene, driver, tracker.estimate(belief))
-        snapshot(stage, track, cluster, belief, last)
-        look_ahead(stage, track, head, belief, scene)
-        if waits_for is not None and waits_for != set(stage.sensing[track.target]):
-            waits_for = None
-        if waits_for is None and stage.parts.clusters.must_hand_over(cluster.active(), cluster.size):
-            yield from _hand_over(stage, crew, track, cluster, belief, scene)
-            return
-        yield track.tick
+class StandingClusterProtocol:
+    """The able node nearest to the predicted position leads next; a vacant lead is filled by an election."""
 
+    def __init__(self, services: HeadServices) -> None:
+        self._services = services
+        self._network = services.network
+        self._setup = services.network.setup
+        self._log = services.driver.log
 
-def _form(
-    stage: RunContext, crew: Crew, track: Track, head: int, mission: Handover
-) -> Generator[simpy.Event, Any, Cluster | None]:
-    """Announce, let those who sense and hear join; None if a network-wide election gave the lead to another node."""
-    policy, target = stage.parts.clusters, track.target
-    joined: list[int] = []
-    if not policy.is_open:
-        joined = yield from recruit(stage, track, head)
-    cluster = Cluster(stage, target, head, joined, policy.is_open)
-    too_few = not policy.is_open and cluster.active() < policy.minimum_active
-    if too_few and not mission.elected and mission.readings is None:
-        winner = yield from vote(stage, crew, track)
-        mission.elected = True
-        if winner is not None and winner != head:
-            yield from _pass_on(stage, crew, track, cluster, winner, mission)
+    def fill_vacancy(self, track: Track, poll: int) -> Handover | None:
+        """Hold an election among the nodes that sense the target; its winner takes the lead by itself."""
+        self._services.elections.fill_vacancy(track)
+        return None
+
+    def lead(self, track: Track, handover: Handover) -> Leading:
+        """Form a cluster, track step by step, and hand over when too few members sense."""
+        formed = yield from self._form(track, handover)
+        if isinstance(formed, Handover):
+            return formed
+        cluster, driver = formed, self._driver(track, formed)
+        services, tracker, clock = self._services, self._setup.tracker, self._network.clock
+        belief, last = handover.belief, handover.belief_step
+        if handover.readings is not None:
+            scene = cluster.scene(0)
+            prior, readings = yield from self._first_estimate(track, handover, handover.readings)
+            belief = yield from driver.perform(tracker.start(prior, scene))
+            driver.readings = readings
+            services.estimates.note_start(track, cluster.head)
+            services.estimates.issue(track, last, scene, driver, belief)
+            yield track.tick
+        waits_for = self._waits_for(track, cluster)
+        while True:
+            scene = cluster.scene(clock.step - last)
+            last = clock.step
+            belief = yield from driver.perform(tracker.step(belief, scene))
+            services.estimates.issue(track, last, scene, driver, belief)
+            services.estimates.snapshot(track, cluster, belief, last)
+            services.wake_ahead.wake(track, cluster.head, belief, scene, scene.time)
+            if waits_for is not None and waits_for != set(self._network.readings[track.target]):
+                waits_for = None
+            if waits_for is None and self._setup.clusters.must_hand_over(cluster.active(), cluster.size):
+                return (yield from self._hand_over(track, cluster, belief, scene))
+            yield track.tick
+
+    def release(self, track: Track, cluster: Cluster) -> None:
+        """Dismiss the members."""
+        self._services.processes.dismiss(cluster.roster(), track.target)
+
+    def _form(self, track: Track, handover: Handover) -> Generator[simpy.Event, Any, Cluster | Handover]:
+        """Announce the cluster and let those that sense join; a handover if an election gave the lead to another."""
+        target, head, network = track.target, handover.successor, self._network
+        joined = yield from self._services.messages.recruit(target, head)
+        cluster = Cluster(network, target, head, joined)
+        too_few = cluster.active() < self._setup.clusters.minimum_active
+        if too_few and not handover.elected and handover.readings is None:
+            winner = yield from self._services.elections.vote(track)
+            if winner is not None and winner != head:
+                return (yield from self._pass_on(track, cluster, replace(handover, successor=winner, elected=True)))
+        self._open(track, cluster, handover)
+        self._services.processes.enlist(cluster.members, target)
+        return cluster
+
+    def _open(self, track: Track, cluster: Cluster, handover: Handover) -> None:
+        """Make a cluster the track's own, without members that died while it formed."""
+        alive = self._network.nodes.alive
+        for node in [node for node in cluster.members if not alive[node]]:
+            cluster.forget(node)
+        track.open_cluster(cluster, handover, self._network.clock.now)
+
+    def _first_estimate(
+        self, track: Track, handover: Handover, readings: Mapping[int, float]
+    ) -> Generator[simpy.Event, Any, tuple[Estimate, int]]:
+        """What the track starts from and from how many readings: the prior at step 0, later the readings."""
+        if not track.started and handover.belief_step == 0:
+            return track.prior, 0
+        readings = yield from self._known_readings(track, handover.successor, readings)
+        if not self._network.nodes.alive[handover.successor]:
+            raise HeadDied
+        if not readings:
+            raise TrackLost("no_readings")
+        return self._services.estimates.initial(track, readings), len(readings)
+
+    def _known_readings(
+        self, track: Track, head: int, readings: Mapping[int, float]
+    ) -> Generator[simpy.Event, Any, Mapping[int, float]]:
+        """The readings that a new head knows: those of the candidates that it heard."""
+        yield from ()
+        return readings
+
+    def _pass_on(self, track: Track, cluster: Cluster, handover: Handover) -> HandingOver:
+        """Send a belief that was not yet distributed to the winner of an election; it acts in this step."""
+        scene = cluster.scene(self._network.clock.step - handover.belief_step)
+        flow = self._setup.tracker.hand_over(handover.belief, scene, handover.successor)
+        return (yield from self._send_belief(self._driver(track, cluster), flow, handover))
+
+    def _hand_over(self, track: Track, cluster: Cluster, belief: Any, scene: Scene) -> HandingOver:
+        """Choose the successor and send it the belief; it leads from the next tick on."""
+        setup, network, target = self._setup, self._network, track.target
+        if setup.until_clusters is not None and len(track.clusters) >= setup.until_clusters:
+            raise LastClusterDone
+        forecast = setup.tracker.forecast(belief, scene, network.clock.step - scene.step + 1)
+        point = planar(forecast.mean[list(setup.filter_motions[target].position)])
+        nearest = setup.clusters.successor(point, network.nodes.positions, network.who_can_lead())
+        track.handovers += 1
+        successor, elected = yield from self._successor(track, cluster.head, nearest)
+        if successor is None:
+            raise TrackLost("no_successor")
+        self._log.add("handover", target, cluster.head, peer=successor)
+        flow = setup.tracker.hand_over(belief, scene, successor)
+        handover = Handover(successor, scene.step, previous_head=cluster.head, elected=elected)
+        return (yield from self._send_belief(self._driver(track, cluster), flow, handover))
+
+    def _successor(
+        self, track: Track, head: int, nearest: int | None
+    ) -> Generator[simpy.Event, Any, tuple[int | None, bool]]:
+        """The next head, and whether an election chose it: the node nearest to the forecast."""
+        yield from ()
+        return nearest, False
+
+    def _send_belief(self, driver: Driver, flow: Flow[Any], handover: Handover) -> HandingOver:
+        """Send a belief to the successor; the handover with what arrived there."""
+        belief = yield from driver.perform(flow)
+        if belief is None or not self._network.nodes.alive[handover.successor]:
+            raise TrackLost("handover_lost")
+        return replace(
+            handover,
+            belief=belief,
+            at_once=handover.elected,
+            hops=handover.hops + driver.hops,
+            bits=handover.bits + driver.bits,
+        )
+
+    def _waits_for(self, track: Track, cluster: Cluster) -> set[int] | None:
+        """Who senses now, if the cluster is too small: it stays until that changes, or it would hand over at each step.
+
+        Our choice, and an idealisation: the head knows of nodes that are not its members.
+        """
+        if cluster.active() >= self._setup.clusters.minimum_active:
             return None
-    for node in [node for node in cluster.members if not stage.fleet.alive[node]]:
-        cluster.forget(node)
-    enter_office(stage, track, cluster, mission)
-    crew.enlist(track, cluster)
-    return cluster
+        return set(self._network.readings[track.target])
+
+    def _driver(self, track: Track, cluster: Cluster) -> Driver:
+        return Driver(self._services.driver, track.target, cluster.head, cluster.members)
 
 
-def _pass_on(stage: RunContext, crew: Crew, track: Track, cluster: Cluster, winner: int, mission: Handover) -> Waiting:
-    """Send a belief that was never dealt out to the node that won the election; it acts in this very step."""
-    driver = Driver(stage, track.target, cluster.head, cluster.members)
-    scene = cluster.scene(stage.step - mission.belief_step)
-    flow = stage.parts.tracker.hand_over(mission.belief, scene, winner)
-    yield from _send_belief(stage, crew, track, driver, flow, winner, mission)
+class ElectingClusterProtocol(StandingClusterProtocol):
+    """As `StandingClusterProtocol`, but the node nearest to the predicted position calls an election."""
 
+    def _successor(
+        self, track: Track, head: int, nearest: int | None
+    ) -> Generator[simpy.Event, Any, tuple[int | None, bool]]:
+        """Wake the node nearest to the forecast; at the next tick it calls an election, for which the head waits.
 
-def _hand_over(stage: RunContext, crew: Crew, track: Track, cluster: Cluster, belief: Any, scene: Scene) -> Waiting:
-    """Find the successor, send it what there is, and dissolve the cluster; it leads from the next tick on."""
-    parts, target = stage.parts, track.target
-    if parts.until_clusters is not None and len(track.clusters) >= parts.until_clusters:
-        crew.end_run()
-        return
-    forecast = parts.tracker.forecast(belief, scene, stage.step - scene.step + 1)
-    point = planar(forecast.mean[list(parts.filter_motions[target].position)])
-    successor = parts.clusters.successor(point, stage.fleet.positions, stage.fleet.able(stage.threshold))
-    mission = Handover(scene.step, previous_head=cluster.head)
-    track.handovers += 1
-    if successor is not None and parts.clusters.calls_election:
-        successor = yield from _wake_and_vote(stage, crew, track, cluster.head, successor)
-        mission.elected = True
-    if successor is None:
-        raise TrackLost("no_successor")
-    stage.log("handover", target, cluster.head, peer=successor)
-    driver = Driver(stage, target, cluster.head, cluster.members)
-    flow = parts.tracker.hand_over(belief, scene, successor)
-    yield from _send_belief(stage, crew, track, driver, flow, successor, mission)
-
-
-def _wake_and_vote(
-    stage: RunContext, crew: Crew, track: Track, head: int, near: int
-) -> Generator[simpy.Event, Any, int | None]:
-    """Wake the node nearest to the forecast; at the next tick it calls an election, which the head awaits.
-
-    The paper leaves open how the head learns of the winner: here it does, without a frame (our choice).
-    """
-    wake = Datagram(head, near, Parcel(None, 1, PACKET_BITS, "wake"))
-    yield stage.air.carry([wake], track.target)
-    if not wake.arrived:
-        return None
-    yield track.tick
-    winner = yield from vote(stage, crew, track)
-    if winner is not None:
-        return winner
-    return near if stage.fleet.alive[near] else None
-
-
-def _send_belief(
-    stage: RunContext, crew: Crew, track: Track, driver: Driver, flow: Any, successor: int, mission: Handover
-) -> Waiting:
-    belief = yield from driver.perform(flow)
-    dissolve(stage, crew, track)
-    if belief is None or not stage.fleet.alive[successor]:
-        raise TrackLost("handover_lost")
-    handed_on = replace(mission, belief=belief, at_once=mission.elected)
-    handed_on.hops, handed_on.bits = mission.hops + driver.hops, mission.bits + driver.bits
-    crew.appoint(track, successor, handed_on)
-
-
-def _patience(stage: RunContext, track: Track, cluster: Cluster) -> set[int] | None:
-    """Who senses now, if the cluster is too small: it stays until others do, or it would hand over at each step.
-
-    Our choice, and an idealisation: the head knows of nodes that are not its members.
-    """
-    policy = stage.parts.clusters
-    if policy.is_open or cluster.active() >= policy.minimum_active:
-        return None
-    return set(stage.sensing[track.target])
+        The paper leaves open how the head learns of the winner: here it does, without a frame (our choice).
+        """
+        if nearest is None:
+            return None, False
+        awake = yield from self._services.messages.wake(track.target, head, nearest)
+        if not awake:
+            return None, True
+        yield track.tick
+        winner = yield from self._services.elections.vote(track)
+        if winner is None and self._network.nodes.alive[nearest]:
+            winner = nearest
+        return winner, True

@@ -1,6 +1,6 @@
-"""Nodes that are awake look for a target that nobody follows: who detects it first.
+"""Awake nodes search for a target that nobody tracks, several times in a step.
 
-search.first(target, part) -> (node, {node: reading}) or None
+search.first_detection(target, poll) -> (node, {node: reading}) or None
 """
 
 from __future__ import annotations
@@ -10,43 +10,41 @@ from collections.abc import Sequence
 import numpy as np
 
 from wsnsim.base.arrays import Floats
-from wsnsim.base.rng import Streams, derive, derive_all, uniforms
+from wsnsim.base.rng import derive, derive_all, uniforms
+from wsnsim.network.clusters.network_view import NetworkView
 from wsnsim.network.readings import Imperfections, Readings, search_senses
-from wsnsim.network.run_context import RunContext
 
 
 class TargetSearch:
-    """What there is to detect at each instant at which nodes look: `parts.polls` times a step, the step's own included.
+    """What awake nodes detect at the `setup.polls` instants of a step at which they search.
 
-    At a step's instant the readings are the step's; between, they have noise of their own. Nodes look at the same
-    instants, their clocks being in step; who of several is the first to say so is drawn (our choice).
+    At a step's own instant (poll 0) the readings are those of the step; between steps they have noise of their own.
+    All nodes search at the same instants; which of several is the first to report is drawn (our choice).
     """
 
     def __init__(
-        self, stage: RunContext, paths: Sequence[Floats], streams: Streams, sensed: Sequence[Readings],
-        imperfections: Imperfections,
+        self, network: NetworkView, available: Sequence[Readings], paths: Sequence[Floats],
+        imperfections: Imperfections, key: int,
     ) -> None:  # fmt: skip
-        self._stage = stage
-        self._sensed = sensed
-        self._polls = stage.parts.polls
-        self._key = streams.key("search")
+        """`available` and `paths`: per target, its readings at steps, and its trajectory at every poll."""
+        self._network = network
+        self._available = available
+        self._polls = network.setup.polls
+        self._key = key
         self._between = (
-            search_senses(stage.parts, paths, stage.fleet, imperfections, self._key) if self._polls > 1 else []
+            search_senses(network.setup, paths, network.nodes, imperfections, key) if self._polls > 1 else []
         )
 
-    def first(self, target: int, part: int) -> tuple[int, dict[int, float]] | None:
-        """Who of the nodes that are awake detects a target first, and what all of them read; None: nobody does.
-
-        `part`: at which of the step's instants, the first being the step's own.
-        """
-        stage = self._stage
-        if part:
-            readings = self._between[target].readings(stage.step * self._polls + part)
+    def first_detection(self, target: int, poll: int) -> tuple[int, dict[int, float]] | None:
+        """The node that detects a target first at an instant, and the readings of all awake nodes; None: no node."""
+        network, step = self._network, self._network.clock.step
+        if poll:
+            readings = self._between[target].readings(step * self._polls + poll)
         else:
-            readings = self._sensed[target].readings(stage.step)
-        awake = {node: value for node, value in readings.items() if stage.fleet.is_awake(node)}
-        able = np.array([node for node in awake if stage.able(node)], dtype=np.int64)
+            readings = self._available[target].readings(step)
+        awake = {node: value for node, value in readings.items() if network.nodes.is_awake(node)}
+        able = np.array([node for node in awake if network.can_lead(node)], dtype=np.int64)
         if not able.size:
             return None
-        drawn = uniforms(derive_all(derive(self._key, target, stage.step, part), able), 0)
-        return int(able[np.argmin(drawn)]), awake
+        chances = uniforms(derive_all(derive(self._key, target, step, poll), able), 0)
+        return int(able[np.argmin(chances)]), awake

@@ -1,29 +1,26 @@
-"""One target's track: who leads, what was estimated, which clusters there were; and an election, where nobody leads.
+"""One target's track: its head, its estimates, its clusters and its wake-up rounds.
 
-What stands here outlives heads. A belief does not: it lives in its head's process, and dies with it.
+A track outlives its heads. A belief does not: it is held by the head's process and is gone with it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import simpy
 
-from wsnsim.base.arrays import Bools
-from wsnsim.base.ports import ClusterPolicy, Estimate, Ranks, SensorModel
+from wsnsim.base.ports import Estimate
 from wsnsim.base.rows import Issued
+from wsnsim.base.sleeping import WakeUpRound
 from wsnsim.network.clusters.cluster import Cluster
-from wsnsim.network.run_context import RunContext
-
-if TYPE_CHECKING:
-    from wsnsim.network.clusters.wake_up_service import WakeUpRound
+from wsnsim.network.clusters.election import Election
+from wsnsim.network.clusters.handover import Handover
 
 
 @dataclass(slots=True)
 class ClusterRecord:
-    """One cluster's row."""
+    """One cluster's row in the table `clusters`."""
 
     number: int
     head: int
@@ -39,9 +36,13 @@ class ClusterRecord:
 class Track:
     """The track of one target.
 
-    `head` is None where nobody leads; `tick` fires once a step, after the nodes have sensed. `prior` is what every
-    filter is told at the start; `heads` has who led at the beginning of each step, -1 for nobody. `waking`: the last
-    message that woke nodes ahead of the target; `wakings`: all of them.
+    Attributes:
+        prior: what every filter is given at the start.
+        tick: fires once per step, after the nodes have sensed.
+        head: the cluster head, None where the track has none.
+        heads: the head at the beginning of each step, -1 for none.
+        started: the track has been initiated at least once.
+        round: the last wake-up round; `rounds`: all of them.
     """
 
     target: int
@@ -56,75 +57,20 @@ class Track:
     heads: list[int] = field(default_factory=list)
     estimates: dict[int, Issued] = field(default_factory=dict)
     clusters: list[ClusterRecord] = field(default_factory=list)
-    waking: WakeUpRound | None = None
-    wakings: list[WakeUpRound] = field(default_factory=list)
+    round: WakeUpRound | None = None
+    rounds: list[WakeUpRound] = field(default_factory=list)
 
-    def wakings_for(self, step: int) -> Iterator[WakeUpRound]:
-        """The messages that woke nodes for a step: several, where the target was lost and found again before it."""
-        for waking in reversed(self.wakings):
-            if waking.message.step < step:
+    def rounds_for(self, step: int) -> Iterator[WakeUpRound]:
+        """The rounds that woke nodes for a step: several, if the target was lost and found again before it."""
+        for one in reversed(self.rounds):
+            if one.message.step < step:
                 return
-            if waking.message.step == step:
-                yield waking
+            if one.message.step == step:
+                yield one
 
-
-class Election:
-    """Candidates broadcast their strength; when the last has, the loudest of those able is head.
-
-    An idealisation: the winner is the loudest of all ballots, whoever heard which, and everybody knows it at once.
-
-    `closed` fires with the winner, or None. `step` is when the strengths were read. `fills_vacancy`: nobody leads, so
-    the winner takes the lead of itself.
-    """
-
-    def __init__(
-        self,
-        env: simpy.Environment,
-        step: int,
-        strengths: Mapping[int, float],
-        policy: ClusterPolicy,
-        fills_vacancy: bool,
-        sensor: SensorModel,
-    ) -> None:
-        self.step = step
-        self.strengths = strengths
-        self.fills_vacancy = fills_vacancy
-        self.closed = env.event()
-        self._policy = policy
-        self._sensor = sensor
-        self._pending = set(strengths)
-        self._ballots: dict[int, Mapping[int, Bools]] = {}
-
-    def report(self, node: int, heard: Mapping[int, Bools]) -> None:
-        """A candidate's broadcast is out, and reached those in `heard`. The dead are heard no more."""
-        if node not in self._pending:
-            return
-        self._ballots[node] = heard
-        self._withdraw(node)
-
-    def withdraw(self, node: int) -> None:
-        """A candidate died before, or after, its broadcast."""
-        self._ballots.pop(node, None)
-        self._withdraw(node)
-
-    def _withdraw(self, node: int) -> None:
-        self._pending.discard(node)
-        if not self._pending and not self.closed.triggered:
-            ids = sorted(self._ballots)
-            strengths = [self._strength(self.strengths[i]) for i in ids]
-            self.closed.succeed(self._policy.elect(ids, strengths, [True] * len(ids)) if ids else None)
-
-    def _strength(self, reading: float) -> float:
-        """How near a reading says the target is; most sensors read more where it is nearer."""
-        return self._sensor.strength(reading) if isinstance(self._sensor, Ranks) else reading
-
-    def readings_at(self, node: int) -> dict[int, float]:
-        """{candidate: reading} that a candidate knows after the election."""
-        return {i: self.strengths[i] for i, heard in sorted(self._ballots.items()) if i == node or node in heard}
-
-
-def ballot_box(stage: RunContext, track: Track, fills_vacancy: bool) -> Election:
-    """An election among the nodes that sense the track's target now and are able."""
-    readings = stage.sensing[track.target]
-    able = {node: reading for node, reading in readings.items() if stage.able(node)}
-    return Election(stage.env, stage.step, able, stage.parts.clusters, fills_vacancy, stage.parts.sensor)
+    def open_cluster(self, cluster: Cluster, handover: Handover, now: float) -> None:
+        """Make a cluster that has formed the track's own, and record it."""
+        record = ClusterRecord(len(self.clusters), cluster.head, handover.previous_head, now, cluster.size)
+        record.hops, record.handover_bits = handover.hops, handover.bits
+        self.clusters.append(record)
+        self.cluster = cluster

@@ -1,73 +1,102 @@
-"""Looking ahead: what a head makes of its belief for those who are to sense the target next, and tells them.
-
-look_ahead(stage, track, head, belief, scene) -> Waking or None      predicted(stage, track, belief, scene) -> (2,)
-"""
+"""What a head makes of its belief to wake the nodes that will sense the target next."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from wsnsim.base.arrays import Floats, planar
 from wsnsim.base.ports import Foresees, Portable, Scene
 from wsnsim.base.sleeping import Point, WakeUpPlan
+from wsnsim.network.clusters.network_view import NetworkView
 from wsnsim.network.clusters.track import Track
-from wsnsim.network.clusters.wake_up_service import WakeUpRound
-from wsnsim.network.run_context import RunContext
+from wsnsim.network.clusters.wake_up_service import WakeUpService
 
 
-def look_ahead(
-    stage: RunContext, track: Track, head: int, belief: Any, scene: Scene, fixed_at: float | None = None
-) -> WakeUpRound | None:
-    """Wake nodes for the next step, if the scenario has a way to; nobody waits for it. None where it has none.
+class WakesAhead(Protocol):
+    """How a head has nodes woken for the next step."""
 
-    `fixed_at`: when the target was last sensed; left out: at the scene's time.
-    """
-    waker = stage.waker
-    if waker is None or stage.step >= stage.parts.steps:
-        return None
-    waker.sequence += 1
-    plan = _plan(stage, track, head, belief, scene, scene.time if fixed_at is None else fixed_at, waker.sequence)
-    message = stage.parts.wakeup.compose(plan, belief if stage.parts.wakeup.carries_belief else None)
-    return waker.start(track, head, message, plan.foreseen)
+    @property
+    def wakes_nodes(self) -> bool:
+        """Whether nodes are woken at all."""
+        ...
 
+    def wake(self, track: Track, head: int, belief: Any, scene: Scene, last_sensed: float) -> None:
+        """Have nodes woken for the next step, if there is one; nobody waits for it.
 
-def predicted(stage: RunContext, track: Track, belief: Any, scene: Scene) -> Floats:
-    """(2,) where the target is expected at the next step."""
-    parts = stage.parts
-    forecast = parts.tracker.forecast(belief, scene, stage.step - scene.step + 1)
-    return planar(forecast.mean[list(parts.filter_motions[track.target].position)])
+        Args:
+            track: the track, which gets the wake-up round.
+            head: the cluster head.
+            belief: the head's belief.
+            scene: the scene of the belief.
+            last_sensed: time in s of the last measurement.
+        """
+        ...
 
 
-def _plan(
-    stage: RunContext, track: Track, head: int, belief: Any, scene: Scene, fixed_at: float, sequence: int
-) -> WakeUpPlan:
-    parts, target = stage.parts, track.target
-    motion = parts.filter_motions[target]
-    mean = parts.tracker.estimate(belief).mean
-    due = (stage.step + 1) * parts.dt
-    foreseen = parts.tracker.foresees(belief) if isinstance(parts.tracker, Foresees) else True
-    return WakeUpPlan(
-        target=target,
-        step=stage.step + 1,
-        sequence=sequence,
-        sender=head,
-        place=(stage.fleet.x[head], stage.fleet.y[head]),
-        fix=_point(planar(mean[list(motion.position)])),
-        heading=_heading(mean, motion.columns),
-        prediction=_point(predicted(stage, track, belief, scene)),
-        foreseen=foreseen,
-        due=due,
-        ahead=due - fixed_at,
-        sensing=parts.sensor.reach,
-        reach=stage.fleet.reach,
-        payload_bits=parts.tracker.belief_bits(belief) if isinstance(parts.tracker, Portable) else 0,
-    )
+class NoWakeAhead:
+    """No node is woken."""
+
+    wakes_nodes = False
+
+    def wake(self, track: Track, head: int, belief: Any, scene: Scene, last_sensed: float) -> None:
+        """Do nothing."""
+
+
+class WakeAhead:
+    """Starts a wake-up round for every step."""
+
+    wakes_nodes = True
+
+    def __init__(self, network: NetworkView, service: WakeUpService) -> None:
+        self._network = network
+        self._service = service
+        self._sequence = 0
+
+    def wake(self, track: Track, head: int, belief: Any, scene: Scene, last_sensed: float) -> None:
+        """Have nodes woken for the next step, if there is one; see `WakesAhead`."""
+        setup = self._network.setup
+        if self._network.clock.step >= setup.steps:
+            return
+        self._sequence += 1
+        plan = self._plan(track.target, head, belief, scene, last_sensed)
+        message = setup.wakeup.compose(plan, belief if setup.wakeup.carries_belief else None)
+        self._service.start(track, head, message, plan.foreseen)
+
+    def _plan(self, target: int, head: int, belief: Any, scene: Scene, last_sensed: float) -> WakeUpPlan:
+        network, setup, nodes = self._network, self._network.setup, self._network.nodes
+        tracker, motion = setup.tracker, setup.filter_motions[target]
+        mean = tracker.estimate(belief).mean
+        due = network.clock.next_step
+        foreseen = tracker.foresees(belief) if isinstance(tracker, Foresees) else True
+        return WakeUpPlan(
+            target=target,
+            step=network.clock.step + 1,
+            sequence=self._sequence,
+            sender=head,
+            place=(nodes.x[head], nodes.y[head]),
+            fix=_point(planar(mean[list(motion.position)])),
+            heading=_heading(mean, motion.columns),
+            prediction=_point(predicted_position(network, target, belief, scene)),
+            foreseen=foreseen,
+            due=due,
+            ahead=due - last_sensed,
+            sensing=setup.sensor.reach,
+            reach=nodes.reach,
+            payload_bits=tracker.belief_bits(belief) if isinstance(tracker, Portable) else 0,
+        )
+
+
+def predicted_position(network: NetworkView, target: int, belief: Any, scene: Scene) -> Floats:
+    """(2,) the position that a belief predicts for the next step."""
+    setup = network.setup
+    forecast = setup.tracker.forecast(belief, scene, network.clock.step - scene.step + 1)
+    return planar(forecast.mean[list(setup.filter_motions[target].position)])
 
 
 def _heading(mean: Floats, columns: tuple[str, ...]) -> Point:
-    """Where the target is going, as its velocity; (0, 0) where the state has none."""
+    """The velocity of the target; (0, 0) where the state has none."""
     if "vx" not in columns or "vy" not in columns:
         return 0.0, 0.0
     return _point(mean[[columns.index("vx"), columns.index("vy")]])

@@ -1,236 +1,204 @@
-"""How nodes ahead of a target are woken: messages on the radio, and calls on the wake-up radio. Paid for, and logged.
+"""What wakes nodes ahead of a target: messages on the radio, and calls on the wake-up radio. All of it is booked.
 
-    waker.start(track, node, message) -> Waking      what came of it is noted there while the clock goes on
+    service.start(track, node, message, foreseen)      begins a round; what came of it is noted in `track.round`
 
-What a node does about a message is the wake-up protocol's pure rule; here it is done. A call on the wake-up radio
-reaches whoever sleeps within the radio's reach, undisturbed by anything else (our choice: a channel of its own), and
-carries the message. A node knows which of its neighbours sleep, and hears whom the others call (our choice).
+A call on the wake-up radio reaches the sleeping nodes within communication range, on a channel of its own where nothing
+disturbs it (our choice), and carries the message. A node knows which of its neighbours sleep, and hears whom others
+call (our choice).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, Final
 
 import numpy as np
 import simpy
 
+from wsnsim.base.arrays import Ints
+from wsnsim.base.mechanisms import HeardMessage
 from wsnsim.base.requests import PACKET_BITS, Parcel
 from wsnsim.base.rng import derive, derive_all, uniforms
-from wsnsim.base.sleeping import Decision, WakeUpMessage
+from wsnsim.base.setups import NetworkSetup
+from wsnsim.base.sleeping import Point, WakeUpMessage, WakeUpRound
 from wsnsim.base.tables import EVENT_CAUSE, KIND
 from wsnsim.network.clusters.track import Track
-from wsnsim.network.event_log import event
-from wsnsim.network.run_context import RunContext
+from wsnsim.network.clusters.wake_up_mechanisms import MESSAGE_WORDS, make_mechanism
+from wsnsim.network.event_log import EventLog, event
+from wsnsim.network.node import FRAME, NodeProcesses
+from wsnsim.network.nodes import Nodes
+from wsnsim.network.radio.transport import Transport
+from wsnsim.network.step_clock import StepClock
 
-CALL, CALLED, DROP = KIND["call"], KIND["called"], KIND["drop"]
-NONE, TX, RX = EVENT_CAUSE["none"], EVENT_CAUSE["tx"], EVENT_CAUSE["rx"]
-WORDS = {"flood": "track", "region": "announce", "invite": "invitation"}
-"""What the log calls the message of each mechanism."""
+CALL: Final = KIND["call"]
+CALLED: Final = KIND["called"]
+DROP: Final = KIND["drop"]
+NONE: Final = EVENT_CAUSE["none"]
+TX: Final = EVENT_CAUSE["tx"]
+RX: Final = EVENT_CAUSE["rx"]
 
 
-@dataclass(slots=True)
-class WakeUpRound:
-    """One message that wakes nodes for a step, and what came of it.
+@dataclass(frozen=True, slots=True)
+class WakeUpNetwork:
+    """What the wake-up service uses of the network."""
 
-    `tracking`: who tracks for that step, with the copy that it heeded. `asleep`: who slept in the region when it was
-    sent, and has not been called since; `hailed`: who has been; `rung`: whom the call reached. `sequence`: the number
-    of its frames.
-    """
-
-    message: WakeUpMessage
-    node: int
-    time: float
-    foreseen: bool
-    tracking: dict[int, WakeUpMessage] = field(default_factory=dict)
-    asleep: set[int] = field(default_factory=set)
-    hailed: set[int] = field(default_factory=set)
-    rung: set[int] = field(default_factory=set)
-    sequence: int = 0
-    forwards: int = 0
-    called: int = 0
-    expired: int = 0
-    dismissed: int = 0
-    woken: int = 0
-    ineffective: int = 0
+    clock: StepClock
+    nodes: Nodes
+    processes: NodeProcesses
+    transport: Transport
+    event_log: EventLog
 
 
 class WakeUpService:
-    """The wake-up protocol of a run.
+    """Starts wake-up rounds, and performs what the mechanism of the scenario's `wakeup` does in them.
 
-    `watch(node, target, until, why)` keeps a node awake; `relax(node, target)` lets it go. `key`: of nodes' draws.
+    `key` is the random key of the nodes' chances.
     """
 
-    def __init__(
-        self,
-        stage: RunContext,
-        key: int,
-        watch: Callable[[int, int, float, str], None],
-        relax: Callable[[int, int], None],
-    ) -> None:
-        self._stage = stage
+    def __init__(self, setup: NetworkSetup, network: WakeUpNetwork, key: int) -> None:
+        self._protocol = setup.wakeup
+        self._energy = setup.energy
+        self._network = network
+        self._nodes = network.nodes
+        self._env = network.clock.env
         self._key = key
-        self._watch = watch
-        self._relax = relax
-        self._protocol = stage.parts.wakeup
-        self._seen: dict[tuple[int, int, int], float] = {}
-        rate = getattr(stage.parts.mac, "rate", None)
+        self._word = MESSAGE_WORDS.get(setup.wakeup.mechanism, "wake")
+        rate = getattr(setup.mac, "rate", None)
         self._call_bits = None if rate is None else max(1, round(rate * self._protocol.call))
-        self.sequence = 0
+        self._mechanism = make_mechanism(setup.wakeup, self)
 
-    def start(self, track: Track, node: int, message: WakeUpMessage, foreseen: bool) -> WakeUpRound:
-        """Send a message on its way; it goes on by itself."""
-        waking = WakeUpRound(message, node, self._stage.env.now, foreseen)
-        track.waking = waking
-        track.wakings.append(waking)
-        self._forget()
-        waking.asleep = self._sleepers(node, message)
-        if self._protocol.mechanism == "invite":
-            self._track(waking, node, message)
-            self._call(waking, node, message, lambda: self._broadcast(waking, node, message))
-        else:
-            self._heed(waking, node, message)
-            self._broadcast(waking, node, message)
-        return waking
+    def start(self, track: Track, node: int, message: WakeUpMessage, foreseen: bool) -> None:
+        """Begin a round; nobody waits for its end."""
+        track.round = WakeUpRound(message, node, self._env.now, foreseen)
+        track.rounds.append(track.round)
+        self._mechanism.begin(track.round)
 
-    def rouse(self, node: int, to: int, target: int) -> simpy.Event:
-        """Call one sleeping neighbour; the event fires when it is awake."""
-        done = self._stage.env.event()
+    def call_one(self, node: int, to: int, target: int) -> simpy.Event:
+        """Call one sleeping neighbour; the event fires when the call has ended."""
+        done = self._env.event()
 
         def awake(_: Sequence[int]) -> None:
             done.succeed()
 
-        self._ring(node, [to], target, PACKET_BITS, awake)
+        self._call(node, [to], target, PACKET_BITS, awake)
         return done
 
-    def _broadcast(self, waking: WakeUpRound, node: int, message: WakeUpMessage, relayed: bool = False) -> None:
-        """One copy on the air; whoever hears it heeds it."""
-        stage = self._stage
-        if not stage.fleet.alive[node]:
-            return
-        copy = replace(message, sender=node, place=(stage.fleet.x[node], stage.fleet.y[node]))
-        parcel = Parcel(copy, 1, copy.bits, WORDS[self._protocol.mechanism])
-        event, (frame,) = stage.air.broadcast([node], [parcel], copy.target, waking.sequence if relayed else 0, relayed)
+    @property
+    def now(self) -> float:
+        """The simulated time in s."""
+        return self._env.now
 
-        def heard(_: Any) -> None:
-            waking.sequence = waking.sequence or frame.sequence
-            waking.forwards += relayed and frame.sent > 0
-            for listener in sorted(frame.received):
-                self._heed(waking, listener, copy)
+    def is_up(self, node: int) -> bool:
+        """Whether a node is neither dead nor crashed."""
+        return self._nodes.alive[node]
 
-        assert event.callbacks is not None
-        event.callbacks.append(heard)
+    def place(self, node: int) -> Point:
+        """The position of a node."""
+        return self._nodes.x[node], self._nodes.y[node]
 
-    def _heed(self, waking: WakeUpRound, node: int, message: WakeUpMessage) -> None:
-        """What a node does about a copy of the message that has reached it: the first copy decides."""
-        stage = self._stage
-        if not stage.fleet.alive[node]:
-            return
-        place = stage.fleet.x[node], stage.fleet.y[node]
-        known = (node, message.target, message.sequence)
-        decision = self._protocol.decide(
-            place, message, known in self._seen, stage.env.now, self._chance(node, message)
-        )
-        if decision is Decision.DROP:
-            waking.expired += 1
-            self._log(DROP, node, message.target, "expired", message.sender, waking.sequence)
-            return
-        self._seen[known] = message.expires
-        if decision is Decision.TRACK:
-            self._track(waking, node, message)
-            if self._protocol.mechanism != "invite":
-                self._call(waking, node, message)
-        elif decision is Decision.FORWARD:
-            self._broadcast(waking, node, message, relayed=True)
-        elif node in waking.hailed and node not in waking.tracking:
-            self._relax(node, message.target)
+    def neighbours(self, node: int) -> Ints:
+        """(n,) the nodes that a node's transmissions may reach, those included that are down."""
+        return self._network.transport.audience(node).ids
 
-    def _track(self, waking: WakeUpRound, node: int, message: WakeUpMessage) -> None:
-        waking.tracking[node] = message
-        self._watch(node, message.target, message.due + self._protocol.wait, "frame")
+    def nodes_within(self, centre: Point, radius: float) -> Ints:
+        """(n,) the nodes within `radius` m of a point."""
+        return np.array(self._nodes.tree.query_ball_point(centre, radius), dtype=np.int64)
 
-    def _sleepers(self, node: int, message: WakeUpMessage) -> set[int]:
-        """Who sleeps in the message's region; where all neighbours are invited, which of them do."""
-        stage, fleet = self._stage, self._stage.fleet
-        if not fleet.follows_schedules:
+    def sleepers(self, nodes: Ints) -> set[int]:
+        """Those of the nodes that are up and asleep now."""
+        if not self._nodes.follows_schedules:
             return set()
-        if self._protocol.mechanism == "invite":
-            ids = stage.air.neighbours(node).ids
-        else:
-            ids = np.array(fleet.tree.query_ball_point(message.centre, message.radius), dtype=np.int64)
-        asleep = fleet.living[ids] & ~fleet.hears(ids, stage.env.now)
-        return set(ids[asleep].tolist())
+        asleep = self._nodes.living[nodes] & ~self._nodes.hears(nodes, self._env.now)
+        return set(nodes[asleep].tolist())
 
-    def _call(
-        self, waking: WakeUpRound, node: int, message: WakeUpMessage, then: Callable[[], None] | None = None
+    def broadcast(
+        self, round: WakeUpRound, node: int, message: WakeUpMessage, on_heard: HeardMessage, relayed: bool = False
     ) -> None:
-        """A node calls its neighbours that sleep in the region, together; they heed the message. `then` follows."""
-        sleepers = waking.asleep & self._stage.air.neighbours(node).members if waking.asleep else set()
-        waking.asleep -= sleepers
-        waking.hailed |= sleepers
+        """Broadcast a copy of a message once; `on_heard` is called with each node that heard it."""
+        if not self.is_up(node):
+            return
+        copy = replace(message, sender=node, place=self.place(node))
+        parcel = Parcel(copy, 1, copy.bits, self._word)
+        sequence = round.sequence if relayed else 0
+        event, (burst,) = self._network.transport.broadcast([node], [parcel], copy.target, sequence, relayed)
 
-        def awake(woken: Sequence[int]) -> None:
-            waking.called += len(woken)
-            waking.rung.update(woken)
-            for one in woken:
-                if self._protocol.mechanism != "invite":
-                    self._heed(waking, one, replace(message, sender=node))
-            if then is not None:
-                then()
+        def ended(_: Any) -> None:
+            round.sequence = round.sequence or burst.sequence
+            round.forwards += relayed and burst.sent > 0
+            for listener in sorted(burst.heard):
+                on_heard(listener, copy)
 
-        if sleepers:
-            self._ring(node, sorted(sleepers), message.target, message.bits, awake)
-        elif then is not None:
-            then()
-
-    def _ring(
-        self, node: int, sleepers: Sequence[int], target: int, bits: int, awake: Callable[[Sequence[int]], None]
-    ) -> None:
-        """A call on the wake-up radio: both ends pay for its time, and who was called is awake at its end."""
-        stage = self._stage
-        event = stage.env.timeout(self._protocol.call)
         assert event.callbacks is not None
-        event.callbacks.append(lambda _: awake(self._rung(node, sleepers, target, self._call_bits or bits)))
+        event.callbacks.append(ended)
 
-    def _rung(self, node: int, sleepers: Iterable[int], target: int, bits: int) -> list[int]:
-        stage, fleet, energy = self._stage, self._stage.fleet, self._stage.parts.energy
-        if not fleet.alive[node]:
-            return []
-        electronics, amplifier = energy.transmit(bits, fleet.reach)
-        sent = fleet.spend_transmit(node, electronics, amplifier, bits, self._protocol.call)
-        joules = (electronics + amplifier) * sent / bits
-        self._log(CALL, node, target, "", -1, 0, sent, joules, TX)
-        woken = []
-        for one in sleepers if sent == bits else ():
-            if not fleet.alive[one]:
-                continue
-            cost = energy.receive(bits)
-            paid = fleet.spend_receive(one, cost, bits)
-            self._log(CALLED, one, target, "", node, 0, paid, cost * paid / bits, RX)
-            if fleet.alive[one]:
-                self._watch(one, target, stage.env.now + self._protocol.wait, "call")
-                woken.append(one)
-        return woken
+    def call(
+        self, round: WakeUpRound, node: int, sleepers: Sequence[int], bits: int, on_awake: Callable[[list[int]], None]
+    ) -> None:
+        """Call sleeping neighbours on the wake-up radio; `on_awake` is called with those that woke."""
 
-    def _chance(self, node: int, message: WakeUpMessage) -> float:
-        """A node's uniform draw for a message, on [0, 1), where anything is decided by chance."""
-        if self._protocol.mechanism != "invite":
-            return 0.0
+        def awake(woken: list[int]) -> None:
+            round.called += len(woken)
+            round.reached.update(woken)
+            on_awake(woken)
+
+        self._call(node, sleepers, round.message.target, bits, awake)
+
+    def track(self, round: WakeUpRound, node: int, message: WakeUpMessage) -> None:
+        """Note that a node tracks at the message's step, and keep it awake until then and for the waiting time."""
+        round.tracking[node] = message
+        self._network.processes.of(node).keep_awake(message.target, message.due + self._protocol.wait, FRAME)
+
+    def release(self, node: int, target: int) -> None:
+        """Let a node follow its schedule again."""
+        process = self._network.processes.find(node)
+        if process is not None:
+            process.release(target)
+
+    def drop(self, round: WakeUpRound, node: int, message: WakeUpMessage) -> None:
+        """Log that a node ignored a message because it had expired."""
+        round.expired += 1
+        log = self._network.event_log
+        self._log(DROP, node, message.target, message.sender, log.code("expired"), round.sequence)
+
+    def chance(self, node: int, message: WakeUpMessage) -> float:
+        """A uniform random number of a node for a message, in [0, 1)."""
         key = derive(self._key, message.target, message.step)
         return float(uniforms(derive_all(key, np.array([node])), 0)[0])
 
-    def _forget(self) -> None:
-        """Messages that have expired need not be known any more: their sequence number may come again."""
-        now = self._stage.env.now
-        if self._seen and min(self._seen.values()) < now:
-            self._seen = {known: expires for known, expires in self._seen.items() if expires >= now}
+    def _call(
+        self, node: int, sleepers: Sequence[int], target: int, bits: int, on_awake: Callable[[list[int]], None]
+    ) -> None:
+        """Occupy the wake-up radio for a call; at its end both sides pay and the called nodes are awake."""
+        ended = self._env.timeout(self._protocol.call)
+        assert ended.callbacks is not None
+        ended.callbacks.append(lambda _: on_awake(self._end_call(node, sleepers, target, self._call_bits or bits)))
+
+    def _end_call(self, node: int, sleepers: Iterable[int], target: int, bits: int) -> list[int]:
+        """Book a call; return the nodes that it woke."""
+        nodes, energy = self._nodes, self._energy
+        if not nodes.alive[node]:
+            return []
+        electronics, amplifier = energy.transmit(bits, nodes.reach)
+        sent = nodes.spend_transmit(node, electronics, amplifier, bits, self._protocol.call)
+        self._log(CALL, node, target, bits=sent, joules=(electronics + amplifier) * sent / bits, cause=TX)
+        woken = []
+        for one in sleepers if sent == bits else ():
+            if not nodes.alive[one]:
+                continue
+            cost = energy.receive(bits)
+            paid = nodes.spend_receive(one, cost, bits)
+            self._log(CALLED, one, target, node, bits=paid, joules=cost * paid / bits, cause=RX)
+            if nodes.alive[one]:
+                process = self._network.processes.of(one)
+                process.keep_awake(target, self._env.now + self._protocol.wait, "call")
+                woken.append(one)
+        return woken
 
     def _log(
-        self, kind: int, node: int, target: int, what: str, peer: int, sequence: int, bits: int = 0,
+        self, kind: int, node: int, target: int, peer: int = -1, what: int = 0, sequence: int = 0, bits: int = 0,
         joules: float = 0.0, cause: int = NONE,
     ) -> None:  # fmt: skip
-        stage = self._stage
-        code, packets = stage.journal.code(what), int(bits > 0)
-        now, step = stage.env.now, stage.step
-        stage.journal.add(event(now, step, target, node, kind, code, 0, sequence, peer, packets, bits, joules, cause))
+        now, step = self._env.now, self._network.clock.step
+        row = event(now, step, target, node, kind, what, 0, sequence, peer, int(bits > 0), bits, joules, cause)
+        self._network.event_log.add(row)

@@ -1,0 +1,104 @@
+"""Which node is the head of which track: appointing heads, running their leads, and ending them.
+
+coordination.fill_vacancy(track, poll)      coordination.remove(node), coordination.forget(node)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Sequence
+from typing import Any
+
+import simpy
+
+from wsnsim.base.errors import RunError, WsnsimError
+from wsnsim.network.clusters.driver import HeadDied
+from wsnsim.network.clusters.handover import Handover, LastClusterDone, TrackLost
+from wsnsim.network.clusters.head_protocol import HeadProtocol
+from wsnsim.network.clusters.track import Track
+from wsnsim.network.node import NodeProcesses
+from wsnsim.network.step_clock import ProtocolLog, StepClock
+
+
+class ClusterCoordination:
+    """Owns the assignment of heads to tracks. Each lead is a process of its head.
+
+    `protocol` says how a track is led; it is set once, before the simulation starts. `ended` fires when the run ends
+    with a cluster.
+    """
+
+    protocol: HeadProtocol
+
+    def __init__(self, clock: StepClock, log: ProtocolLog, processes: NodeProcesses, tracks: Sequence[Track]) -> None:
+        self._clock = clock
+        self._log = log
+        self._processes = processes
+        self._tracks = tracks
+        self.ended = clock.env.event()
+
+    def fill_vacancy(self, track: Track, poll: int) -> None:
+        """Look for a head, if the track has none and no election is under way."""
+        if track.head is None and track.election is None:
+            handover = self.protocol.fill_vacancy(track, poll)
+            if handover is not None:
+                self.appoint(track, handover)
+
+    def appoint(self, track: Track, handover: Handover) -> None:
+        """Make the handover's successor the head of the track."""
+        track.head = handover.successor
+        process = self._processes.of(handover.successor)
+        process.serve(track.target)
+        process.begin(self._lead(track, handover))
+
+    def head_of(self, target: int) -> int | None:
+        """The head of a target's track; None if it has none, or there is no such target."""
+        return self._tracks[target].head if target < len(self._tracks) else None
+
+    def withdraw(self, node: int) -> None:
+        """Withdraw a node that is no longer up from elections."""
+        for track in self._tracks:
+            if track.election is not None and node in track.election.strengths:
+                track.election.withdraw(node)
+
+    def forget(self, node: int) -> None:
+        """Remove a node that crashed, with its memory, from its clusters."""
+        for track in self._tracks:
+            if track.cluster is not None:
+                track.cluster.forget(node)
+
+    def _lead(self, track: Track, handover: Handover) -> Generator[simpy.Event, Any, None]:
+        """A head's lead of one track, from taking over until handing over."""
+        head = handover.successor
+        try:
+            if not handover.at_once:
+                yield track.tick
+            following = yield from self.protocol.lead(track, handover)
+            if following is not None:
+                self._dissolve(track)
+                self.appoint(track, following)
+        except (HeadDied, simpy.Interrupt):
+            if track.head == head:
+                self._lose(track, "head_died")
+        except TrackLost as lost:
+            self._lose(track, str(lost))
+        except LastClusterDone:
+            if not self.ended.triggered:
+                self.ended.succeed()
+        except WsnsimError:
+            raise
+        except Exception as reason:  # SimPy rebuilds exceptions from their arguments, which not every class allows
+            raise RunError(f"{type(reason).__name__}: {reason}") from reason
+        if track.head != head:
+            self._processes.of(head).dismiss(track.target)
+
+    def _dissolve(self, track: Track) -> None:
+        """Dismiss the members of the track's cluster; their memories are lost."""
+        if track.cluster is not None:
+            track.clusters[-1].released = self._clock.now
+            self.protocol.release(track, track.cluster)
+            track.cluster = None
+
+    def _lose(self, track: Track, why: str) -> None:
+        """Log that the belief is gone, and leave the track without a head."""
+        self._log.add("lost", track.target, -1 if track.head is None else track.head, why)
+        self._dissolve(track)
+        track.head = None

@@ -1,0 +1,56 @@
+"""One election: candidates broadcast the strength of their readings, and the strongest becomes cluster head."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import simpy
+
+from wsnsim.base.arrays import Bools
+from wsnsim.base.ports import ClusterPolicy, Ranks, SensorModel
+
+
+class Election:
+    """One election. `closed` fires with the winner or None once every candidate has broadcast, or is down.
+
+    An idealisation: the winner is the strongest of all candidates, whoever heard whom, and every node knows it at once.
+    `strengths` are the candidates' readings of `step`.
+    """
+
+    def __init__(
+        self, closed: simpy.Event, step: int, strengths: Mapping[int, float], policy: ClusterPolicy, sensor: SensorModel
+    ) -> None:
+        self.closed = closed
+        self.step = step
+        self.strengths = strengths
+        self._policy = policy
+        self._sensor = sensor
+        self._pending = set(strengths)
+        self._heard: dict[int, Mapping[int, Bools]] = {}
+
+    def report(self, node: int, heard: Mapping[int, Bools]) -> None:
+        """Note that a candidate's broadcast has ended, and who heard it; withdrawn candidates are ignored."""
+        if node not in self._pending:
+            return
+        self._heard[node] = heard
+        self._end(node)
+
+    def withdraw(self, node: int) -> None:
+        """Remove a candidate that went down, before or after its broadcast."""
+        self._heard.pop(node, None)
+        self._end(node)
+
+    def _end(self, node: int) -> None:
+        self._pending.discard(node)
+        if not self._pending and not self.closed.triggered:
+            ids = sorted(self._heard)
+            strengths = [self._strength(self.strengths[i]) for i in ids]
+            self.closed.succeed(self._policy.elect(ids, strengths, [True] * len(ids)) if ids else None)
+
+    def _strength(self, reading: float) -> float:
+        """How near a reading says the target is; most sensors read more where it is nearer."""
+        return self._sensor.strength(reading) if isinstance(self._sensor, Ranks) else reading
+
+    def readings_at(self, node: int) -> dict[int, float]:
+        """{candidate: reading} that a candidate knows after the election."""
+        return {i: self.strengths[i] for i, heard in sorted(self._heard.items()) if i == node or node in heard}

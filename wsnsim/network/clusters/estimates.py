@@ -1,0 +1,73 @@
+"""What a track reports: its initiation, the estimate of each step, and what the tracker believes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from wsnsim.base.ports import Estimate, Recorder, Scene
+from wsnsim.base.rows import Issued, wants_belief, write_belief
+from wsnsim.network.clusters.cluster import Cluster
+from wsnsim.network.clusters.driver import Driver
+from wsnsim.network.clusters.network_view import NetworkView
+from wsnsim.network.clusters.track import Track
+from wsnsim.network.sink_reports import Reports
+from wsnsim.network.step_clock import ProtocolLog
+
+
+@dataclass(frozen=True, slots=True)
+class Estimates:
+    """Initiates tracks and records their estimates."""
+
+    network: NetworkView
+    log: ProtocolLog
+    reports: Reports
+    recorder: Recorder
+    replicate: int
+
+    def initial(self, track: Track, readings: Mapping[int, float]) -> Estimate:
+        """The estimate from which a track is initiated, given {node: reading}."""
+        setup, at = self.network.setup, self.network.nodes
+        nodes = np.array(sorted(readings), dtype=np.int64)
+        return setup.acquire.estimate(
+            np.array([readings[node] for node in nodes.tolist()]),
+            at.positions[nodes],
+            at.traits[nodes],
+            setup.filter_sensor,
+            setup.filter_motions[track.target],
+            track.prior,
+        )
+
+    def note_start(self, track: Track, head: int) -> None:
+        """Note that a track was initiated; one that was lost before has been reacquired."""
+        if track.started:
+            track.reacquired += 1
+            self.log.add("reacquire", track.target, head)
+        track.started = True
+
+    def issue(self, track: Track, step: int, scene: Scene, driver: Driver, belief: Any) -> None:
+        """Record the estimate of a step and report it to the sink. At step 0 the belief is the prior, no estimate."""
+        if step == 0:
+            return
+        estimate = self.network.setup.tracker.estimate(belief)
+        self.log.add("estimate", track.target, scene.head)
+        assert math.isfinite(sum(estimate.mean.tolist())), (
+            f"the tracker's estimate at step {step} is not finite: {estimate.mean}"
+        )
+        track.estimates[step] = Issued(
+            step, self.network.clock.now, estimate, scene.head, scene.active, len(scene.roster), driver.readings
+        )
+        self.reports.send(scene.head, step, track.target)
+
+    def snapshot(self, track: Track, cluster: Cluster, belief: Any, step: int) -> None:
+        """Record the particles and the tracker's state, if their tables are wanted."""
+        if not wants_belief(self.recorder):
+            return
+        setup = self.network.setup
+        members = [cluster.members[node] for node in cluster.roster()]
+        key = {"replicate": self.replicate, "target": track.target, "step": step}
+        write_belief(self.recorder, key, setup.tracker, belief, members, setup.motions[track.target].columns)

@@ -1,0 +1,67 @@
+"""The frames of a cluster head that no tracker requests: announcements, questions to the neighbours, wake-ups."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from dataclasses import dataclass
+from typing import Any
+
+import simpy
+
+from wsnsim.base.requests import PACKET_BITS, Parcel
+from wsnsim.network.clusters.driver import HeadDied
+from wsnsim.network.clusters.network_view import NetworkView
+from wsnsim.network.radio.transport import Transport, datagram
+from wsnsim.network.step_clock import ProtocolLog
+
+
+@dataclass(frozen=True, slots=True)
+class HeadMessages:
+    """Sends what heads send outside their trackers' flows."""
+
+    network: NetworkView
+    transport: Transport
+    log: ProtocolLog
+
+    def recruit(self, target: int, head: int) -> Generator[simpy.Event, Any, list[int]]:
+        """Broadcast an announcement; each sensing node that hears it sends a join. Return who joined, ascending."""
+        alive, readings = self.network.nodes.alive, self.network.readings
+        self.log.add("announce", target, head)
+        heard = yield from self.ask(target, head, "announce", PACKET_BITS)
+        joining = [node for node in heard if node in readings[target]]
+        joins = [datagram(node, head, Parcel(None, 1, PACKET_BITS, "join")) for node in joining]
+        if joins:
+            yield self.transport.carry(joins, target)
+        if not alive[head]:
+            raise HeadDied
+        joined = [item.source for item in joins if item.arrived and alive[item.source]]
+        for node in joined:
+            self.log.add("join", target, node, peer=head)
+        return joined
+
+    def ask(self, target: int, head: int, what: str, bits: int) -> Generator[simpy.Event, Any, list[int]]:
+        """Broadcast a packet; return the living nodes that heard it, ascending.
+
+        Raises:
+            HeadDied: the head went down.
+        """
+        event, (burst,) = self.transport.broadcast([head], [Parcel(None, 1, bits, what)], target)
+        yield event
+        alive = self.network.nodes.alive
+        if not alive[head]:
+            raise HeadDied
+        return [node for node in sorted(burst.heard) if alive[node]]
+
+    def readings_of_everyone(self, target: int, head: int) -> Generator[simpy.Event, Any, dict[int, float]]:
+        """Let every sensing node send its reading to the head; return {node: reading} of what arrived."""
+        readings = self.network.readings[target]
+        datagrams = [datagram(node, head, Parcel(value, 1, PACKET_BITS, "reading")) for node, value in readings.items()]
+        if datagrams:
+            yield self.transport.carry(datagrams, target)
+        return {item.source: readings[item.source] for item in datagrams if item.arrived and item.source in readings}
+
+    def wake(self, target: int, head: int, node: int) -> Generator[simpy.Event, Any, bool]:
+        """Send a node a packet that wakes it; return whether it arrived."""
+        item = datagram(head, node, Parcel(None, 1, PACKET_BITS, "wake"))
+        yield self.transport.carry([item], target)
+        return item.arrived

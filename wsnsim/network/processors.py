@@ -1,0 +1,40 @@
+"""The processors of the nodes: what a computation costs, how long it takes, and how many operations were computed."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from wsnsim.base.radio import Cpu, EnergyModel
+from wsnsim.base.tables import CAUSE, EVENT_CAUSE, KIND
+from wsnsim.network.event_log import EventLog, event
+from wsnsim.network.nodes import Nodes
+from wsnsim.network.step_clock import StepClock
+
+COMPUTE: Final = KIND["compute"]
+CPU_CAUSE: Final = CAUSE["cpu"]
+CPU_EVENT_CAUSE: Final = EVENT_CAUSE["cpu"]
+
+
+class Processors:
+    """Books computations. `operations` is the number computed so far in the whole network."""
+
+    def __init__(self, clock: StepClock, nodes: Nodes, event_log: EventLog, energy: EnergyModel, cpu: Cpu) -> None:
+        self._clock = clock
+        self._nodes = nodes
+        self._event_log = event_log
+        self._energy = energy
+        self._cpu = cpu
+        self.operations = 0.0
+
+    def compute(self, node: int, operations: float, target: int) -> float:
+        """Book a computation and return the simulated seconds that it takes; free computations are not logged."""
+        self.operations += operations
+        cycles = operations * self._cpu.cycles_per_flop
+        joules = self._energy.compute(cycles)
+        self._nodes.mark_computing(node, cycles)
+        if joules > 0:
+            spent = self._nodes.spend(node, CPU_CAUSE, joules)
+            clock = self._clock
+            row = event(clock.env.now, clock.step, target, node, COMPUTE, joules=spent, cause=CPU_EVENT_CAUSE)
+            self._event_log.add(row)
+        return self._cpu.seconds(cycles)
