@@ -28,9 +28,9 @@ from wsnsim.base.setups import BeaconSetup, NetworkSetup, Setup, TrackingSetup
 from wsnsim.base.tables import CAUSES, Memory
 from wsnsim.base.tracking import Rule, track_row
 from wsnsim.models.deploy import coverage
-from wsnsim.network.beacons import BeaconWorld
 from wsnsim.network.nodes import Nodes
 from wsnsim.network.result_rows import called_row, run_row, woken_rows, write_network, write_rows
+from wsnsim.network.workload_world import WorkloadWorld
 from wsnsim.network.world import Sensors, Targets, World
 from wsnsim.offline.offline_run import OfflineRun
 from wsnsim.recording import ResultFile, provenance, read_text
@@ -141,7 +141,7 @@ def _beaconing(problem: BeaconSetup, replicate: int, recorder: Recorder, progres
     """One replicate of a network without a target: no tracks, and no errors."""
     streams = Streams(problem.seed, replicate)
     positions = _deployed(problem, problem.link.reach, streams, replicate)
-    outcome = BeaconWorld(problem, replicate, positions, streams, recorder).run(progress)
+    outcome = WorkloadWorld(problem, replicate, positions, streams, recorder).run(progress)
     write_network(outcome.nodes, replicate, (), recorder)
     run = {
         "replicate": replicate,

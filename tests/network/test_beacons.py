@@ -20,7 +20,7 @@ from wsnsim.models.hardware import DriftingClock, NoPacking, PerfectClock, Proce
 from wsnsim.models.links import Disk, MinimumEnergy
 from wsnsim.models.sleep import EventWake
 from wsnsim.models.workload import Periodic
-from wsnsim.network.beacons import BeaconWorld
+from wsnsim.network.workload_world import WorkloadWorld
 
 REACH, AIRTIME, TURNAROUND = 75.0, 29 * 8 / 250e3, 192e-6
 SEND, RECEIVE, COLLIDE, DROP = (KIND[name] for name in ("send", "receive", "collide", "drop"))
@@ -57,12 +57,12 @@ def play(made):
     """A run: its outcome, its log, its tables, where its nodes stand."""
     streams, memory = Streams(made.seed, 0), Memory({**RECORDED_BY_DEFAULT, "links": True})
     positions = made.deploy.draw(REACH, streams("deploy"))
-    world = BeaconWorld(made, 0, positions, streams, memory)
+    world = WorkloadWorld(made, 0, positions, streams, memory)
     outcome = world.run()
     return SimpleNamespace(
         problem=made,
         outcome=outcome,
-        beacons=world.beacons,
+        beacons=world.workload.sent,
         memory=memory,
         log=memory.table("events"),
         positions=positions,

@@ -219,13 +219,23 @@ class Sink(Protocol):
 
 
 class Workload(Protocol):
-    """What the network does. `mechanism`: 'tracking', or 'beacons', a network without a target.
+    """What the network does. `mechanism`: 'tracking', or 'beacons', a network without targets.
 
-    Beacons have besides a `period` (s) and a payload of `bits`.
+    A workload that brings its own mechanism (`mechanisms.StartsWorkload`) is one without targets.
     """
 
     @property
     def mechanism(self) -> str: ...
+
+
+class BeaconWorkload(Workload, Protocol):
+    """Every node broadcasts a payload of `bits` once per `period` (s) of its own clock."""
+
+    @property
+    def period(self) -> float: ...
+
+    @property
+    def bits(self) -> int: ...
 
 
 class FaultEvent(Protocol):

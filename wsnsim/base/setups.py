@@ -23,7 +23,7 @@ from wsnsim.base.ports import (
     Tracker,
     head_protocol,
 )
-from wsnsim.base.radio import Clock, Cpu, EnergyModel, FaultEvent, LinkModel, Mac, Packing, Routing, Sink
+from wsnsim.base.radio import Clock, Cpu, EnergyModel, FaultEvent, LinkModel, Mac, Packing, Routing, Sink, Workload
 from wsnsim.base.requests import PACKET_BITS
 from wsnsim.base.sleeping import SleepSchedule, WakeUp
 
@@ -121,6 +121,6 @@ class NetworkSetup(TrackingSetup, RadioSetup):
 
 @dataclass(frozen=True, kw_only=True)
 class BeaconSetup(RadioSetup):
-    """A network without a target: every node broadcasts a beacon of `workload.bits` every `workload.period` s."""
+    """A network without targets, whose nodes do what the workload says: send beacons, or what a plug-in makes them."""
 
-    workload: Any
+    workload: Workload

@@ -44,7 +44,9 @@ MOST_STEPS: Final = 10_000_000
 SHORT_FORMS: Final = {"gains": "gains", "inflate": "inflate", "filter_noise_scale": "noise_scale"}
 SAFE_NAME: Final = re.compile(r"\w[\w.\-]{0,99}")
 BEACONS: Final = "beacons"
-"""The mechanism, and the kind, of the workload without a target."""
+"""The kind of the built-in workload without targets."""
+TRACKING: Final = "tracking"
+"""The mechanism of the workload with targets; every other workload has none."""
 
 _Flag = Annotated[bool, Strict("bool")]
 _Scale = Annotated[float, Number(Quantity("", ge=1e-9, le=1e9))]
@@ -222,7 +224,7 @@ class Scenario(BaseModel):
 
 def is_without_target(workload: PartModel | type[PartModel]) -> bool:
     """Whether a workload is that of a network without a target."""
-    return getattr(workload.part, "mechanism", "") == BEACONS
+    return getattr(workload.part, "mechanism", "") != TRACKING
 
 
 Chosen = tuple[tuple[str, tuple[type[PartModel] | None, ...]], ...]

@@ -1,0 +1,31 @@
+"""The mechanisms of workloads without targets: a plug-in's own, or a built-in one by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, Final
+
+from wsnsim.base.errors import RunError
+from wsnsim.base.mechanisms import StartsWorkload, WorkloadMechanism, WorkloadServices
+from wsnsim.base.radio import Workload
+from wsnsim.network.beacons import Beacons
+
+MECHANISMS: Final[Mapping[str, Callable[[Any, WorkloadServices], WorkloadMechanism]]] = {"beacons": Beacons}
+"""The built-in mechanisms by name. The workload 'tracking' has targets: see `world`."""
+
+
+def make_workload(component: Workload, services: WorkloadServices) -> WorkloadMechanism:
+    """The mechanism of a component: its own, or the built-in one that it names.
+
+    Raises:
+        RunError: there is neither.
+    """
+    if isinstance(component, StartsWorkload):
+        return component.start(services)
+    if component.mechanism not in MECHANISMS:
+        known = ", ".join(["tracking", *MECHANISMS])
+        raise RunError(
+            f"workload: no mechanism '{component.mechanism}' in this network, and the component has no "
+            f"start(services); known: {known}"
+        )
+    return MECHANISMS[component.mechanism](component, services)
