@@ -131,8 +131,8 @@ def test_info_says_what_a_file_is_about(write, rows_of):
     assert about["bytes"] == path.stat().st_size
     assert about["tables"]["events"]["rows"] == 300
     assert about["tables"]["truth"]["rows"] == 0
-    assert (about["figures"]["rmse"], about["figures"]["lost"], about["figures"]["energy"]) == (1.5, 0.5, 0.375)
-    assert "median_error" not in about["figures"]
+    assert [about["figures"][name] for name in ("rmse_median", "lost", "energy")] == [1.5, 0.5, 0.375]
+    assert not {"rmse", "median_error"} & set(about["figures"]), "no estimates are recorded"
     assert about["fingerprints"] == ["0000000000000005", "8000000000000001"]
     assert about["provenance"]["command_line"] == "wsnsim run x.yaml"
     assert json.loads(json.dumps(about)) == about
@@ -141,11 +141,11 @@ def test_info_says_what_a_file_is_about(write, rows_of):
 def test_info_text_says_it_in_few_lines(write, rows_of):
     text = info_text(write("x.h5", runs=runs(rows_of), events=rows_of("events", 3_000)))
     assert "x.h5: complete, " in text
-    assert "pso_mhpf, seed 20131101, 2 replicates" in text
+    assert "pso_mhpf, seed 20131101, 2 Monte Carlo runs" in text
     assert "wsnsim run x.yaml" in text
     assert any(line.split()[:3] == ["events", "3,000", "14"] for line in text.splitlines())
-    assert any(line.split() == ["RMSE", "of", "a", "run", "1.500", "m"] for line in text.splitlines())
-    assert len(text.splitlines()) < 35
+    assert any(line.split() == ["median", "per-run", "RMSE", "1.5000", "m"] for line in text.splitlines())
+    assert len(text.splitlines()) < 45
     assert max(map(len, text.splitlines())) < 200
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import statistics
 from pathlib import Path
 
@@ -12,8 +13,11 @@ import pytest
 
 from wsnsim import experiment, scenario
 from wsnsim.analysis import result_info, summary, summary_text
+from wsnsim.analysis.quantities import BOUND_NAMES, QUANTITIES, interval
+from wsnsim.base import metrics
 from wsnsim.experiment import Report, Summary
 from wsnsim.recording import ResultFile, read_table
+from wsnsim.report import summary_table
 
 PLANE = (("px", "m"), ("vx", "m/s"), ("py", "m"), ("vy", "m/s"))
 NAN = float("nan")
@@ -32,6 +36,7 @@ def run_row(errors, network=True, **said):
         "frames_lost": 2 if network else 0,
         "packets_sent": 50,
         "in_range": 30,
+        "delivered": 27,
         "collided": 0,
         "access_failures": 0,
         "retries": 0,
@@ -108,7 +113,7 @@ def test_the_interval_of_the_median_covers_the_true_median_as_often_as_it_says()
     rng = np.random.default_rng(3)
     missed = 0
     for _ in range(40):
-        low, high = summary._interval(rng.exponential(size=25), summary.metrics.median_error)
+        low, high = interval(rng.exponential(size=25), metrics.median_error)
         missed += not low <= math.log(2.0) <= high
     assert missed <= 7
 
@@ -116,7 +121,7 @@ def test_the_interval_of_the_median_covers_the_true_median_as_often_as_it_says()
 def test_fewer_than_five_replicates_have_no_interval():
     figures = summary.as_json(report_of(ERRORS, COLUMNS), {})
     assert math.isnan(figures["rmse_median_low"]) and math.isnan(figures["rmse_low"])
-    assert rows(report_of(ERRORS, COLUMNS))["RMSE of a run, median"] == f"{figures['rmse_median']:.4f} m"
+    assert rows(report_of(ERRORS, COLUMNS))["median per-run RMSE"] == f"{figures['rmse_median']:.4f} m"
 
 
 def test_targets_of_one_replicate_are_drawn_together():
@@ -131,7 +136,7 @@ def test_every_accuracy_carries_the_positions_own_unit():
     for unit, expected in (("m", "2.0000 m"), ("km", "2.0000 km"), ("", "2.0000")):
         states = (("x", unit), ("v", "m/s"))
         told = rows(report_of(np.full((2, 1, 3), 2.0), np.full((2, 1, 2), 2.0), states, (0,)))
-        for name in ("RMSE, mean over time", "RMSE of a run, median", "median error"):
+        for name in ("time-averaged RMSE", "median per-run RMSE", "median position error"):
             assert told[name] == expected
         assert told["RMSE of x, v"] == f"2{' ' * bool(unit)}{unit}, 2 m/s"
 
@@ -139,7 +144,7 @@ def test_every_accuracy_carries_the_positions_own_unit():
 def test_the_unit_is_that_of_the_position_not_of_the_first_column():
     states = (("v", "m/s"), ("x", "mm"))
     told = rows(report_of(np.ones((2, 1, 3)), np.ones((2, 1, 2)), states, (1,)))
-    assert told["median error"] == "1.0000 mm"
+    assert told["median position error"] == "1.0000 mm"
 
 
 def test_what_the_paper_prints_of_a_column_stands_beside_it():
@@ -150,15 +155,15 @@ def test_what_the_paper_prints_of_a_column_stands_beside_it():
     assert told["RMSE of px"].split("  ") == [f"{figures['px']:.4g} m", "0.71 m"]
     assert told["RMSE of vx"].split("  ") == [f"{figures['vx']:.4g} m/s", "0.4 m/s"]
     assert told["RMSE of py"] == f"{figures['py']:.4g} m"
-    assert told["RMSE, mean over time"].endswith("2.5000 m")
+    assert told["time-averaged RMSE"].endswith("2.5000 m")
     assert "unheard" not in summary_text.text(report, published)
 
 
 def test_without_a_network_there_are_only_the_packets_and_operations_it_would_have_had_to_carry():
     report = report_of(np.ones((4, 1, 10)), np.ones((4, 1, 1)), (("x", ""),), (0,), "ungm_pf", packets_sent=25)
     told = rows(report)
-    assert told["load of a network, a step"] == "2.5 packets, 200 operations"
-    assert not {"energy of the network", "clusters", "frames sent / lost", "packets sent"} & set(told)
+    assert told["load on a network, per step"] == "2.5 packets, 200 operations"
+    assert not {"energy spent", "clusters", "bursts sent", "packets sent", "packet delivery ratio"} & set(told)
     assert "nan" not in summary_text.text(report, {})
 
 
@@ -173,8 +178,13 @@ def test_without_a_network_the_keys_are_the_same_and_null_where_nothing_exists()
 
 def test_with_a_network_its_rows_are_there():
     told = rows(report_of(ERRORS, COLUMNS))
-    assert told["energy of the network"] == "1.5000 J"
-    assert (told["clusters"], told["frames sent / lost"], told["operations computed"]) == ("3", "30 / 2", "2,000")
+    assert told["energy spent"] == "1.5 J" and told["packet delivery ratio"] == "90.00%"
+    assert [told[name] for name in ("clusters", "bursts sent", "bursts lost", "operations computed")] == [
+        "3",
+        "30",
+        "2",
+        "2,000",
+    ]
 
 
 def test_runs_without_any_estimate_are_passed_over_and_none_at_all_is_nan():
@@ -219,14 +229,17 @@ def test_info_of_a_bench_has_neither_energy_nor_handovers_and_its_errors_a_unit(
     assert not {"energy", "handovers", "frames_lost", "alive"} & set(about["figures"])
     assert about["position_unit"] == "m"
     assert "nan" not in text
-    assert f"{'RMSE of a run':<25}{about['figures']['rmse']:.3f} m" in text.splitlines()
+    assert ["time-averaged", "RMSE", f"{about['figures']['rmse']:.4f}", "m"] in [
+        line.split() for line in text.splitlines()
+    ]
 
 
 def test_info_gives_errors_without_a_unit_where_the_position_has_none(tmp_path, rows_of):
     with ResultFile(tmp_path / "x.h5", [("x", "")], {"runs": True}, position=(0,)) as file:
         file.write("runs", rows_of("runs", 1) | {"rmse": 3.25, "energy": NAN})
     assert result_info.info(tmp_path / "x.h5")["position_unit"] == ""
-    assert f"{'RMSE of a run':<25}3.250" in result_info.info_text(tmp_path / "x.h5").splitlines()
+    lines = result_info.info_text(tmp_path / "x.h5").splitlines()
+    assert ["median", "per-run", "RMSE", "3.2500"] in [line.split() for line in lines]
 
 
 def test_late_estimates_reports_to_the_sink_and_what_the_air_lost_have_their_rows():
@@ -241,16 +254,16 @@ def test_late_estimates_reports_to_the_sink_and_what_the_air_lost_have_their_row
         (0, 2),
     )
     said = rows(report)
-    assert said["estimates that missed their step"] == "2, median delay 62.5 ms"
-    assert said["estimates that reached the sink"] == "4 of 6, median delay 1.5 s"
+    assert said["late estimates"] == "2" and said["latency at the cluster head, median"] == "62.5 ms"
+    assert said["estimates received at the sink"] == "4 of 6" and said["end-to-end latency, median"] == "1.5 s"
     assert "steps without an estimate" not in said
-    assert said["receptions lost to collisions"] == "12" and said["frames sent again"] == "3"
-    assert said["frames that never got the channel"] == "1"
+    assert said["collided receptions"] == "12" and said["retransmissions"] == "3"
+    assert said["channel-access failures"] == "1"
 
 
 def test_an_undisturbed_air_has_no_rows_of_what_it_lost():
     said = rows(report_of(ERRORS, COLUMNS))
-    assert not {"receptions lost to collisions", "frames sent again", "frames that never got the channel"} & set(said)
+    assert not {"collided receptions", "retransmissions", "channel-access failures"} & set(said)
 
 
 def with_tracks(report, rows):
@@ -262,11 +275,11 @@ def with_tracks(report, rows):
     return Report(report.scenario, tuple(made), Path("x.h5"), 1.0, PLANE, (0, 2))
 
 
-FOLLOWED = ("steps tracked, by one reading or more", "mean error", "nodes awake", "nodes told to track, ineffective")
+TRACKING = ("steps tracked", "mean position error", "awake time of nodes", "nodes woken, unnecessary wake-ups")
 
 
 def test_where_nobody_sleeps_and_every_step_is_tracked_nothing_is_said_of_it():
-    assert not set(FOLLOWED) & set(rows(report_of(ERRORS, COLUMNS)))
+    assert not set(TRACKING) & set(rows(report_of(ERRORS, COLUMNS)))
 
 
 def test_a_network_that_sleeps_has_its_tracking_probability_with_an_interval_and_who_was_woken():
@@ -288,13 +301,13 @@ def test_a_network_that_sleeps_has_its_tracking_probability_with_an_interval_and
     figures, said = summary.as_json(report, {}), rows(report)
     assert figures["tracked"] == pytest.approx(0.7) and figures["tracked_three"] == pytest.approx(0.3)
     assert 0.4 < figures["tracked_low"] < 0.7 < figures["tracked_high"] < 1.0
-    assert said["steps tracked, by one reading or more"].startswith("70.0 %  [")
-    assert said["of a run's steps with three readings"] == "RMSE 6.0000 m, mean 3.0000 m, median 9.0000 m"
-    assert said["nodes awake"] == "25.0 % of the time"
-    assert said["nodes told to track, ineffective"] == "4.3 a step, 0.8 a step"
-    assert said["nodes called, dismissed again"] == "2 a step, 0.5 a step"
-    assert said["ineffective in the first 20 steps"] == "3"
-    assert said["delay to the head, median"] == "30 ms" and said["mean error"] == "2.0000 m"
+    assert said["steps tracked"].startswith("70.0%  [")
+    assert said["at a run's steps with three readings"] == "RMSE 6.0000 m, mean 3.0000 m, median 9.0000 m"
+    assert said["awake time of nodes"] == "25.0%"
+    assert said["nodes woken, unnecessary wake-ups"] == "4.3 per step, 0.8 per step"
+    assert said["nodes called, dismissed"] == "2 per step, 0.5 per step"
+    assert said["unnecessary in the first 20 steps"] == "3"
+    assert said["latency at the cluster head, median"] == "30 ms" and said["mean position error"] == "2.0000 m"
 
 
 def test_the_interval_of_the_tracking_probability_covers_it_as_often_as_it_says():
@@ -302,7 +315,7 @@ def test_the_interval_of_the_tracking_probability_covers_it_as_often_as_it_says(
     rng = np.random.default_rng(5)
     missed = 0
     for _ in range(40):
-        low, high = summary._interval(rng.binomial(100, 0.8, 25) / 100, summary.metrics.mean_error)
+        low, high = interval(rng.binomial(100, 0.8, 25) / 100, metrics.mean_error)
         missed += not low <= 0.8 <= high
     assert missed <= 7
 
@@ -311,9 +324,13 @@ def test_a_target_that_was_never_seen_has_no_figures_and_no_word_for_them():
     nothing = report_of(np.full((6, 1, 3), NAN), np.full((6, 1, 4), NAN), tracked=0.0, tracked_three=0.0, awake=0.3)
     blind = {"mean_error_three": NAN, "rmse_three": NAN, "median_error_three": NAN, "delay": NAN, "due": 3}
     said = rows(with_tracks(nothing, [track_row(np.full(3, NAN), **blind)] * 6))
-    assert said["steps tracked, by one reading or more"] == "0.0 %  [0.0, 0.0]"
-    assert not {"mean error", "of a run's steps with three readings", "delay to the head, median"} & set(said)
-    assert said["estimates that reached the sink"] == "0 of 3"
+    assert said["steps tracked"] == "0.0%  [0.0%, 0.0%]"
+    assert not {
+        "mean position error",
+        "at a run's steps with three readings",
+        "latency at the cluster head, median",
+    } & set(said)
+    assert said["estimates received at the sink"] == "0 of 3"
 
 
 def test_bounds_stand_beside_the_error_of_all_readings_of_members_and_of_those_that_arrived(tmp_path):
@@ -322,8 +339,8 @@ def test_bounds_stand_beside_the_error_of_all_readings_of_members_and_of_those_t
     limit = summary.bounds_of_report(report)
     assert limit.kind == "per_trajectory" and not limit.reason
     assert 0 < limit.rmse < limit.active <= limit.arrived * (1 + 1e-9)
-    text = summary_text.text(report, {}, limit=limit)
-    for words, value in zip(summary_text.BOUNDS.values(), (limit.rmse, limit.active, limit.arrived), strict=True):
+    text = summary_text.text(report, {}, limits=limit)
+    for words, value in zip(BOUND_NAMES.values(), (limit.rmse, limit.active, limit.arrived), strict=True):
         assert f"  {words}" in text and f"{value:.4f} m" in text
     figures = summary.as_json(report, {}, limit)
     assert (figures["bound"], figures["bound_arrived"]) == (limit.rmse, limit.arrived)
@@ -337,6 +354,32 @@ def test_without_events_there_is_the_bound_of_all_readings_alone_and_without_any
         limit = summary.bounds_of_report(report)
         assert limit.rmse > 0 and math.isnan(limit.active) and math.isnan(limit.arrived)
     waypoints = experiment.run(scenario.load("gmtt", ["duration=10 s"]), replicates=1, out=tmp_path / "y.h5")
-    assert "no density" in summary.bounds_of_report(waypoints).reason
-    told = summary_text.text(waypoints, {}, limit=summary.bounds_of_report(waypoints))
-    assert "no bound: the target goes straight" in told and "bound along" not in told
+    assert "no probability density" in summary.bounds_of_report(waypoints).reason
+    told = summary_text.text(waypoints, {}, limits=summary.bounds_of_report(waypoints))
+    assert "no bound: the target moves in straight lines" in told and "CRLB" not in told
+
+
+def test_terminal_page_info_and_json_have_the_same_names_and_values(tmp_path):
+    """Of every quantity that the page shows, in a network with collisions, for one result."""
+    loaded = scenario.load("ekf_real", ["duration=2 s"])
+    report = experiment.run(loaded, replicates=5, out=tmp_path / "x.h5")
+    figures = summary.as_json(report, {}, summary.bounds_of_report(report))
+    about, info_text = result_info.info(report.out), result_info.info_text(report.out)
+    terminal = rows(report)
+    page = dict(re.findall(r'<th scope="row">([^<]*)</th><td>([^<]*)', summary_table.tally([report.out], ["x"])))
+    shown = [key for key, quantity in QUANTITIES.items() if quantity.name in page]
+    assert {"rmse", "rmse_median", "median_error", "energy", "packet_delivery_ratio"} <= set(shown)
+    json_keys = {"lost": "lost_fraction"}
+    for key in shown:
+        quantity, value = QUANTITIES[key], about["figures"][key]
+        assert page[quantity.name].strip() == quantity.text(value, "m")
+        assert [*quantity.name.split(), *quantity.text(value, "m").split()] in [
+            x.split() for x in info_text.splitlines()
+        ]
+        if key != "cpu_seconds":
+            assert figures[json_keys.get(key, key)] == pytest.approx(value, rel=1e-12), key
+        if quantity.name in terminal:
+            assert terminal[quantity.name].startswith(quantity.text(value, "m"))
+    assert {QUANTITIES[key].name for key in ("rmse", "rmse_median", "median_error", "energy")} <= set(terminal)
+    for readings, key in (("in_range", "bound"), ("active", "bound_active"), ("arrived", "bound_arrived")):
+        assert page[BOUND_NAMES[readings]] == f"{figures[key]:.4f} m"

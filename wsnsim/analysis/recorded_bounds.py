@@ -1,28 +1,21 @@
-"""What was possible in a recorded run, where that can be said: bounds to stand beside its errors.
+"""The trajectory-conditional CRLBs of a result file, to show beside its errors.
 
-    in_range(path) -> Bound or None        beside(path) -> {readings: metres, ...}
+    in_range(path) -> Bound or None        beside(path) -> {readings: bound, ...}
 
-Along each truth: tight, and not strict; see `bounds`. Results that are no runs of a scenario, of another version, or of
-a motion that has no bound have none, and nothing is raised.
+They are tight but not strict bounds, see `wsnsim.bounds`. A file without a scenario, of another version, or of a motion
+model without a bound has none; no error is raised.
 """
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Final
 
 import numpy as np
 
 from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import WsnsimError
-from wsnsim.bounds import Bound, bound_of_run
+from wsnsim.bounds import READINGS, Bound, bound_of_run
 from wsnsim.recording import read_table, tables
-
-WORDS: Final = {
-    "in_range": "bound along the truth, not strict: readings in range",
-    "active": "bound along the truth, not strict: active members' readings",
-    "arrived": "bound along the truth, not strict: readings that arrived",
-}
 
 
 def in_range(path: str | Path) -> Bound | None:
@@ -31,12 +24,12 @@ def in_range(path: str | Path) -> Bound | None:
 
 
 def beside(path: str | Path) -> dict[str, float]:
-    """The time mean of each bound at the steps that have an estimate, in the position's unit.
+    """The time average of each bound over the steps that have an estimate, in the position's unit.
 
-    Without a log, and without a network, there is that for all readings in range alone.
+    Without recorded events, or without a network, the only one is that for all readings in range.
     """
     log = tables(path).get("events")
-    known = list(WORDS) if log is not None and log.rows else ["in_range"]
+    known = READINGS if log is not None and log.rows else ("in_range",)
     found = {readings: bound for readings in known if (bound := _found(path, readings)) is not None}
     means = {readings: bound.time_mean_at(_errors(path, bound)) for readings, bound in found.items()}
     return {readings: mean for readings, mean in means.items() if np.isfinite(mean)}

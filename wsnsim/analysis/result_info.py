@@ -7,40 +7,19 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
-import numpy as np
-
+from wsnsim.analysis.phrases import counted
+from wsnsim.analysis.quantities import QUANTITIES, position_unit, read_arrays, values, worth_showing
 from wsnsim.base.errors import ResultError
-from wsnsim.base.tables import TABLES
 from wsnsim.recording import attributes, read_table, read_text, tables
-
-FIGURES: Final = {
-    "rmse": ("RMSE of a run", "{:.3f}"),
-    "median_error": ("median error", "{:.3f}"),
-    "lost": ("runs that lost a track", "{:.1%}"),
-    "energy": ("energy", "{:.4g} J"),
-    "handovers": ("handovers", "{:.1f}"),
-    "frames_sent": ("frames sent", "{:.0f}"),
-    "frames_lost": ("frames lost", "{:.0f}"),
-    "packets_sent": ("packets sent", "{:.0f}"),
-    "cycles": ("operations", "{:,.0f}"),
-    "alive": ("nodes alive", "{:.1f}"),
-    "cpu_seconds": ("processor time", "{:.2f} s"),
-}
-"""Which columns of `runs` sum a file up, with the words and the form that a terminal shows."""
-OF_POSITION: Final = tuple(column.name for column in TABLES["runs"] if column.of_position)
-"""Which of them have the position's unit, that the file alone knows."""
-OF_NETWORK: Final = ("handovers", "frames_lost", "alive")
-"""Which of them say nothing of a scenario without a network, where no energy is spent."""
 
 
 def info(path: str | Path) -> dict[str, Any]:
-    """What a result file is about, without reading its long tables.
+    """The contents of a result file; of its long tables, only the errors are read.
 
     Keys: file, bytes, status, schema_version, wsnsim_version, name, seed, replicates, tables ({name: {rows, columns,
-    bytes}}), figures (means of `runs`; `lost` is the fraction of runs that lost a track), position_unit, fingerprints,
-    provenance.
+    bytes}}), figures ({key of `quantities.QUANTITIES`: value}), position_unit, fingerprints, provenance.
     """
     root = attributes(path)
     sizes = tables(path)
@@ -59,18 +38,18 @@ def info(path: str | Path) -> dict[str, Any]:
             name: {"rows": size.rows, "columns": list(size.columns), "bytes": size.stored_bytes}
             for name, size in sizes.items()
         },
-        "figures": _figures(runs),
-        "position_unit": _position_unit(root),
+        "figures": values(read_arrays(path)),
+        "position_unit": position_unit(path),
         "fingerprints": [f"{value:016x}" for value in runs.get("fingerprint", ())],
         "provenance": _json(path, "provenance_json"),
     }
 
 
 def info_text(path: str | Path) -> str:
-    """The same for a terminal."""
+    """The contents of a result file for a terminal."""
     about = info(path)
     scenario = f"{about['name']}, seed {about['seed']}" if about["name"] else "(not stored)"
-    runs = "" if about["replicates"] is None else f", {about['replicates']} replicate{'s' * (about['replicates'] != 1)}"
+    runs = "" if about["replicates"] is None else f", {counted(about['replicates'], 'Monte Carlo run')}"
     lines = [
         f"{about['file']}: {about['status']}, {_size(about['bytes'])}",
         f"scenario     {scenario}{runs}",
@@ -79,7 +58,7 @@ def info_text(path: str | Path) -> str:
         *_table_lines(about["tables"]),
     ]
     if about["figures"]:
-        lines += ["", *_figure_lines(about["figures"], about["position_unit"])]
+        lines += ["", *_figure_lines(path, about["position_unit"])]
     if len(about["fingerprints"]) == 1:
         lines.append(f"{'fingerprint':<25}{about['fingerprints'][0]}")
     return "\n".join(lines)
@@ -93,25 +72,10 @@ def _json(path: str | Path, name: str) -> dict[str, Any]:
         return {}
 
 
-def _figures(runs: dict[str, np.ndarray]) -> dict[str, float]:
-    """Means over the runs of the file; those of a column that is nowhere known are left out."""
-    known = {name: runs[name][np.isfinite(runs[name])] for name in FIGURES if name in runs}
-    means = {name: float(values.mean()) for name, values in known.items() if values.size}
-    left_out = () if "energy" in means else OF_NETWORK
-    return {name: mean for name, mean in means.items() if name not in left_out}
-
-
-def _position_unit(root: dict[str, Any]) -> str:
-    """The unit of the errors; metres in a file that does not say which columns are the position."""
-    return root["states"][root["position"][0]][1] if root["position"] else "m"
-
-
-def _figure_lines(figures: dict[str, float], unit: str) -> list[str]:
-    lines = []
-    for name, value in figures.items():
-        words, form = FIGURES[name]
-        lines.append(f"{words:<25}{form.format(value)}{f' {unit}' if name in OF_POSITION else ''}".rstrip())
-    return lines
+def _figure_lines(path: str | Path, unit: str) -> list[str]:
+    shown = worth_showing(read_arrays(path))
+    width = max(map(len, (QUANTITIES[key].name for key in shown)), default=0) + 2
+    return [f"{QUANTITIES[key].name:<{width}}{QUANTITIES[key].text(value, unit)}" for key, value in shown.items()]
 
 
 def _provenance_lines(made: dict[str, Any], version: str) -> list[str]:

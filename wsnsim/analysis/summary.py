@@ -1,6 +1,6 @@
-"""A run in figures: what was measured, beside what the paper printed and what is possible.
+"""The summary of a run of a scenario as plain values: quantities, published values and bounds.
 
-as_json(report, published, limit) -> dict        `summary_text.text` makes lines of it
+as_json(report, published, bounds) -> dict        `summary_text.text` makes lines of it
 
 `published` may hold 'rmse' (in the position's unit), 'energy' (J), 'clusters', and 'rmse_px', 'rmse_vx', ... for the
 state columns.
@@ -9,11 +9,12 @@ state columns.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 
+from wsnsim.analysis.quantities import QUANTITIES, ResultArrays, interval, median_time
 from wsnsim.base import metrics
 from wsnsim.base.arrays import Floats
 from wsnsim.bounds import bound, bound_of_run
@@ -21,14 +22,21 @@ from wsnsim.experiment import Report
 
 SCHEMA_VERSION = 1
 NAN = float("nan")
-OF_THREE = ("rmse_three", "mean_error_three", "median_error_three")
-"""Columns of `tracks` of the errors that three readings or more stand behind."""
+WITH_INTERVAL: Final = ("rmse", "rmse_median", "tracked")
+OF_THREE: Final = ("rmse_three", "mean_error_three", "median_error_three")
+"""Columns of `tracks`: errors at the steps with three readings or more."""
+NETWORK_ONLY: Final = ("handovers", "frames_lost", "delivered", "packet_delivery_ratio")
 
 
 class RunBounds(NamedTuple):
-    """Bounds as the time mean of the RMSE, their kind, and why there is none for all readings in range.
+    """Trajectory-conditional CRLBs beside the time-averaged RMSE of a report.
 
-    `active` and `arrived` are those for the readings of the clusters' members, and for those that the head had.
+    Attributes:
+        rmse: for all readings in range.
+        kind: the kind of bound.
+        reason: why there is none.
+        active: for the readings of active members.
+        arrived: for the readings that arrived at the head.
     """
 
     rmse: float = NAN
@@ -38,122 +46,122 @@ class RunBounds(NamedTuple):
     arrived: float = NAN
 
 
-NOT_COMPUTED: Final = RunBounds(reason="nobody asked")
+NOT_COMPUTED: Final = RunBounds(reason="not computed")
 
 
-def as_json(report: Report, published: Mapping[str, float], limit: RunBounds = NOT_COMPUTED) -> dict[str, Any]:
-    """The summary as one object: SI units, NaN where a figure does not exist.
+def as_json(report: Report, published: Mapping[str, float], limits: RunBounds = NOT_COMPUTED) -> dict[str, Any]:
+    """The summary as one object: SI units, NaN for a quantity that does not exist.
 
-    `rmse` is the time mean of the RMSE over replicates at each step; `rmse_median` the median over replicates of each
-    one's RMSE over steps and targets, which a few lost tracks do not move; `column_rmse` is the root of the mean square
-    over replicates and targets, `column_rmse_median` the median over replicates. What has no estimate is passed over.
-    `tracked` is the mean over replicates, `rmse_three` and its like the median over tracks; of waking, sums of a run.
+    The quantities of `quantities.QUANTITIES` have their keys there, except `lost`, which is `lost_fraction` here, and
+    `cpu_seconds`, which is the sum over runs. `column_rmse` is the root mean square over steps, runs and targets,
+    `column_rmse_median` the median over runs. `rmse_three` and its like are medians over tracks; counts of waking are
+    means of a run. Steps without an estimate are left out.
     """
-    errors = _errors(report)
-    low, high = _interval(errors.reshape(len(report.summaries), -1, errors.shape[1]), _rmse_of_runs)
-    runs = [summary.run for summary in report.summaries]
-    each = np.array([run["rmse"] for run in runs], dtype=np.float64)
-    median_low, median_high = _interval(each, metrics.median_error)
+    arrays = result_arrays(report)
+    found = {key: quantity.value(arrays) for key, quantity in QUANTITIES.items()}
+    found |= dict.fromkeys(NETWORK_ONLY, NAN) if without_network(report) else {}
+    for key in WITH_INTERVAL:
+        found[f"{key}_low"], found[f"{key}_high"] = QUANTITIES[key].interval(arrays)
     return {
         "schema_version": SCHEMA_VERSION,
         "name": report.scenario.name,
         "seed": report.scenario.seed,
         "file": str(report.out),
-        "replicates": len(runs),
-        "steps": int(max(run["steps"] for run in runs)),
+        "replicates": len(report.summaries),
+        "steps": int(arrays.runs["steps"].max()),
         "targets": len(report.summaries[0].tracks),
-        "rmse": metrics.time_mean_rmse(errors),
-        "rmse_low": low,
-        "rmse_high": high,
-        "rmse_median": metrics.median_error(each),
-        "rmse_median_low": median_low,
-        "rmse_median_high": median_high,
-        **_column_figures(report),
-        "median_error": metrics.median_error(errors),
-        "lost_fraction": metrics.lost_fraction(np.array([run["lost"] for run in runs])),
-        "rmse_of_kept": _rmse_of_kept(report),
-        **_cost_figures(report, runs),
-        "alive": _mean(runs, "alive"),
-        "runs_with_deaths": sum(math.isfinite(run["first_death"]) for run in runs),
-        "first_death": _median([run["first_death"] for run in runs]),
-        "half_dead": _median([run["half_dead"] for run in runs]),
-        "lost_at": _median([track["lost_at"] for s in report.summaries for track in s.tracks]),
-        "coverage": _mean(runs, "coverage"),
-        "reacquired": float(np.mean([sum(t["reacquired"] for t in s.tracks) for s in report.summaries])),
-        "late": float(np.mean([sum(t["late"] for t in s.tracks) for s in report.summaries])),
-        "without_estimate": float(
-            np.mean([sum(s.run["steps"] - t["reports"] for t in s.tracks) for s in report.summaries])
-        ),
-        "delay": metrics.median_error(np.array([t["delay"] for s in report.summaries for t in s.tracks])),
-        "received": float(np.mean([sum(t["received"] for t in s.tracks) for s in report.summaries])),
-        "report_delay": metrics.median_error(np.array([t["report_delay"] for s in report.summaries for t in s.tracks])),
-        **{name: _mean(runs, name) for name in ("in_range", "collided", "access_failures", "retries", "awake")},
-        **_followed_figures(report, errors),
-        "cpu_seconds": float(sum(run["cpu_seconds"] for run in runs)),
+        "lost_fraction": found.pop("lost"),
+        **found,
+        **_column_rmse(report),
+        "rmse_of_kept": _rmse_of_kept(report, arrays.errors),
+        **_energy_and_clusters(report),
+        "runs_with_deaths": int(np.isfinite(arrays.runs["first_death"]).sum()),
+        **_track_figures(report, arrays.errors),
+        "cpu_seconds": float(arrays.runs["cpu_seconds"].sum()),
         "wall_seconds": report.wall,
-        "fingerprints": [int(run["fingerprint"]) for run in runs],
+        "fingerprints": [int(summary.run["fingerprint"]) for summary in report.summaries],
         "published": dict(published),
-        "bound": limit.rmse,
-        "bound_active": limit.active,
-        "bound_arrived": limit.arrived,
-        "bound_kind": limit.kind,
-        "bound_reason": limit.reason,
+        "bound": limits.rmse,
+        "bound_active": limits.active,
+        "bound_arrived": limits.arrived,
+        "bound_kind": limits.kind,
+        "bound_reason": limits.reason,
     }
 
 
-def bounds_of_report(report: Report) -> RunBounds:
-    """The bounds along each truth of a report, on the steps that have an estimate: tight, and not strict.
+def result_arrays(report: Report) -> ResultArrays:
+    """The arrays of a report that summary quantities are computed from."""
+    count, targets = len(report.summaries), len(report.summaries[0].errors)
+    errors = np.full((count, targets, max(summary.errors.shape[1] for summary in report.summaries)), np.nan)
+    for row, summary in zip(errors, report.summaries, strict=True):
+        row[:, : summary.errors.shape[1]] = summary.errors
+    rows = [summary.run for summary in report.summaries]
+    return ResultArrays(errors, {name: np.array([row[name] for row in rows], dtype=np.float64) for name in rows[0]})
 
-    Who was active and what arrived is known of a network whose events, estimates and clusters are recorded.
+
+def bounds_of_report(report: Report) -> RunBounds:
+    """The trajectory-conditional CRLBs of a report, averaged over the steps that have an estimate.
+
+    Which members were active and which readings arrived is known of a network whose events, estimates and clusters
+    were recorded.
     """
     kind = "per_trajectory"
     found = bound(report.scenario, range(len(report.summaries)), kind)
     if found.reason:
         return RunBounds(reason=found.reason)
-    steps = found.each.shape[-1]
-    errors = np.full((len(report.summaries), found.each.shape[1], steps), np.nan)
+    errors = np.full((len(report.summaries), *found.each.shape[1:]), np.nan)
     for row, summary in zip(errors, report.summaries, strict=True):
         row[:, : summary.errors.shape[1]] = summary.errors
-    limit = RunBounds(found.time_mean_at(errors), kind)
-    if without_network(report) or not math.isfinite(limit.rmse):
-        return limit
+    limits = RunBounds(found.time_mean_at(errors), kind)
+    if without_network(report) or not math.isfinite(limits.rmse):
+        return limits
     active, arrived = (bound_of_run(report.out, of, kind).time_mean_at(errors) for of in ("active", "arrived"))
-    return limit._replace(active=active, arrived=arrived)
+    return limits._replace(active=active, arrived=arrived)
 
 
-def _cost_figures(report: Report, runs: list[Mapping[str, Any]]) -> dict[str, Any]:
-    """What it took: energy by cause, clusters, frames, operations; NaN for what only a network has."""
+def without_network(report: Report) -> bool:
+    """Whether the run was a standalone filter, without a network."""
+    return report.scenario.network is not None
+
+
+def _energy_and_clusters(report: Report) -> dict[str, Any]:
+    """The joules by cause, and the number of clusters, means over the runs."""
     causes = sorted({cause for summary in report.summaries for cause in summary.joules})
-    bare = without_network(report)
+    clusters = NAN if without_network(report) else float(np.mean([summary.clusters for summary in report.summaries]))
     return {
-        "energy": _mean(runs, "energy"),
         "joules": {cause: float(np.mean([s.joules.get(cause, 0.0) for s in report.summaries])) for cause in causes},
-        "clusters": NAN if bare else float(np.mean([summary.clusters for summary in report.summaries])),
-        "handovers": NAN if bare else _mean(runs, "handovers"),
-        "frames_sent": _mean(runs, "frames_sent"),
-        "frames_lost": NAN if bare else _mean(runs, "frames_lost"),
-        "packets_sent": _mean(runs, "packets_sent"),
-        "cycles": _mean(runs, "cycles"),
+        "clusters": clusters,
     }
 
 
-def _followed_figures(report: Report, errors: Floats) -> dict[str, float]:
-    """How much of the time targets were followed, how well where enough readings came, and who was woken for it."""
-    tracks = [track for summary in report.summaries for track in summary.tracks]
-    figures: dict[str, float] = {"mean_error": metrics.mean_error(errors)}
-    for name in ("tracked", "tracked_three"):
-        each = np.array([summary.run[name] for summary in report.summaries], dtype=np.float64)
-        figures[name] = float(np.mean(each))
-        figures[f"{name}_low"], figures[f"{name}_high"] = _interval(each, metrics.mean_error)
-    for name in OF_THREE:
-        figures[name] = metrics.median_error(np.array([track[name] for track in tracks]))
-    for name in ("due", "woken", "ineffective", "ineffective_twenty", "called", "dismissed"):
-        figures[name] = float(np.sum([track[name] for track in tracks])) / len(report.summaries)
-    return figures
+def _track_figures(report: Report, errors: Floats) -> dict[str, float]:
+    """What the table `tracks` adds: losses, latencies, steps with three readings, wake-ups."""
+    tracks, runs = [track for summary in report.summaries for track in summary.tracks], len(report.summaries)
+
+    def column(name: str) -> Floats:
+        return np.array([track[name] for track in tracks], dtype=np.float64)
+
+    def per_run(name: str) -> float:
+        return float(column(name).sum()) / runs
+
+    three = np.array([summary.run["tracked_three"] for summary in report.summaries], dtype=np.float64)
+    low, high = interval(three, metrics.mean_error)
+    steps = sum(summary.run["steps"] * len(summary.tracks) for summary in report.summaries) / runs
+    summed = ("reacquired", "late", "received", "due", "woken", "ineffective", "ineffective_twenty", "called")
+    return {
+        "lost_at": median_time(column("lost_at")),
+        **{name: per_run(name) for name in (*summed, "dismissed")},
+        "without_estimate": steps - per_run("reports"),
+        **{name: metrics.median_error(column(name)) for name in ("delay", "report_delay", *OF_THREE)},
+        "mean_error": metrics.mean_error(errors),
+        "tracked_three": float(np.mean(three)),
+        "tracked_three_low": low,
+        "tracked_three_high": high,
+    }
 
 
-def _column_figures(report: Report) -> dict[str, dict[str, float]]:
-    """The state columns' RMSE by name, over all replicates and targets, and as the median over replicates."""
+def _column_rmse(report: Report) -> dict[str, dict[str, float]]:
+    """The RMSE of each state column, over all runs and targets, and as the median over runs."""
     pooled, middle = {}, {}
     for i, (name, _) in enumerate(report.states):
         runs = [summary.column_rmse[:, i] for summary in report.summaries]
@@ -162,45 +170,7 @@ def _column_figures(report: Report) -> dict[str, dict[str, float]]:
     return {"column_rmse": pooled, "column_rmse_median": middle}
 
 
-def _rmse_of_runs(errors: Floats) -> float:
-    """The time mean of the RMSE, of errors (replicates, targets, steps)."""
-    return metrics.time_mean_rmse(errors.reshape(-1, errors.shape[-1]))
-
-
-def without_network(report: Report) -> bool:
-    """Whether the run was on a bench."""
-    return report.scenario.network is not None
-
-
-def _interval(rows: Floats, statistic: Callable[[Floats], float]) -> tuple[float, float]:
-    """The bootstrap's 95 % interval over replicates, one a row; NaN if nothing is known in any.
-
-    Targets of one replicate share its sensors, so that they are drawn together.
-    """
-    return metrics.bootstrap_interval(rows, statistic) if np.isfinite(rows).any() else (NAN, NAN)
-
-
-def _errors(report: Report) -> Floats:
-    """(replicates * targets, steps) position errors; runs that ended earlier are filled with NaN."""
-    rows = [row for summary in report.summaries for row in summary.errors]
-    result = np.full((len(rows), max(len(row) for row in rows)), np.nan)
-    for i, row in enumerate(rows):
-        result[i, : len(row)] = row
-    return result
-
-
-def _rmse_of_kept(report: Report) -> float:
-    errors = _errors(report)
-    lost = np.array([track["lost"] for summary in report.summaries for track in summary.tracks], dtype=bool)
+def _rmse_of_kept(report: Report, errors: Floats) -> float:
+    """The time-averaged RMSE of the tracks that were not lost; NaN if all were."""
+    lost = np.array([[bool(track["lost"]) for track in summary.tracks] for summary in report.summaries])
     return metrics.time_mean_rmse(errors[~lost]) if not lost.all() else NAN
-
-
-def _mean(runs: list[Mapping[str, Any]], name: str) -> float:
-    return float(np.mean([run[name] for run in runs]))
-
-
-def _median(times: list[float]) -> float:
-    """The median time of an event, infinite where it did not happen; NaN if in half of the cases it did not."""
-    values = np.array(times)
-    middle = float(np.median(np.where(np.isfinite(values), values, np.inf)))
-    return middle if math.isfinite(middle) else NAN

@@ -1,0 +1,243 @@
+"""The summary quantities of a result: name, definition, unit and value of each, wherever it is shown.
+
+    arrays = read_arrays(path)                         of a result file; or `ResultArrays(...)` of a report
+    QUANTITIES["rmse"].value(arrays)                   .interval(arrays), .text(value, unit)
+    values(arrays) -> {key: value}                     worth_showing(arrays) -> keys
+
+Terminal, `wsnsim info`, page and JSON take names and values from here. Intervals are 95 % bootstrap intervals over
+runs, from five runs on. Values that are unknown (NaN) in a run are left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from wsnsim.analysis import plot_data
+from wsnsim.base import metrics
+from wsnsim.base.arrays import Floats
+from wsnsim.recording import attributes, read_table, tables
+
+NAN: Final = float("nan")
+POSITION_UNIT: Final = "position"
+"""Stands for the unit of the motion model's position, which only the result knows."""
+
+
+@dataclass(frozen=True)
+class ResultArrays:
+    """The arrays that summary quantities are computed from.
+
+    Attributes:
+        errors: (runs, targets, steps) position errors, NaN without an estimate; empty if they were not recorded.
+        runs: the columns of the table `runs`, (runs,) each.
+        has_targets: whether there is a target to track.
+    """
+
+    errors: Floats
+    runs: Mapping[str, Floats]
+    has_targets: bool = True
+
+    @property
+    def has_network(self) -> bool:
+        """Whether a network was simulated: without one, no energy is spent."""
+        return bool(np.isfinite(self.runs.get("energy", np.empty(0))).any())
+
+
+def time_averaged_rmse(errors: Floats) -> float:
+    """The mean over the steps of the RMSE at a step, of errors (runs, targets, steps)."""
+    return metrics.time_mean_rmse(errors.reshape(-1, errors.shape[-1]))
+
+
+def median_time(times: Floats) -> float:
+    """The median time of an event that may not happen (NaN); NaN if it does not happen in half of the runs."""
+    middle = float(np.median(np.where(np.isfinite(times), times, np.inf))) if times.size else NAN
+    return middle if np.isfinite(middle) else NAN
+
+
+def interval(samples: Floats, statistic: Callable[[Floats], float]) -> tuple[float, float]:
+    """The 95 % bootstrap interval of a statistic over the rows; NaN with fewer than five, or if nothing is known."""
+    return metrics.bootstrap_interval(samples, statistic) if np.isfinite(samples).any() else (NAN, NAN)
+
+
+def _delivery_ratio(receptions: Floats) -> float:
+    """Successful receptions as a share of the intended ones, of (runs, 2) counts."""
+    successful, intended = receptions.sum(axis=0)
+    return float(successful / intended) if intended > 0 else NAN
+
+
+@dataclass(frozen=True)
+class SummaryQuantity:
+    """A quantity that sums up the runs of a result.
+
+    Attributes:
+        name: its name wherever it is shown.
+        definition: what it is, in a sentence without a full stop.
+        form: how its value is written, without its unit.
+        unit: its SI unit; `POSITION_UNIT` for that of the position.
+        columns: the columns of `runs` that it is computed from; none: the position errors.
+        statistic: the value, of a row per run.
+    """
+
+    name: str
+    definition: str
+    form: str
+    unit: str
+    columns: tuple[str, ...]
+    statistic: Callable[[Floats], float] = metrics.mean_error
+
+    def samples(self, arrays: ResultArrays) -> Floats:
+        """What the value is computed from, a row per run; empty if it was not recorded."""
+        if not self.columns:
+            return arrays.errors
+        if not set(self.columns) <= arrays.runs.keys():
+            return np.empty(0)
+        columns = [arrays.runs[name] for name in self.columns]
+        return columns[0] if len(columns) == 1 else np.stack(columns, axis=1)
+
+    def value(self, arrays: ResultArrays) -> float:
+        """The value over all runs; NaN if it is unknown."""
+        samples = self.samples(arrays)
+        return self.statistic(samples) if samples.size else NAN
+
+    def interval(self, arrays: ResultArrays) -> tuple[float, float]:
+        """The 95 % bootstrap interval over runs; NaN with fewer than five runs, or if the value is unknown.
+
+        The targets of one run share its sensors, so they are resampled together.
+        """
+        return interval(self.samples(arrays), self.statistic)
+
+    def text(self, value: float, position_unit: str) -> str:
+        """The value with its unit."""
+        unit = position_unit if self.unit == POSITION_UNIT else self.unit
+        return f"{self.form.format(value)} {unit}".rstrip()
+
+    def interval_text(self, low: float, high: float) -> str:
+        """The interval in brackets, without the unit; empty if it is unknown."""
+        return f"[{self.form.format(low)}, {self.form.format(high)}]" if np.isfinite(low) else ""
+
+
+def _of_runs(
+    name: str, definition: str, form: str, unit: str, column: str, statistic: Callable[[Floats], float] | None = None
+) -> SummaryQuantity:
+    return SummaryQuantity(name, definition, form, unit, (column,), statistic or metrics.mean_error)
+
+
+QUANTITIES: Final[dict[str, SummaryQuantity]] = {
+    "rmse": SummaryQuantity(
+        "time-averaged RMSE", "mean over the steps of the RMSE over runs and targets at each step",
+        "{:.4f}", POSITION_UNIT, (), time_averaged_rmse,
+    ),
+    "rmse_median": _of_runs(
+        "median per-run RMSE", "median over the runs of each run's RMSE over steps and targets",
+        "{:.4f}", POSITION_UNIT, "rmse", metrics.median_error,
+    ),
+    "median_error": SummaryQuantity(
+        "median position error", "median over all runs, targets and steps", "{:.4f}", POSITION_UNIT, (),
+        metrics.median_error,
+    ),
+    "lost": _of_runs("lost fraction", "share of the runs in which a track was lost", "{:.1%}", "", "lost"),
+    "tracked": _of_runs("steps tracked", "share of the steps with an estimate in time", "{:.1%}", "", "tracked"),
+    "energy": _of_runs("energy spent", "energy that the network spent in a run, mean", "{:.4g}", "J", "energy"),
+    "handovers": _of_runs("handovers", "handovers begun in a run, mean", "{:.4g}", "", "handovers"),
+    "frames_sent": _of_runs("bursts sent", "bursts put on the air in a run, mean", "{:,.0f}", "", "frames_sent"),
+    "frames_lost": _of_runs(
+        "bursts lost", "bursts of which a packet did not arrive, in a run, mean", "{:,.0f}", "", "frames_lost"
+    ),
+    "packets_sent": _of_runs("packets sent", "packets put on the air in a run, mean", "{:,.0f}", "", "packets_sent"),
+    "in_range": _of_runs(
+        "intended receptions", "receptions by nodes that a burst was meant for, in a run, mean",
+        "{:,.0f}", "", "in_range",
+    ),
+    "delivered": _of_runs(
+        "successful receptions", "intended receptions that succeeded, in a run, mean", "{:,.0f}", "", "delivered"
+    ),
+    "packet_delivery_ratio": SummaryQuantity(
+        "packet delivery ratio", "successful receptions as a share of the intended ones, over all runs",
+        "{:.2%}", "", ("delivered", "in_range"), _delivery_ratio,
+    ),
+    "collided": _of_runs(
+        "collided receptions", "intended receptions lost to another transmission, in a run, mean",
+        "{:,.0f}", "", "collided",
+    ),
+    "retries": _of_runs("retransmissions", "frames sent again in a run, mean", "{:,.0f}", "", "retries"),
+    "access_failures": _of_runs(
+        "channel-access failures", "frames dropped because the channel was always busy, in a run, mean",
+        "{:,.0f}", "", "access_failures",
+    ),
+    "cycles": _of_runs("operations computed", "operations stated by the tracker, mean", "{:,.0f}", "", "cycles"),
+    "awake": _of_runs("awake time of nodes", "share of the nodes' time that they were awake", "{:.1%}", "", "awake"),
+    "alive": _of_runs("nodes alive at the end", "mean over the runs", "{:.4g}", "", "alive"),
+    "first_death": _of_runs(
+        "first death of a node, median", "median over the runs; unknown if no node died in half of them",
+        "{:.4g}", "s", "first_death", median_time,
+    ),
+    "half_dead": _of_runs(
+        "half of the nodes dead, median", "median over the runs; unknown if this did not happen in half of them",
+        "{:.4g}", "s", "half_dead", median_time,
+    ),
+    "coverage": _of_runs(
+        "coverage at the end", "share of the field within sensing range of a living node, mean",
+        "{:.1%}", "", "coverage",
+    ),
+    "cpu_seconds": _of_runs("CPU time per run", "processor time of a run, mean", "{:.2f}", "s", "cpu_seconds"),
+}  # fmt: skip
+"""By the key that JSON has for it, in the order in which they are shown."""
+NETWORK_ONLY: Final = ("handovers", "frames_lost", "in_range", "delivered", "packet_delivery_ratio", "alive")
+"""Quantities that mean nothing without a network."""
+ONLY_IF_NOT_ZERO: Final = ("collided", "retries", "access_failures", "frames_lost", "handovers", "cycles")
+BOUND_NAMES: Final = {
+    "in_range": "trajectory-conditional CRLB, readings in range",
+    "active": "trajectory-conditional CRLB, readings of active members",
+    "arrived": "trajectory-conditional CRLB, readings that arrived",
+}
+"""The bounds that stand beside the time-averaged RMSE, by the readings that count."""
+BOUND_NOTE: Final = (
+    "trajectory-conditional CRLB: not a strict bound, a filter may have a smaller error on some trajectories"
+)
+
+
+def values(arrays: ResultArrays) -> dict[str, float]:
+    """The value of every quantity that is known and means something, by its key."""
+    found = {key: quantity.value(arrays) for key, quantity in QUANTITIES.items()}
+    left_out = () if arrays.has_network else NETWORK_ONLY
+    return {key: value for key, value in found.items() if np.isfinite(value) and key not in left_out}
+
+
+def worth_showing(arrays: ResultArrays) -> dict[str, float]:
+    """The values without those that say nothing: of what never happened, and of what is always so."""
+    found = values(arrays)
+    dull = {key for key in ONLY_IF_NOT_ZERO if not found.get(key)}
+    dull |= {"awake"} if found.get("awake") == 1.0 else set()
+    dull |= {"in_range", "delivered"} if found.get("packet_delivery_ratio") == 1.0 else set()
+    dull |= set() if arrays.has_targets else {"lost"}
+    return {key: value for key, value in found.items() if key not in dull}
+
+
+def read_arrays(path: str | Path) -> ResultArrays:
+    """The arrays of a result file; of the long tables, only the errors are read."""
+    held = tables(path)
+    runs = read_table(path, "runs") if "runs" in held else {}
+    columns = {name: column.astype(np.float64) for name, column in runs.items() if column.dtype.kind in "uif"}
+    errors = _errors(path) if "estimates" in held and held["estimates"].rows else np.empty((0, 0, 0))
+    return ResultArrays(errors, columns, bool(attributes(path)["states"]))
+
+
+def position_unit(path: str | Path) -> str:
+    """The unit of the errors; metres in a file without a target."""
+    if not attributes(path)["states"]:
+        return "m"
+    layout = plot_data.layout(path)
+    return layout.units[layout.position[0]]
+
+
+def _errors(path: str | Path) -> Floats:
+    """(runs, targets, steps) position errors, NaN without an estimate."""
+    table = read_table(path, "estimates", ["replicate", "target", "step", "error"])
+    axes = [np.unique(table[name], return_inverse=True) for name in ("replicate", "target", "step")]
+    errors = np.full([known.size for known, _ in axes], np.nan)
+    errors[tuple(at for _, at in axes)] = table["error"]
+    return errors
