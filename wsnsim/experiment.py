@@ -158,7 +158,7 @@ def _beaconing(problem: BeaconSetup, replicate: int, recorder: Recorder, progres
     }
     if recorder.wants("runs"):
         recorder.write("runs", run)
-    joules = {cause: total for cause, total in zip(CAUSES, outcome.nodes.totals, strict=True) if total}
+    joules = {cause: total for cause, total in zip(CAUSES, outcome.nodes.ledger.totals, strict=True) if total}
     return Summary(run, (), np.empty((0, problem.steps)), np.empty((0, 0)), joules, 0)
 
 
@@ -216,7 +216,7 @@ def _in_network(
     outcome = World(parts, replicate, sensors, targets, setting.streams, setting.recorder).run(progress)
     write_rows(outcome, replicate, parts, setting.recorder)
     tracks = [_Track(t.estimates, t.heads, woken_rows(outcome, t), t.reacquired, called_row(t)) for t in outcome.tracks]
-    joules = {cause: total for cause, total in zip(CAUSES, outcome.nodes.totals, strict=True) if total}
+    joules = {cause: total for cause, total in zip(CAUSES, outcome.nodes.ledger.totals, strict=True) if total}
     row = run_row(outcome, _coverage_left(outcome.nodes, parts))
     return _Played(outcome.steps, tracks, row, joules, sum(len(track.clusters) for track in outcome.tracks))
 

@@ -82,7 +82,7 @@ def test_a_scenario_shows_what_its_radio_rests_on_and_what_follows(capsys: pytes
         # 55 + 24 lg d = 95
         f"reach {10 ** (40 / 24):.6g} m distance at which the mean received power equals the sensitivity",
         # 62 mW of listening and 15.3 uW of a sleeping processor
-        "draw dormant 0.0620153 W radio 0.062 W, processor 1.53e-05 W",
+        "power dormant 0.0620153 W radio 0.062 W, processor 1.53e-05 W",
     ):
         assert line in lines, line
     answer = json.loads(said(capsys, "info", "air.yaml", "--json"))

@@ -82,5 +82,5 @@ class Place:
     def closes(self) -> bool:
         """Whether each node's causes sum to what it spent, and the events' joules to the ledger's."""
         fleet = self.fleet
-        books = np.allclose(fleet.ledger.sum(axis=0), fleet.spent, rtol=1e-9, atol=0.0)
-        return bool(books and np.isclose(sum(fleet.totals), fleet.spent.sum(), rtol=1e-9, atol=0.0))
+        books = np.allclose(fleet.ledger.joules.sum(axis=0), fleet.ledger.spent, rtol=1e-9, atol=0.0)
+        return bool(books and np.isclose(sum(fleet.ledger.totals), fleet.ledger.spent.sum(), rtol=1e-9, atol=0.0))

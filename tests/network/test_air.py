@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import simpy
 
+from tests.network.ledgers import SPENT, books
 from wsnsim.base.requests import PACKET_BITS, Parcel
 from wsnsim.base.rng import Streams
 from wsnsim.base.tables import CAUSE, KIND, Memory
@@ -15,7 +16,7 @@ from wsnsim.models.hardware import NoPacking, PerfectClock
 from wsnsim.models.links import Disk, MinimumEnergy
 from wsnsim.network.clocks import Clocks
 from wsnsim.network.event_log import EventLog
-from wsnsim.network.nodes import SPENT, Nodes
+from wsnsim.network.nodes import Nodes
 from wsnsim.network.radio.mac import make_mac
 from wsnsim.network.radio.routing import Router
 from wsnsim.network.radio.topology import Topology
@@ -60,9 +61,9 @@ def test_a_unicast_costs_its_distance_to_the_sender_and_its_bits_to_the_receiver
     (sent,) = place.carry(datagram(0, 1, parcel(3)))
     bits = 3 * 96
     assert sent.arrived and sent.mask.tolist() == [True] * 3 and (sent.hops, sent.bits) == (1, bits)
-    assert place.fleet.books[0][SPENT] == pytest.approx(bits * (50e-9 + 100e-12 * 2500), rel=1e-12)
-    assert place.fleet.books[1][SPENT] == pytest.approx(bits * 50e-9, rel=1e-12)
-    assert 2 not in place.fleet.books, "overheard unicasts cost nothing on an ideal channel"
+    assert books(place.fleet)[0][SPENT] == pytest.approx(bits * (50e-9 + 100e-12 * 2500), rel=1e-12)
+    assert books(place.fleet)[1][SPENT] == pytest.approx(bits * 50e-9, rel=1e-12)
+    assert 2 not in books(place.fleet), "overheard unicasts cost nothing on an ideal channel"
 
 
 def test_a_broadcast_is_paid_at_reach_and_heard_by_every_living_node_within():
@@ -71,8 +72,8 @@ def test_a_broadcast_is_paid_at_reach_and_heard_by_every_living_node_within():
     event, (frame,) = place.air.broadcast([0], [parcel()], 0)
     place.env.run(until=event)
     assert sorted(frame.heard) == [1, 2]
-    assert place.fleet.books[0][SPENT] == pytest.approx(96 * (50e-9 + 100e-12 * 75**2), rel=1e-12)
-    assert place.fleet.totals[CAUSE["rx"]] == pytest.approx(2 * 96 * 50e-9, rel=1e-12)
+    assert books(place.fleet)[0][SPENT] == pytest.approx(96 * (50e-9 + 100e-12 * 75**2), rel=1e-12)
+    assert place.fleet.ledger.totals[CAUSE["rx"]] == pytest.approx(2 * 96 * 50e-9, rel=1e-12)
 
 
 def test_a_broadcast_is_one_event_of_the_engine():
@@ -86,7 +87,7 @@ def test_a_broadcast_is_one_event_of_the_engine():
 def test_what_is_sent_to_oneself_costs_nothing_and_arrives():
     place = Place([(0, 0), (10, 0)])
     (sent,) = place.carry(datagram(0, 0, parcel(5)))
-    assert sent.arrived and sent.mask.all() and place.fleet.books == {}
+    assert sent.arrived and sent.mask.all() and books(place.fleet) == {}
 
 
 def test_paths_are_the_cheapest_by_energy_or_by_hops():
@@ -135,8 +136,8 @@ def test_a_sender_whose_charge_ends_in_mid_burst_delivers_nothing_and_has_spent_
     (sent,) = place.carry(datagram(0, 1, parcel(100)))
     assert not sent.arrived
     assert not place.fleet.alive[0]
-    assert place.fleet.books[0][SPENT] == 1e-5
-    assert 1 not in place.fleet.books
+    assert books(place.fleet)[0][SPENT] == 1e-5
+    assert 1 not in books(place.fleet)
 
 
 def test_with_a_rate_the_bursts_of_a_batch_follow_one_another():

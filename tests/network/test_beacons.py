@@ -152,22 +152,22 @@ def test_the_books_close_and_are_a_count_of_bits():
     run = cross_check()
     fleet, sends = run.outcome.nodes, of_kind(run, SEND)
     sent = np.bincount(sends["node"], minlength=fleet.size)
-    assert fleet.ledger.sum(axis=0) == pytest.approx(fleet.spent, rel=1e-9)
-    assert fleet.ledger[CAUSE["tx_electronics"]] == pytest.approx(sent * 232 * 50e-9, rel=1e-9)
-    assert fleet.ledger[CAUSE["tx_amplifier"]] == pytest.approx(sent * 232 * 100e-12 * REACH**2, rel=1e-9)
+    assert fleet.ledger.joules.sum(axis=0) == pytest.approx(fleet.ledger.spent, rel=1e-9)
+    assert fleet.ledger.joules[CAUSE["tx_electronics"]] == pytest.approx(sent * 232 * 50e-9, rel=1e-9)
+    assert fleet.ledger.joules[CAUSE["tx_amplifier"]] == pytest.approx(sent * 232 * 100e-12 * REACH**2, rel=1e-9)
     received = np.bincount(of_kind(run, RECEIVE)["node"], minlength=fleet.size) * 232 * 50e-9
-    heard = fleet.ledger[CAUSE["rx"]]
+    heard = fleet.ledger.joules[CAUSE["rx"]]
     collided = np.bincount(of_kind(run, COLLIDE)["node"], minlength=fleet.size) * 232 * 50e-9
     assert (heard >= received * (1 - 1e-9)).all() and (heard <= (received + collided) * (1 + 1e-9)).all()
-    assert run.log["joules"].sum() == pytest.approx(fleet.spent.sum(), rel=1e-9)
-    assert run.memory.table("energy_steps")["joules"].sum() == pytest.approx(fleet.spent.sum(), rel=1e-9)
+    assert run.log["joules"].sum() == pytest.approx(fleet.ledger.spent.sum(), rel=1e-9)
+    assert run.memory.table("energy_steps")["joules"].sum() == pytest.approx(fleet.ledger.spent.sum(), rel=1e-9)
 
 
 def test_a_radio_by_its_data_sheet_is_paid_for_every_second_of_the_run():
     """Listening and receiving draw 62 mW, sending 57.42 mW, and nothing else costs anything."""
     run = play(few(energy=States(radio=RADIO, processor=PROCESSOR)))
     sent = np.bincount(of_kind(run, SEND)["node"], minlength=40)
-    assert run.outcome.nodes.spent == pytest.approx(62e-3 * 20 - sent * AIRTIME * (62e-3 - 57.42e-3), rel=1e-9)
+    assert run.outcome.nodes.ledger.spent == pytest.approx(62e-3 * 20 - sent * AIRTIME * (62e-3 - 57.42e-3), rel=1e-9)
 
 
 def test_where_nothing_contends_every_beacon_reaches_everybody_in_range():
@@ -212,7 +212,7 @@ def test_in_a_blackout_of_everybody_nothing_is_sent_and_every_beacon_gives_up():
     sends = of_kind(run, SEND)["time"]
     assert not ((sends > 4.0 + TURNAROUND + AIRTIME) & (sends < 14.0)).any() and (sends > 14.0).any()
     assert run.outcome.counts.access_failures == pytest.approx(10 * 40, abs=8)
-    assert run.outcome.nodes.ledger.sum(axis=0) == pytest.approx(run.outcome.nodes.spent, rel=1e-9)
+    assert run.outcome.nodes.ledger.joules.sum(axis=0) == pytest.approx(run.outcome.nodes.ledger.spent, rel=1e-9)
 
 
 def test_a_fast_clock_beats_faster_by_its_rate():

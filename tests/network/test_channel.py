@@ -64,7 +64,7 @@ def test_hidden_senders_collide_where_both_are_heard_and_only_there():
 def test_a_radio_that_hears_two_frames_pays_for_the_time_once():
     place = Place(LINE)
     play(place, (0.1, 0, EVERYONE), (0.1 + AIRTIME / 2, 2, EVERYONE))
-    assert place.fleet.ledger[CAUSE["rx"], 1] == pytest.approx(1.5 * RX, rel=0.01), "one and a half airtimes"
+    assert place.fleet.ledger.joules[CAUSE["rx"], 1] == pytest.approx(1.5 * RX, rel=0.01), "one and a half airtimes"
     assert place.closes()
 
 
@@ -78,7 +78,7 @@ def test_who_sends_hears_nothing():
     place = Place(LINE)
     tape = play(place, (0.1, 0, EVERYONE), (0.1 + AIRTIME / 2, 1, EVERYONE))
     assert tape.heard == {0: [], 1: [2]}, "node 1 was sending while node 0 was; node 0 hears node 1 but sends too"
-    assert place.fleet.ledger[CAUSE["rx"], 1] == 0.0, "a sender's receiver is off"
+    assert place.fleet.ledger.joules[CAUSE["rx"], 1] == 0.0, "a sender's receiver is off"
 
 
 def test_far_frames_do_not_disturb_each_other():
@@ -91,11 +91,11 @@ def test_a_unicast_is_overheard_at_a_price_by_everyone_in_range():
     place = Place(LINE)
     tape = play(place, (0.1, 1, 2))
     assert tape.heard == {0: True}
-    assert place.fleet.ledger[CAUSE["overhear"]].tolist() == pytest.approx([RX, 0, 0, 0])
-    assert place.fleet.ledger[CAUSE["rx"]].tolist() == pytest.approx([0, 0, RX, 0])
+    assert place.fleet.ledger.joules[CAUSE["overhear"]].tolist() == pytest.approx([RX, 0, 0, 0])
+    assert place.fleet.ledger.joules[CAUSE["rx"]].tolist() == pytest.approx([0, 0, RX, 0])
     (overheard,) = place.rows("overhear")
     assert (overheard["node"], overheard["peer"]) == (0, 1)
-    assert sum(row["joules"] for row in place.rows()) == pytest.approx(place.fleet.spent.sum(), rel=1e-12)
+    assert sum(row["joules"] for row in place.rows()) == pytest.approx(place.fleet.ledger.spent.sum(), rel=1e-12)
 
 
 def test_of_two_overlapping_frames_the_much_stronger_is_captured_and_the_weaker_lost():
@@ -141,14 +141,14 @@ def test_a_sender_whose_charge_ends_in_mid_frame_dies_at_that_instant_and_is_not
     assert tape.heard == {0: []}
     assert place.died == [(pytest.approx(0.1 + TURNAROUND + AIRTIME / 4), 1)]
     assert place.rows("send")[0]["bits"] == BITS // 4
-    assert place.fleet.spent[0] == 0.0, "a frame that breaks off is not received"
+    assert place.fleet.ledger.spent[0] == 0.0, "a frame that breaks off is not received"
     assert place.closes()
 
 
 def test_a_receiver_whose_charge_does_not_suffice_dies_and_has_not_received():
     place = Place(LINE, energy=FirstOrder(battery=RX * 0.6, amplifier=0.0, electronics=50e-9))
-    place.fleet.spent[1], place.fleet.ledger[CAUSE["cpu"], 1] = RX * 0.2, RX * 0.2
-    place.fleet.totals[CAUSE["cpu"]] += RX * 0.2
+    place.fleet.ledger.spent[1], place.fleet.ledger.joules[CAUSE["cpu"], 1] = RX * 0.2, RX * 0.2
+    place.fleet.ledger.totals[CAUSE["cpu"]] += RX * 0.2
     place.fleet.battery = RX * 1.1
     tape = play(place, (0.1, 0, EVERYONE))
     assert tape.heard == {0: []} and place.died and place.died[0][1] == 1
@@ -160,14 +160,14 @@ def test_what_a_node_sent_before_it_fell_silent_is_paid_in_part():
     place.at(0.1 + TURNAROUND + AIRTIME / 2, lambda: place.mac.silence(1))
     tape = play(place, (0.1, 1, EVERYONE))
     assert tape.heard == {0: []}
-    assert place.fleet.spent[1] == pytest.approx(BITS / 2 * (50e-9 + 100e-12 * 75**2), rel=1e-9)
+    assert place.fleet.ledger.spent[1] == pytest.approx(BITS / 2 * (50e-9 + 100e-12 * 75**2), rel=1e-9)
 
 
 def test_nodes_with_the_radio_off_hear_nothing_and_pay_nothing():
     place = Place(LINE)
-    place.fleet.listening[2] = place.fleet.all_listen = False
+    place.fleet.living[2] = place.fleet.all_listen = False
     assert play(place, (0.1, 1, EVERYONE)).heard == {0: [0]}
-    assert place.fleet.spent[2] == 0.0
+    assert place.fleet.ledger.spent[2] == 0.0
 
 
 def test_links_are_counted_frame_by_frame():
@@ -204,7 +204,7 @@ def test_a_crash_in_mid_frame_pays_for_what_was_sent_and_frees_the_air():
     place = Place(LINE)
     place.at(0.1 + TURNAROUND + AIRTIME / 2, lambda: (place.mac.silence(0), place.fleet.crash(0)))
     tape = play(place, (0.1, 0, EVERYONE), (0.1 + AIRTIME * 0.6, 2, EVERYONE))
-    assert place.fleet.spent[0] == pytest.approx(BITS / 2 * (50e-9 + 100e-12 * 75**2), rel=1e-9)
+    assert place.fleet.ledger.spent[0] == pytest.approx(BITS / 2 * (50e-9 + 100e-12 * 75**2), rel=1e-9)
     assert tape.heard == {0: [], 1: [1, 3]}, "the broken frame is off the air when the other begins"
 
 
@@ -212,7 +212,7 @@ def test_a_crash_during_the_turnaround_leaves_no_trace_on_the_air():
     place = Place(LINE)
     place.at(0.1 + TURNAROUND / 2, lambda: (place.mac.silence(0), place.fleet.crash(0)))
     tape = play(place, (0.1, 0, EVERYONE), (0.1 + AIRTIME / 2, 2, EVERYONE))
-    assert tape.heard[1] == [1, 3] and place.fleet.spent[0] == 0.0 and not place.mac._channel.is_busy(1)
+    assert tape.heard[1] == [1, 3] and place.fleet.ledger.spent[0] == 0.0 and not place.mac._channel.is_busy(1)
 
 
 def test_a_node_that_came_back_hears_again_at_full_speed():
@@ -246,6 +246,6 @@ def test_the_quick_ways_and_the_general_way_find_the_same(seed):
         for i, time in enumerate(times):
             place.at(float(time), lambda place=place, i=i: place.mac.offer(i % 25, 96, lambda heard: None))
         place.env.run(until=1.0)
-        ledgers.append((place.fleet.ledger.copy(), place.mac.counts, place.journal.fingerprint()))
+        ledgers.append((place.fleet.ledger.joules.copy(), place.mac.counts, place.journal.fingerprint()))
     assert np.allclose(ledgers[0][0], ledgers[1][0], rtol=1e-12) and ledgers[0][1:] == ledgers[1][1:]
     assert ledgers[0][1].collided > 20

@@ -284,7 +284,7 @@ def exchange(energy):
 def test_an_acknowledged_frame_costs_both_its_nodes_what_the_first_order_model_says():
     fleet = exchange(FirstOrder())
     send, receive = 50e-9 + 100e-12 * 50**2, 50e-9
-    assert fleet.spent == pytest.approx([232 * send + 88 * receive, 232 * receive + 88 * send], rel=1e-12)
+    assert fleet.ledger.spent == pytest.approx([232 * send + 88 * receive, 232 * receive + 88 * send], rel=1e-12)
 
 
 def test_an_acknowledged_frame_costs_both_its_nodes_what_the_data_sheet_says():
@@ -297,12 +297,12 @@ def test_an_acknowledged_frame_costs_both_its_nodes_what_the_data_sheet_says():
         "sleep": [15.3e-6] * 2,
     }
     for cause, joules in expected.items():
-        assert fleet.ledger[CAUSE[cause]] == pytest.approx(joules, rel=1e-12)
-    rest = fleet.ledger[CAUSE["idle"]] / 62e-3
+        assert fleet.ledger.joules[CAUSE[cause]] == pytest.approx(joules, rel=1e-12)
+    rest = fleet.ledger.joules[CAUSE["idle"]] / 62e-3
     assert rest == pytest.approx([1 - frame - ACK] * 2, abs=3 * TURNAROUND)
 
 
 def test_a_radio_that_turns_round_does_not_listen_meanwhile():
     fleet = exchange(States(radio=CC2420, processor=PROCESSOR))
     rest = 1 - airtime(12) - ACK - 2 * TURNAROUND
-    assert fleet.ledger[CAUSE["idle"]] == pytest.approx([62e-3 * rest] * 2, rel=1e-12)
+    assert fleet.ledger.joules[CAUSE["idle"]] == pytest.approx([62e-3 * rest] * 2, rel=1e-12)

@@ -31,7 +31,7 @@ def test_a_unicast_is_acknowledged_and_takes_backoff_assessment_airtime_and_answ
 
 def test_a_frame_is_sent_four_times_in_vain_and_then_lost():
     place = Place(PAIR, link=Disk(reach=75.0))
-    place.fleet.listening[1] = place.fleet.all_listen = False
+    place.fleet.living[1] = place.fleet.all_listen = False
     frame = place.unicast(0, 1)
     assert frame.packets == 0 and not frame.mask.any()
     assert len(place.rows("send")) == 4 and place.mac.counts.retries == 3

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import simpy
 
+from tests.network.ledgers import SPENT, books
 from tests.network.scripts import DT, scenario
 from tests.network.toys import Centroid, Run, parts, passing, standing
 from wsnsim.base.errors import RunError
@@ -20,7 +21,7 @@ from wsnsim.network.clocks import Clocks
 from wsnsim.network.event_log import EventLog
 from wsnsim.network.fault_services import FaultSite, NodeControl
 from wsnsim.network.faults import FaultSchedule
-from wsnsim.network.nodes import SPENT, Nodes
+from wsnsim.network.nodes import Nodes
 
 LINE = np.column_stack([np.arange(10.0) * 10.0, np.zeros(10)])
 
@@ -69,7 +70,7 @@ def test_a_crashed_node_is_down_for_the_duration_and_back_with_the_charge_it_had
     assert bed.at(1.0).down() == [3, 5]
     assert bed.at(2.99).down() == [3, 5]
     assert bed.at(3.0).down() == []
-    assert bed.fleet.left(3) == 1.5 and not bed.fleet.died_at
+    assert bed.fleet.residual_energy(3) == 1.5 and not bed.fleet.died_at
     assert bed.rows() == [
         (1.0, "fault", "crash", 3),
         (1.0, "fault", "crash", 5),
@@ -112,21 +113,21 @@ def test_the_dead_do_not_come_back():
         Drain(at=1.0, nodes=(1,), share=1.0), Restart(at=2.0, nodes=(1,)), Crash(at=3.0, duration=1.0, nodes=(1,))
     )
     assert bed.at(10.0).down() == [1] and bed.fleet.died_at == {1: 1.0}
-    assert bed.fleet.ledger[CAUSE["leak"], 1] == 2.0
+    assert bed.fleet.ledger.joules[CAUSE["leak"], 1] == 2.0
     assert [row[1:] for row in bed.rows()][1:] == [("fault", "restart", -1), ("fault", "crash", -1)]
 
 
 def test_a_drain_takes_joules_or_a_share_of_what_is_left_and_books_them_as_a_leak():
     bed = Bed(Drain(at=1.0, nodes=(1, 2), joules=0.5), Drain(at=2.0, nodes=(1,), share=0.5)).at(2.0)
-    assert bed.fleet.left(1) == pytest.approx(0.75, rel=1e-15) and bed.fleet.left(2) == 1.5
-    assert bed.fleet.totals[CAUSE["leak"]] == pytest.approx(1.75, rel=1e-15)
+    assert bed.fleet.residual_energy(1) == pytest.approx(0.75, rel=1e-15) and bed.fleet.residual_energy(2) == 1.5
+    assert bed.fleet.ledger.totals[CAUSE["leak"]] == pytest.approx(1.75, rel=1e-15)
     bed.rows()
     assert bed.memory.table("events")["joules"].tolist() == [0.5, 0.5, 0.75]
 
 
 def test_a_drain_beyond_the_charge_kills_and_takes_no_more_than_there_is():
     bed = Bed(Drain(at=1.0, nodes=(6,), joules=5.0)).at(1.0)
-    assert bed.fleet.died_at == {6: 1.0} and bed.fleet.spent[6] == 2.0 == bed.fleet.totals[CAUSE["leak"]]
+    assert bed.fleet.died_at == {6: 1.0} and bed.fleet.ledger.spent[6] == 2.0 == bed.fleet.ledger.totals[CAUSE["leak"]]
 
 
 def test_a_blackout_jams_a_region_for_its_duration_and_overlapping_ones_hold_together():
@@ -197,7 +198,7 @@ def test_the_head_is_whoever_leads_at_that_instant():
 def test_a_fault_that_hits_nobody_says_so_once_and_changes_nothing(fault):
     bed = Bed(fault).at(5.0)
     assert bed.rows() == [(1.0, "fault", fault.mechanism, -1)]
-    assert bed.down() == [] and not bed.fleet.disturbed and not bed.fleet.spent.any()
+    assert bed.down() == [] and not bed.fleet.disturbed and not bed.fleet.ledger.spent.any()
 
 
 def test_a_fault_at_a_steps_time_strikes_before_the_step_however_the_time_was_written():
@@ -422,7 +423,7 @@ def test_a_drained_head_dies_and_the_leak_is_in_the_ledger_and_in_the_log():
     (death,) = struck.events("death")
     assert struck.outcome.nodes.died_at == {int(death["node"]): 0.41} and is_well_defined(struck)
     (fault,) = struck.events("fault", "drain")
-    assert fault["joules"] == struck.outcome.nodes.totals[CAUSE["leak"]] > 1.9
+    assert fault["joules"] == struck.outcome.nodes.ledger.totals[CAUSE["leak"]] > 1.9
 
 
 @pytest.mark.parametrize("block", range(10))
@@ -451,7 +452,7 @@ def test_the_random_scenarios_meet_what_they_are_for():
 
 def _ledger_closes(run: Run, number: int) -> None:
     battery = run.parts.energy.battery
-    for node, book in run.outcome.nodes.books.items():
+    for node, book in books(run.outcome.nodes).items():
         assert sum(book[:SPENT]) == pytest.approx(book[SPENT], rel=1e-9), (number, node)
         assert book[SPENT] <= battery * (1 + 1e-12), (number, node)
         assert (node in run.outcome.nodes.died_at) == (book[SPENT] == battery), (number, node)

@@ -3,9 +3,10 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+from tests.network.ledgers import SPENT, books
 from wsnsim.base.tables import CAUSES
 from wsnsim.models.links import Disk
-from wsnsim.network.nodes import SPENT, Nodes
+from wsnsim.network.nodes import Nodes
 from wsnsim.network.radio.topology import Topology
 
 
@@ -21,11 +22,13 @@ def test_the_sum_over_causes_is_what_a_node_spent_and_never_more_than_its_batter
     for node, cause, joules in charges:
         if nodes.alive[node]:
             nodes.spend(node, cause, joules)
-    for node, book in nodes.books.items():
+    for node, book in books(nodes).items():
         assert sum(book[:SPENT]) == pytest.approx(book[SPENT], rel=1e-9, abs=1e-15)
         assert book[SPENT] <= 1.0
         assert nodes.alive[node] == (book[SPENT] < 1.0)
-    assert sum(nodes.totals) == pytest.approx(sum(book[SPENT] for book in nodes.books.values()), rel=1e-9, abs=1e-15)
+    assert sum(nodes.ledger.totals) == pytest.approx(
+        sum(book[SPENT] for book in books(nodes).values()), rel=1e-9, abs=1e-15
+    )
 
 
 def test_a_charge_that_does_not_suffice_is_paid_in_part_and_kills():
@@ -35,21 +38,21 @@ def test_a_charge_that_does_not_suffice_is_paid_in_part_and_kills():
     assert nodes.spend(2, CAUSES.index("cpu"), 0.75) == 0.75
     assert nodes.spend_transmit(2, 0.3, 0.2, bits=7) == 3, "half of seven bits, whole ones only"
     assert died == [2]
-    book = dict(zip(CAUSES, nodes.books[2], strict=False))
+    book = dict(zip(CAUSES, books(nodes)[2], strict=False))
     assert book["tx_electronics"] == pytest.approx(0.3 * 3 / 7)
     assert book["tx_amplifier"] == pytest.approx(0.2 * 3 / 7)
     assert book["idle"] == pytest.approx(0.25 - 0.5 * 3 / 7), "less than a bit's worth is lost"
-    assert nodes.left(2) == 0.0
+    assert nodes.residual_energy(2) == 0.0
     assert nodes.spend_receive(1, 0.25, bits=8) == 8 and nodes.spend_receive(1, 1.5, bits=8) == 4
     assert died == [2, 1]
 
 
 def test_reading_energy_changes_nothing_and_opens_no_book():
     nodes = fleet()
-    assert nodes.left(3) == 1.0
+    assert nodes.residual_energy(3) == 1.0
     assert nodes.able(0.5).all()
-    assert nodes.all_left().tolist() == [1.0] * 5
-    assert nodes.books == {}
+    assert nodes.residual_energies().tolist() == [1.0] * 5
+    assert books(nodes) == {}
 
 
 def test_neighbours_are_those_within_reach_without_oneself():

@@ -9,7 +9,7 @@ import pytest
 
 from wsnsim import scenario, simulate
 from wsnsim.base.tables import CAUSES, EVENT_CAUSES, KIND, Memory
-from wsnsim.network import nodes
+from wsnsim.network import node_factory
 
 SHORT = ["duration=2 s"]
 FAULTY = [
@@ -64,7 +64,7 @@ def test_the_fingerprint_depends_neither_on_the_log_nor_on_workers_nor_on_readin
     context = multiprocessing.get_context("spawn")
     with concurrent.futures.ProcessPoolExecutor(2, mp_context=context) as pool:
         assert set(pool.map(fingerprint, [name] * 2, [changes] * 2)) == {plain}
-    made = nodes.make_nodes
+    made = node_factory.make_nodes
     looked = []
 
     def curious(env, *rest):
@@ -73,7 +73,9 @@ def test_the_fingerprint_depends_neither_on_the_log_nor_on_workers_nor_on_readin
         def look():
             while True:
                 yield env.timeout(0.0173)
-                looked.append((nodes.all_left().sum(), nodes.totals_now(), [nodes.left(i) for i in range(20)]))
+                looked.append(
+                    (nodes.residual_energies().sum(), nodes.totals_now(), [nodes.residual_energy(i) for i in range(20)])
+                )
 
         env.process(look())
         return nodes

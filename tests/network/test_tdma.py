@@ -43,7 +43,7 @@ def test_a_round_takes_a_slot_a_frame_and_the_schedule_is_announced_once():
 def test_members_do_not_overhear_each_other_and_others_do():
     place = Place([*STAR, (10, 10)], mac=Tdma())
     gather(place, sources=range(1, 9))
-    overheard = place.fleet.ledger[CAUSE["overhear"]]
+    overheard = place.fleet.ledger.joules[CAUSE["overhear"]]
     assert (overheard[:9] == 0).all() and overheard[9] == pytest.approx(8 * 29 * 8 * 50e-9)
 
 
@@ -61,7 +61,7 @@ def test_members_sleep_in_the_slots_of_others():
     assert spent[CAUSE["idle"]] == pytest.approx(0.06 * (9 * took - dozing - on_air), rel=1e-6)
     place.fleet.close()
     assert place.closes()
-    assert place.fleet.totals == pytest.approx(place.fleet.totals_now(), rel=1e-9)
+    assert place.fleet.ledger.totals == pytest.approx(place.fleet.totals_now(), rel=1e-9)
     assert Mode.ASLEEP == 2
 
 

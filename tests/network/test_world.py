@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from tests.network.ledgers import SPENT, books
 from tests.network.toys import Centroid, Run, parts, passing, standing
 from wsnsim.base.errors import RunError
 from wsnsim.base.tables import CAUSE, CAUSES
@@ -13,7 +14,6 @@ from wsnsim.models.clusters import Central, StrongestSignal
 from wsnsim.models.energy import FirstOrder
 from wsnsim.models.links import Disk, MinimumHop
 from wsnsim.models.wakeup import NoWakeUp
-from wsnsim.network.nodes import SPENT
 
 BIT = 50e-9
 AMP = 100e-12
@@ -37,10 +37,10 @@ def test_the_energy_of_a_cluster_is_what_a_hand_count_gives():
     electronics = (broadcasts + len(unicasts)) * bits * BIT
     amplifier = bits * AMP * (broadcasts * 75.0**2 + sum(d**2 for d in unicasts))
     reception = (broadcasts * 2 + len(unicasts)) * bits * BIT
-    assert fleet.totals[CAUSE["tx_electronics"]] == pytest.approx(electronics, rel=1e-12)
-    assert fleet.totals[CAUSE["tx_amplifier"]] == pytest.approx(amplifier, rel=1e-12)
-    assert fleet.totals[CAUSE["rx"]] == pytest.approx(reception, rel=1e-12)
-    assert 3 not in fleet.books
+    assert fleet.ledger.totals[CAUSE["tx_electronics"]] == pytest.approx(electronics, rel=1e-12)
+    assert fleet.ledger.totals[CAUSE["tx_amplifier"]] == pytest.approx(amplifier, rel=1e-12)
+    assert fleet.ledger.totals[CAUSE["rx"]] == pytest.approx(reception, rel=1e-12)
+    assert 3 not in books(fleet)
 
 
 def test_the_loudest_leads_the_others_join_and_everybody_is_asleep_but_those_who_sense():
@@ -63,7 +63,7 @@ def test_every_step_has_an_estimate_issued_within_the_instant():
 
 def test_the_ledger_closes_for_every_node():
     run = Run(parts())
-    for book in run.outcome.nodes.books.values():
+    for book in books(run.outcome.nodes).values():
         assert sum(book[:SPENT]) == pytest.approx(book[SPENT], rel=1e-9)
 
 
@@ -76,7 +76,7 @@ def test_the_events_alone_reproduce_the_energy_of_the_air():
     distance = np.where(ends < 0, 75.0, np.linalg.norm(run.positions[starts] - run.positions[ends], axis=1))
     bits = table["bits"][sent]
     assert np.allclose(table["joules"][sent], bits * BIT + bits * AMP * distance**2, rtol=1e-12)
-    spent = sum(run.outcome.nodes.totals[CAUSE[cause]] for cause in ("tx_electronics", "tx_amplifier"))
+    spent = sum(run.outcome.nodes.ledger.totals[CAUSE[cause]] for cause in ("tx_electronics", "tx_amplifier"))
     assert table["joules"][sent].sum() == pytest.approx(spent, rel=1e-9)
 
 
@@ -139,7 +139,7 @@ def test_when_nobody_is_left_who_could_lead_nothing_hangs_and_every_step_has_its
 def test_a_network_of_ten_thousandths_of_a_joule_ends_without_hanging_whatever_the_moment_of_death():
     for battery in np.linspace(5e-6, 4e-4, 40):
         run = cluster_of_three(energy=FirstOrder(battery=float(battery)), steps=30)
-        for node, book in run.outcome.nodes.books.items():
+        for node, book in books(run.outcome.nodes).items():
             assert book[SPENT] <= battery
             assert (node in run.outcome.nodes.died_at) == (book[SPENT] == battery)
 
@@ -248,7 +248,7 @@ def test_energy_steps_sum_to_the_ledger():
     table = run.memory.table("energy_steps")
     for cause in range(len(CAUSES)):
         spent = table["joules"][table["cause"] == cause].sum()
-        assert spent == pytest.approx(run.outcome.nodes.totals[cause], rel=1e-9, abs=1e-18)
+        assert spent == pytest.approx(run.outcome.nodes.ledger.totals[cause], rel=1e-9, abs=1e-18)
 
 
 def gone_at(start: tuple[float, float], steps: int) -> np.ndarray:
@@ -261,13 +261,13 @@ def nobody_waits_for_the_dead(run: Run) -> None:
     fleet = run.outcome.nodes
     for track in run.outcome.tracks:
         assert track.head is None or fleet.alive[track.head]
-    for book in fleet.books.values():
+    for book in books(fleet).values():
         assert sum(book[:SPENT]) == pytest.approx(book[SPENT], rel=1e-9, abs=1e-15)
 
 
 def air_energy_is_in_the_events(run: Run) -> None:
     """Equations (9)-(10) over the logged bits give the booked joules, whoever died in mid-burst."""
-    table, totals = run.memory.table("events"), run.outcome.nodes.totals
+    table, totals = run.memory.table("events"), run.outcome.nodes.ledger.totals
     sent = np.isin(table["kind"], [7, 14])
     starts, ends = table["node"][sent].astype(int), table["peer"][sent].astype(int)
     distance = np.where(ends < 0, 75.0, np.linalg.norm(run.positions[starts] - run.positions[ends], axis=1))

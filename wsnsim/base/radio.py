@@ -6,6 +6,7 @@ keys (see `base.rng`): equal keys, equal draws.
 
 from __future__ import annotations
 
+import warnings
 from enum import IntEnum
 from typing import NamedTuple, Protocol, runtime_checkable
 
@@ -55,13 +56,14 @@ class EnergyModel(Protocol):
 
 @runtime_checkable
 class ContinuousPower(Protocol):
-    """What an energy model may offer besides: what time costs, and what switching does. Without it, nothing.
+    """The optional part of an energy model: power over time, and the energy of changes. Without it both are zero.
 
-    While a node sends or receives, its radio's draw is not charged besides; while it computes, its processor's is not.
+    While the radio of a node sends or receives, its `mode_power` is not charged; while the processor computes, that of
+    the processor is not.
     """
 
-    def draw(self, mode: Mode) -> ModePower:
-        """The draw in a mode; all zero where the model knows no such cost."""
+    def mode_power(self, mode: Mode) -> ModePower:
+        """Power in a mode; zero where the model knows no such cost."""
         ...
 
     def switching(self, before: Mode, after: Mode) -> float:
@@ -75,6 +77,40 @@ class ContinuousPower(Protocol):
     def seconds(self, cycles: float) -> float:
         """How long the processor is busy with so many cycles; 0 where that is not known."""
         ...
+
+
+@runtime_checkable
+class DrawsPower(Protocol):
+    """`ContinuousPower` under the former name of its first method."""
+
+    def draw(self, mode: Mode) -> ModePower: ...
+
+    def switching(self, before: Mode, after: Mode) -> float: ...
+
+    def turnaround(self) -> float: ...
+
+    def seconds(self, cycles: float) -> float: ...
+
+
+class RenamedPower:
+    """The `ContinuousPower` of a model that has the former names."""
+
+    def __init__(self, model: DrawsPower) -> None:
+        self.mode_power = model.draw
+        self.switching = model.switching
+        self.turnaround = model.turnaround
+        self.seconds = model.seconds
+
+
+def continuous_power(energy: EnergyModel) -> ContinuousPower | None:
+    """Return the part of an energy model that costs over time, or None if it has none."""
+    if isinstance(energy, ContinuousPower):
+        return energy
+    if isinstance(energy, DrawsPower):
+        message = f"{type(energy).__name__}.draw(mode) was renamed to mode_power(mode)"
+        warnings.warn(message, DeprecationWarning, stacklevel=2)
+        return RenamedPower(energy)
+    return None
 
 
 class LinkModel(Protocol):

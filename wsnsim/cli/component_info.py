@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from wsnsim.base.errors import UsageError, did_you_mean
-from wsnsim.base.radio import ContinuousPower, Mode
+from wsnsim.base.radio import Mode, continuous_power
 from wsnsim.base.requests import PACKET_BITS
 from wsnsim.cli.listing import table
 from wsnsim.scenario import datasheets
@@ -216,11 +216,12 @@ def _derived_energy(setup: RadioSetup) -> Iterator[InfoRow]:
     reach = setup.link.reach
     yield _row("packet sent", sum(energy.transmit(bits, reach)), "J", f"{bits} bits on the air over {reach:.4g} m")
     yield _row("packet received", energy.receive(bits), "J", "the same packet at its receiver")
-    if isinstance(energy, ContinuousPower):
+    model = continuous_power(energy)
+    if model is not None:
         for mode in (Mode.DORMANT, Mode.AWAKE, Mode.ASLEEP):
-            draw = energy.draw(mode)
-            description = f"radio {draw.radio:.4g} W, processor {draw.processor:.4g} W"
-            yield _row(f"draw {mode.name.lower()}", draw.radio + draw.processor, "W", description)
+            power = model.mode_power(mode)
+            description = f"radio {power.radio:.4g} W, processor {power.processor:.4g} W"
+            yield _row(f"power {mode.name.lower()}", power.radio + power.processor, "W", description)
 
 
 def _derived_mac(setup: RadioSetup) -> Iterator[InfoRow]:

@@ -55,7 +55,7 @@ class Supply:
         """Joules of one reading."""
         return self.sensing
 
-    def draw(self, mode: Mode) -> ModePower:
+    def mode_power(self, mode: Mode) -> ModePower:
         """`idle` while the receiver is on, `sleep` while it is not; nothing of a node that is down."""
         if mode is Mode.DOWN:
             return NOTHING
@@ -156,7 +156,7 @@ class States:
         """Joules of one reading."""
         return self.sensing
 
-    def draw(self, mode: Mode) -> ModePower:
+    def mode_power(self, mode: Mode) -> ModePower:
         """The sheets' powers in the mode."""
         radio, processor = self.radio, self.processor
         if mode is Mode.DORMANT:

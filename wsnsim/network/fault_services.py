@@ -184,7 +184,7 @@ class SiteServices:
 
     def residual_energy(self, node: int) -> float:
         """Joules left in a node now."""
-        return self._site.nodes.left(node)
+        return self._site.nodes.residual_energy(node)
 
     def head_of(self, target: int) -> int | None:
         """The cluster head of a target, or None."""

@@ -31,7 +31,7 @@ class Processors:
         self.operations += operations
         cycles = operations * self._cpu.cycles_per_flop
         joules = self._energy.compute(cycles)
-        self._nodes.mark_computing(node, cycles)
+        self._nodes.consumption.mark_computing(node, cycles)
         if joules > 0:
             spent = self._nodes.spend(node, CPU_CAUSE, joules)
             clock = self._clock

@@ -60,7 +60,7 @@ def run_row(outcome: NetworkOutcome, coverage: float = NAN) -> dict[str, Any]:
     deaths = sorted(nodes.died_at.values())
     half = (nodes.size + 1) // 2
     return {
-        "energy": float(sum(nodes.totals)),
+        "energy": float(sum(nodes.ledger.totals)),
         "handovers": sum(track.handovers for track in outcome.tracks),
         **count_columns(outcome.counts),
         "cycles": outcome.cycles,
@@ -97,14 +97,14 @@ def _nodes(fleet: Nodes, trait_names: tuple[str, ...]) -> dict[str, Any]:
         "y": fleet.positions[:, 1],
         "gain": gain,
         "energy_initial": np.full(fleet.size, fleet.battery),
-        "energy_left": fleet.all_left(),
+        "energy_left": fleet.residual_energies(),
         "died_at": died,
     }
 
 
 def _energy(fleet: Nodes) -> dict[str, Any]:
-    touched = np.flatnonzero(fleet.spent)
-    books = fleet.ledger[:, touched].T
+    touched = np.flatnonzero(fleet.ledger.spent)
+    books = fleet.ledger.joules[:, touched].T
     row, cause = np.nonzero(books)
     return {"node": touched[row], "cause": cause, "joules": books[row, cause]}
 

@@ -1,12 +1,15 @@
-"""Who is awake: by its schedule of sleep, or held awake because it has something to do.
+"""Duty cycles: which nodes are awake, by their sleep schedule or because they are held awake.
 
-    rota.hears(ids, since) -> (n,)      rota.is_awake(node)      rota.note(node, mode)      rota.forgone()
+    duty_cycles.hears(ids, since, living) -> (n,)      is_awake(node)      note(node, mode)      skipped()
 
-Nothing is done when a node that follows its schedule wakes: its schedule is a function of time. What is kept is who is
-*off* its schedule, held awake or down, what of its schedule it has left out by that, and what was last looked up.
+No event happens when a node that follows its schedule wakes: a schedule is a function of time. Stored are the nodes
+that are *off* their schedules (held awake, or down), and what the schedules last said.
 """
 
 from __future__ import annotations
+
+import math
+from typing import Final, TypeAlias
 
 import numpy as np
 import simpy
@@ -15,13 +18,80 @@ from wsnsim.base.arrays import Bools, Floats, Ints, Keys
 from wsnsim.base.radio import Mode
 from wsnsim.base.sleeping import SleepSchedule
 
-Totals = tuple[float, float, float]
+LINGER: Final = 1.0
+"""A node that sends less than this time (s) before its schedule ends is held awake. Frames hardly ever wait longer."""
+Totals: TypeAlias = tuple[float, float, float]
+"""Awake seconds, switches between awake and asleep, and seconds in total."""
 
 
 class DutyCycles:
-    """The schedules of all nodes. `keys` (N,): a counter key each."""
+    """Which nodes are awake when: here those of nodes that always listen. `rest` is the mode of one without a task."""
+
+    def __init__(self, rest: Mode = Mode.DORMANT) -> None:
+        self.rest = rest
+
+    def hears(self, ids: Ints, since: float, living: Bools) -> Bools:
+        """(n,) which of the nodes are living (n,) and have been listening since a time that is not in the future."""
+        return living
+
+    def is_awake(self, node: int) -> bool:
+        """Whether a living node is awake now."""
+        return True
+
+    def scheduled(self, node: int) -> Mode:
+        """What the schedule of a node says now: AWAKE or ASLEEP."""
+        return Mode.AWAKE
+
+    def next_change(self, node: int) -> float:
+        """The earliest time at which the schedule of a node may say otherwise."""
+        return math.inf
+
+    def note(self, node: int, mode: Mode) -> None:
+        """A node has changed to a mode."""
+
+    def may_change(self, node: int, mode: Mode) -> bool:
+        """A node has a task that needs this mode, or none; whether it may change now: not while it sends."""
+        return True
+
+    def begin_sending(self, node: int) -> bool:
+        """A node has a frame to send; whether it must now be held awake for that."""
+        return False
+
+    def end_sending(self, node: int) -> bool:
+        """A node has nothing more to send; whether it was held awake only for that."""
+        return False
+
+    def tally(self, nodes: Ints, since: Floats, until: float) -> tuple[Floats, Floats]:
+        """(n,) seconds that schedules keep nodes awake in [since, until), and (n,) switches in that time."""
+        return until - since, np.zeros(nodes.size)
+
+    def tally_one(self, node: int, since: float, until: float) -> tuple[float, float]:
+        """`tally` for one node."""
+        return until - since, 0.0
+
+    def most_switches(self, until: float) -> float:
+        """The largest number of switches of a node from 0 to `until`."""
+        return 0.0
+
+    def profile(self, times: Floats) -> tuple[Floats, Floats, Floats]:
+        """If all nodes with schedules followed them: awake seconds, switches and total seconds by each time, (T,)."""
+        nothing = np.zeros(times.size)
+        return nothing, nothing, nothing
+
+    def skipped(self) -> Totals:
+        """Scheduled awake time, switches and total time that did not happen because nodes were held awake or down."""
+        return 0.0, 0.0, 0.0
+
+    def awake_fraction(self, until: float) -> float:
+        """Share of the time of all nodes from 0 to `until`, which is now, that they were awake. Down is asleep."""
+        return 1.0
+
+
+class ScheduledDutyCycles(DutyCycles):
+    """The duty cycles of nodes that follow a sleep schedule. `keys` (N,) are their counter keys."""
 
     def __init__(self, env: simpy.Environment, schedule: SleepSchedule, keys: Keys) -> None:
+        super().__init__(Mode.SCHEDULED)
         self._env = env
         self._schedule = schedule
         self._keys = keys
@@ -30,21 +100,25 @@ class DutyCycles:
         self._awake = np.zeros(keys.size, dtype=np.bool_)
         self._from, self._until = np.zeros(keys.size), np.zeros(keys.size)
         self._off: dict[int, float] = {}
-        self._forgone = (0.0, 0.0, 0.0)
+        self._skipped = (0.0, 0.0, 0.0)
         self._spans: list[tuple[int, float, float]] = []
         self._held_seconds = 0.0
+        self._with_task: set[int] = set()
+        self._sending: set[int] = set()
 
-    def hears(self, ids: Ints, since: float) -> Bools:
-        """(n,) who has been listening since an instant of the past: by schedule then, or held awake since before.
+    def hears(self, ids: Ints, since: float, living: Bools) -> Bools:
+        """(n,) the living nodes that were awake by schedule then, or have been held awake since before.
 
         A radio that is receiving when its schedule ends receives the frame to its end.
         """
         awake = self._by_schedule(ids, since)
         held: Bools = self._held[ids]
-        return awake | (held & (self._since[ids] <= since)) if held.any() else awake
+        if held.any():
+            awake = awake | (held & (self._since[ids] <= since))
+        return awake & living
 
     def _by_schedule(self, ids: Ints, time: float) -> Bools:
-        """(n,) whose schedule says that they are awake: looked up anew only where that may have changed."""
+        """(n,) whether the schedules say awake. Only those that may have changed are computed again."""
         known = (self._from[ids] <= time) & (time < self._until[ids])
         if not known.all():
             stale = ids[~known]
@@ -58,17 +132,11 @@ class DutyCycles:
         return bool(self._held[node]) or self.scheduled(node) is Mode.AWAKE
 
     def scheduled(self, node: int) -> Mode:
-        """What a node's schedule says now: AWAKE or ASLEEP."""
+        """What the schedule of a node says now: AWAKE or ASLEEP."""
         return Mode.AWAKE if self._by_schedule(np.array([node]), self._env.now)[0] else Mode.ASLEEP
 
-    def may_fall_asleep(self, node: int, within: float) -> bool:
-        """Whether a node follows its schedule, and sleeps by it now, or may within so many seconds."""
-        if node in self._off:
-            return False
-        return self.scheduled(node) is Mode.ASLEEP or self._until[node] <= self._env.now + within
-
     def next_change(self, node: int) -> float:
-        """When the schedule of a node may next say otherwise."""
+        """The earliest time at which the schedule of a node may say otherwise."""
         self._by_schedule(np.array([node]), self._env.now)
         return float(self._until[node])
 
@@ -82,46 +150,78 @@ class DutyCycles:
                 self._held_seconds += now - since
         if mode is not Mode.SCHEDULED:
             self._off[node] = now
+        if mode is Mode.DOWN:
+            self._with_task.discard(node)
+            self._sending.discard(node)
         held = mode in (Mode.AWAKE, Mode.DORMANT)
         if held and not self._held[node]:
             self._since[node] = now
         self._held[node] = held
 
-    def tally(self, nodes: Ints, since: Floats) -> tuple[Floats, Floats]:
-        """(n,) seconds that nodes' schedules keep them awake from then until now, and how often they change."""
-        return self._schedule.tally(self._keys[nodes], since, self._env.now)
+    def may_change(self, node: int, mode: Mode) -> bool:
+        """A node has a task that needs this mode, or none; whether it may change now: not while it sends."""
+        (self._with_task.discard if mode is Mode.SCHEDULED else self._with_task.add)(node)
+        return node not in self._sending
 
-    def tally_one(self, node: int, since: float) -> tuple[float, float]:
-        """The same of one node: at once where nothing has changed since."""
-        now = self._env.now
-        if self._from[node] <= since and now < self._until[node]:
-            return (now - since if self._awake[node] else 0.0), 0.0
-        awake, switches = self.tally(np.array([node]), np.array([since]))
+    def begin_sending(self, node: int) -> bool:
+        """Whether a node must be held awake to send: its schedule may end before the frame is sent."""
+        if node in self._sending:
+            return False
+        if node in self._with_task:
+            self._sending.add(node)
+        elif self._may_fall_asleep(node):
+            self._sending.add(node)
+            return True
+        return False
+
+    def end_sending(self, node: int) -> bool:
+        """Whether a node is no longer held awake: it was held only to send."""
+        if node not in self._sending:
+            return False
+        self._sending.discard(node)
+        return node not in self._with_task
+
+    def _may_fall_asleep(self, node: int) -> bool:
+        """Whether a node follows its schedule, and sleeps now or may do so soon."""
+        if node in self._off:
+            return False
+        return self.scheduled(node) is Mode.ASLEEP or bool(self._until[node] <= self._env.now + LINGER)
+
+    def tally(self, nodes: Ints, since: Floats, until: float) -> tuple[Floats, Floats]:
+        """(n,) seconds that schedules keep nodes awake in [since, until), and (n,) switches in that time."""
+        return self._schedule.tally(self._keys[nodes], since, until)
+
+    def tally_one(self, node: int, since: float, until: float) -> tuple[float, float]:
+        """`tally` for one node; quick if its schedule has not changed since."""
+        if self._from[node] <= since and until < self._until[node]:
+            return (until - since if self._awake[node] else 0.0), 0.0
+        awake, switches = self.tally(np.array([node]), np.array([since]), until)
         return float(awake[0]), float(switches[0])
 
     def most_switches(self, until: float) -> float:
-        """How often a node changes at most until then."""
+        """The largest number of switches of a node from 0 to `until`."""
         return float(self._schedule.tally(self._keys, np.zeros(self._keys.size), until)[1].max(initial=0.0))
 
-    def profile(self, times: Floats) -> tuple[Floats, Floats]:
-        """Of all nodes, if all followed their schedules: awake seconds until each time, and switches, both (T,)."""
-        return self._schedule.profile(self._keys, times)
+    def profile(self, times: Floats) -> tuple[Floats, Floats, Floats]:
+        """If all nodes followed their schedules: awake seconds, switches and total seconds by each time, (T,)."""
+        awake, switches = self._schedule.profile(self._keys, times)
+        return awake, switches, self._keys.size * times
 
-    def forgone(self) -> Totals:
-        """What nodes off their schedules have left out of them until now: (awake seconds, switches, seconds in all)."""
+    def skipped(self) -> Totals:
+        """Scheduled awake time, switches and total time that did not happen because nodes were held awake or down."""
         now = self._env.now
-        self._forgone = _sum(self._forgone, self._left_out(self._spans))
+        self._skipped = _sum(self._skipped, self._in_spans(self._spans))
         self._spans = []
-        return _sum(self._forgone, self._left_out([(node, since, now) for node, since in self._off.items()]))
+        return _sum(self._skipped, self._in_spans([(node, since, now) for node, since in self._off.items()]))
 
     def awake_fraction(self, until: float) -> float:
-        """The share of all nodes' time from 0 to `until`, which is now, that they were awake."""
+        """Share of the time of all nodes from 0 to `until`, which is now, that they were awake. Down is asleep."""
         held = sum(until - since for node, since in self._off.items() if self._held[node])
-        scheduled = float(self.profile(np.array([until]))[0][0]) - self.forgone()[0]
+        scheduled = float(self.profile(np.array([until]))[0][0]) - self.skipped()[0]
         return (scheduled + self._held_seconds + held) / (self._keys.size * until) if until else 0.0
 
-    def _left_out(self, spans: list[tuple[int, float, float]]) -> Totals:
-        """What (node, since, until) spans hold of the nodes' schedules."""
+    def _in_spans(self, spans: list[tuple[int, float, float]]) -> Totals:
+        """What the schedules say of (node, since, until) spans."""
         if not spans:
             return 0.0, 0.0, 0.0
         nodes, since, until = (np.array(column) for column in zip(*spans, strict=True))

@@ -1,43 +1,55 @@
-"""What the network spends in each step, by cause: the table `energy_steps`."""
+"""The table `energy_steps`: what the network spends in each step, by cause."""
 
 from __future__ import annotations
+
+from typing import Protocol
 
 import numpy as np
 import simpy
 
+from wsnsim.base.arrays import Floats
 from wsnsim.base.ports import Recorder
-from wsnsim.network.nodes import Nodes
+
+
+class Spenders(Protocol):
+    """The nodes, as far as the table needs them: see `network.nodes.Nodes`."""
+
+    def totals_now(self) -> list[float]: ...
+
+    def scheduled_totals(self, times: Floats) -> Floats: ...
+
+    def close(self) -> None: ...
 
 
 class EnergySteps:
-    """The fleet's totals, cut at the ends of steps."""
+    """The network's totals at the ends of steps, from which the rows of the table are computed."""
 
-    def __init__(self, env: simpy.Environment, fleet: Nodes, recorder: Recorder) -> None:
+    def __init__(self, env: simpy.Environment, nodes: Spenders, recorder: Recorder) -> None:
         self._wanted = recorder.wants("energy_steps")
         self._env = env
-        self._fleet = fleet
-        self._totals: list[list[float]] = [fleet.totals_now()[:]]
+        self._nodes = nodes
+        self._totals: list[list[float]] = [nodes.totals_now()[:]]
         self._steps: list[int] = []
         self._times: list[float] = [env.now]
 
     def close(self, step: int) -> None:
-        """Note what has been spent until now: what was spent since the last call are the costs of this step."""
+        """Attribute to a step what was spent since the last call."""
         if not self._wanted:
             return
-        self._totals.append(self._fleet.totals_now()[:])
+        self._totals.append(self._nodes.totals_now()[:])
         self._steps.append(step)
         self._times.append(self._env.now)
 
     def end(self, step: int) -> None:
-        """Settle the fleet, and close the last step."""
+        """Settle all nodes, and close the last step."""
         if self._wanted:
-            scheduled = self._fleet.scheduled_totals(np.array(self._times))
+            scheduled = self._nodes.scheduled_totals(np.array(self._times))
             self._totals = (np.array(self._totals) + scheduled).tolist()
-        self._fleet.close()
+        self._nodes.close()
         self.close(step)
 
     def write(self, replicate: int, dt: float, recorder: Recorder) -> None:
-        """Write the table, if it is wanted. Rows of zero are left out."""
+        """Write the table if it is wanted. Rows of zero are left out."""
         if not self._wanted:
             return
         spent = np.diff(np.array(self._totals), axis=0)

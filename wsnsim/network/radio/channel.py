@@ -15,7 +15,7 @@ from typing import Any, Final
 import simpy
 
 from wsnsim.base.arrays import Ints
-from wsnsim.base.radio import ContinuousPower, EnergyModel, FramedMac, LinkModel
+from wsnsim.base.radio import EnergyModel, FramedMac, LinkModel, continuous_power
 from wsnsim.base.tables import CAUSE, EVENT_CAUSE
 from wsnsim.network.event_log import EventLog, event
 from wsnsim.network.nodes import Nodes
@@ -55,7 +55,8 @@ class Channel:
         self._reception = Reception(env, fleet, journal, link, wiring, counts, key)
         self._window = window
         self._turnaround = mac.turnaround
-        self._turning = 2.0 * energy.turnaround() if isinstance(energy, ContinuousPower) else 0.0
+        power = continuous_power(energy)
+        self._turning = 0.0 if power is None else 2.0 * power.turnaround()
         self._cells: dict[tuple[int, int], list[Transmission]] = {}
         self._around: dict[int, tuple[list[Transmission], ...]] = {}
         self._sending: dict[int, Transmission] = {}
@@ -92,7 +93,7 @@ class Channel:
         end = start + costs[3]
         joules = costs[0] + costs[1]
         if not self._fleet.holds_more(source, joules):
-            end = start + costs[3] * self._fleet.left(source) / joules
+            end = start + costs[3] * self._fleet.residual_energy(source) / joules
         one = Transmission(source, message, self._wiring.audience(source), counts.numbers, start, end, owner, landed)
         one.costs, one.asleep = costs, asleep
         near = self._around.get(source) or self._near(source)

@@ -16,7 +16,8 @@ from wsnsim.base.rng import Streams
 from wsnsim.base.setups import RadioSetup
 from wsnsim.network.clocks import Clocks
 from wsnsim.network.event_log import EventLog
-from wsnsim.network.nodes import Nodes, make_nodes
+from wsnsim.network.node_factory import make_nodes
+from wsnsim.network.nodes import Nodes
 from wsnsim.network.radio.mac import Access, make_mac
 from wsnsim.network.radio.topology import Topology
 

@@ -165,7 +165,7 @@ class TdmaMechanism:
         if not self._fleet.alive[turn.source]:
             return
         others = cluster[(cluster != turn.source) & (cluster != turn.piece.to)]
-        self._fleet.doze(others, seconds)
+        self._fleet.sleep_radios(others, seconds)
         before = max(self._part.guard - self._part.turnaround, 0.0)
         yield self._env.timeout(before)
         if self._fleet.alive[turn.source] and not self._channel.is_sending(turn.source):

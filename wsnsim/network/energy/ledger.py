@@ -1,0 +1,111 @@
+"""The energy ledger: the joules that nodes have spent, by node and cause."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final, TypeAlias
+
+import numpy as np
+
+from wsnsim.base.arrays import Bools, Floats, Ints, scalars
+from wsnsim.base.tables import CAUSE, CAUSES
+
+ELECTRONICS, AMPLIFIER, IDLE = CAUSE["tx_electronics"], CAUSE["tx_amplifier"], CAUSE["idle"]
+FEW: Final = 28
+"""Below this number of nodes a plain loop is faster than an array operation."""
+Charges: TypeAlias = Sequence[tuple[int, float]]
+"""Pairs of cause and joules."""
+
+
+class EnergyLedger:
+    """The joules that each node has spent on each cause.
+
+    The causes of a node add up to what it has spent. Arrays of zeros take no memory before they are written, so a
+    node that never spends anything costs nothing.
+
+    Attributes:
+        joules: (causes, N) spent by each node on each cause.
+        spent: (N,) spent by each node.
+        spent_by: `spent`, for fast access to single nodes.
+        totals: Spent by all nodes, one number per cause.
+        ceiling: No living node has spent more than this.
+    """
+
+    def __init__(self, size: int) -> None:
+        self.joules = np.zeros((len(CAUSES), size))
+        self.spent = np.zeros(size)
+        self.spent_by = scalars(self.spent)
+        self.totals: list[float] = [0.0] * len(CAUSES)
+        self.ceiling = 0.0
+        self._by_cause = [scalars(row) for row in self.joules]
+        self._uses_of_ceiling = 0
+
+    def book(self, node: int, cause: int, joules: float) -> None:
+        """Book joules on one node and cause."""
+        self._by_cause[cause][node] += joules
+        self._add(node, joules)
+        self.totals[cause] += joules
+
+    def book_transmission(self, node: int, electronics: float, amplifier: float) -> None:
+        """Book a transmission on its two causes."""
+        self._by_cause[ELECTRONICS][node] += electronics
+        self._by_cause[AMPLIFIER][node] += amplifier
+        self._add(node, electronics + amplifier)
+        self.totals[ELECTRONICS] += electronics
+        self.totals[AMPLIFIER] += amplifier
+
+    def book_charges(self, node: int, charges: Charges) -> None:
+        """Book joules on several causes of one node."""
+        for cause, joules in charges:
+            self._by_cause[cause][node] += joules
+            self.totals[cause] += joules
+        self._add(node, sum(joules for _, joules in charges))
+
+    def book_last(self, node: int, charges: Charges, battery: float) -> float:
+        """Book the last charges of a node, and what then remains in its battery as idle; returns the latter."""
+        rest: float = max(battery - self.spent_by[node] - sum(joules for _, joules in charges), 0.0)
+        for cause, joules in (*charges, (IDLE, rest)):
+            self._by_cause[cause][node] += joules
+            self.totals[cause] += joules
+        self.spent_by[node] = battery
+        return rest
+
+    def book_same(self, nodes: Ints, listed: list[int], cause: int, joules: float) -> None:
+        """Book the same joules on different nodes, given as an array and as a list."""
+        if len(listed) < FEW:
+            spent, book = self.spent_by, self._by_cause[cause]
+            for node in listed:
+                spent[node] += joules
+                book[node] += joules
+        else:
+            self.spent[nodes] += joules
+            self.joules[cause][nodes] += joules
+        self.totals[cause] += joules * len(listed)
+        self.ceiling += joules
+
+    def book_each(self, nodes: Ints, cause: int, joules: Floats) -> None:
+        """Book joules (n,) on different nodes (n,)."""
+        self.joules[cause][nodes] += joules
+        self.totals[cause] += float(joules.sum())
+        self.spent[nodes] += joules
+
+    def lower_ceiling(self, living: Bools) -> float:
+        """Return the ceiling, recomputed from time to time because `book_same` only raises it."""
+        self._uses_of_ceiling -= 1
+        if self._uses_of_ceiling < 0:
+            self._uses_of_ceiling = self.spent.size
+            self.ceiling = float(self.spent.max(where=living, initial=0.0))
+        return self.ceiling
+
+    def all_below(self, joules: float, nodes: Ints, listed: list[int]) -> bool:
+        """Whether each of the nodes, given as an array and as a list, has spent less than `joules`."""
+        if len(listed) < FEW:
+            spent = self.spent_by
+            return not [node for node in listed if spent[node] >= joules]
+        return bool((self.spent[nodes] < joules).all())
+
+    def _add(self, node: int, joules: float) -> None:
+        spent = self.spent_by[node] + joules
+        self.spent_by[node] = spent
+        if spent > self.ceiling:
+            self.ceiling = spent
