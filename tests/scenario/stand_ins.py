@@ -20,15 +20,20 @@ def kind(name: str) -> str:
 
 
 class _Port:
-    """Answers to every method that a port asks for; the scenario room calls none but `assumed`."""
+    """Has every member that a port names; the scenario package calls none but `assumed`."""
 
     columns = ("px", "vx", "py", "vy")
+    units = position = field = audible = perfect = captures = poll = detection_bits = answer_bits = None
+    missed = false_alarm = threshold = None
+    protocol = "standing"
+    cycles_per_flop = point = bits = every = mechanism = weight = rest = carries_belief = wait = call = None
+    battery = duration = fraction = region = head = None
 
     def assumed(self, *beliefs: Any) -> Any:
         return (self, *beliefs)
 
     def _nothing(self, *arguments: Any) -> None:
-        raise AssertionError("the scenario room should not call this")
+        raise AssertionError("the scenario package should not call this")
 
     draw = truth = propagate = advance = matrices = log_transition = _nothing
     draw_traits = measure = log_likelihood = linearise = transmit = receive = compute = sense = _nothing
@@ -139,14 +144,14 @@ class Sheets(_Port):
 
 
 @part
-class Beaconing:
+class Beaconing(_Port):
     """A workload without a target."""
 
     mechanism: ClassVar[str] = "beacons"
 
 
 @part
-class Trouble:
+class Trouble(_Port):
     """A fault that is never right after 3 s, nor with a file that is called bad."""
 
     at: Annotated[float, Quantity("s", ge=0), "when it happens"]
@@ -164,6 +169,25 @@ class Trouble:
             yield Issue(("faults",), "is aimed at nothing")
         if self.nodes == (7,):
             yield Issue(("deploy", "nodes"), "there is no node 7")
+
+
+@part
+class NamelessMac:
+    """A MAC that does not name its mechanism."""
+
+
+@part
+class OwnMac:
+    """A MAC with a mechanism of its own, and no way to start it."""
+
+    mechanism: ClassVar[str] = "csmaa"
+
+
+@part
+class BorrowingMac:
+    """A MAC with a built-in mechanism."""
+
+    mechanism: ClassVar[str] = "ideal"
 
 
 @part

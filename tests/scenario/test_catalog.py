@@ -80,6 +80,33 @@ def test_a_class_that_cannot_be_used_says_why_in_one_line(path: str, fault: str)
     assert "\n" not in found
 
 
+@pytest.mark.parametrize(
+    ("key", "written", "said"),
+    [
+        ("mac", {"kind": kind("NamelessMac")}, "mac.kind: error: {} lacks 'mechanism', which every mac needs"),
+        (
+            "mac",
+            {"kind": kind("OwnMac")},
+            "mac.kind: error: {} lacks 'start', which a mac needs whose mechanism 'csmaa' is not built in "
+            "(did you mean 'csma'?)",
+        ),
+        (
+            "faults",
+            [{"kind": kind("NamelessMac")}],
+            "faults.0.kind: error: {} lacks 'mechanism', 'at', 'duration', 'nodes', 'fraction', 'region', 'head', "
+            "which every fault needs",
+        ),
+    ],
+)
+def test_a_plug_in_without_a_member_of_its_port_is_refused_at_its_place(key: str, written: Any, said: str) -> None:
+    path = (written[0] if isinstance(written, list) else written)["kind"]
+    assert faults_of(base_scenario(**{key: written})) == [said.format(path)]
+
+
+def test_a_plug_in_with_a_built_in_mechanism_needs_no_start() -> None:
+    assert faults_of(base_scenario(mac={"kind": kind("BorrowingMac")})) == []
+
+
 def test_a_module_that_fails_or_exits_when_imported_is_a_fault(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "breaks_at_once.py").write_text("raise SystemExit('over\\nand out')\n")
     monkeypatch.syspath_prepend(tmp_path)

@@ -194,7 +194,7 @@ def _missing_abilities(scenario: Scenario, setup: TrackingSetup) -> Iterator[Iss
             able = ", ".join(_kinds_with("sensor", ability)) or "none that is known"
             yield Issue(
                 ("tracker", "kind"),
-                f"{tracker.kind} needs a sensor with '{ability}', and {sensor.kind} has none; possible: {able}",
+                f"{tracker.kind} needs a sensor that gives '{ability}', and {sensor.kind} does not; it can use: {able}",
             )
     if tracker.assumes.gains != "known" and "gain" not in setup.sensor.trait_names:
         yield Issue(("tracker", "assumes", "gains"), f"{sensor.kind} has no gains that could be unknown")

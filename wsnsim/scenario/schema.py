@@ -21,9 +21,10 @@ from pydantic import (
     model_validator,
 )
 
-from wsnsim.base import metrics, ports, radio, sleeping
+from wsnsim.base import metrics
 from wsnsim.base.part import Quantity
 from wsnsim.base.tables import RECORDED_BY_DEFAULT
+from wsnsim.scenario.conformance import demand_port
 from wsnsim.scenario.fields import (
     FROZEN,
     Number,
@@ -242,7 +243,7 @@ def part_model(role: str, kind: str) -> type[PartModel]:
     part = load_class(info)
     try:
         fields = fields_of(part)
-        _demand_port(part, role)
+        demand_port(part, role)
         if {"kind", "assumes", "part"} & set(fields):
             raise PartError("has a field named 'kind', 'assumes' or 'part', which are taken")
         choice: Any = (Literal[kind], kind) if kind == ROLES[role].default else (Literal[kind], ...)
@@ -250,16 +251,6 @@ def part_model(role: str, kind: str) -> type[PartModel]:
         return made_model(part, base, {"kind": choice, **fields})
     except PartError as error:
         raise PartError(f"{info.path} {error}") from None
-
-
-def _demand_port(part: type[Any], role: str) -> None:
-    port = next(
-        (getattr(room, ROLES[role].port) for room in (ports, radio, sleeping) if hasattr(room, ROLES[role].port)), None
-    )
-    needed = [name for name, thing in (vars(port) if port else {}).items() if callable(thing) and name[0] != "_"]
-    lacking = [name for name in needed if not callable(getattr(part, name, None))]
-    if lacking:
-        raise PartError(f"lacks {', '.join(repr(name) for name in lacking)}, which every {role} needs")
 
 
 @functools.cache
