@@ -107,7 +107,7 @@ def test_the_counts_are_those_of_the_event_log():
     received, collided = (len(of_kind(run, kind)["time"]) for kind in (RECEIVE, COLLIDE))
     assert counts.in_range == neighbours[sends["node"]].sum() == received + collided
     assert (counts.delivered, counts.collided) == (received, collided)
-    assert counts.frames_sent == counts.packets_sent == counts.numbers == len(sends["time"])
+    assert counts.frames_sent == counts.packets_sent == counts.transmissions == len(sends["time"])
     given_up = of_kind(run, DROP)
     assert set(given_up["what"].tolist()) <= {run.memory.words.code("no_channel")}
     assert counts.access_failures == len(given_up["time"])

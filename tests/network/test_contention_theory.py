@@ -37,7 +37,7 @@ import pytest
 from scipy.optimize import brentq
 from scipy.stats import chisquare
 
-from tests.network.places import Place
+from tests.network.radio_network import RadioNetwork
 from wsnsim.base.tables import CAUSE
 from wsnsim.models.access import Csma
 from wsnsim.models.datasheets import ProcessorSheet, RadioSheet
@@ -76,24 +76,24 @@ def phases(nodes):
 
 def endless(nodes, seconds):
     """Nodes on a circle whose charge never ends."""
-    return Place(ring(nodes), energy=FirstOrder(battery=float("inf")), horizon=seconds)
+    return RadioNetwork(ring(nodes), energy=FirstOrder(battery=float("inf")), horizon=seconds)
 
 
-def saturate(place, nodes, payload, seconds):
+def saturate(network, nodes, payload, seconds):
     """(time, clean, spoilt, given up) of every frame, where each node always has a next one."""
     fates = []
 
     def offer(node):
-        place.mac.offer(node, 8 * payload, lambda heard: ended(node, heard))
+        network.mac.offer(node, 8 * payload, lambda heard: ended(node, heard))
 
     def ended(node, heard):
         clean = heard is not None and len(heard) == nodes - 1
-        fates.append((place.env.now, clean, heard is not None and not clean, heard is None))
+        fates.append((network.env.now, clean, heard is not None and not clean, heard is None))
         offer(node)
 
     for node, phase in enumerate(phases(nodes)):
-        place.at(phase, lambda node=node: offer(node))
-    place.env.run(until=seconds)
+        network.at(phase, lambda node=node: offer(node))
+    network.env.run(until=seconds)
     return np.array(fates, dtype=float)
 
 
@@ -105,8 +105,8 @@ def per_second(fates, seconds):
 
 @cache
 def ours(nodes, payload):
-    place = endless(nodes, SECONDS[nodes])
-    return per_second(saturate(place, nodes, payload, SECONDS[nodes]), SECONDS[nodes])
+    network = endless(nodes, SECONDS[nodes])
+    return per_second(saturate(network, nodes, payload, SECONDS[nodes]), SECONDS[nodes])
 
 
 def plain(nodes, payload, seconds, rng):
@@ -205,8 +205,8 @@ def test_payload_throughput_rises_with_neither_nodes_nor_beyond_one_frame_at_a_t
 
 @pytest.mark.parametrize("payload", [12, 100])
 def test_a_lone_sender_that_always_has_a_frame_sends_one_a_mean_backoff(payload):
-    place = endless(1, 30.0)
-    sent = len(saturate(place, 1, payload, 30.0))
+    network = endless(1, 30.0)
+    sent = len(saturate(network, 1, payload, 30.0))
     mean = 3.5 * SLOT + CCA + TURNAROUND + airtime(payload) + LIFS
     spread = SLOT * np.sqrt((64 - 1) / 12)
     assert abs(sent * mean / 30.0 - 1) < 4 * spread / mean / np.sqrt(sent)
@@ -214,9 +214,9 @@ def test_a_lone_sender_that_always_has_a_frame_sends_one_a_mean_backoff(payload)
 
 def test_frames_on_the_air_begin_after_a_free_channel_or_together_and_are_lost_when_they_overlap():
     nodes, payload = 8, 12
-    place = endless(nodes, 5.0)
-    fates = saturate(place, nodes, payload, 5.0)
-    ends = np.array([row["time"] for row in place.rows("send")])
+    network = endless(nodes, 5.0)
+    fates = saturate(network, nodes, payload, 5.0)
+    ends = np.array([row["time"] for row in network.rows("send")])
     starts = ends - airtime(payload)
     groups = [[0]]
     for i in range(1, len(ends)):
@@ -234,9 +234,9 @@ def test_frames_on_the_air_begin_after_a_free_channel_or_together_and_are_lost_w
 
 
 def test_the_first_backoff_is_uniform_over_eight_slots():
-    place = endless(1, 12.0)
-    saturate(place, 1, 12, 12.0)
-    gaps = np.diff([row["time"] for row in place.rows("send")]) - (LIFS + CCA + TURNAROUND + airtime(12))
+    network = endless(1, 12.0)
+    saturate(network, 1, 12, 12.0)
+    gaps = np.diff([row["time"] for row in network.rows("send")]) - (LIFS + CCA + TURNAROUND + airtime(12))
     slots = np.round(gaps / SLOT)
     assert gaps == pytest.approx(slots * SLOT, abs=1e-9)
     counts = np.bincount(slots.astype(int))
@@ -244,11 +244,11 @@ def test_the_first_backoff_is_uniform_over_eight_slots():
 
 
 def test_the_range_of_the_backoff_doubles_to_thirty_two_slots_while_the_channel_is_busy():
-    place, times = endless(1, 60.0), []
-    place.mac._channel.is_busy = lambda node: bool(times.append(place.env.now)) or True
-    fates = saturate(place, 1, 12, 60.0)
+    network, times = endless(1, 60.0), []
+    network.mac.channel.is_busy = lambda node: bool(times.append(network.env.now)) or True
+    fates = saturate(network, 1, 12, 60.0)
     frames = len(fates)
-    assert fates[:, 3].all() and place.mac.counts.access_failures == frames > 2000
+    assert fates[:, 3].all() and network.counters.access_failures == frames > 2000
     assessed = np.array(times[: 5 * frames]).reshape(frames, 5)
     before = np.column_stack([np.concatenate([phases(1), assessed[:-1, -1] + LIFS]), assessed[:, :-1]])
     slots = np.round((assessed - before - CCA) / SLOT).astype(int)
@@ -262,33 +262,33 @@ def test_the_range_of_the_backoff_doubles_to_thirty_two_slots_while_the_channel_
 @pytest.mark.parametrize(("payload", "spacing"), [(7, SIFS), (8, LIFS), (12, LIFS), (116, LIFS)])
 @pytest.mark.parametrize("acks", [False, True])
 def test_without_backoff_frames_follow_each_other_by_the_clock(payload, spacing, acks):
-    place = Place(PAIR, mac=Csma(min_be=0, max_be=0, acks=acks))
-    place.unicast(0, 1, packets=4, bits=8 * payload)
-    ends = [row["time"] for row in place.rows("send") if row["node"] == 0]
+    network = RadioNetwork(PAIR, mac=Csma(min_be=0, max_be=0, acks=acks))
+    network.unicast(0, 1, packets=4, bits=8 * payload)
+    ends = [row["time"] for row in network.rows("send") if row["node"] == 0]
     first = CCA + TURNAROUND + airtime(payload)
     answer = TURNAROUND + ACK if acks else 0.0
     assert ends == pytest.approx([first + i * (first + answer + spacing) for i in range(4)], abs=1e-12)
-    assert place.env.now == pytest.approx(ends[-1] + answer, abs=1e-12)
+    assert network.env.now == pytest.approx(ends[-1] + answer, abs=1e-12)
 
 
 def exchange(energy):
-    """A frame of 12 bytes and its acknowledgement over 50 m, in one second: the place after it."""
-    place = Place(PAIR, mac=AT_ONCE, energy=energy, horizon=1.0)
-    assert place.unicast(0, 1).packets == 1
-    place.env.run(until=1.0)
-    place.fleet.close()
-    assert place.closes()
-    return place.fleet
+    """A frame of 12 bytes and its acknowledgement over 50 m, in one second: the network after it."""
+    network = RadioNetwork(PAIR, mac=AT_ONCE, energy=energy, horizon=1.0)
+    assert network.unicast(0, 1).packets == 1
+    network.env.run(until=1.0)
+    network.nodes.close()
+    assert network.ledger_adds_up()
+    return network.nodes
 
 
 def test_an_acknowledged_frame_costs_both_its_nodes_what_the_first_order_model_says():
-    fleet = exchange(FirstOrder())
+    nodes = exchange(FirstOrder())
     send, receive = 50e-9 + 100e-12 * 50**2, 50e-9
-    assert fleet.ledger.spent == pytest.approx([232 * send + 88 * receive, 232 * receive + 88 * send], rel=1e-12)
+    assert nodes.ledger.spent == pytest.approx([232 * send + 88 * receive, 232 * receive + 88 * send], rel=1e-12)
 
 
 def test_an_acknowledged_frame_costs_both_its_nodes_what_the_data_sheet_says():
-    fleet = exchange(States(radio=CC2420, processor=PROCESSOR))
+    nodes = exchange(States(radio=CC2420, processor=PROCESSOR))
     frame = airtime(12)
     expected = {
         "tx_electronics": [57.42e-3 * frame, 57.42e-3 * ACK],
@@ -297,12 +297,12 @@ def test_an_acknowledged_frame_costs_both_its_nodes_what_the_data_sheet_says():
         "sleep": [15.3e-6] * 2,
     }
     for cause, joules in expected.items():
-        assert fleet.ledger.joules[CAUSE[cause]] == pytest.approx(joules, rel=1e-12)
-    rest = fleet.ledger.joules[CAUSE["idle"]] / 62e-3
+        assert nodes.ledger.joules[CAUSE[cause]] == pytest.approx(joules, rel=1e-12)
+    rest = nodes.ledger.joules[CAUSE["idle"]] / 62e-3
     assert rest == pytest.approx([1 - frame - ACK] * 2, abs=3 * TURNAROUND)
 
 
 def test_a_radio_that_turns_round_does_not_listen_meanwhile():
-    fleet = exchange(States(radio=CC2420, processor=PROCESSOR))
+    nodes = exchange(States(radio=CC2420, processor=PROCESSOR))
     rest = 1 - airtime(12) - ACK - 2 * TURNAROUND
-    assert fleet.ledger.joules[CAUSE["idle"]] == pytest.approx([62e-3 * rest] * 2, rel=1e-12)
+    assert nodes.ledger.joules[CAUSE["idle"]] == pytest.approx([62e-3 * rest] * 2, rel=1e-12)

@@ -57,5 +57,5 @@ def test_reading_energy_changes_nothing_and_opens_no_book():
 
 def test_neighbours_are_those_within_reach_without_oneself():
     wiring = Topology(fleet(), Disk(reach=15.0), 1, 96)
-    assert wiring.neighbours(0) == [1]
-    assert wiring.neighbours(2) == [1, 3]
+    assert wiring.neighbours(0).id_list == [1]
+    assert wiring.neighbours(2).id_list == [1, 3]

@@ -5,52 +5,49 @@ import itertools
 import networkx as nx
 import numpy as np
 import pytest
-import simpy
 
 import wsnsim.network.radio.routing as routing
-from wsnsim.base.requests import PACKET_BITS
+from tests.network.radio_network import RadioNetwork
+from wsnsim.models.access import IdealMac
 from wsnsim.models.energy import FirstOrder, FirstOrder2002
 from wsnsim.models.links import Disk, LogNormal
-from wsnsim.network.nodes import Nodes
-from wsnsim.network.radio.routing import Router
-from wsnsim.network.radio.topology import Topology
 
 
-class Net:
+class Routes:
     """Nodes, their links, and a router over them."""
 
     def __init__(self, positions, link=None, weight="energy", energy=None):
-        link = link or Disk(reach=75.0)
-        self.energy, self.weight = energy or FirstOrder(), weight
-        self.fleet = Nodes(np.array(positions, dtype=float), np.ones((len(positions), 1)), 2.0, link.reach)
-        self.wiring = Topology(self.fleet, link, 7, PACKET_BITS)
-        self.router = Router(simpy.Environment(), self.fleet, self.wiring, self.energy, weight, link.audible)
+        network = RadioNetwork(
+            positions, mac=IdealMac(), link=link or Disk(reach=75.0), energy=energy or FirstOrder(), weight=weight
+        )
+        self.energy, self.weight = network.radio.energy, weight
+        self.nodes, self.topology, self.router = network.nodes, network.topology, network.router
 
     def cost(self, a, b):
         """What a link costs, told from the definition."""
         if self.weight == "hop":
             return 1.0
-        distance = float(np.hypot(*(self.fleet.positions[a] - self.fleet.positions[b])))
+        distance = float(np.hypot(*(self.nodes.positions[a] - self.nodes.positions[b])))
         bit = sum(self.energy.transmit(1.0, distance)) + self.energy.receive(1.0)
-        return bit / (1.0 if self.wiring.sharp else self.wiring.success(a, b))
+        return bit / (1.0 if self.topology.distance_only else self.topology.probability(a, b))
 
     def everything(self):
         """The graph of all living pairs that are connected."""
         graph = nx.DiGraph()
-        living = np.flatnonzero(self.fleet.living).tolist()
+        living = np.flatnonzero(self.nodes.living).tolist()
         graph.add_nodes_from(living)
         for a, b in itertools.permutations(living, 2):
-            if self.wiring.connected(a, b):
+            if self.topology.connected(a, b):
                 graph.add_edge(a, b, w=self.cost(a, b))
         return graph
 
     def down(self, node):
-        self.fleet.crash(node)
-        self.router.bury(node)
+        self.nodes.crash(node)
+        self.router.remove(node)
 
     def up(self, node):
-        self.fleet.restart(node)
-        self.router.revive(node)
+        self.nodes.restart(node)
+        self.router.restore()
 
 
 def uniform(seed, nodes, side):
@@ -91,7 +88,7 @@ def test_a_path_is_the_cheapest_of_all_in_a_corridor_as_in_the_whole(link, weigh
         monkeypatch.setattr(routing, "WIDEST", 1e9)
     draw = np.random.default_rng(1)
     for seed in range(3):
-        net = Net(uniform(seed, 90, 500.0), LINKS[link], weight)
+        net = Routes(uniform(seed, 90, 500.0), LINKS[link], weight)
         assert disagreements(net, draw.integers(0, 90, (25, 2)).tolist()) == []
 
 
@@ -99,7 +96,7 @@ def test_a_path_is_the_cheapest_of_all_in_a_corridor_as_in_the_whole(link, weigh
 def test_a_corridor_is_widened_until_its_path_is_surely_the_cheapest(energy, monkeypatch):
     """With cheap electronics short hops pay, on a long way round: the first corridor is too narrow for it."""
     monkeypatch.setattr(routing, "WIDEST", 1e9)
-    net = Net(uniform(5, 150, 400.0), energy=ENERGIES[energy])
+    net = Routes(uniform(5, 150, 400.0), energy=ENERGIES[energy])
     pairs = np.random.default_rng(2).integers(0, 150, (40, 2)).tolist()
     monkeypatch.setattr(routing, "SMALL", 149)
     assert disagreements(net, pairs) == []
@@ -107,7 +104,7 @@ def test_a_corridor_is_widened_until_its_path_is_surely_the_cheapest(energy, mon
 
 def test_fewest_hops_over_drawn_links_are_those_of_a_corridor_and_seldom_beaten_from_outside(monkeypatch):
     """The one case without proof: a lucky link spans several reaches, so a corridor that surely holds it is huge."""
-    net = Net(uniform(20, 200, 350.0), LINKS["log_normal"], "hop")
+    net = Routes(uniform(20, 200, 350.0), LINKS["log_normal"], "hop")
     pairs = np.random.default_rng(0).integers(0, 200, (150, 2)).tolist()
     monkeypatch.setattr(routing, "SMALL", 3)
     wrong = disagreements(net, pairs)
@@ -119,7 +116,7 @@ def test_a_way_round_a_void_is_found_though_the_first_corridor_has_none(monkeypa
     monkeypatch.setattr(routing, "SMALL", 2)
     angles = np.linspace(0.0, np.pi, 13)
     ring = np.column_stack([200.0 * np.cos(angles), 200.0 * np.sin(angles)])
-    net = Net(np.vstack([ring, [[0.0, -150.0]]]), weight="hop", link=Disk(reach=60.0))
+    net = Routes(np.vstack([ring, [[0.0, -150.0]]]), weight="hop", link=Disk(reach=60.0))
     assert net.router.path(0, 12) == list(range(13))
     assert net.router.path(0, 13) is None
 
@@ -128,9 +125,9 @@ def test_an_island_is_known_without_a_look_at_the_rest(monkeypatch):
     """Two nodes apart from 3,000: nobody asks for links at the other end of the field."""
     others = uniform(3, 3000, 2000.0)
     others = others[np.hypot(*(others - [400.0, 400.0]).T) > 200.0]
-    net = Net(np.vstack([others, [[400.0, 400.0], [410.0, 400.0]]]))
-    sizes, links = [], Router._links
-    monkeypatch.setattr(Router, "_links", lambda self, nodes: sizes.append(nodes.size) or links(self, nodes))
+    net = Routes(np.vstack([others, [[400.0, 400.0], [410.0, 400.0]]]))
+    sizes, links = [], routing.Router._links
+    monkeypatch.setattr(routing.Router, "_links", lambda self, nodes: sizes.append(nodes.size) or links(self, nodes))
     near = int(np.argmin(np.hypot(*(others - [150.0, 400.0]).T)))
     assert net.router.path(near, len(others)) is None
     assert max(sizes) < 1000
@@ -139,7 +136,7 @@ def test_an_island_is_known_without_a_look_at_the_rest(monkeypatch):
 @pytest.mark.parametrize("weight", ["energy", "hop"])
 def test_a_corridor_of_many_nodes_is_searched_as_one_of_few(weight, monkeypatch):
     positions = uniform(8, 400, 600.0)
-    whole, corridor, sparse = (Net(positions, weight=weight) for _ in range(3))
+    whole, corridor, sparse = (Routes(positions, weight=weight) for _ in range(3))
     pairs = np.random.default_rng(3).integers(0, 400, (20, 2)).tolist()
 
     def costs(net):
@@ -157,7 +154,7 @@ def test_a_corridor_of_many_nodes_is_searched_as_one_of_few(weight, monkeypatch)
 @pytest.mark.parametrize("weight", ["energy", "hop", "greedy"])
 def test_a_node_that_is_down_relays_nothing_and_relays_again_when_it_is_back(weight, small, monkeypatch):
     monkeypatch.setattr(routing, "SMALL", small)
-    net = Net([(0, 0), (60, 0), (50, 40), (120, 0), (90, 50)], weight=weight)
+    net = Routes([(0, 0), (60, 0), (50, 40), (120, 0), (90, 50)], weight=weight)
     assert net.router.path(0, 3) == [0, 1, 3]
     net.down(1)
     assert net.router.path(0, 3) == [0, 2, 4, 3]
@@ -173,26 +170,26 @@ def test_a_node_that_is_down_relays_nothing_and_relays_again_when_it_is_back(wei
 
 def test_a_greedy_path_goes_nearest_to_the_goal_at_each_hop():
     """From 0 at the origin to 4 at 200 m: 2 is nearer to the goal than 1, then 3; 1 is never used."""
-    net = Net([(0, 0), (50, 0), (70, 10), (135, 0), (200, 0)], weight="greedy")
+    net = Routes([(0, 0), (50, 0), (70, 10), (135, 0), (200, 0)], weight="greedy")
     assert net.router.path(0, 4) == [0, 2, 3, 4]
 
 
 def test_a_greedy_path_gets_stuck_where_there_is_a_way_round():
     """All neighbours of 0 lie farther from the goal than 0 does, though a path goes by way of them."""
     round_it = [(0, 0), (-20, 60), (30, 110), (90, 110), (140, 60), (150, 0)]
-    assert Net(round_it, weight="hop").router.path(0, 5) == [0, 1, 2, 3, 4, 5]
-    assert Net(round_it, weight="greedy").router.path(0, 5) is None
+    assert Routes(round_it, weight="hop").router.path(0, 5) == [0, 1, 2, 3, 4, 5]
+    assert Routes(round_it, weight="greedy").router.path(0, 5) is None
 
 
 def test_a_greedy_path_between_nodes_in_one_place_does_not_go_astray():
-    net = Net([(0, 0), (100, 0), (60, 0), (100, 0), (60, 0)], weight="greedy")
+    net = Routes([(0, 0), (100, 0), (60, 0), (100, 0), (60, 0)], weight="greedy")
     assert net.router.path(0, 3) == [0, 2, 3]
     assert net.router.path(0, 1) == [0, 2, 1]
 
 
 @pytest.mark.parametrize("link", LINKS)
 def test_every_hop_of_a_greedy_path_is_usable_alive_and_nearer(link):
-    net = Net(uniform(6, 250, 400.0), LINKS[link], "greedy")
+    net = Routes(uniform(6, 250, 400.0), LINKS[link], "greedy")
     for node in range(0, 250, 10):
         net.down(node)
     stuck = 0
@@ -201,24 +198,24 @@ def test_every_hop_of_a_greedy_path_is_usable_alive_and_nearer(link):
         if found is None:
             stuck += 1
             continue
-        away = [net.fleet.distance(node, b) for node in found]
+        away = [net.nodes.distance(node, b) for node in found]
         assert all(x > y for x, y in itertools.pairwise(away)) and found[-1] == b
-        assert all(net.wiring.connected(x, y) and net.fleet.alive[x] for x, y in itertools.pairwise(found))
+        assert all(net.topology.connected(x, y) and net.nodes.alive[x] for x, y in itertools.pairwise(found))
     assert 0 < stuck < 30, "the dead are never reached, most of the living are"
 
 
 def test_a_link_that_loses_packets_is_avoided_where_a_good_one_costs_less():
     """Expected joules are a bit's over the chance that it arrives, so the same metres cost more over a bad link."""
-    net = Net(uniform(9, 80, 220.0), LogNormal())
+    net = Routes(uniform(9, 80, 220.0), LogNormal())
     graph = net.everything()
-    bad = [(a, b) for a, b in graph.edges if net.wiring.success(a, b) < 0.9]
+    bad = [(a, b) for a, b in graph.edges if net.topology.probability(a, b) < 0.9]
     assert bad, "no weak link in this field: the test says nothing"
     used = [hop for a, b in bad for hop in itertools.pairwise(net.router.path(a, b))]
-    assert sum(net.wiring.success(*hop) > 0.99 for hop in used) > len(used) / 2
+    assert sum(net.topology.probability(*hop) > 0.99 for hop in used) > len(used) / 2
 
 
 def test_the_least_cost_of_a_metre_is_that_of_the_best_length_of_a_hop():
     """First order: (e + a d²) / d is least at d = sqrt(e / a), 2 sqrt(e a); a hop over the reach is 1 / reach."""
-    bound = Net([(0, 0)]).router._per_metre()
+    bound = Routes([(0, 0)]).router._cost_of_a_metre()
     assert 0.99 < bound / (2.0 * np.sqrt(100e-9 * 100e-12)) <= 1.0
-    assert Net([(0, 0)], weight="hop").router._per_metre() == pytest.approx(1 / 75.0)
+    assert Routes([(0, 0)], weight="hop").router._cost_of_a_metre() == pytest.approx(1 / 75.0)

@@ -328,11 +328,11 @@ def test_no_node_sends_in_its_sleep(monkeypatch):
     asleep, sent = [], []
     transmit = Channel.transmit
 
-    def watched(self, source, message, *rest):
-        if message.bits > Csma().ack_bits:  # a radio that has just received a frame acknowledges it
+    def watched(self, source, frame, *rest):
+        if frame.bits > Csma().ack_bits:  # a radio that has just received a frame acknowledges it
             sent.append(source)
-            asleep.extend([source] if not self._fleet.is_awake(source) else [])
-        return transmit(self, source, message, *rest)
+            asleep.extend([source] if not self._nodes.is_awake(source) else [])
+        return transmit(self, source, frame, *rest)
 
     monkeypatch.setattr(Channel, "transmit", watched)
     for tracker in PAIRS:

@@ -3,105 +3,105 @@
 import numpy as np
 import pytest
 
-from tests.network.places import Place
+from tests.network.radio_network import RadioNetwork
+from wsnsim.base.frames import full_burst
 from wsnsim.base.radio import Mode
 from wsnsim.base.requests import PACKET_BITS, Parcel
 from wsnsim.base.tables import CAUSE
 from wsnsim.models.access import Csma, Tdma
 from wsnsim.models.energy import FirstOrder
 from wsnsim.models.links import Disk
-from wsnsim.network.radio.ideal_medium import burst
 
 STAR = [(0, 0), *((30 * np.cos(a), 30 * np.sin(a)) for a in np.linspace(0, 6, 8))]
 
 
-def gather(place, sources=range(1, 9), packets=1, hub=0):
-    frames = [burst(node, hub, Parcel("reading", packets, PACKET_BITS, "reading"), 0) for node in sources]
-    place.env.run(until=place.mac.send(frames, hub))
+def gather(network, sources=range(1, 9), packets=1, head=0):
+    frames = [full_burst(node, head, Parcel("reading", packets, PACKET_BITS, "reading"), 0) for node in sources]
+    network.env.run(until=network.mac.send(frames, head))
     return frames
 
 
 def test_in_slots_every_reading_arrives_where_contention_loses_or_repeats_some():
-    slotted, contending = Place(STAR, mac=Tdma()), Place(STAR, mac=Csma())
+    slotted, contending = RadioNetwork(STAR, mac=Tdma()), RadioNetwork(STAR, mac=Csma())
     assert all(frame.packets == 1 for frame in gather(slotted))
-    assert slotted.mac.counts.collided == 0 and slotted.mac.counts.frames_sent == 9, "the schedule and eight readings"
+    assert slotted.counters.collided == 0 and slotted.counters.frames_sent == 9, "the schedule and eight readings"
     gather(contending)
-    assert contending.mac.counts.collided > 0
+    assert contending.counters.collided > 0
 
 
 def test_a_round_takes_a_slot_a_frame_and_the_schedule_is_announced_once():
-    place = Place(STAR, mac=Tdma())
-    gather(place)
-    began = place.env.now
-    gather(place)
-    assert place.env.now - began == pytest.approx(8 * Tdma().slot_needed(29 * 8), rel=1e-9)
-    assert sum(row["peer"] == -1 for row in place.rows("send")) == 1
-    gather(place, sources=range(1, 5))
-    assert sum(row["peer"] == -1 for row in place.rows("send")) == 1, "fewer members need no new schedule"
+    network = RadioNetwork(STAR, mac=Tdma())
+    gather(network)
+    began = network.env.now
+    gather(network)
+    assert network.env.now - began == pytest.approx(8 * Tdma().slot_needed(29 * 8), rel=1e-9)
+    assert sum(row["peer"] == -1 for row in network.rows("send")) == 1
+    gather(network, sources=range(1, 5))
+    assert sum(row["peer"] == -1 for row in network.rows("send")) == 1, "fewer members need no new schedule"
 
 
 def test_members_do_not_overhear_each_other_and_others_do():
-    place = Place([*STAR, (10, 10)], mac=Tdma())
-    gather(place, sources=range(1, 9))
-    overheard = place.fleet.ledger.joules[CAUSE["overhear"]]
+    network = RadioNetwork([*STAR, (10, 10)], mac=Tdma())
+    gather(network, sources=range(1, 9))
+    overheard = network.nodes.ledger.joules[CAUSE["overhear"]]
     assert (overheard[:9] == 0).all() and overheard[9] == pytest.approx(8 * 29 * 8 * 50e-9)
 
 
 def test_members_sleep_in_the_slots_of_others():
-    place = Place(STAR, mac=Tdma(), energy=FirstOrder(idle=0.06, sleep=0.001, battery=100.0))
-    gather(place)
-    began, before = place.env.now, place.fleet.totals_now()
-    gather(place)
-    took, spent = place.env.now - began, np.array(place.fleet.totals_now()) - np.array(before)
+    network = RadioNetwork(STAR, mac=Tdma(), energy=FirstOrder(idle=0.06, sleep=0.001, battery=100.0))
+    gather(network)
+    began, before = network.env.now, network.nodes.totals_now()
+    gather(network)
+    took, spent = network.env.now - began, np.array(network.nodes.totals_now()) - np.array(before)
     slot = Tdma().slot_needed(29 * 8)
     dozing = 7 * 8 * slot
     assert took == pytest.approx(8 * slot)
     assert spent[CAUSE["sleep"]] == pytest.approx(0.001 * dozing, rel=1e-6)
     on_air = 8 * 2 * 29 * 8 / 250e3
     assert spent[CAUSE["idle"]] == pytest.approx(0.06 * (9 * took - dozing - on_air), rel=1e-6)
-    place.fleet.close()
-    assert place.closes()
-    assert place.fleet.ledger.totals == pytest.approx(place.fleet.totals_now(), rel=1e-9)
+    network.nodes.close()
+    assert network.ledger_adds_up()
+    assert network.nodes.ledger.totals == pytest.approx(network.nodes.totals_now(), rel=1e-9)
     assert Mode.ASLEEP == 2
 
 
 def test_a_member_that_missed_the_schedule_has_no_slot_until_it_hears_the_next():
-    place = Place(STAR, mac=Tdma())
-    place.fleet.jammed[3] = place.fleet.disturbed = True
-    frames = gather(place)
+    network = RadioNetwork(STAR, mac=Tdma())
+    network.nodes.jammed[3] = network.nodes.disturbed = True
+    frames = gather(network)
     assert [frame.packets for frame in frames] == [1, 1, 0, 1, 1, 1, 1, 1]
-    words = place.memory.words.all()
-    assert {words[int(row["what"])] for row in place.rows("drop")} == {"no_schedule"}
-    place.fleet.jammed[3] = False
-    assert all(frame.packets == 1 for frame in gather(place))
+    words = network.memory.words.all()
+    assert {words[int(row["what"])] for row in network.rows("drop")} == {"no_schedule"}
+    network.nodes.jammed[3] = False
+    assert all(frame.packets == 1 for frame in gather(network))
 
 
 def test_a_clock_that_is_off_by_more_than_the_guard_misses_its_slot_and_is_set_by_the_next_schedule():
-    place = Place(STAR, mac=Tdma())
-    gather(place)
-    place.clocks.step([2], 1e-3)
-    assert [frame.packets for frame in gather(place)] == [1, 0, 1, 1, 1, 1, 1, 1]
-    assert all(frame.packets == 1 for frame in gather(place))
+    network = RadioNetwork(STAR, mac=Tdma())
+    gather(network)
+    network.clocks.step([2], 1e-3)
+    assert [frame.packets for frame in gather(network)] == [1, 0, 1, 1, 1, 1, 1, 1]
+    assert all(frame.packets == 1 for frame in gather(network))
 
 
 def test_what_was_not_acknowledged_has_another_slot_at_the_end():
     shares = []
     for acks in (True, False):
-        place = Place(STAR, mac=Tdma(acks=acks), link=Disk(reach=75.0, loss=0.3), seed=5)
-        frames = [frame for _ in range(30) for frame in gather(place)]
-        had_slots = len(frames) - sum(place.memory.words.all()[int(row["what"])] == "no_schedule"
-                                      for row in place.rows("drop"))  # fmt: skip
+        network = RadioNetwork(STAR, mac=Tdma(acks=acks), link=Disk(reach=75.0, loss=0.3), seed=5)
+        frames = [frame for _ in range(30) for frame in gather(network)]
+        had_slots = len(frames) - sum(network.memory.words.all()[int(row["what"])] == "no_schedule"
+                                      for row in network.rows("drop"))  # fmt: skip
         shares.append(sum(frame.packets for frame in frames) / had_slots)
     assert shares[0] > 0.95 and shares[1] == pytest.approx(0.7, abs=0.08)
 
 
 def test_bursts_of_several_packets_take_several_slots_and_long_frames_several_of_fixed_length():
-    place = Place(STAR, mac=Tdma())
-    assert [frame.packets for frame in gather(place, sources=[1, 2], packets=5)] == [5, 5]
-    fixed = Place(STAR, mac=Tdma(slot=2e-3))
+    network = RadioNetwork(STAR, mac=Tdma())
+    assert [frame.packets for frame in gather(network, sources=[1, 2], packets=5)] == [5, 5]
+    fixed = RadioNetwork(STAR, mac=Tdma(slot=2e-3))
     gather(fixed, sources=[1])
     began = fixed.env.now
-    frame = burst(1, 0, Parcel("long", 1, 800, "reading"), 0)
+    frame = full_burst(1, 0, Parcel("long", 1, 800, "reading"), 0)
     fixed.env.run(until=fixed.mac.send([frame], 0))
     needed = Tdma().slot_needed(8 * (17 + 100))
     assert fixed.env.now - began == pytest.approx(2e-3 * np.ceil(needed / 2e-3)) and frame.packets == 1
@@ -109,43 +109,43 @@ def test_bursts_of_several_packets_take_several_slots_and_long_frames_several_of
 
 def test_a_head_or_member_that_goes_down_in_a_round_ends_its_slots_and_nobody_waits():
     for victim in (0, 4):
-        place = Place(STAR, mac=Tdma())
-        gather(place)
-        place.at(place.env.now + 5e-3, lambda place=place, victim=victim: place.fleet.crash(victim))
-        place.at(place.env.now + 5e-3, lambda place=place, victim=victim: place.mac.silence(victim))
-        began = place.env.now
-        frames = gather(place, packets=3)
-        assert place.env.now - began < 24 * Tdma().slot_needed(29 * 8) + 0.1
+        network = RadioNetwork(STAR, mac=Tdma())
+        gather(network)
+        network.at(network.env.now + 5e-3, lambda network=network, victim=victim: network.nodes.crash(victim))
+        network.at(network.env.now + 5e-3, lambda network=network, victim=victim: network.mac.silence(victim))
+        began = network.env.now
+        frames = gather(network, packets=3)
+        assert network.env.now - began < 24 * Tdma().slot_needed(29 * 8) + 0.1
         assert sum(frame.packets for frame in frames) < 24
 
 
 def test_rounds_of_one_head_follow_each_other():
-    place = Place(STAR, mac=Tdma())
-    gather(place)
-    frames = [[burst(n, 0, Parcel("r", 1, PACKET_BITS, "reading"), t) for n in range(1, 9)] for t in (0, 1)]
-    events = [place.mac.send(some, 0) for some in frames]
-    place.env.run(until=place.env.all_of(events))
-    assert all(frame.packets == 1 for some in frames for frame in some) and place.mac.counts.collided == 0
+    network = RadioNetwork(STAR, mac=Tdma())
+    gather(network)
+    frames = [[full_burst(n, 0, Parcel("r", 1, PACKET_BITS, "reading"), t) for n in range(1, 9)] for t in (0, 1)]
+    events = [network.mac.send(some, 0) for some in frames]
+    network.env.run(until=network.env.all_of(events))
+    assert all(frame.packets == 1 for some in frames for frame in some) and network.counters.collided == 0
 
 
 @pytest.mark.parametrize("guard", [0.0, 50e-6, 95e-6, 250e-6])
 def test_a_guard_of_any_length_lets_the_frames_arrive(guard):
-    place = Place(STAR, mac=Tdma(guard=guard))
-    assert all(frame.packets == 1 for frame in gather(place))
+    network = RadioNetwork(STAR, mac=Tdma(guard=guard))
+    assert all(frame.packets == 1 for frame in gather(network))
 
 
 def test_a_schedule_of_several_frames_is_known_only_when_all_were_heard():
-    place = Place(STAR, mac=Tdma(schedule_bits=1000), link=Disk(reach=75.0, loss=0.2), seed=2)
-    gather(place)
-    announced = [row for row in place.rows("receive") if row["peer"] == 0 and row["packets"] == 1]
+    network = RadioNetwork(STAR, mac=Tdma(schedule_bits=1000), link=Disk(reach=75.0, loss=0.2), seed=2)
+    gather(network)
+    announced = [row for row in network.rows("receive") if row["peer"] == 0 and row["packets"] == 1]
     pieces = {node: sum(row["node"] == node for row in announced) for node in range(1, 9)}
-    sent = sum(row["peer"] == -1 for row in place.rows("send"))
-    assert sent > 3 and set(place.mac._known[0]) == {node for node, count in pieces.items() if count == sent}
+    sent = sum(row["peer"] == -1 for row in network.rows("send"))
+    assert sent > 3 and set(network.mac._schedules[0]) == {node for node, count in pieces.items() if count == sent}
 
 
 def test_two_clusters_of_one_head_do_not_forget_each_others_schedule():
-    place = Place(STAR, mac=Tdma())
+    network = RadioNetwork(STAR, mac=Tdma())
     for _ in range(5):
-        gather(place, sources=range(1, 5))
-        gather(place, sources=range(5, 9))
-    assert sum(row["peer"] == -1 for row in place.rows("send")) == 2
+        gather(network, sources=range(1, 5))
+        gather(network, sources=range(5, 9))
+    assert sum(row["peer"] == -1 for row in network.rows("send")) == 2

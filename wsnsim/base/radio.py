@@ -154,6 +154,13 @@ class Mac(Protocol):
     def mechanism(self) -> str: ...
 
 
+class IdealAccess(Mac, Protocol):
+    """An ideal channel. `rate` in bit/s; None: sending takes no time."""
+
+    @property
+    def rate(self) -> float | None: ...
+
+
 class FramedMac(Mac, Protocol):
     """A MAC whose frames take time: `rate` bit/s, `turnaround` s between receiving and sending, whether unicasts are
     acknowledged (`acks`, by `ack_bits` on the air, awaited for `ack_wait` s, repeated `max_retries` times).

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from wsnsim.base.arrays import Ints
+from wsnsim.base.counters import Counters
 from wsnsim.network.clusters.track import Track
 from wsnsim.network.nodes import Nodes
-from wsnsim.network.radio.counters import Counters
 
 
 def _nobody() -> Ints:

@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 
+from wsnsim.base.counters import Counters
 from wsnsim.base.ports import Recorder
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.base.sleeping import WakeUpRound
 from wsnsim.network.clusters.track import ClusterRecord, Track
 from wsnsim.network.nodes import Nodes
 from wsnsim.network.outcome import NetworkOutcome
-from wsnsim.network.radio.counters import Counters
 
 NAN = float("nan")
 

@@ -1,51 +1,48 @@
-"""Estimates on their way to the sink: one letter each, relayed like any other, while the head goes on.
-
-Reports(stage's air ..., sink, dt).send(head, step, target)      reports.received[target, step] -> s
-"""
+"""Estimates on their way to the sink: one datagram each, while the cluster head goes on."""
 
 from __future__ import annotations
 
 import numpy as np
-import simpy
 
 from wsnsim.base.radio import Sink
 from wsnsim.base.requests import Parcel
 from wsnsim.base.tables import KIND
-from wsnsim.network.event_log import EventLog, event
-from wsnsim.network.nodes import Nodes
-from wsnsim.network.radio.transport import Datagram, Transport, datagram
+from wsnsim.network.event_log import event
+from wsnsim.network.radio.radio_services import RadioServices
+from wsnsim.network.radio.transport import Datagram, Transport
 
 REPORT = KIND["report"]
 
 
-class Reports:
-    """What the sink has been told. `node` is the sink; None where a scenario has none."""
+class SinkReports:
+    """The reports that cluster heads send to the sink.
 
-    def __init__(
-        self, env: simpy.Environment, fleet: Nodes, air: Transport, journal: EventLog, sink: Sink, dt: float
-    ) -> None:
-        self._env = env
-        self._air = air
-        self._journal = journal
+    Attributes:
+        node: The sink; None if the scenario has none.
+        received: When the sink received each report, in s: {(target, step): time}.
+    """
+
+    def __init__(self, radio: RadioServices, transport: Transport, sink: Sink, dt: float) -> None:
+        self._env = radio.env
+        self._log = radio.log
+        self._transport = transport
         self._bits = sink.bits
-        self._every = 1 if sink.every is None else max(1, round(sink.every / dt))
-        self.node = None if sink.point is None else int(fleet.tree.query(np.array(sink.point))[1])
+        self._interval = 1 if sink.every is None else max(1, round(sink.every / dt))
+        self.node = None if sink.point is None else int(radio.nodes.tree.query(np.array(sink.point))[1])
         self.received: dict[tuple[int, int], float] = {}
 
     def send(self, head: int, step: int, target: int) -> None:
-        """Send the estimate of a step to the sink, if one is due; nobody waits for it."""
-        if self.node is None or step % self._every:
+        """Send the estimate of a step to the sink, if a report is due. The head does not wait for its arrival."""
+        if self.node is None or step % self._interval:
             return
-        report = datagram(head, self.node, Parcel(None, 1, self._bits, "report"))
-        event = self._air.carry([report], target)
-        assert event.callbacks is not None
-        event.callbacks.append(lambda _: self._arrive(report, step, target))
+        report = Datagram(head, self.node, Parcel(None, 1, self._bits, "report"))
+        ended = self._transport.carry([report], target)
+        assert ended.callbacks is not None, "a report ends later than it is sent"
+        ended.callbacks.append(lambda _: self._receive(report, step, target))
 
-    def _arrive(self, report: Datagram, step: int, target: int) -> None:
+    def _receive(self, report: Datagram, step: int, target: int) -> None:
         if not report.arrived:
             return
-        self.received[target, step] = self._env.now
-        code, step_now = self._journal.code("report"), self._journal.step
-        self._journal.add(
-            event(self._env.now, step_now, target, report.to, REPORT, code, peer=report.source, packets=1)
-        )
+        now, code = self._env.now, self._log.code("report")
+        self.received[target, step] = now
+        self._log.add(event(now, self._log.step, target, report.to, REPORT, code, peer=report.source, packets=1))

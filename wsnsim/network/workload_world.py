@@ -25,23 +25,24 @@ from wsnsim.network.faults import FaultSchedule
 from wsnsim.network.outcome import NetworkOutcome
 from wsnsim.network.radio.radio_stack import RadioStack, make_radio_stack, run_until
 from wsnsim.network.radio.routing import Router
-from wsnsim.network.radio.transport import Transport, datagram
+from wsnsim.network.radio.transport import Datagram, Transport
 from wsnsim.network.workloads import make_workload
 
 
 class WorkloadNetwork:
     """What a workload may use of a network (`mechanisms.WorkloadServices`). `key` is the workload's random key."""
 
-    def __init__(self, radio: RadioStack, transport: Transport, event_log: EventLog, key: int) -> None:
-        self._env = radio.env
-        self._nodes = radio.fleet
-        self._mac = radio.mac
+    def __init__(self, stack: RadioStack, transport: Transport, event_log: EventLog, key: int) -> None:
+        nodes = stack.radio.nodes
+        self._env = stack.radio.env
+        self._nodes = nodes
+        self._mac = stack.mac
         self._transport = transport
         self._event_log = event_log
         self.key = key
-        self.positions = radio.fleet.positions
-        self.is_awake: Callable[[int], bool] = radio.fleet.is_awake
-        self.lasts: Callable[[int, float], float] = radio.clocks.lasts
+        self.positions = nodes.positions
+        self.is_awake: Callable[[int], bool] = nodes.is_awake
+        self.lasts: Callable[[int, float], float] = stack.clocks.lasts
         self.word: Callable[[str], int] = event_log.code
 
     @property
@@ -65,7 +66,7 @@ class WorkloadNetwork:
 
     def send(self, node: int, to: int, bits: int, what: str, on_end: Callable[[bool], None]) -> None:
         """Send a payload of `bits` to a node, relayed if it is out of range; `on_end(arrived)` is called at the end."""
-        item = datagram(node, to, Parcel(None, 1, bits, what))
+        item = Datagram(node, to, Parcel(None, 1, bits, what))
         ended = self._transport.carry([item], -1)
         assert ended.callbacks is not None
         ended.callbacks.append(lambda _: on_end(item.arrived))
@@ -83,22 +84,20 @@ class WorkloadWorld:
         self._replicate = replicate
         self._recorder = recorder
         self._event_log = log = EventLog(recorder, replicate)
-        self._radio = radio = make_radio_stack(setup, positions, np.ones((len(positions), 0)), streams, log)
-        if radio.wiring.sharp:
-            radio.wiring.survey()
-        self._env, self._nodes = radio.env, radio.fleet
-        if recorder.wants("links"):
-            radio.mac.count_links()
+        traits, count_links = np.ones((len(positions), 0)), recorder.wants("links")
+        self._stack = stack = make_radio_stack(setup, positions, traits, streams, log, count_links)
+        radio = stack.radio
+        if radio.topology.distance_only:
+            radio.topology.find_all()
+        self._env, self._nodes, self._counters = radio.env, radio.nodes, radio.counters
         self._nodes.on_death = self._bury
-        self._energy_steps = EnergySteps(radio.env, radio.fleet, recorder)
-        self._router = Router(
-            radio.env, radio.fleet, radio.wiring, setup.energy, setup.routing.weight, setup.link.audible
-        )
-        transport = Transport(radio.env, radio.fleet, radio.wiring, radio.mac, self._router, log)
-        services = WorkloadNetwork(radio, transport, log, streams.key("beacons"))
+        self._energy_steps = EnergySteps(radio.env, radio.nodes, recorder)
+        self._router = Router(radio, setup.routing.weight, setup.link.audible)
+        transport = Transport(radio, stack.mac, self._router)
+        services = WorkloadNetwork(stack, transport, log, streams.key("beacons"))
         self.workload = make_workload(setup.workload, services)
         control = NodeControl(self._crash, self._restart)
-        site = FaultSite(radio.env, radio.fleet, log, radio.clocks, control)
+        site = FaultSite(radio.env, radio.nodes, log, stack.clocks, control)
         FaultSchedule(setup.faults, site, streams.key("faults"), setup.dt).start()
 
     def run(self, progress: Callable[[float], None] | None = None) -> NetworkOutcome:
@@ -111,7 +110,7 @@ class WorkloadWorld:
         self._energy_steps.end(setup.steps - 1)
         self._energy_steps.write(self._replicate, setup.dt, self._recorder)
         self._write_links()
-        return NetworkOutcome(nodes, self._radio.mac.counts, self._event_log.fingerprint(), awake)
+        return NetworkOutcome(nodes, self._counters, self._event_log.fingerprint(), awake)
 
     def _run_steps(self, progress: Callable[[float], None] | None) -> Generator[simpy.Event, Any, None]:
         dt = self._setup.dt
@@ -125,25 +124,24 @@ class WorkloadWorld:
                 self._energy_steps.close(step)
 
     def _crash(self, node: int) -> None:
-        self._radio.mac.silence(node)
+        self._stack.mac.silence(node)
         self._nodes.crash(node)
-        self._router.bury(node)
+        self._router.remove(node)
 
     def _restart(self, node: int) -> None:
         self._nodes.restart(node)
-        self._router.revive(node)
+        self._router.restore()
 
     def _bury(self, node: int) -> None:
         self._nodes.died_at[node] = self._env.now
         self._event_log.add(event(self._env.now, self._event_log.step, -1, node, KIND["death"]))
-        self._radio.mac.silence(node)
-        self._router.bury(node)
+        self._stack.mac.silence(node)
+        self._router.remove(node)
 
     def _write_links(self) -> None:
-        if self._recorder.wants("links"):
-            rows = self._radio.mac.link_rows()
-            if rows:
-                self._recorder.write("links", {"replicate": self._replicate, **rows})
+        rows = self._stack.links.rows()
+        if rows:
+            self._recorder.write("links", {"replicate": self._replicate, **rows})
 
 
 def _ignore_hearers(heard: Any) -> None:

@@ -42,7 +42,7 @@ from wsnsim.network.radio.routing import Router
 from wsnsim.network.radio.transport import Transport
 from wsnsim.network.readings import make_senses
 from wsnsim.network.sensing import CurrentReadings, SensingServices, make_sensing
-from wsnsim.network.sink_reports import Reports
+from wsnsim.network.sink_reports import SinkReports
 from wsnsim.network.step_clock import ProtocolLog, StepClock
 from wsnsim.network.wake_up_counts import WakeUpCounts
 
@@ -83,18 +83,17 @@ class World:
         self._replicate = replicate
         self._recorder = recorder
         self._event_log = EventLog(recorder, replicate)
-        self._radio = radio = make_radio_stack(setup, sensors.positions, sensors.traits, streams, self._event_log)
-        self._env, self._nodes = radio.env, radio.fleet
+        self._stack = stack = make_radio_stack(setup, sensors.positions, sensors.traits, streams, self._event_log)
+        radio = stack.radio
+        self._env, self._nodes, self._counters = radio.env, radio.nodes, radio.counters
         self._nodes.on_death = self._bury
         self._clock = StepClock(radio.env, setup.dt)
         self._log = ProtocolLog(self._clock, self._event_log)
-        self._router = Router(
-            radio.env, radio.fleet, radio.wiring, setup.energy, setup.routing.weight, setup.link.audible
-        )
-        self._transport = Transport(radio.env, radio.fleet, radio.wiring, radio.mac, self._router, self._event_log)
-        self._reports = Reports(radio.env, radio.fleet, self._transport, self._event_log, setup.sink, setup.dt)
+        self._router = Router(radio, setup.routing.weight, setup.link.audible)
+        self._transport = Transport(radio, stack.mac, self._router)
+        self._reports = SinkReports(radio, self._transport, setup.sink, setup.dt)
         self._processors = Processors(self._clock, self._nodes, self._event_log, setup.energy, setup.cpu)
-        self._energy_steps = EnergySteps(radio.env, radio.fleet, recorder)
+        self._energy_steps = EnergySteps(radio.env, radio.nodes, recorder)
         self._tracks = tuple(Track(i, prior, radio.env.event()) for i, prior in enumerate(targets.priors))
         points = [truth[:, list(each.position)] for truth, each in zip(targets.truths, setup.motions, strict=True)]
         self._in_field = [setup.deploy.field.contains(planar(each)).tolist() for each in points]
@@ -103,7 +102,7 @@ class World:
     def _assemble(self, targets: Targets, points: Sequence[Floats], streams: Streams) -> None:
         """Give each component the services that it uses."""
         setup, nodes, clock = self._setup, self._nodes, self._clock
-        available, imperfections = make_senses(setup, targets.truths, nodes, self._radio.clocks, streams.key("sense"))
+        available, imperfections = make_senses(setup, targets.truths, nodes, self._stack.clocks, streams.key("sense"))
         readings: CurrentReadings = [{} for _ in points]
         network = NetworkView(setup, clock, nodes, readings, setup.head_threshold, streams.key("tracker"))
         self._wake_up_counts = WakeUpCounts(network, points)
@@ -128,14 +127,14 @@ class World:
         if self._reports.node is not None:
             nodes.keep_awake(self._reports.node)
         control = NodeControl(self._crash, self._restart, self._coordination.head_of)
-        site = FaultSite(self._env, nodes, self._event_log, self._radio.clocks, control, imperfections.defects)
+        site = FaultSite(self._env, nodes, self._event_log, self._stack.clocks, control, imperfections.defects)
         self._faults = FaultSchedule(setup.faults, site, streams.key("faults"), setup.dt)
 
     def _make_wake_ahead(self, network: NetworkView, key: int) -> WakesAhead:
         """What wakes nodes for heads; it also wakes the last node of a datagram's path."""
         used = WakeUpNetwork(self._clock, self._nodes, self._processes, self._transport, self._event_log)
         service = WakeUpService(self._setup, used, key)
-        self._transport.rouse = service.call_one
+        self._transport.wake_neighbour = service.call_one
         return WakeAhead(network, service)
 
     def run(self, progress: Callable[[float], None] | None = None) -> NetworkOutcome:
@@ -149,7 +148,7 @@ class World:
         self._energy_steps.write(self._replicate, self._setup.dt, self._recorder)
         return NetworkOutcome(
             self._nodes,
-            self._radio.mac.counts,
+            self._counters,
             self._event_log.fingerprint(),
             awake,
             cycles=self._processors.operations,
@@ -201,7 +200,7 @@ class World:
 
     def _crash(self, node: int) -> None:
         """Take down a node: what it does ends, and what it knows is forgotten."""
-        self._radio.mac.silence(node)
+        self._stack.mac.silence(node)
         self._nodes.crash(node)
         if node in self._nodes.died_at:
             return
@@ -212,13 +211,13 @@ class World:
     def _restart(self, node: int) -> None:
         """Bring back a node that was down, at rest and without a role."""
         self._nodes.restart(node)
-        self._router.revive(node)
+        self._router.restore()
         self._sensing.restart(node)
 
     def _take_down(self, node: int) -> None:
         """End all that a node does that is no longer up: relaying, sending, sensing, elections, leads."""
-        self._router.bury(node)
-        self._radio.mac.silence(node)
+        self._router.remove(node)
+        self._stack.mac.silence(node)
         self._sensing.remove(node)
         self._coordination.withdraw(node)
         self._processes.stop(node)

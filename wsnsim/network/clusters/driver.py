@@ -18,7 +18,7 @@ from wsnsim.base.errors import RunError
 from wsnsim.base.requests import Broadcast, Compute, Delivery, Flow, Gather, Local, Member, Parcel, Scatter, Send
 from wsnsim.network.nodes import Nodes
 from wsnsim.network.processors import Processors
-from wsnsim.network.radio.transport import Datagram, Transport, datagram
+from wsnsim.network.radio.transport import Datagram, Transport
 from wsnsim.network.step_clock import ProtocolLog
 
 Performance = Generator[simpy.Event, Any, Any]
@@ -145,7 +145,7 @@ class Driver:
         for member in self._addressed(request.who):
             parcel = request.parcel_of(member)
             if parcel is not None:
-                datagrams.append(datagram(member.id, self._head, parcel))
+                datagrams.append(Datagram(member.id, self._head, parcel))
                 if parcel.payload is member.reading:
                     readings.add(member.id)
         yield from self.collect(datagrams)
@@ -180,7 +180,7 @@ class Driver:
 
     def _scatter(self, request: Scatter) -> Generator[simpy.Event, Any, dict[int, Bools]]:
         datagrams = [
-            datagram(self._head, node, parcel) for node, parcel in request.parcels.items() if node in self._members
+            Datagram(self._head, node, parcel) for node, parcel in request.parcels.items() if node in self._members
         ]
         packets = sum(item.parcel.packets for item in datagrams if item.to != self._head)
         what = datagrams[0].parcel.what if datagrams else ""
@@ -194,12 +194,12 @@ class Driver:
         yield event
         return {
             node: self._deliver(node, request.parcel, mask)
-            for node, mask in burst.heard.items()
+            for node, mask in burst.received.items()
             if node in self._members
         }
 
     def _send(self, request: Send) -> Generator[simpy.Event, Any, Bools]:
-        item = datagram(self._head, request.to, request.parcel)
+        item = Datagram(self._head, request.to, request.parcel)
         yield from self._carry([item])
         self.hops = item.hops
         return item.mask

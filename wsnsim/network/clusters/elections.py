@@ -70,7 +70,7 @@ class Elections:
         try:
             event, (burst,) = self.transport.broadcast([node], [parcel], track.target)
             yield event
-            election.report(node, burst.heard)
+            election.report(node, burst.received)
             winner = yield election.closed
         except simpy.Interrupt:
             return

@@ -15,7 +15,7 @@ from wsnsim.network.clusters.cluster import Cluster
 from wsnsim.network.clusters.driver import Driver
 from wsnsim.network.clusters.network_view import NetworkView
 from wsnsim.network.clusters.track import Track
-from wsnsim.network.sink_reports import Reports
+from wsnsim.network.sink_reports import SinkReports
 from wsnsim.network.step_clock import ProtocolLog
 
 
@@ -25,7 +25,7 @@ class Estimates:
 
     network: NetworkView
     log: ProtocolLog
-    reports: Reports
+    reports: SinkReports
     recorder: Recorder
     replicate: int
 

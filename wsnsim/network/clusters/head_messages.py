@@ -11,7 +11,7 @@ import simpy
 from wsnsim.base.requests import PACKET_BITS, Parcel
 from wsnsim.network.clusters.driver import HeadDied
 from wsnsim.network.clusters.network_view import NetworkView
-from wsnsim.network.radio.transport import Transport, datagram
+from wsnsim.network.radio.transport import Datagram, Transport
 from wsnsim.network.step_clock import ProtocolLog
 
 
@@ -29,7 +29,7 @@ class HeadMessages:
         self.log.add("announce", target, head)
         heard = yield from self.ask(target, head, "announce", PACKET_BITS)
         joining = [node for node in heard if node in readings[target]]
-        joins = [datagram(node, head, Parcel(None, 1, PACKET_BITS, "join")) for node in joining]
+        joins = [Datagram(node, head, Parcel(None, 1, PACKET_BITS, "join")) for node in joining]
         if joins:
             yield self.transport.carry(joins, target)
         if not alive[head]:
@@ -50,18 +50,18 @@ class HeadMessages:
         alive = self.network.nodes.alive
         if not alive[head]:
             raise HeadDied
-        return [node for node in sorted(burst.heard) if alive[node]]
+        return [node for node in sorted(burst.received) if alive[node]]
 
     def readings_of_everyone(self, target: int, head: int) -> Generator[simpy.Event, Any, dict[int, float]]:
         """Let every sensing node send its reading to the head; return {node: reading} of what arrived."""
         readings = self.network.readings[target]
-        datagrams = [datagram(node, head, Parcel(value, 1, PACKET_BITS, "reading")) for node, value in readings.items()]
+        datagrams = [Datagram(node, head, Parcel(value, 1, PACKET_BITS, "reading")) for node, value in readings.items()]
         if datagrams:
             yield self.transport.carry(datagrams, target)
         return {item.source: readings[item.source] for item in datagrams if item.arrived and item.source in readings}
 
     def wake(self, target: int, head: int, node: int) -> Generator[simpy.Event, Any, bool]:
         """Send a node a packet that wakes it; return whether it arrived."""
-        item = datagram(head, node, Parcel(None, 1, PACKET_BITS, "wake"))
+        item = Datagram(head, node, Parcel(None, 1, PACKET_BITS, "wake"))
         yield self.transport.carry([item], target)
         return item.arrived

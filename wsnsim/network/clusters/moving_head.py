@@ -24,7 +24,7 @@ from wsnsim.network.clusters.handover import Handover, LastClusterDone, TrackLos
 from wsnsim.network.clusters.head_protocol import HeadServices, Leading, Waiting
 from wsnsim.network.clusters.succession import Lead, make_succession
 from wsnsim.network.clusters.track import Track
-from wsnsim.network.radio.transport import datagram
+from wsnsim.network.radio.transport import Datagram
 
 ROUNDING: Final = 1e-9
 """Times (s) that differ by less than this are equal but for rounding."""
@@ -92,7 +92,7 @@ class MovingHeadProtocol:
         self._log_sensing(track, detected, detected)
         yield clock.env.timeout(self._policy.sampling)
         listeners = yield from self._ask(lead, "detection")
-        answers = [datagram(node, head, Parcel(detected[node], 1, acquire.answer_bits, "reading"))
+        answers = [Datagram(node, head, Parcel(detected[node], 1, acquire.answer_bits, "reading"))
                    for node in listeners if node in detected]  # fmt: skip
         cluster = self._cluster(track, head, [item.source for item in answers])
         driver = self._driver(track, cluster)

@@ -99,7 +99,7 @@ class WakeUpService:
 
     def neighbours(self, node: int) -> Ints:
         """(n,) the nodes that a node's transmissions may reach, those included that are down."""
-        return self._network.transport.audience(node).ids
+        return self._network.transport.neighbours(node).ids
 
     def nodes_within(self, centre: Point, radius: float) -> Ints:
         """(n,) the nodes within `radius` m of a point."""
@@ -126,7 +126,7 @@ class WakeUpService:
         def ended(_: Any) -> None:
             round.sequence = round.sequence or burst.sequence
             round.forwards += relayed and burst.sent > 0
-            for listener in sorted(burst.heard):
+            for listener in sorted(burst.received):
                 on_heard(listener, copy)
 
         assert event.callbacks is not None

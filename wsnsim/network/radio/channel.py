@@ -1,11 +1,11 @@
-"""The air when it takes time: frames overlap, collide, fade, are overheard, and keep nodes from hearing others.
+"""The shared channel on which sending takes time: transmissions overlap, collide, fade and are overheard.
 
-    channel.is_busy(node)                            clear channel assessment
-    channel.transmit(node, message, owner, landed)   on the air after the turnaround; `landed(transmission, heard)`
+    channel.is_busy(node)                       clear channel assessment
+    channel.transmit(node, frame, ended)        send after the turnaround; at the end `ended(transmission, result)`
 
-A frame costs one event, its end, however many hear it. Nothing is done for a pair of frames that do not overlap in
-time within twice the range, which is nearly every pair. Every frame begins one turnaround after it was decided on, so
-frames are met in the order in which they begin. What becomes of them at their listeners: see `reception`.
+A transmission costs one SimPy event, at its end, however many nodes receive it. Transmissions are looked up by cells
+of twice the range, so that only neighbouring cells are searched for overlaps. Each one starts one turnaround after it
+was decided, so that overlaps are found in the order of the starts. `reception` decides what each node receives.
 """
 
 from __future__ import annotations
@@ -15,179 +15,183 @@ from typing import Any, Final
 import simpy
 
 from wsnsim.base.arrays import Ints
-from wsnsim.base.radio import EnergyModel, FramedMac, LinkModel, continuous_power
+from wsnsim.base.frames import EVERYONE, MacFrame
+from wsnsim.base.radio import FramedMac, continuous_power
 from wsnsim.base.tables import CAUSE, EVENT_CAUSE
-from wsnsim.network.event_log import EventLog, event
-from wsnsim.network.nodes import Nodes
-from wsnsim.network.radio.counters import Counters
-from wsnsim.network.radio.ideal_medium import EVERYONE
-from wsnsim.network.radio.link_counters import LinkCounters
+from wsnsim.network.event_log import event
+from wsnsim.network.radio.link_counters import LinkCounters, NoLinkCounters
+from wsnsim.network.radio.radio_services import RadioServices
 from wsnsim.network.radio.reception import Reception
-from wsnsim.network.radio.topology import Topology
-from wsnsim.network.radio.transmission import Landed, MacFrame, Transmission, meet, nobody
+from wsnsim.network.radio.transmission import Ended, Transmission, overlap, received_by_none
 
 TX, SWITCH = EVENT_CAUSE["tx"], CAUSE["switch"]
 WHOLE: Final = 1.0
 
 
 class Channel:
-    """The shared air. `window`: for how long a channel is assessed, in s."""
+    """The shared channel.
+
+    Args:
+        radio: The services of the radio.
+        mac: The MAC component, which knows airtime and turnaround.
+        assessment: Duration of a clear channel assessment, in s.
+        key: The key of the random losses.
+        links: Counts broadcasts per link.
+    """
 
     def __init__(
-        self,
-        env: simpy.Environment,
-        fleet: Nodes,
-        journal: EventLog,
-        energy: EnergyModel,
-        link: LinkModel,
-        wiring: Topology,
-        mac: FramedMac,
-        counts: Counters,
-        key: int,
-        window: float,
+        self, radio: RadioServices, mac: FramedMac, assessment: float, key: int, links: LinkCounters | NoLinkCounters
     ) -> None:
-        self._env = env
-        self._fleet = fleet
-        self._journal = journal
+        energy = radio.energy
+        self._env = radio.env
+        self._nodes = radio.nodes
+        self._log = radio.log
         self._energy = energy
-        self._wiring = wiring
+        self._topology = radio.topology
+        self._counters = radio.counters
         self._mac = mac
-        self._reception = Reception(env, fleet, journal, link, wiring, counts, key)
-        self._window = window
+        self._reception = Reception(radio, key)
+        self._assessment = assessment
+        self._links = links
         self._turnaround = mac.turnaround
         power = continuous_power(energy)
-        self._turning = 0.0 if power is None else 2.0 * power.turnaround()
+        self._turnaround_joules = 0.0 if power is None else 2.0 * power.turnaround()
+        self._side = 2.0 * max(radio.topology.link.audible, 1e-9)
         self._cells: dict[tuple[int, int], list[Transmission]] = {}
-        self._around: dict[int, tuple[list[Transmission], ...]] = {}
+        self._cells_around: dict[int, tuple[list[Transmission], ...]] = {}
         self._sending: dict[int, Transmission] = {}
-        self._side = 2.0 * max(link.audible, 1e-9)
         self._costs: dict[int, tuple[float, float, float, float]] = {}
-        self.counts = counts
-        self.links: LinkCounters | None = None
 
     def is_busy(self, node: int) -> bool:
-        """Whether a node hears anything in the window that ends now, or sends itself."""
-        fleet = self._fleet
-        if fleet.disturbed and fleet.jammed[node]:
+        """Whether a node hears a transmission during the assessment that ends now, or sends itself."""
+        nodes = self._nodes
+        if nodes.disturbed and nodes.jammed[node]:
             return True
         now = self._env.now
-        since = now - self._window
-        for cell in self._around.get(node) or self._near(node):
-            for one in cell:
-                if one.end > since and (one.source == node or (one.start < now and self._sensed(one, node))):
+        since = now - self._assessment
+        for cell in self._cells_around.get(node) or self._find_cells(node):
+            for other in cell:
+                if other.end > since and (other.source == node or (other.start < now and _senses(node, other))):
                     return True
         return False
 
-    def transmit(
-        self, source: int, message: MacFrame, owner: Any, landed: Landed, asleep: Ints | None = None
-    ) -> Transmission:
-        """Put a frame on the air, one turnaround from now. A sender whose charge does not last is cut short.
+    def transmit(self, source: int, frame: MacFrame, ended: Ended, asleep: Ints | None = None) -> Transmission:
+        """Send a frame, one turnaround from now. It is cut short if the sender's battery does not last.
 
-        `asleep`: nodes that have the radio off because they know that the frame is not for them.
+        Args:
+            source: The sender.
+            frame: The frame.
+            ended: Called at the end with the transmission and the result.
+            asleep: Nodes that have the radio off because they know that the frame is not for them.
         """
-        env, counts = self._env, self.counts
+        env, counters = self._env, self._counters
         now = env.now
         start = now + self._turnaround
-        costs = self._cost(message, source)
-        counts.numbers += 1
+        costs = self._cost(frame, source)
+        counters.transmissions += 1
         end = start + costs[3]
         joules = costs[0] + costs[1]
-        if not self._fleet.holds_more(source, joules):
-            end = start + costs[3] * self._fleet.residual_energy(source) / joules
-        one = Transmission(source, message, self._wiring.audience(source), counts.numbers, start, end, owner, landed)
-        one.costs, one.asleep = costs, asleep
-        near = self._around.get(source) or self._near(source)
+        if not self._nodes.holds_more(source, joules):
+            end = start + costs[3] * self._nodes.residual_energy(source) / joules
+        neighbours = self._topology.neighbours(source)
+        transmission = Transmission(source, frame, neighbours, counters.transmissions, start, end, ended)
+        transmission.costs, transmission.asleep = costs, asleep
+        near = self._cells_around.get(source) or self._find_cells(source)
         for cell in near:
             for other in cell:
-                if other.end > start and self._fleet.distance(source, other.source) <= self._side:
-                    meet(one, other)
+                if other.end > start and self._nodes.distance(source, other.source) <= self._side:
+                    overlap(transmission, other)
         own = near[0]
-        if own and own[0].end <= now - self._window:
-            own[:] = [other for other in own if other.end > now - self._window]
-        own.append(one)
-        self._sending[source] = one
-        ended = env.timeout(end - now, one)
-        ended.callbacks.append(self._land)
-        return one
+        if own and own[0].end <= now - self._assessment:
+            own[:] = [other for other in own if other.end > now - self._assessment]
+        own.append(transmission)
+        self._sending[source] = transmission
+        timeout = env.timeout(end - now, transmission)
+        timeout.callbacks.append(self._end)
+        return transmission
 
     def is_sending(self, node: int) -> bool:
-        """Whether a node has a frame on the air, or is about to: its one radio cannot send another."""
-        one = self._sending.get(node)
-        return one is not None and one.end > self._env.now
+        """Whether a node sends or is about to: its radio cannot send another frame."""
+        transmission = self._sending.get(node)
+        return transmission is not None and transmission.end > self._env.now
 
     def silence(self, node: int) -> None:
-        """A node falls silent, whatever it was sending: what is on the air so far is paid, and nobody can use it."""
-        one = self._sending.pop(node, None)
-        if one is None or one.cut:
+        """Cut the transmission of a node that died or crashed: the part sent so far is paid, no node can use it."""
+        transmission = self._sending.pop(node, None)
+        if transmission is None or transmission.cut:
             return
-        one.cut = True
-        share = min(max((self._env.now - one.start) / max(one.end - one.start, 1e-12), 0.0), 1.0)
-        one.end = min(one.end, self._env.now)
-        self._pay(one, share)
+        transmission.cut = True
+        airtime = max(transmission.end - transmission.start, 1e-12)
+        share = min(max((self._env.now - transmission.start) / airtime, 0.0), 1.0)
+        transmission.end = min(transmission.end, self._env.now)
+        self._pay(transmission, share)
 
-    def count_links(self) -> None:
-        """Keep count of every link's broadcasts from now on, in `links`."""
-        self.links = LinkCounters(self._fleet.positions, self._wiring)
-
-    def _near(self, node: int) -> tuple[list[Transmission], ...]:
-        """What is on the air in the cell of a node, first, and in the eight about it."""
-        found = self._around.get(node)
-        if found is None:
-            column, row = int(self._fleet.x[node] // self._side), int(self._fleet.y[node] // self._side)
-            about = [(0, 0), *((i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if (i, j) != (0, 0))]
-            found = tuple(self._cells.setdefault((column + i, row + j), []) for i, j in about)
-            self._around[node] = found
+    def _find_cells(self, node: int) -> tuple[list[Transmission], ...]:
+        """The transmissions in the cell of a node, first, and in the eight cells around it."""
+        x, y = self._nodes.x[node], self._nodes.y[node]
+        column, row = int(x // self._side), int(y // self._side)
+        offsets = [(0, 0), *((i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if (i, j) != (0, 0))]
+        found = tuple(self._cells.setdefault((column + i, row + j), []) for i, j in offsets)
+        self._cells_around[node] = found
         return found
 
-    def _sensed(self, one: Transmission, node: int) -> bool:
-        at = one.audience.index(node)
-        return at >= 0 and bool(one.audience.senses[at])
-
-    def _cost(self, message: MacFrame, source: int) -> tuple[float, float, float, float]:
-        """Joules of sending (electronics, amplifier) and of receiving, and the airtime; a broadcast goes to reach."""
-        bits = message.bits
-        known = self._costs.get(bits)
-        if known is None:
-            known = self._costs[bits] = (
-                *self._energy.transmit(bits, self._fleet.reach),
+    def _cost(self, frame: MacFrame, source: int) -> tuple[float, float, float, float]:
+        """(electronics J, amplifier J, reception J, airtime s); a broadcast is sent with the power for the range."""
+        bits = frame.bits
+        costs = self._costs.get(bits)
+        if costs is None:
+            costs = self._costs[bits] = (
+                *self._energy.transmit(bits, self._nodes.reach),
                 self._energy.receive(bits),
                 self._mac.airtime(bits),
             )
-        if message.to == EVERYONE:
-            return known
-        return *self._energy.transmit(bits, self._fleet.distance(source, message.to)), known[2], known[3]
+        if frame.to == EVERYONE:
+            return costs
+        return *self._energy.transmit(bits, self._nodes.distance(source, frame.to)), costs[2], costs[3]
 
-    def _land(self, event: simpy.Event) -> None:
-        """A frame has ended: everybody pays, and who heard it is told to its MAC."""
-        one: Any = event.value
-        message, source = one.message, one.source
-        if self._sending.get(source) is one:
+    def _end(self, timeout: simpy.Event) -> None:
+        """End a transmission: charge sender and receivers, and report to the MAC who received it."""
+        transmission: Any = timeout.value
+        frame, source = transmission.frame, transmission.source
+        if self._sending.get(source) is transmission:
             del self._sending[source]
-        if one.cut or not self._pay(one, WHOLE):
-            one.cut = True
-            one.landed(one, nobody(message))
-            return
-        heard = self._reception.resolve(one)
-        if self.links is not None and message.to == EVERYONE:
-            self.links.note(one, heard)
-        one.landed(one, heard)
+        if transmission.cut or not self._pay(transmission, WHOLE):
+            transmission.cut = True
+            received = received_by_none(frame)
+        else:
+            received = self._reception.resolve(transmission)
+            if frame.to == EVERYONE:
+                self._links.count(transmission, received)
+        frame.sends += 1
+        if frame.packets:
+            counters = self._counters
+            counters.frames_sent += 1
+            counters.packets_sent += frame.packets
+            counters.frames_lost += (transmission.cut or transmission.missed) if frame.to == EVERYONE else not received
+        transmission.ended(transmission, received)
 
-    def _pay(self, one: Transmission, share: float) -> bool:
-        """Charge and log the sending of a share of a frame; whether it left whole."""
-        fleet, message, source = self._fleet, one.message, one.source
-        electronics, amplifier, _, airtime = one.costs
-        bits = message.bits if share == WHOLE else int(message.bits * share)
+    def _pay(self, transmission: Transmission, share: float) -> bool:
+        """Charge and log the sending of a share of a frame; returns whether it was sent completely."""
+        nodes, frame, source = self._nodes, transmission.frame, transmission.source
+        electronics, amplifier, _, airtime = transmission.costs
+        bits = frame.bits if share == WHOLE else int(frame.bits * share)
         if share != WHOLE:
             electronics, amplifier, airtime = electronics * share, amplifier * share, airtime * share
-        if bits == 0 or not fleet.alive[source]:
+        if bits == 0 or not nodes.alive[source]:
             return False
-        turning = 2.0 * self._turnaround if self._turning else 0.0
-        sent = fleet.spend_transmit(source, electronics, amplifier, bits, airtime + turning)
+        turnarounds = 2.0 * self._turnaround if self._turnaround_joules else 0.0
+        sent = nodes.spend_transmit(source, electronics, amplifier, bits, airtime + turnarounds)
         joules = (electronics + amplifier) * sent / bits
-        self._journal.add(
-            event(self._env.now, self._journal.step, message.target, source, message.kind, message.code, one.number,
-                  message.sequence, message.to, message.packets, sent, joules, TX)
+        self._log.add(
+            event(self._env.now, self._log.step, frame.target, source, frame.kind, frame.code, transmission.number,
+                  frame.sequence, frame.to, frame.packets, sent, joules, TX)
         )  # fmt: skip
-        if self._turning and fleet.alive[source]:
-            fleet.spend(source, SWITCH, self._turning)
-        return sent == message.bits and bool(fleet.alive[source])
+        if self._turnaround_joules and nodes.alive[source]:
+            nodes.spend(source, SWITCH, self._turnaround_joules)
+        return sent == frame.bits and bool(nodes.alive[source])
+
+
+def _senses(node: int, transmission: Transmission) -> bool:
+    """Whether a node takes the channel for busy during a transmission."""
+    at = transmission.neighbours.index(node)
+    return at >= 0 and bool(transmission.neighbours.senses[at])

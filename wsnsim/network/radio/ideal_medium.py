@@ -1,201 +1,161 @@
-"""What a burst does on the air: its sender pays, its listeners pay, packets arrive or not, and each act is an event.
+"""The ideal medium: bursts without contention or collisions. It charges sender and receivers, and logs each event.
 
-The MAC decides *when* a burst gets the channel and calls `Medium.carry(frame)` at the end of its airtime.
+The MAC decides when a burst is sent, and calls `IdealMedium.carry(burst)` at the end of its airtime.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-
 import numpy as np
-import simpy
 
 from wsnsim.base.arrays import Bools
-from wsnsim.base.radio import EnergyModel
-from wsnsim.base.requests import Parcel, all_arrived
+from wsnsim.base.frames import EVERYONE, SEND, Burst
 from wsnsim.base.rng import derive, derive_all, uniforms
 from wsnsim.base.tables import EVENT_CAUSE, KIND
-from wsnsim.network.event_log import EventLog, event
-from wsnsim.network.nodes import Nodes
-from wsnsim.network.radio.counters import Counters, Uses
-from wsnsim.network.radio.topology import Topology
+from wsnsim.network.event_log import event
+from wsnsim.network.radio.radio_services import RadioServices
+from wsnsim.network.radio.use_counter import UseCounter
 
-SEND, RELAY, RECEIVE, DROP = KIND["send"], KIND["relay"], KIND["receive"], KIND["drop"]
+RELAY, RECEIVE, DROP = KIND["relay"], KIND["receive"], KIND["drop"]
 NONE, TX, RX = EVENT_CAUSE["none"], EVENT_CAUSE["tx"], EVENT_CAUSE["rx"]
-EVERYONE = -1
-
-
-@dataclass(slots=True)
-class Burst:
-    """One burst over one hop: before `Medium.carry` what is sent, after it what arrived.
-
-    `mask` says which of the parcel's packets, `packets` how many; `sent` are the bits that left the sender. For a
-    broadcast (`to` is EVERYONE) `heard` says which packets each listener got.
-    """
-
-    source: int
-    to: int
-    parcel: Parcel
-    target: int
-    mask: Bools
-    packets: int
-    sequence: int = 0
-    relayed: bool = False
-    sent: int = 0
-    heard: dict[int, Bools] = field(default_factory=dict)
-
-    @property
-    def bits(self) -> int:
-        """Bits in the burst."""
-        return self.packets * self.parcel.packet_bits
-
-
-def burst(source: int, to: int, parcel: Parcel, target: int) -> Burst:
-    """A frame that carries a whole parcel."""
-    return Burst(source, to, parcel, target, all_arrived(parcel.packets), parcel.packets)
 
 
 class IdealMedium:
-    """The air of the papers' world, in which nothing disturbs anything else. With a `rate`, airtime is paid as such."""
+    """A medium on which bursts do not disturb each other; packets are lost only to the link, or to a fault.
 
-    def __init__(
-        self,
-        env: simpy.Environment,
-        fleet: Nodes,
-        journal: EventLog,
-        energy: EnergyModel,
-        wiring: Topology,
-        counts: Counters,
-        key: int,
-        rate: float | None = None,
-    ) -> None:
-        self._env = env
-        self.fleet = fleet
-        self._journal = journal
-        self._energy = energy
-        self._wiring = wiring
+    Args:
+        radio: The services of the radio.
+        key: The key of the random losses of links.
+        rate: Bit/s on the air; None if sending takes no time.
+    """
+
+    def __init__(self, radio: RadioServices, key: int, rate: float | None = None) -> None:
+        self._env = radio.env
+        self._nodes = radio.nodes
+        self._log = radio.log
+        self._energy = radio.energy
+        self._topology = radio.topology
+        self._counters = radio.counters
         self._key = key
-        self._second = 0.0 if rate is None else 1.0 / rate
-        self._uses = Uses()
-        self.counts = counts
+        self._seconds_per_bit = 0.0 if rate is None else 1.0 / rate
+        self._uses = UseCounter()
 
-    def carry(self, frame: Burst) -> None:
-        """Perform a burst: charge, log, and leave in the frame what arrived. The dead send nothing."""
-        if not self.fleet.alive[frame.source]:
-            frame.mask, frame.packets = np.zeros(frame.mask.size, dtype=np.bool_), 0
+    def carry(self, burst: Burst) -> None:
+        """Perform a burst: charge and log it, and write into it what arrived. A dead node sends nothing."""
+        if not self._nodes.alive[burst.source]:
+            burst.lose()
             return
-        counts = self.counts
-        counts.frames_sent += 1
-        frame.sequence = frame.sequence or counts.frames_sent
-        number, packets = counts.frames_sent, frame.packets
-        counts.packets_sent += packets
-        code = self._journal.code(frame.parcel.what)
-        if frame.to == EVERYONE:
-            self._broadcast(frame, number, packets, code)
+        counters = self._counters
+        counters.frames_sent += 1
+        counters.packets_sent += burst.packets
+        number = counters.frames_sent
+        burst.sequence = burst.sequence or number
+        code = self._log.code(burst.parcel.what)
+        if burst.to == EVERYONE:
+            self._broadcast(burst, number, code)
         else:
-            self._unicast(frame, number, packets, code)
+            self._unicast(burst, number, code)
 
-    def _unicast(self, frame: Burst, number: int, packets: int, code: int) -> None:
-        to = frame.to
-        distance = self.fleet.distance(frame.source, to)
-        if not self._transmit(frame, number, packets, code, distance):
-            mask, got = frame.mask, 0
-        elif not self.fleet.is_awake(to):
-            mask, got = frame.mask, 0
-            self._drop(frame, number, packets, code, to)
+    def _unicast(self, burst: Burst, number: int, code: int) -> None:
+        to, packets, counters = burst.to, burst.packets, self._counters
+        got = 0
+        if self._transmit(burst, number, code, self._nodes.distance(burst.source, to)):
+            if self._nodes.is_awake(to):
+                mask, got = self._receive(burst, number, code, to)
+            else:
+                self._drop(burst, number, code, to)
+        counters.in_range += 1
+        counters.delivered += got == packets
+        counters.frames_lost += got < packets
+        if got:
+            burst.mask, burst.packets = mask, got
         else:
-            mask, got = self._receive(frame, number, packets, code, to)
-        self.counts.in_range += 1
-        self.counts.delivered += got == packets
-        frame.mask, frame.packets = mask if got else np.zeros(mask.size, dtype=np.bool_), got
-        self.counts.frames_lost += got < packets
+            burst.lose()
 
-    def _broadcast(self, frame: Burst, number: int, packets: int, code: int) -> None:
-        fleet = self.fleet
-        if not self._transmit(frame, number, packets, code, self.fleet.reach):
-            self.counts.frames_lost += 1
+    def _broadcast(self, burst: Burst, number: int, code: int) -> None:
+        nodes, counters, packets = self._nodes, self._counters, burst.packets
+        if not self._transmit(burst, number, code, nodes.reach):
+            counters.frames_lost += 1
             return
-        least, counts = packets, self.counts
-        for node in self._listeners(frame.source):
-            if not fleet.alive[node]:
+        least = packets
+        for node in self._listeners(burst.source):
+            if not nodes.alive[node]:
                 continue
-            expected = self._wiring.expects(frame.source, node)
-            mask, got = self._receive(frame, number, packets, code, node, expected)
+            expected = self._topology.is_reliable(burst.source, node)
+            mask, got = self._receive(burst, number, code, node, expected)
             if got:
-                frame.heard[node] = mask
+                burst.received[node] = mask
             if expected:
                 least = min(least, got)
-                counts.in_range += 1
-                counts.delivered += got == packets
-        self.counts.frames_lost += least < packets
+                counters.in_range += 1
+                counters.delivered += got == packets
+        counters.frames_lost += least < packets
 
     def _listeners(self, source: int) -> list[int]:
-        """Who may hear a node now, ascending; where nobody sleeps the dead included."""
-        audience = self._wiring.audience(source)
-        if not self.fleet.follows_schedules:
-            return audience.listed
-        awake: list[int] = audience.ids[self.fleet.hears(audience.ids, self._env.now)].tolist()
+        """The neighbours that listen now, ascending; if no node follows a schedule, dead nodes included."""
+        neighbours = self._topology.neighbours(source)
+        if not self._nodes.follows_schedules:
+            return neighbours.id_list
+        awake: list[int] = neighbours.ids[self._nodes.hears(neighbours.ids, self._env.now)].tolist()
         return awake
 
-    def _transmit(self, frame: Burst, number: int, packets: int, code: int, distance: float) -> bool:
-        """Charge and log the sending; whether the burst left whole."""
-        fleet, source = self.fleet, frame.source
-        bits = packets * frame.parcel.packet_bits
+    def _transmit(self, burst: Burst, number: int, code: int, distance: float) -> bool:
+        """Charge and log the transmission; returns whether the sender lived to its end."""
+        nodes, source = self._nodes, burst.source
+        bits = burst.packets * burst.parcel.packet_bits
         electronics, amplifier = self._energy.transmit(bits, distance)
         joules = electronics + amplifier
-        frame.sent = fleet.spend_transmit(source, electronics, amplifier, bits, bits * self._second)
-        if frame.sent < bits:
-            joules *= frame.sent / bits
-        kind = RELAY if frame.relayed else SEND
-        self._log(frame, source, kind, code, number, frame.to, packets, frame.sent, joules, TX)
-        return fleet.alive[source]
+        burst.sent = nodes.spend_transmit(source, electronics, amplifier, bits, bits * self._seconds_per_bit)
+        if burst.sent < bits:
+            joules *= burst.sent / bits
+        kind = RELAY if burst.relayed else SEND
+        self._add(burst, source, kind, code, number, burst.to, burst.packets, burst.sent, joules, TX)
+        return nodes.alive[source]
 
-    def _receive(
-        self, frame: Burst, number: int, packets: int, code: int, node: int, expected: bool = True
-    ) -> tuple[Bools, int]:
-        """Charge and log one listener: the mask of what it got, and how much. It pays for what reaches it."""
-        mask, got = self._arrivals(frame, node)
+    def _receive(self, burst: Burst, number: int, code: int, node: int, expected: bool = True) -> tuple[Bools, int]:
+        """Charge and log one receiver; returns the mask and the number of the packets that it received."""
+        mask, got = self._arrivals(burst, node)
         if got == 0:
             if expected:
-                self._drop(frame, number, packets, code, node)
+                self._drop(burst, number, code, node)
             return mask, 0
-        fleet, bits = self.fleet, got * frame.parcel.packet_bits
+        nodes, bits = self._nodes, got * burst.parcel.packet_bits
         joules = self._energy.receive(bits)
-        paid = fleet.spend_receive(node, joules, bits, seconds=bits * self._second)
-        if fleet.alive[node]:
-            self._log(frame, node, RECEIVE, code, number, frame.source, got, bits, joules, RX)
+        paid = nodes.spend_receive(node, joules, bits, seconds=bits * self._seconds_per_bit)
+        if nodes.alive[node]:
+            self._add(burst, node, RECEIVE, code, number, burst.source, got, bits, joules, RX)
             return mask, got
-        self._log(frame, node, DROP, code, number, frame.source, packets, paid, joules * paid / bits, RX)
+        self._add(burst, node, DROP, code, number, burst.source, burst.packets, paid, joules * paid / bits, RX)
         return mask, 0
 
-    def _arrivals(self, frame: Burst, node: int) -> tuple[Bools, int]:
-        fleet = self.fleet
-        if self._wiring.sharp and not fleet.disturbed:
-            return frame.mask, frame.packets
-        chance = self._wiring.success(frame.source, node)
-        if fleet.disturbed:
-            if fleet.jammed[frame.source] or fleet.jammed[node]:
-                return np.zeros(frame.mask.size, dtype=np.bool_), 0
-            chance *= (1.0 - fleet.loss[frame.source]) * (1.0 - fleet.loss[node])
-        if chance >= 1.0:
-            return frame.mask, frame.packets
-        drawn = uniforms(derive_all(self._link_key(frame.source, node), np.arange(frame.mask.size)), 0)
-        mask = np.logical_and(frame.mask, drawn >= 1.0 - chance)
+    def _arrivals(self, burst: Burst, node: int) -> tuple[Bools, int]:
+        """The mask and the number of the packets that reach a node, by link and faults."""
+        nodes = self._nodes
+        if self._topology.distance_only and not nodes.disturbed:
+            return burst.mask, burst.packets
+        probability = self._topology.probability(burst.source, node)
+        if nodes.disturbed:
+            if nodes.jammed[burst.source] or nodes.jammed[node]:
+                return np.zeros(burst.mask.size, dtype=np.bool_), 0
+            probability *= (1.0 - nodes.loss[burst.source]) * (1.0 - nodes.loss[node])
+        if probability >= 1.0:
+            return burst.mask, burst.packets
+        samples = uniforms(derive_all(self._link_key(burst.source, node), np.arange(burst.mask.size)), 0)
+        mask = np.logical_and(burst.mask, samples >= 1.0 - probability)
         return mask, int(mask.sum())
 
     def _link_key(self, source: int, node: int) -> int:
-        """A link's draws of a frame: they depend on the link, the step, and how often it was used in it."""
-        step = self._journal.step
+        """The random key of a burst on a link: a function of link, step, and number of its use in the step."""
+        step = self._log.step
         return derive(self._key, source, node, step, self._uses.next((source, node), step))
 
-    def _drop(self, frame: Burst, number: int, packets: int, code: int, node: int) -> None:
-        self._log(frame, node, DROP, code, number, frame.source, packets, 0, 0.0, NONE)
+    def _drop(self, burst: Burst, number: int, code: int, node: int) -> None:
+        self._add(burst, node, DROP, code, number, burst.source, burst.packets, 0, 0.0, NONE)
 
-    def _log(
-        self, frame: Burst, node: int, kind: int, code: int, number: int, peer: int, packets: int, bits: int,
+    def _add(
+        self, burst: Burst, node: int, kind: int, code: int, number: int, peer: int, packets: int, bits: int,
         joules: float, cause: int,
     ) -> None:  # fmt: skip
-        self._journal.add(
-            event(self._env.now, self._journal.step, frame.target, node, kind, code, number, frame.sequence, peer,
+        self._log.add(
+            event(self._env.now, self._log.step, burst.target, node, kind, code, number, burst.sequence, peer,
                   packets, bits, joules, cause)
         )  # fmt: skip

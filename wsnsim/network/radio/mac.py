@@ -1,126 +1,95 @@
-"""When a frame gets the channel. A MAC is given bursts and gives an event that fires when the last of them has ended.
+"""The MAC of a network: the mechanism that a scenario's `mac` starts, and that of the ideal channel.
 
-make_mac(...).send(frames) -> simpy.Event           bursts between nodes
-.offer(node, payload_bits, done)                    one broadcast, without an event of its own
-.silence(node)                                      the node is dead or down
+The built-in components name their mechanism; MECHANISMS binds the names. A plug-in starts its own mechanism.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import Any, Protocol
+from collections.abc import Callable, Generator, Sequence
+from typing import Any, Final
 
 import numpy as np
 import simpy
 
 from wsnsim.base.errors import RunError
+from wsnsim.base.frames import EVERYONE, Burst, Received, full_burst
+from wsnsim.base.mac_mechanisms import MacMechanism, StartsMac
+from wsnsim.base.radio import IdealAccess, Mac
 from wsnsim.base.requests import Parcel
-from wsnsim.base.rng import Streams
-from wsnsim.base.setups import RadioSetup
-from wsnsim.network.clocks import Clocks
-from wsnsim.network.event_log import EventLog
-from wsnsim.network.nodes import Nodes
-from wsnsim.network.radio.channel import Channel
-from wsnsim.network.radio.counters import Counters
-from wsnsim.network.radio.csma import CsmaMechanism, nothing_arrives
-from wsnsim.network.radio.fragmentation import Fragmentation
-from wsnsim.network.radio.ideal_medium import EVERYONE, Burst, IdealMedium, burst
+from wsnsim.network.radio.csma import CsmaMechanism
+from wsnsim.network.radio.ideal_medium import IdealMedium
+from wsnsim.network.radio.mac_services import NetworkMacServices
 from wsnsim.network.radio.tdma import TdmaMechanism
-from wsnsim.network.radio.topology import Topology
-from wsnsim.network.radio.transmission import Heard
-
-
-class Access(Protocol):
-    """What the network needs of a MAC."""
-
-    counts: Counters
-
-    def send(self, frames: Sequence[Burst], hub: int | None = None) -> simpy.Event:
-        """Bursts under way; the event fires when the last has ended. `hub`: the head in whose cluster they are."""
-        ...
-
-    def offer(self, node: int, payload_bits: int, done: Callable[[Heard | None], None], code: int = 0) -> None:
-        """Broadcast one payload; `done` is told who heard it, or None if it never got the channel."""
-        ...
-
-    def silence(self, node: int) -> None: ...
-
-    def count_links(self) -> None: ...
-
-    def link_rows(self) -> dict[str, Any]: ...
 
 
 class IdealMechanism:
-    """The papers' world: no contention, no loss of its own, delivered within the instant.
+    """The ideal channel of the papers: no contention, no collision, no loss of its own.
 
-    With a `rate` (bit/s) airtime counts: the frames of one batch follow one another; batches do not disturb each other.
+    Without a rate, bursts are delivered within the instant. With a rate (bit/s), the bursts of one batch follow one
+    another; different batches do not disturb each other.
     """
 
-    def __init__(self, env: simpy.Environment, medium: IdealMedium, rate: float | None) -> None:
-        self._env = env
-        self._medium = medium
-        self._rate = rate
+    def __init__(self, mac: IdealAccess, services: NetworkMacServices) -> None:
+        self._env = services.radio.env
+        self._nodes = services.radio.nodes
+        self._rate = mac.rate
+        self._medium = IdealMedium(services.radio, services.key("link"), mac.rate)
         self._silenced: dict[int, int] = {}
-        self.counts = medium.counts
 
-    def send(self, frames: Sequence[Burst], hub: int | None = None) -> simpy.Event:
-        """One event for the whole batch, or one a frame where airtime counts."""
+    def send(self, bursts: Sequence[Burst], head: int | None = None) -> simpy.Event:
+        """Send bursts: one event for all of them, or one per burst if sending takes time."""
         if self._rate is not None:
-            return self._env.process(self._one_by_one(frames, self._rate))
+            return self._env.process(self._one_by_one(bursts, self._rate))
         event = self._env.event()
-        assert event.callbacks is not None
-        event.callbacks.append(lambda _: self._at_once(frames))
+        event.callbacks.append(lambda _: self._at_once(bursts))
         return event.succeed()
 
-    def offer(self, node: int, payload_bits: int, done: Callable[[Heard | None], None], code: int = 0) -> None:
+    def offer(self, node: int, payload_bits: int, done: Callable[[Received | None], None], code: int = 0) -> None:
         """Broadcast one payload, now or after its airtime."""
-        frame = burst(node, EVERYONE, Parcel(None, 1, payload_bits, "beacon"), -1)
-        event = self.send([frame])
-        assert event.callbacks is not None
-        event.callbacks.append(lambda _: done(np.array(sorted(frame.heard), dtype=np.int64)))
+        burst = full_burst(node, EVERYONE, Parcel(None, 1, payload_bits, "beacon"), -1)
+        event = self.send([burst])
+        assert event.callbacks is not None, "a burst ends later than it is sent"
+        event.callbacks.append(lambda _: done(np.array(sorted(burst.received), dtype=np.int64)))
 
     def silence(self, node: int) -> None:
-        """What a node was sending breaks off, and what it was given to send is not carried."""
+        """Stop a node that died or crashed: what it is sending is lost."""
         self._silenced[node] = self._silenced.get(node, 0) + 1
 
-    def count_links(self) -> None:
-        """Nothing to count where nothing is lost by chance."""
+    def _at_once(self, bursts: Sequence[Burst]) -> None:
+        for burst in bursts:
+            self._medium.carry(burst)
 
-    def link_rows(self) -> dict[str, Any]:
-        """No rows."""
-        return {}
-
-    def _at_once(self, frames: Sequence[Burst]) -> None:
-        for frame in frames:
-            self._medium.carry(frame)
-
-    def _one_by_one(self, frames: Sequence[Burst], rate: float) -> Any:
-        before = [self._silenced.get(frame.source) for frame in frames]
-        for frame, silenced in zip(frames, before, strict=True):
-            self._medium.fleet.begin_sending(frame.source)
-            yield self._env.timeout(frame.bits / rate)
-            if self._silenced.get(frame.source) == silenced:
-                self._medium.carry(frame)
+    def _one_by_one(self, bursts: Sequence[Burst], rate: float) -> Generator[simpy.Event, Any, None]:
+        before = [self._silenced.get(burst.source) for burst in bursts]
+        for burst, silenced in zip(bursts, before, strict=True):
+            self._nodes.begin_sending(burst.source)
+            yield self._env.timeout(burst.bits / rate)
+            if self._silenced.get(burst.source) == silenced:
+                self._medium.carry(burst)
             else:
-                nothing_arrives(frame)
-            self._medium.fleet.end_sending(frame.source)
+                burst.lose()
+            self._nodes.end_sending(burst.source)
 
 
-def make_mac(
-    env: simpy.Environment, fleet: Nodes, journal: EventLog, wiring: Topology, parts: RadioSetup, streams: Streams,
-    clocks: Clocks,
-) -> Access:  # fmt: skip
-    """The mechanism behind a scenario's `mac`."""
-    part: Any = parts.mac
-    counts, key = Counters(), streams.key("link")
-    if part.mechanism == "ideal":
-        rate = getattr(part, "rate", None)
-        return IdealMechanism(env, IdealMedium(env, fleet, journal, parts.energy, wiring, counts, key, rate), rate)
-    if part.mechanism not in ("csma", "tdma"):
-        raise RunError(f"mac: no mechanism '{part.mechanism}' in this network; known: ideal, csma, tdma")
-    channel = Channel(env, fleet, journal, parts.energy, parts.link, wiring, part, counts, key, part.cca)
-    bursts = Fragmentation(part, parts.packing, journal)
-    contending = CsmaMechanism(env, fleet, channel, bursts, journal, part, streams.key("mac"), clocks)
-    if part.mechanism == "csma":
-        return contending
-    return TdmaMechanism(env, fleet, channel, contending, bursts, journal, part, clocks)
+MECHANISMS: Final[dict[str, Callable[[Any, NetworkMacServices], MacMechanism]]] = {
+    "ideal": IdealMechanism,
+    "csma": CsmaMechanism,
+    "tdma": TdmaMechanism,
+}
+"""The built-in mechanisms by name."""
+
+
+def make_mac(mac: Mac, services: NetworkMacServices) -> MacMechanism:
+    """Return the mechanism of a MAC component: its own, or the built-in one that it names.
+
+    Raises:
+        RunError: There is neither.
+    """
+    if isinstance(mac, StartsMac):
+        return mac.start(services)
+    if mac.mechanism not in MECHANISMS:
+        raise RunError(
+            f"mac: no mechanism '{mac.mechanism}' in this network, and the component has no start(services); "
+            f"known: {', '.join(MECHANISMS)}"
+        )
+    return MECHANISMS[mac.mechanism](mac, services)

@@ -1,7 +1,4 @@
-"""A scenario's radio, made: the clock, the nodes, who hears whom, and the way to the channel; and its run to the end.
-
-make_ether(parts, positions, traits, streams, journal) -> Ether      run_until(env, event, seed, replicate)
-"""
+"""The radio stack of a scenario: SimPy environment, nodes, topology, clocks and MAC; and running it."""
 
 from __future__ import annotations
 
@@ -10,38 +7,53 @@ from dataclasses import dataclass
 import simpy
 
 from wsnsim.base.arrays import Floats
+from wsnsim.base.counters import Counters
 from wsnsim.base.errors import ResultError, failed_run
+from wsnsim.base.mac_mechanisms import MacMechanism
 from wsnsim.base.requests import PACKET_BITS
 from wsnsim.base.rng import Streams
 from wsnsim.base.setups import RadioSetup
 from wsnsim.network.clocks import Clocks
 from wsnsim.network.event_log import EventLog
 from wsnsim.network.node_factory import make_nodes
-from wsnsim.network.nodes import Nodes
-from wsnsim.network.radio.mac import Access, make_mac
+from wsnsim.network.radio.link_counters import LinkCounters, NoLinkCounters
+from wsnsim.network.radio.mac import make_mac
+from wsnsim.network.radio.mac_services import NetworkMacServices
+from wsnsim.network.radio.radio_services import RadioServices
 from wsnsim.network.radio.topology import Topology
 
 
 @dataclass(frozen=True, slots=True)
 class RadioStack:
-    """What every network is made on, with targets or without."""
+    """What every network is built on, with targets or without."""
 
-    env: simpy.Environment
-    fleet: Nodes
-    wiring: Topology
+    radio: RadioServices
     clocks: Clocks
-    mac: Access
+    mac: MacMechanism
+    links: LinkCounters | NoLinkCounters
 
 
 def make_radio_stack(
-    parts: RadioSetup, positions: Floats, traits: Floats, streams: Streams, journal: EventLog
+    setup: RadioSetup, positions: Floats, traits: Floats, streams: Streams, log: EventLog, count_links: bool = False
 ) -> RadioStack:
-    """The radio of a scenario over nodes at positions (N, 2) with traits (N, T)."""
+    """Return the radio stack of a scenario.
+
+    Args:
+        setup: The scenario.
+        positions: (N, 2) positions of the nodes in m.
+        traits: (N, T) constants of their sensors.
+        streams: The random streams of the run.
+        log: The event log of the run.
+        count_links: Whether broadcasts are counted per link.
+    """
     env = simpy.Environment()
-    fleet = make_nodes(env, parts, positions, traits, streams.key("sleep"))
-    wiring = Topology(fleet, parts.link, streams.key("shadowing"), PACKET_BITS)
-    clocks = Clocks(parts.clock, streams.key("clock"), fleet.size)
-    return RadioStack(env, fleet, wiring, clocks, make_mac(env, fleet, journal, wiring, parts, streams, clocks))
+    nodes = make_nodes(env, setup, positions, traits, streams.key("sleep"))
+    topology = Topology(nodes, setup.link, streams.key("shadowing"), PACKET_BITS)
+    clocks = Clocks(setup.clock, streams.key("clock"), nodes.size)
+    links = LinkCounters(nodes.positions, topology) if count_links else NoLinkCounters()
+    radio = RadioServices(env, nodes, topology, setup.energy, log, Counters())
+    mac = make_mac(setup.mac, NetworkMacServices(radio, setup.packing, clocks, streams, links))
+    return RadioStack(radio, clocks, mac, links)
 
 
 def run_until(env: simpy.Environment, event: simpy.Event, seed: int, replicate: int) -> None:

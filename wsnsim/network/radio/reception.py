@@ -1,9 +1,10 @@
-"""Who gets a frame, who loses it and to what, who overhears it; each pays, and each is logged.
+"""Reception: which neighbours receive a transmission, lose it to what, or overhear it; each is charged and logged.
 
-    Reception(...).resolve(transmission) -> Heard
+    Reception(radio, key).resolve(transmission) -> Received
 
-A radio that is locked on a frame pays for it, whether it can use it or not; one that hears two at once pays for the
-time, not twice; one that sends hears nothing.
+A radio that receives a frame pays for it, whether it can use the frame or not. A radio that hears two frames at once
+pays for the time once. A radio that sends receives nothing. `resolve` chooses one of three ways to the same result:
+`_sort_out` is the general one; the others serve the frequent cases faster.
 """
 
 from __future__ import annotations
@@ -11,18 +12,15 @@ from __future__ import annotations
 from typing import Any, Final
 
 import numpy as np
-import simpy
 
 from wsnsim.base.arrays import Bools, Floats, Ints
-from wsnsim.base.radio import LinkModel
+from wsnsim.base.frames import EVERYONE, Received
 from wsnsim.base.rng import derive, derive_all, uniforms
 from wsnsim.base.tables import CAUSE, EVENT_CAUSE, KIND
-from wsnsim.network.event_log import EACH, EventLog, event
-from wsnsim.network.nodes import Nodes
-from wsnsim.network.radio.counters import Counters, Uses
-from wsnsim.network.radio.ideal_medium import EVERYONE
-from wsnsim.network.radio.topology import Topology
-from wsnsim.network.radio.transmission import Heard, Transmission
+from wsnsim.network.event_log import EACH, event
+from wsnsim.network.radio.radio_services import RadioServices
+from wsnsim.network.radio.transmission import Transmission
+from wsnsim.network.radio.use_counter import UseCounter
 
 RECEIVE, DROP, COLLIDE, OVERHEAR = (KIND[name] for name in ("receive", "drop", "collide", "overhear"))
 NONE, RX, OVERHEARD = (EVENT_CAUSE[name] for name in ("none", "rx", "overhear"))
@@ -32,239 +30,236 @@ NOWHERE: Final = np.False_
 
 
 class Reception:
-    """What frames do at those who may hear them."""
+    """What transmissions do at the neighbours of their senders. `key` is the key of the random losses."""
 
-    def __init__(
-        self,
-        env: simpy.Environment,
-        fleet: Nodes,
-        journal: EventLog,
-        link: LinkModel,
-        wiring: Topology,
-        counts: Counters,
-        key: int,
-    ) -> None:
-        self._env = env
-        self._fleet = fleet
-        self._journal = journal
-        self._link = link
-        self._wiring = wiring
+    def __init__(self, radio: RadioServices, key: int) -> None:
+        self._env = radio.env
+        self._nodes = radio.nodes
+        self._log = radio.log
+        self._topology = radio.topology
+        self._link = radio.topology.link
+        self._counters = radio.counters
         self._key = key
-        self._uses = Uses()
-        self.counts = counts
+        self._uses = UseCounter()
 
-    def resolve(self, one: Transmission) -> Heard:
-        """What became of a frame that left whole, at each of its audience."""
-        fleet, heard = self._fleet, None
-        plain = one.message.to == EVERYONE and self._wiring.sharp and not fleet.disturbed
-        hears = None if fleet.all_listen else fleet.hears(one.audience.ids, one.start)
-        if plain and (hears is None or hears.all()):
-            heard = self._receive_all(one) if one.others is None else self._part(one)
-        if heard is None and self._is_simple(one):
-            return self._to_one(one, hears)
-        return self._sort_out(one, hears) if heard is None else heard
+    def resolve(self, sent: Transmission) -> Received:
+        """Return the result of a frame that was sent completely."""
+        nodes, received = self._nodes, None
+        simple = sent.frame.to == EVERYONE and self._topology.distance_only and not nodes.disturbed
+        listening = None if nodes.all_listen else nodes.hears(sent.neighbours.ids, sent.start)
+        if simple and (listening is None or listening.all()):
+            received = self._broadcast_alone(sent) if sent.overlapping is None else self._broadcast_overlapped(sent)
+        if received is None and self._is_undisturbed_unicast(sent):
+            return self._unicast(sent, listening)
+        return self._sort_out(sent, listening) if received is None else received
 
-    def _is_simple(self, one: Transmission) -> bool:
-        """Whether a frame is for one node, nothing disturbs it, and distance alone decides."""
-        addressed = one.message.to != EVERYONE and one.others is None and one.asleep is None
-        return addressed and self._wiring.sharp and not self._fleet.disturbed
+    def _is_undisturbed_unicast(self, sent: Transmission) -> bool:
+        """Whether a frame is for one node, nothing disturbs it, and reception depends on distance alone."""
+        alone = sent.frame.to != EVERYONE and sent.overlapping is None and sent.asleep is None
+        return alone and self._topology.distance_only and not self._nodes.disturbed
 
-    def _to_one(self, one: Transmission, hears: Bools | None) -> Heard:
-        """Such a frame: one node has it, all others that listen overhear it. What `_sort_out` would find."""
-        message, to, ids = one.message, one.message.to, one.audience.ids
-        listening = ids if hears is None else ids[hears]
-        at = int(np.searchsorted(listening, to))
-        got = at < listening.size and int(listening[at]) == to
+    def _unicast(self, sent: Transmission, listening: Bools | None) -> Received:
+        """The result of an undisturbed unicast: its destination receives it, all others that listen overhear it."""
+        to, ids = sent.frame.to, sent.neighbours.ids
+        listeners = ids if listening is None else ids[listening]
+        at = int(np.searchsorted(listeners, to))
+        got = at < listeners.size and int(listeners[at]) == to
         if got:
-            self._charge_group(one, listening[at : at + 1], [to], WHOLE, RECEIVE, RX)
-        others = np.concatenate((listening[:at], listening[at + got :]))
+            self._charge_group(sent, listeners[at : at + 1], [to], WHOLE, RECEIVE, RX)
+        others = np.concatenate((listeners[:at], listeners[at + got :]))
         if others.size:
-            self._charge_group(one, others, others.tolist(), WHOLE, OVERHEAR, OVERHEARD)
-        in_range = one.audience.index(to) >= 0
+            self._charge_group(sent, others, others.tolist(), WHOLE, OVERHEAR, OVERHEARD)
+        in_range = sent.neighbours.index(to) >= 0
         if in_range and not got:
-            self._log_each(one, DROP, np.array([to]), 0, 0.0, NONE)
-        lives = self._fleet.alive[to]
-        got = got and lives
-        one.missed = in_range and lives and not got
-        if message.packets:
-            self.counts.in_range += in_range and lives
-            self.counts.delivered += got
+            self._log_each(sent, DROP, np.array([to]), 0, 0.0, NONE)
+        alive = self._nodes.alive[to]
+        got = got and alive
+        sent.missed = in_range and alive and not got
+        if sent.frame.packets:
+            self._counters.in_range += in_range and alive
+            self._counters.delivered += got
         return got
 
-    def _receive_all(self, one: Transmission) -> Heard | None:
-        """The common case: nothing disturbs a broadcast, and everybody lives. None if somebody may die of it."""
-        message, audience = one.message, one.audience
-        _, _, joules, airtime = one.costs
-        count = len(audience.listed)
-        if not self._fleet.can_all_receive(audience.ids, audience.listed, joules):
+    def _broadcast_alone(self, sent: Transmission) -> Received | None:
+        """The result of an undisturbed broadcast: all neighbours receive it. None if one may die of it."""
+        neighbours, counters = sent.neighbours, self._counters
+        _, _, joules, airtime = sent.costs
+        count = len(neighbours.id_list)
+        if not self._nodes.can_all_receive(neighbours.ids, neighbours.id_list, joules):
             return None
         if count:
-            self._fleet.receive_all(audience.ids, audience.listed, joules, RX_LEDGER, airtime)
-            self._log_each(one, RECEIVE, audience.ids, message.bits, joules, RX)
-        self.counts.in_range += count
-        self.counts.delivered += count
-        return audience.ids
+            self._nodes.receive_all(neighbours.ids, neighbours.id_list, joules, RX_LEDGER, airtime)
+            self._log_each(sent, RECEIVE, neighbours.ids, sent.frame.bits, joules, RX)
+        counters.in_range += count
+        counters.delivered += count
+        return neighbours.ids
 
-    def _part(self, one: Transmission) -> Heard | None:
-        """A broadcast that overlaps others, where distance alone decides: whom they spoil it for, and who has it.
+    def _broadcast_overlapped(self, sent: Transmission) -> Received | None:
+        """The result of a broadcast that overlaps others, if reception depends on distance alone.
 
-        What `_sort_out` would find, in a tenth of its time. None if somebody may die of it.
+        It equals that of `_sort_out`, in a tenth of its time. None if a neighbour may die of it.
         """
-        audience = one.audience
-        spoilt: dict[int, float] = {}
-        for other in one.others or ():
-            if other.end <= max(other.start, one.start):
-                continue
-            members, sender = other.audience.members, other.source
-            until = other.end if other.end <= one.end and not other.cut else one.start
-            for node in audience.listed:
-                if node in members:
-                    spoilt[node] = max(spoilt.get(node, one.start), until)
-                elif node == sender:
-                    spoilt[node] = one.end
-        if not self._fleet.can_all_receive(audience.ids, audience.listed, one.costs[2]):
+        neighbours, counters = sent.neighbours, self._counters
+        collided = self._collided_until(sent)
+        if not self._nodes.can_all_receive(neighbours.ids, neighbours.id_list, sent.costs[2]):
             return None
-        counts, lasts = self.counts, one.end - one.start
-        counts.in_range += len(audience.listed)
-        counts.collided += len(spoilt)
-        one.missed = bool(spoilt)
-        counts.delivered += len(audience.listed) - len(spoilt)
+        counters.in_range += len(neighbours.id_list)
+        counters.collided += len(collided)
+        sent.missed = bool(collided)
+        counters.delivered += len(neighbours.id_list) - len(collided)
         groups: dict[float, list[int]] = {}
-        for node, until in spoilt.items():
-            groups.setdefault((one.end - until) / lasts, []).append(node)
-        for share, nodes in groups.items():
-            self._charge_group(one, np.array(nodes), nodes, share, COLLIDE, RX)
-        if not spoilt:
-            heard, listed = audience.ids, audience.listed
+        airtime = sent.end - sent.start
+        for node, until in collided.items():
+            groups.setdefault((sent.end - until) / airtime, []).append(node)
+        for share, group in groups.items():
+            self._charge_group(sent, np.array(group), group, share, COLLIDE, RX)
+        if not collided:
+            received, listed = neighbours.ids, neighbours.id_list
         else:
-            listed = [node for node in audience.listed if node not in spoilt]
-            heard = np.array(listed, dtype=np.int64)
+            listed = [node for node in neighbours.id_list if node not in collided]
+            received = np.array(listed, dtype=np.int64)
         if listed:
-            self._charge_group(one, heard, listed, WHOLE, RECEIVE, RX)
-        return heard
+            self._charge_group(sent, received, listed, WHOLE, RECEIVE, RX)
+        return received
 
-    def _sort_out(self, one: Transmission, listening: Bools | None) -> Heard:
-        """Who got the frame, who lost it and to what, who overheard it; each pays and is logged.
+    def _collided_until(self, sent: Transmission) -> dict[int, float]:
+        """The neighbours that lose the frame to another one: {node: time until which it pays for that one}."""
+        collided: dict[int, float] = {}
+        for other in sent.overlapping or ():
+            if other.end <= max(other.start, sent.start):
+                continue
+            members, sender = other.neighbours.members, other.source
+            until = other.end if other.end <= sent.end and not other.cut else sent.start
+            for node in sent.neighbours.id_list:
+                if node in members:
+                    collided[node] = max(collided.get(node, sent.start), until)
+                elif node == sender:
+                    collided[node] = sent.end
+        return collided
 
-        A broadcast is meant for whoever is awake: those who sleep miss nothing that was theirs. `listening`: who is
-        awake of the audience; None: everybody.
+    def _sort_out(self, sent: Transmission, listening: Bools | None) -> Received:
+        """The result of any frame. `listening` (n,): which neighbours are awake; None: all.
+
+        A broadcast is meant for the neighbours that are awake: those asleep do not count as missed.
         """
-        fleet, audience, message = self._fleet, one.audience, one.message
-        ids, everyone = audience.ids, message.to == EVERYONE
-        hears = fleet.living[ids] if listening is None else listening
-        if one.asleep is not None:
-            hears = hears & ~np.isin(ids, one.asleep)
-        quiet = one.others is None and not fleet.disturbed
-        hit, interference, share = (None, None, None) if quiet else self._disturbances(one)
+        nodes, neighbours, frame = self._nodes, sent.neighbours, sent.frame
+        ids, everyone = neighbours.ids, frame.to == EVERYONE
+        hears = nodes.living[ids] if listening is None else listening
+        if sent.asleep is not None:
+            hears = hears & ~np.isin(ids, sent.asleep)
+        quiet = sent.overlapping is None and not nodes.disturbed
+        hit, interference, share = (None, None, None) if quiet else self._disturbances(sent)
         arrived = hears if hit is None else hears & ~hit
-        expected = self._wiring.reliable(audience, message.bits)
-        if not self._wiring.sharp or fleet.disturbed:
-            arrived = arrived & self._survives(one, interference)
+        reliable = self._topology.reliable(neighbours, frame.bits)
+        if not self._topology.distance_only or nodes.disturbed:
+            arrived = arrived & self._survives(sent, interference)
         collided: Any = NOWHERE
         if hit is not None and interference is not None:
-            collided = hears & ~arrived & (hit | (interference > 0)) & expected
-        meant = expected if everyone else ids == message.to
+            collided = hears & ~arrived & (hit | (interference > 0)) & reliable
+        meant = reliable if everyone else ids == frame.to
         got = arrived if everyone else arrived & meant
-        self._charge(one, got, share, RECEIVE, RX)
+        self._charge(sent, got, share, RECEIVE, RX)
         if collided is not NOWHERE:
-            self._charge(one, collided & meant, share, COLLIDE, RX)
+            self._charge(sent, collided & meant, share, COLLIDE, RX)
         if not everyone:
-            self._charge(one, (arrived | collided) & ~meant, share, OVERHEAR, OVERHEARD)
-        living = fleet.living[ids]
+            self._charge(sent, (arrived | collided) & ~meant, share, OVERHEAR, OVERHEARD)
+        living = nodes.living[ids]
         if everyone and listening is not None:
             meant = meant & listening
         lost = meant & ~(arrived | collided)
         if everyone:
             lost &= living
         if lost.any():
-            self._log_each(one, DROP, ids[lost], 0, 0.0, NONE)
+            self._log_each(sent, DROP, ids[lost], 0, 0.0, NONE)
         got &= living
-        counts = self.counts
-        in_range, delivered = int((meant & living).sum()), int((got & meant).sum())
-        one.missed = delivered < in_range
-        if message.packets:
-            counts.in_range += in_range
-            counts.delivered += delivered
-            if collided is not NOWHERE:
-                counts.collided += int((collided & meant).sum())
+        self._count(sent, meant & living, got & meant, collided & meant)
         return ids[got] if everyone else bool(got.any())
 
-    def _disturbances(self, one: Transmission) -> tuple[Bools, Floats, Floats]:
-        """What the others do at each of the audience.
+    def _count(self, sent: Transmission, meant: Bools, delivered: Bools, collided: Bools) -> None:
+        """Count the receptions of a frame; each mask is (n,) over the neighbours."""
+        in_range, arrived = int(meant.sum()), int(delivered.sum())
+        sent.missed = arrived < in_range
+        if sent.frame.packets:
+            self._counters.in_range += in_range
+            self._counters.delivered += arrived
+            self._counters.collided += int(collided.sum())
 
-        hit: the frame is lost there; interference, in mW, where a frame may survive it; share: of the airtime, what
-        the radio has not paid for already: nothing where it was sending itself.
+    def _disturbances(self, sent: Transmission) -> tuple[Bools, Floats, Floats]:
+        """What overlapping transmissions and faults do at each neighbour, as three arrays (n,).
+
+        hit: the frame is lost. interference: power in mW with which the frame competes. share: the part of the airtime
+        that the radio has not paid for yet; 0 if it was sending itself.
         """
-        fleet, audience, captures = self._fleet, one.audience, self._link.captures
-        ids = audience.ids
+        nodes, neighbours, captures = self._nodes, sent.neighbours, self._link.captures
+        ids = neighbours.ids
         hit, interference = np.zeros(ids.size, dtype=np.bool_), np.zeros(ids.size)
-        paid_until = np.full(ids.size, one.start)
-        for other in one.others or ():
-            if other.end <= max(other.start, one.start):
+        paid_until = np.full(ids.size, sent.start)
+        for other in sent.overlapping or ():
+            if other.end <= max(other.start, sent.start):
                 continue
-            here, there = audience.common(other.audience)
+            here, there = neighbours.common(other.neighbours)
             if captures:
-                interference[here] += 10.0 ** (other.audience.powers[there] / 10.0)
+                interference[here] += 10.0 ** (other.neighbours.powers[there] / 10.0)
             else:
                 hit[here] = True
-            if other.end <= one.end and not other.cut:
+            if other.end <= sent.end and not other.cut:
                 paid_until[here] = np.maximum(paid_until[here], other.end)
-            at = audience.index(other.source)
+            at = neighbours.index(other.source)
             if at >= 0:
-                hit[at], paid_until[at] = True, one.end
-        if fleet.disturbed:
-            hit |= fleet.jammed[ids] | fleet.jammed[one.source]
-        return hit, interference, (one.end - paid_until) / (one.end - one.start)
+                hit[at], paid_until[at] = True, sent.end
+        if nodes.disturbed:
+            hit |= nodes.jammed[ids] | nodes.jammed[sent.source]
+        return hit, interference, (sent.end - paid_until) / (sent.end - sent.start)
 
-    def _survives(self, one: Transmission, interference: Floats | None) -> Bools:
-        """Draw for each of the audience whether the frame arrives in spite of noise and interference."""
-        fleet, audience, bits = self._fleet, one.audience, one.message.bits
+    def _survives(self, sent: Transmission, interference: Floats | None) -> Bools:
+        """(n,) sample at which neighbours the frame arrives in spite of noise and interference."""
+        nodes, neighbours, bits = self._nodes, sent.neighbours, sent.frame.bits
         if interference is not None and interference.any():
-            chances = self._link.reception(audience.powers, bits, interference)
+            probabilities = self._link.reception(neighbours.powers, bits, interference)
         else:
-            chances = self._wiring.chances(audience, bits)
-        if fleet.disturbed:
-            chances = chances * (1.0 - fleet.loss[one.source]) * (1.0 - fleet.loss[audience.ids])
-        step = self._journal.step
-        key = derive(self._key, one.source, step, self._uses.next(one.source, step))
-        drawn = uniforms(derive_all(key, audience.ids), 0)
-        return np.asarray(drawn >= 1.0 - chances)
+            probabilities = self._topology.probabilities(neighbours, bits)
+        if nodes.disturbed:
+            probabilities = probabilities * (1.0 - nodes.loss[sent.source]) * (1.0 - nodes.loss[neighbours.ids])
+        step = self._log.step
+        key = derive(self._key, sent.source, step, self._uses.next(sent.source, step))
+        samples = uniforms(derive_all(key, neighbours.ids), 0)
+        return np.asarray(samples >= 1.0 - probabilities)
 
-    def _charge(self, one: Transmission, chosen: Bools, shares: Floats | None, kind: int, cause: int) -> None:
-        """Charge and log the chosen of the audience for the share of the frame that they listened to; None: for all."""
-        nodes = one.audience.ids[chosen]
-        if not nodes.size:
+    def _charge(self, sent: Transmission, chosen: Bools, shares: Floats | None, kind: int, cause: int) -> None:
+        """Charge and log the chosen neighbours, each for the share of the frame that it listened to; None: whole."""
+        ids = sent.neighbours.ids[chosen]
+        if not ids.size:
             return
         if shares is None:
-            self._charge_group(one, nodes, nodes.tolist(), WHOLE, kind, cause)
+            self._charge_group(sent, ids, ids.tolist(), WHOLE, kind, cause)
             return
-        parts = shares[chosen]
-        for share in np.unique(parts).tolist():
-            group = nodes[parts == share]
-            self._charge_group(one, group, group.tolist(), share, kind, cause)
+        chosen_shares = shares[chosen]
+        for share in np.unique(chosen_shares).tolist():
+            group = ids[chosen_shares == share]
+            self._charge_group(sent, group, group.tolist(), share, kind, cause)
 
     def _charge_group(
-        self, one: Transmission, nodes: Ints, listed: list[int], share: float, kind: int, cause: int
+        self, sent: Transmission, ids: Ints, id_list: list[int], share: float, kind: int, cause: int
     ) -> None:
-        """Charge and log nodes (given twice: as array and list) for the same share of a frame."""
-        fleet, ledger = self._fleet, RX_LEDGER if cause == RX else OVERHEARD_LEDGER
-        heard, joules, airtime = int(one.message.bits * share), one.costs[2] * share, one.costs[3] * share
-        if heard == 0:
-            self._log_each(one, kind, nodes, 0, 0.0, NONE)
-        elif fleet.can_all_receive(nodes, listed, joules):
-            fleet.receive_all(nodes, listed, joules, ledger, airtime)
-            self._log_each(one, kind, nodes, heard, joules, cause)
+        """Charge and log nodes (as array and as list) for the same share of a frame."""
+        nodes, ledger = self._nodes, RX_LEDGER if cause == RX else OVERHEARD_LEDGER
+        bits, joules, airtime = int(sent.frame.bits * share), sent.costs[2] * share, sent.costs[3] * share
+        if bits == 0:
+            self._log_each(sent, kind, ids, 0, 0.0, NONE)
+        elif nodes.can_all_receive(ids, id_list, joules):
+            nodes.receive_all(ids, id_list, joules, ledger, airtime)
+            self._log_each(sent, kind, ids, bits, joules, cause)
         else:
-            for node in listed:
-                paid = fleet.spend_receive(node, joules, heard, ledger, airtime)
-                spent = joules * paid / heard
-                whole = fleet.alive[node]
-                self._log_each(one, kind if whole else DROP, np.array([node]), paid, spent, cause if paid else NONE)
+            for node in id_list:
+                paid = nodes.spend_receive(node, joules, bits, ledger, airtime)
+                alive = nodes.alive[node]
+                spent = joules * paid / bits
+                self._log_each(sent, kind if alive else DROP, np.array([node]), paid, spent, cause if paid else NONE)
 
-    def _log_each(self, one: Transmission, kind: int, nodes: Ints, bits: int, joules: float, cause: int) -> None:
-        message = one.message
-        self._journal.add_all(
-            event(self._env.now, self._journal.step, message.target, EACH, kind, message.code, one.number,
-                  message.sequence, one.source, message.packets, bits, joules, cause),
-            nodes,
+    def _log_each(self, sent: Transmission, kind: int, ids: Ints, bits: int, joules: float, cause: int) -> None:
+        frame = sent.frame
+        self._log.add_all(
+            event(self._env.now, self._log.step, frame.target, EACH, kind, frame.code, sent.number, frame.sequence,
+                  sent.source, frame.packets, bits, joules, cause),
+            ids,
         )  # fmt: skip

@@ -1,9 +1,9 @@
-"""Slots inside a cluster, contention outside: the head schedules its members, as in LEACH.
+"""TDMA inside clusters, CSMA/CA elsewhere: a cluster head schedules its members, as in LEACH.
 
-Where a head's members change, it broadcasts a schedule; who hears it knows its slots, and everybody else of the
-cluster has the radio off in them. A round is one slot a frame, in the order of the schedule, with a guard at either
-end; a member whose clock has drifted by more than the guard since it heard the schedule misses its slot. What no
-cluster's head arranges (elections, announcements, relays, handovers) contends as in `csma`.
+When the members of a head change, it broadcasts a schedule. A member that receives it knows the slots, and turns the
+radio off in those of others. A round has one slot per frame, in the order of the schedule, with a guard at both ends
+of each slot. A member whose clock has drifted by more than the guard since the schedule misses its slot. Elections,
+announcements, relayed datagrams and handovers belong to no cluster and use CSMA/CA.
 
 Source: Heinzelman, Chandrakasan, Balakrishnan (2002), sections III-B and III-C; acknowledgements and guards are ours.
 """
@@ -19,181 +19,170 @@ import numpy as np
 import simpy
 
 from wsnsim.base.arrays import Ints
+from wsnsim.base.frames import EVERYONE, SEND, Burst, MacFrame, Received, full_burst
 from wsnsim.base.radio import SlottedMac
 from wsnsim.base.requests import Parcel
-from wsnsim.base.tables import KIND
-from wsnsim.network.clocks import Clocks
-from wsnsim.network.event_log import EventLog, event
-from wsnsim.network.nodes import Nodes
-from wsnsim.network.radio.channel import Channel
-from wsnsim.network.radio.counters import Counters
-from wsnsim.network.radio.csma import CsmaMechanism, nothing_arrives
-from wsnsim.network.radio.fragmentation import Fragment, Fragmentation
-from wsnsim.network.radio.ideal_medium import EVERYONE, Burst, burst
-from wsnsim.network.radio.transmission import Heard, MacFrame, Transmission
+from wsnsim.network.radio.csma import CsmaMechanism
+from wsnsim.network.radio.mac_services import NetworkMacServices
+from wsnsim.network.radio.transmission import Transmission
 
-DROP, SEND = KIND["drop"], KIND["send"]
 Round = Generator[simpy.Event, Any, None]
 
 
 class _Slot:
-    """One frame's turn: `heard` once it has landed, `acknowledged` once its sender knows."""
+    """The slot of one frame.
 
-    __slots__ = ("acknowledged", "heard", "landed", "piece", "source")
+    Attributes:
+        source: The sender.
+        frame: The frame.
+        received: The result of its last transmission; None before the first.
+        acknowledged: Whether the sender received an acknowledgement.
+        sent: Fires at the end of its transmission; set when that begins.
+    """
 
-    def __init__(self, source: int, piece: Fragment) -> None:
+    __slots__ = ("acknowledged", "frame", "received", "sent", "source")
+
+    def __init__(self, source: int, frame: MacFrame) -> None:
         self.source = source
-        self.piece = piece
-        self.heard: Heard | None = None
+        self.frame = frame
+        self.received: Received | None = None
         self.acknowledged = False
-        self.landed: Any = None
+        self.sent: simpy.Event
 
 
 class TdmaMechanism:
-    """Rounds of slots, one head at a time; everything else is handed on to `contending`."""
+    """Rounds of slots, one at a time for each cluster head; all other bursts use CSMA/CA."""
 
-    def __init__(
-        self, env: simpy.Environment, fleet: Nodes, channel: Channel, contending: CsmaMechanism, bursts: Fragmentation,
-        journal: EventLog, part: SlottedMac, clocks: Clocks,
-    ) -> None:  # fmt: skip
-        self._env = env
-        self._fleet = fleet
-        self._channel = channel
-        self._contending = contending
-        self._bursts = bursts
-        self._journal = journal
-        self._part = part
-        self._clocks = clocks
-        self._known: dict[int, dict[int, float]] = {}
+    def __init__(self, mac: SlottedMac, services: NetworkMacServices) -> None:
+        self._services = services
+        self._env = services.radio.env
+        self._nodes = services.radio.nodes
+        self._counters = services.counters
+        self._clocks = services.clocks
+        self._mac = mac
+        self._csma = CsmaMechanism(mac, services)
+        self._channel = self._csma.channel
+        self._schedules: dict[int, dict[int, float]] = {}
+        """{head: {member that knows the schedule: how far its clock was ahead of the head's, in s}}"""
         self._rounds: dict[int, simpy.Event] = {}
-        self._ack = journal.code("ack")
-        self.counts: Counters = channel.counts
-        self.offer = contending.offer
-        self.count_links = contending.count_links
-        self.link_rows = contending.link_rows
+        self._ack = services.radio.log.code("ack")
+        self.offer = self._csma.offer
 
-    def send(self, frames: Sequence[Burst], hub: int | None = None) -> simpy.Event:
-        """Bursts of a cluster, in slots; without a `hub`, or to everyone, by contention."""
-        if hub is None or not frames or any(frame.to == EVERYONE for frame in frames):
-            return self._contending.send(frames)
-        event = self._env.process(self._round(hub, frames, self._rounds.get(hub)))
-        self._rounds[hub] = event
+    def send(self, bursts: Sequence[Burst], head: int | None = None) -> simpy.Event:
+        """Send bursts of a cluster in slots; without a head, or to everyone, by CSMA/CA."""
+        if head is None or not bursts or any(burst.to == EVERYONE for burst in bursts):
+            return self._csma.send(bursts)
+        event = self._env.process(self._round(head, bursts, self._rounds.get(head)))
+        self._rounds[head] = event
         return event
 
     def silence(self, node: int) -> None:
-        """A node is dead or down: it knows no schedule any more, and what it was sending is cut short."""
-        self._known.pop(node, None)
-        for known in self._known.values():
-            known.pop(node, None)
-        self._contending.silence(node)
+        """Stop a node that died or crashed: it forgets every schedule, and its transmission is cut."""
+        self._schedules.pop(node, None)
+        for schedule in self._schedules.values():
+            schedule.pop(node, None)
+        self._csma.silence(node)
 
-    def _round(self, hub: int, frames: Sequence[Burst], before: simpy.Event | None) -> Round:
-        """One slot a frame; what was not acknowledged has another slot at the end."""
-        if before is not None and not before.processed:
-            yield before
-        members = {node for frame in frames for node in (frame.source, frame.to)} - {hub}
-        if not members <= self._known.get(hub, {}).keys():
-            yield from self._announce(hub, members)
-        turns = deque(self._turns(hub, frames))
-        asleep = np.array(sorted(members & self._known[hub].keys()), dtype=np.int64)
-        length = self._length([turn.piece for turn in turns])
-        while turns:
-            turn = turns.popleft()
-            yield from self._slot(turn, asleep, length)
-            piece = turn.piece
-            again = self._part.acks and not turn.acknowledged and piece.sends and piece.retries < self._part.max_retries
-            if again and self._fleet.alive[turn.source]:
-                piece.retries += 1
-                self.counts.retries += 1
-                turns.append(turn)
+    def _round(self, head: int, bursts: Sequence[Burst], previous: simpy.Event | None) -> Round:
+        """One slot per frame; a frame without acknowledgement gets another slot at the end."""
+        if previous is not None and not previous.processed:
+            yield previous
+        members = {node for burst in bursts for node in (burst.source, burst.to)} - {head}
+        if not members <= self._schedules.get(head, {}).keys():
+            yield from self._announce(head, members)
+        slots = deque(self._slots(head, bursts))
+        scheduled = np.array(sorted(members & self._schedules[head].keys()), dtype=np.int64)
+        length = self._slot_length([slot.frame for slot in slots])
+        while slots:
+            slot = slots.popleft()
+            yield from self._slot(slot, scheduled, length)
+            frame = slot.frame
+            unacknowledged = self._mac.acks and not slot.acknowledged and frame.sends
+            if unacknowledged and frame.retries < self._mac.max_retries and self._nodes.alive[slot.source]:
+                frame.retries += 1
+                self._counters.retries += 1
+                slots.append(slot)
             else:
-                piece.done(turn.heard)
+                frame.finish(slot.received)
 
-    def _announce(self, hub: int, members: set[int]) -> Round:
-        """Broadcast who has which slot; those who hear it set their clocks by it."""
-        bits = self._part.schedule_bits * max(len(members), 1)
-        frame = burst(hub, EVERYONE, Parcel(None, 1, bits, "schedule"), -1)
-        yield self._contending.send([frame])
-        known = self._known.setdefault(hub, {})
-        for node in members & frame.heard.keys():
-            if frame.heard[node].all():
-                known[node] = self._ahead(hub, node)
+    def _announce(self, head: int, members: set[int]) -> Round:
+        """Broadcast the schedule; the members that receive it set their clocks by it."""
+        bits = self._mac.schedule_bits * max(len(members), 1)
+        burst = full_burst(head, EVERYONE, Parcel(None, 1, bits, "schedule"), -1)
+        yield self._csma.send([burst])
+        schedule = self._schedules.setdefault(head, {})
+        for node in members & burst.received.keys():
+            if burst.received[node].all():
+                schedule[node] = self._clock_offset(head, node)
 
-    def _ahead(self, hub: int, node: int) -> float:
+    def _clock_offset(self, head: int, node: int) -> float:
         """By how much a node's clock is ahead of the head's, in s."""
-        member, head = self._clocks.error(np.array([node, hub]), self._env.now).tolist()
-        return float(member - head)
+        member, reference = self._clocks.error(np.array([node, head]), self._env.now).tolist()
+        return float(member - reference)
 
-    def _turns(self, hub: int, frames: Sequence[Burst]) -> list[_Slot]:
-        turns = []
-        for frame in frames:
-            pieces = self._bursts.cut(frame, _ended)
-            if not pieces or not self._fleet.alive[frame.source]:
-                nothing_arrives(frame)
-            elif frame.source != hub and frame.source not in self._known.get(hub, {}):
-                self._miss(frame, "no_schedule")
-            elif frame.source != hub and self._is_late(hub, frame.source):
-                self._miss(frame, "out_of_slot")
-                del self._known[hub][frame.source]
+    def _slots(self, head: int, bursts: Sequence[Burst]) -> list[_Slot]:
+        """The slots of a round. Bursts whose senders do not know their slots, or miss them, are lost."""
+        slots = []
+        for burst in bursts:
+            source = burst.source
+            fragments = self._csma.fragmentation.split(burst, _ignore)
+            if not fragments or not self._nodes.alive[source]:
+                burst.lose()
+            elif source != head and source not in self._schedules.get(head, {}):
+                self._miss(burst, "no_schedule")
+            elif source != head and self._is_off(head, source):
+                self._miss(burst, "out_of_slot")
+                del self._schedules[head][source]
             else:
-                turns += [_Slot(frame.source, piece) for piece in pieces]
-        return turns
+                slots += [_Slot(source, fragment) for fragment in fragments]
+        return slots
 
-    def _is_late(self, hub: int, node: int) -> bool:
-        return abs(self._ahead(hub, node) - self._known[hub][node]) > self._part.guard
+    def _is_off(self, head: int, node: int) -> bool:
+        """Whether a member's clock has drifted by more than the guard since it received the schedule."""
+        return abs(self._clock_offset(head, node) - self._schedules[head][node]) > self._mac.guard
 
-    def _miss(self, frame: Burst, why: str) -> None:
-        """A member that does not know its slot, or misses it, sends nothing that the head could hear."""
-        self._journal.add(
-            event(
-                self._env.now, self._journal.step, frame.target, frame.source, DROP, self._journal.code(why),
-                sequence=frame.sequence, peer=frame.to, packets=frame.packets,
-            )
-        )  # fmt: skip
-        self.counts.frames_lost += 1
-        nothing_arrives(frame)
+    def _miss(self, burst: Burst, reason: str) -> None:
+        self._services.log_drop(burst.source, burst, reason)
+        self._counters.frames_lost += 1
+        burst.lose()
 
-    def _length(self, pieces: Sequence[Fragment]) -> float:
-        """Seconds of a slot: as the scenario says, or as the longest frame needs."""
-        if self._part.slot is not None:
-            return self._part.slot
-        return max((self._part.slot_needed(piece.bits) for piece in pieces), default=0.0)
+    def _slot_length(self, frames: Sequence[MacFrame]) -> float:
+        """Seconds of a slot: as the scenario says, or as long as the longest frame needs."""
+        if self._mac.slot is not None:
+            return self._mac.slot
+        return max((self._mac.slot_needed(frame.bits) for frame in frames), default=0.0)
 
-    def _slot(self, turn: _Slot, cluster: Ints, length: float) -> Round:
-        """One turn; a frame that is longer than a slot takes several."""
-        seconds = length * math.ceil(self._part.slot_needed(turn.piece.bits) / length - 1e-9)
-        if not self._fleet.alive[turn.source]:
+    def _slot(self, slot: _Slot, scheduled: Ints, length: float) -> Round:
+        """One slot, or several for a frame that is longer; the other members have the radio off."""
+        seconds = length * math.ceil(self._mac.slot_needed(slot.frame.bits) / length - 1e-9)
+        if not self._nodes.alive[slot.source]:
             return
-        others = cluster[(cluster != turn.source) & (cluster != turn.piece.to)]
-        self._fleet.sleep_radios(others, seconds)
-        before = max(self._part.guard - self._part.turnaround, 0.0)
+        others = scheduled[(scheduled != slot.source) & (scheduled != slot.frame.to)]
+        self._nodes.sleep_radios(others, seconds)
+        before = max(self._mac.guard - self._mac.turnaround, 0.0)
         yield self._env.timeout(before)
-        if self._fleet.alive[turn.source] and not self._channel.is_sending(turn.source):
-            turn.landed = self._env.event()
-            self._channel.transmit(turn.source, turn.piece, turn, self._landed, others)
-            yield turn.landed & self._env.timeout(seconds - before)
+        if self._nodes.alive[slot.source] and not self._channel.is_sending(slot.source):
+            slot.sent = self._env.event()
+            slot.frame.owner = slot
+            self._channel.transmit(slot.source, slot.frame, self._sent, others)
+            yield slot.sent & self._env.timeout(seconds - before)
         else:
             yield self._env.timeout(seconds - before)
 
-    def _landed(self, one: Transmission, heard: Heard) -> None:
-        turn: _Slot = one.owner
-        counts = self.counts
-        counts.frames_sent += 1
-        counts.packets_sent += one.message.packets
-        counts.frames_lost += not heard
-        one.message.sends += 1
-        turn.heard = bool(turn.heard) or bool(heard)
-        turn.landed.succeed()
-        if heard and self._part.acks and not self._channel.is_sending(one.message.to):
-            ack = MacFrame(
-                one.source, self._part.ack_bits, 0, one.message.target, self._ack, SEND, one.message.sequence
-            )
-            self._channel.transmit(one.message.to, ack, turn, _acknowledged)
+    def _sent(self, transmission: Transmission, received: Received) -> None:
+        frame = transmission.frame
+        slot: _Slot = frame.owner
+        slot.received = bool(slot.received) or bool(received)
+        slot.sent.succeed()
+        if received and self._mac.acks and not self._channel.is_sending(frame.to):
+            ack = MacFrame(transmission.source, self._mac.ack_bits, 0, frame.target, self._ack, SEND, frame.sequence)
+            ack.owner = slot
+            self._channel.transmit(frame.to, ack, _acknowledge)
 
 
-def _acknowledged(one: Transmission, heard: Heard) -> None:
-    one.owner.acknowledged = bool(heard)
+def _acknowledge(transmission: Transmission, received: Received) -> None:
+    transmission.frame.owner.acknowledged = bool(received)
 
 
-def _ended() -> None:
-    """A burst is done when its round is."""
+def _ignore() -> None:
+    """The end of a burst is not reported: it ends with its round."""

@@ -1,99 +1,83 @@
-"""A frame: what a MAC wants on the air, and the same while it is there."""
+"""A transmission: one MAC frame on the air, from its start to its end."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
 from wsnsim.base.arrays import Ints
-from wsnsim.base.tables import KIND
-from wsnsim.network.radio.ideal_medium import EVERYONE
+from wsnsim.base.frames import EVERYONE, MacFrame, Received
 from wsnsim.network.radio.topology import Neighbours
 
-SEND = KIND["send"]
 FREE: Final = (0.0, 0.0, 0.0, 0.0)
 
 
-class MacFrame:
-    """One frame that a MAC wants on the air: `bits` there, `packets` inside, what the log calls it.
-
-    `sends`: how often it was on the air; `retries`: of these, after the first.
-    """
-
-    __slots__ = ("bits", "code", "kind", "packets", "retries", "sends", "sequence", "target", "to")
-
-    def __init__(
-        self, to: int, bits: int, packets: int = 1, target: int = -1, code: int = 0, kind: int = SEND, sequence: int = 0
-    ) -> None:
-        self.to = to
-        self.bits = bits
-        self.packets = packets
-        self.target = target
-        self.code = code
-        self.kind = kind
-        self.sequence = sequence
-        self.sends = 0
-        self.retries = 0
-
-
 class Transmission:
-    """A frame on the air from `start` to `end`. `others`: those that overlap it. `cut`: its sender fell silent.
+    """One MAC frame on the air.
 
-    `missed`: somebody whom it should have reached did not get it.
+    Attributes:
+        source: The sender.
+        frame: What is sent.
+        neighbours: The nodes that it may reach.
+        number: Its number in the event log.
+        start: When its first bit is sent, in s.
+        end: When its last bit is sent, in s.
+        ended: Called at the end, with the transmission and the result.
+        overlapping: The transmissions that overlap it; None for none.
+        cut: Whether its sender fell silent before the end.
+        missed: Whether a node that it was meant for did not receive it.
+        asleep: Ids of nodes that have the radio off because they know that the frame is not for them.
+        costs: (electronics J, amplifier J, reception J, airtime s).
     """
 
     __slots__ = (
         "asleep",
-        "audience",
         "costs",
         "cut",
         "end",
-        "landed",
-        "message",
+        "ended",
+        "frame",
         "missed",
+        "neighbours",
         "number",
-        "others",
-        "owner",
+        "overlapping",
         "source",
         "start",
     )
 
     def __init__(
-        self, source: int, message: MacFrame, audience: Neighbours, number: int, start: float, end: float,
-        owner: Any, landed: Landed,
+        self, source: int, frame: MacFrame, neighbours: Neighbours, number: int, start: float, end: float,
+        ended: Ended,
     ) -> None:  # fmt: skip
         self.source = source
-        self.message = message
-        self.audience = audience
+        self.frame = frame
+        self.neighbours = neighbours
         self.number = number
         self.start = start
         self.end = end
-        self.owner = owner
-        self.landed = landed
-        self.others: list[Transmission] | None = None
+        self.ended = ended
+        self.overlapping: list[Transmission] | None = None
         self.cut = False
         self.missed = False
         self.asleep: Ints | None = None
         self.costs = FREE
 
 
-Heard = Any
-"""Of a broadcast, the ids (n,) that received it; of a unicast, whether its destination did."""
-Landed = Callable[[Transmission, Heard], None]
+Ended = Callable[[Transmission, Received], None]
 
 
-def meet(one: Transmission, other: Transmission) -> None:
-    """Two frames overlap in time."""
-    if one.others is None:
-        one.others = []
-    if other.others is None:
-        other.others = []
-    one.others.append(other)
-    other.others.append(one)
+def overlap(a: Transmission, b: Transmission) -> None:
+    """Note that two transmissions overlap in time."""
+    if a.overlapping is None:
+        a.overlapping = []
+    if b.overlapping is None:
+        b.overlapping = []
+    a.overlapping.append(b)
+    b.overlapping.append(a)
 
 
-def nobody(message: MacFrame) -> Heard:
-    """What is said of a frame that nobody heard."""
-    return np.zeros(0, dtype=np.int64) if message.to == EVERYONE else False
+def received_by_none(frame: MacFrame) -> Received:
+    """The result of a frame that no node received."""
+    return np.zeros(0, dtype=np.int64) if frame.to == EVERYONE else False

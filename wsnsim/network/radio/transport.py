@@ -1,136 +1,168 @@
-"""From a parcel to its destination: one hop where it is in reach, relayed where it is not.
+"""Transport: parcels from node to node, over one hop if they are neighbours, over several if not.
 
-air.carry(letters) -> simpy.Event                    fires when every letter has ended; see `Letter.mask`
-air.broadcast(sources, parcels, target) -> (event, frames)
+transport.carry(datagrams, target) -> simpy.Event                   fires when every datagram has ended
+transport.broadcast(sources, parcels, target) -> (event, bursts)
 """
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable, Generator, Sequence
+from dataclasses import dataclass, field
+from typing import Any, cast
 
 import numpy as np
 import simpy
 
 from wsnsim.base.arrays import Bools
+from wsnsim.base.frames import EVERYONE, Burst, full_burst
+from wsnsim.base.mac_mechanisms import MacMechanism
 from wsnsim.base.requests import Parcel, all_arrived
 from wsnsim.base.tables import KIND
-from wsnsim.network.event_log import EventLog, event
-from wsnsim.network.nodes import Nodes
-from wsnsim.network.radio.ideal_medium import EVERYONE, Burst, burst
-from wsnsim.network.radio.mac import Access
+from wsnsim.network.event_log import event
+from wsnsim.network.radio.radio_services import RadioServices
 from wsnsim.network.radio.routing import Router
-from wsnsim.network.radio.topology import Neighbours, Topology
+from wsnsim.network.radio.topology import Neighbours
 
 DROP = KIND["drop"]
 
 
 @dataclass(slots=True)
 class Datagram:
-    """A parcel under way between two nodes. After `carry`: what arrived, over how many hops, for how many bits."""
+    """A parcel on its way to its destination, over one hop or several.
+
+    Attributes:
+        source: The node that sends it.
+        to: Its destination.
+        parcel: What is sent.
+        mask: (packets,) which packets arrived, after `Transport.carry`.
+        arrived: Whether any packet arrived.
+        hops: The number of hops that it took.
+        bits: The bits sent for it, over all hops.
+    """
 
     source: int
     to: int
     parcel: Parcel
-    mask: Bools
+    mask: Bools = field(init=False)
     arrived: bool = False
     hops: int = 0
     bits: int = 0
 
-
-def datagram(source: int, to: int, parcel: Parcel) -> Datagram:
-    """A letter about to be sent."""
-    return Datagram(source, to, parcel, all_arrived(parcel.packets))
+    def __post_init__(self) -> None:
+        self.mask = all_arrived(self.parcel.packets)
 
 
 class Transport:
-    """What nodes use to send."""
+    """What nodes send with.
 
-    def __init__(
-        self, env: simpy.Environment, fleet: Nodes, wiring: Topology, mac: Access, router: Router, journal: EventLog
-    ) -> None:
-        self._env = env
-        self._fleet = fleet
+    Attributes:
+        wake_neighbour: (node, sleeping neighbour, target) -> event: wakes the destination of a datagram; None if
+            sleeping nodes cannot be woken.
+    """
+
+    def __init__(self, radio: RadioServices, mac: MacMechanism, router: Router) -> None:
+        self._env = radio.env
+        self._nodes = radio.nodes
+        self._topology = radio.topology
+        self._log = radio.log
         self._mac = mac
-        self._wiring = wiring
         self._router = router
-        self._journal = journal
-        self.rouse: Callable[[int, int, int], simpy.Event] | None = None
-        """(node, sleeping neighbour, target) -> awake: how the end of a path is woken, where there is a way."""
+        self.wake_neighbour: Callable[[int, int, int], simpy.Event] | None = None
 
-    def carry(self, letters: Sequence[Datagram], target: int, hub: int | None = None) -> simpy.Event:
-        """Put letters on the air; the event fires when the last has arrived or is lost.
+    def carry(self, datagrams: Sequence[Datagram], target: int, head: int | None = None) -> simpy.Event:
+        """Send datagrams; each ends with what arrived written into it.
 
-        `hub`: the head, if the letters go between it and its cluster, which a MAC may arrange in slots.
+        Args:
+            datagrams: The datagrams.
+            target: The target that they are about.
+            head: The cluster head, if they are all between it and its members; a MAC may then use slots.
+
+        Returns:
+            An event that fires when the last datagram has ended.
         """
-        direct, far = [], []
-        for item in letters:
-            if item.source == item.to:
-                item.arrived = True
-            elif self._wiring.connected(item.source, item.to) and (self.rouse is None or not self._sleeps(item.to)):
-                direct.append(item)
+        direct, relayed = [], []
+        for datagram in datagrams:
+            if datagram.source == datagram.to:
+                datagram.arrived = True
+            elif self._topology.connected(datagram.source, datagram.to) and not self._must_wake(datagram.to):
+                direct.append(datagram)
             else:
-                far.append(item)
-        events: list[simpy.Event] = [self._env.process(self._relay(item, target)) for item in far]
-        if direct or not far:
-            events.append(self._one_hop(direct, target, hub))
+                relayed.append(datagram)
+        events: list[simpy.Event] = [self._env.process(self._relay(datagram, target)) for datagram in relayed]
+        if direct or not relayed:
+            events.append(self._one_hop(direct, target, head))
         return events[0] if len(events) == 1 else self._env.all_of(events)
 
     def broadcast(
         self, sources: Sequence[int], parcels: Sequence[Parcel], target: int, sequence: int = 0, relayed: bool = False
     ) -> tuple[simpy.Event, list[Burst]]:
-        """Each source sends its parcel once to everyone within reach; `frame.heard` says who got it.
+        """Broadcast one parcel from each source.
 
-        `sequence`: the number of a message that is `relayed` by other nodes than the first.
+        Args:
+            sources: The senders.
+            parcels: Their parcels.
+            target: The target that they are about.
+            sequence: The number of the message; 0 for a new one.
+            relayed: Whether the senders relay a message of another node.
+
+        Returns:
+            An event that fires when the last broadcast has ended, and the bursts; see `Burst.received`.
         """
-        frames = [burst(source, EVERYONE, parcel, target) for source, parcel in zip(sources, parcels, strict=True)]
-        for frame in frames:
-            frame.sequence, frame.relayed = sequence, relayed
-        return self._mac.send(frames), frames
+        bursts = [full_burst(source, EVERYONE, parcel, target) for source, parcel in zip(sources, parcels, strict=True)]
+        for burst in bursts:
+            burst.sequence, burst.relayed = sequence, relayed
+        return self._send(bursts), bursts
 
-    def audience(self, node: int) -> Neighbours:
-        """Who may hear a node, the dead included."""
-        return self._wiring.audience(node)
+    def neighbours(self, node: int) -> Neighbours:
+        """The neighbours of a node, dead nodes included."""
+        return self._topology.neighbours(node)
 
-    def _one_hop(self, letters: list[Datagram], target: int, hub: int | None) -> simpy.Event:
-        frames = [burst(item.source, item.to, item.parcel, target) for item in letters]
-        event = self._mac.send(frames, hub)
-        assert event.callbacks is not None
-        event.callbacks.append(lambda _: self._settle(letters, frames))
+    def _send(self, bursts: Sequence[Burst], head: int | None = None) -> simpy.Event:
+        return cast(simpy.Event, self._mac.send(bursts, head))
+
+    def _one_hop(self, datagrams: list[Datagram], target: int, head: int | None) -> simpy.Event:
+        bursts = [full_burst(datagram.source, datagram.to, datagram.parcel, target) for datagram in datagrams]
+        event = self._send(bursts, head)
+        assert event.callbacks is not None, "bursts end later than they are sent"
+        event.callbacks.append(lambda _: self._complete(datagrams, bursts))
         return event
 
-    def _settle(self, letters: list[Datagram], frames: list[Burst]) -> None:
-        for item, frame in zip(letters, frames, strict=True):
-            item.mask, item.arrived = frame.mask, frame.packets > 0
-            item.hops, item.bits = 1, frame.sent
+    def _complete(self, datagrams: list[Datagram], bursts: list[Burst]) -> None:
+        for datagram, burst in zip(datagrams, bursts, strict=True):
+            datagram.mask, datagram.arrived = burst.mask, burst.packets > 0
+            datagram.hops, datagram.bits = 1, burst.sent
 
-    def _relay(self, item: Datagram, target: int) -> Any:
-        path = self._router.path(item.source, item.to)
+    def _relay(self, datagram: Datagram, target: int) -> Generator[simpy.Event, Any, None]:
+        """Send a datagram over several hops; each hop sends what arrived over the one before."""
+        source, parcel = datagram.source, datagram.parcel
+        path = self._router.path(source, datagram.to)
         if path is None:
-            self._no_path(item, target)
+            self._drop(datagram, target)
             return
-        sequence, mask, packets = 0, item.mask, item.parcel.packets
-        for source, to in itertools.pairwise(path):
-            if self.rouse is not None and to == item.to and self._sleeps(to):
-                yield self.rouse(source, to, target)
-            frame = Burst(source, to, item.parcel, target, mask, packets, sequence, relayed=source != item.source)
-            yield self._mac.send([frame])
-            item.hops += 1
-            item.bits += frame.sent
-            sequence, mask, packets = frame.sequence, frame.mask, frame.packets
+        sequence, mask, packets = 0, datagram.mask, parcel.packets
+        for node, to in itertools.pairwise(path):
+            if self.wake_neighbour is not None and to == datagram.to and self._sleeps(to):
+                yield self.wake_neighbour(node, to, target)
+            burst = Burst(node, to, parcel, target, mask, packets, sequence, relayed=node != source)
+            yield self._send([burst])
+            datagram.hops += 1
+            datagram.bits += burst.sent
+            sequence, mask, packets = burst.sequence, burst.mask, burst.packets
             if packets == 0:
                 break
-        item.mask, item.arrived = mask, packets > 0
+        datagram.mask, datagram.arrived = mask, packets > 0
+
+    def _must_wake(self, node: int) -> bool:
+        """Whether a node sleeps, and can be woken."""
+        return self.wake_neighbour is not None and self._sleeps(node)
 
     def _sleeps(self, node: int) -> bool:
-        """Whether a node must be woken before it hears anything."""
-        return bool(self._fleet.alive[node]) and not self._fleet.is_awake(node)
+        return bool(self._nodes.alive[node]) and not self._nodes.is_awake(node)
 
-    def _no_path(self, item: Datagram, target: int) -> None:
-        item.mask = np.zeros(item.parcel.packets, dtype=np.bool_)
-        code, packets = self._journal.code("no_path"), item.parcel.packets
-        self._journal.add(
-            event(self._env.now, self._journal.step, target, item.source, DROP, code, peer=item.to, packets=packets)
-        )
+    def _drop(self, datagram: Datagram, target: int) -> None:
+        """Log that no path leads to the destination."""
+        source, to, packets = datagram.source, datagram.to, datagram.parcel.packets
+        datagram.mask = np.zeros(packets, dtype=np.bool_)
+        now, step, code = self._env.now, self._log.step, self._log.code("no_path")
+        self._log.add(event(now, step, target, source, DROP, code, peer=to, packets=packets))

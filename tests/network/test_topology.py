@@ -1,0 +1,53 @@
+"""Who hears whom: symmetric where it must be, the same whoever asks and in whatever order."""
+
+import numpy as np
+import pytest
+
+from tests.network.radio_network import RadioNetwork
+from wsnsim.models.links import Disk, LogNormal
+
+FIELD = np.random.default_rng(3).uniform(0, 200, (60, 2))
+
+
+def test_links_do_not_depend_on_who_asks_first_nor_on_asking_for_all_at_once():
+    one, all_at_once = RadioNetwork(FIELD, link=LogNormal()).topology, RadioNetwork(FIELD, link=LogNormal()).topology
+    all_at_once.find_all()
+    for node in reversed(range(60)):
+        here, there = one.neighbours(node), all_at_once.neighbours(node)
+        assert np.array_equal(here.ids, there.ids) and np.array_equal(here.powers, there.powers)
+        assert np.array_equal(here.senses, there.senses) and here.id_list == there.id_list
+
+
+def test_a_disk_is_symmetric_and_a_shadowed_link_nearly_so():
+    topology = RadioNetwork(FIELD, link=Disk(reach=40.0)).topology
+    assert all(a in topology.neighbours(b).id_list for a in range(60) for b in topology.neighbours(a).id_list)
+    shadowed = RadioNetwork(FIELD, link=LogNormal(asymmetry=1.0)).topology
+    gaps = []
+    for a in range(60):
+        there = shadowed.neighbours(a)
+        for b, power in zip(there.id_list, there.powers, strict=True):
+            back = shadowed.neighbours(b).index(a)
+            if back >= 0:
+                gaps.append(power - shadowed.neighbours(b).powers[back])
+    assert np.std(gaps) == pytest.approx(np.sqrt(2.0), rel=0.15), "two independent directions of 1 dB"
+
+
+def test_nodes_are_connected_where_a_packet_more_often_arrives_than_not_both_ways():
+    topology = RadioNetwork(FIELD, link=LogNormal()).topology
+    pairs = [(a, b) for a in range(60) for b in range(60) if a != b]
+    for a, b in pairs:
+        assert topology.connected(a, b) == topology.connected(b, a)
+        assert topology.connected(a, b) == (min(topology.probability(a, b), topology.probability(b, a)) >= 0.5)
+    assert 0 < sum(topology.connected(a, b) for a, b in pairs) < len(pairs)
+
+
+def test_a_disk_that_loses_most_packets_still_connects():
+    topology = RadioNetwork([(0, 0), (30, 0), (90, 0)], link=Disk(reach=40.0, loss=0.9)).topology
+    assert topology.connected(0, 1) and not topology.connected(1, 2)
+    assert topology.probability(0, 1) == pytest.approx(0.1) and topology.probability(0, 2) == 0.0
+
+
+def test_an_audience_knows_where_a_node_stands_in_it():
+    neighbours = RadioNetwork([(0, 0), (30, 0), (90, 0), (35, 0)], link=Disk(reach=40.0)).topology.neighbours(0)
+    assert neighbours.id_list == [1, 3]
+    assert [neighbours.index(node) for node in range(4)] == [-1, 0, -1, 1]

@@ -1,0 +1,121 @@
+"""Transport: unicasts, broadcasts, relayed datagrams and what they cost, on an ideal channel."""
+
+import itertools
+
+import networkx as nx
+import numpy as np
+import pytest
+
+from tests.network.ledgers import SPENT, books
+from tests.network.radio_network import RadioNetwork
+from wsnsim.base.requests import PACKET_BITS, Parcel
+from wsnsim.base.tables import CAUSE, KIND
+from wsnsim.models.access import IdealMac
+from wsnsim.models.energy import FirstOrder
+from wsnsim.models.links import Disk
+from wsnsim.network.radio.transport import Datagram
+
+
+def ideal_network(positions, battery=2.0, mac=None, **components):
+    return RadioNetwork(positions, mac=mac or IdealMac(), energy=FirstOrder(battery=battery), **components)
+
+
+def events(network):
+    network.log.fingerprint()
+    return network.memory.table("events")
+
+
+def parcel(packets=1):
+    return Parcel("payload", packets, PACKET_BITS, "test")
+
+
+def test_a_unicast_costs_its_distance_to_the_sender_and_its_bits_to_the_receiver():
+    network = ideal_network([(0, 0), (30, 40), (1, 1)])
+    (sent,) = network.carry(Datagram(0, 1, parcel(3)))
+    bits = 3 * 96
+    assert sent.arrived and sent.mask.tolist() == [True] * 3 and (sent.hops, sent.bits) == (1, bits)
+    assert books(network.nodes)[0][SPENT] == pytest.approx(bits * (50e-9 + 100e-12 * 2500), rel=1e-12)
+    assert books(network.nodes)[1][SPENT] == pytest.approx(bits * 50e-9, rel=1e-12)
+    assert 2 not in books(network.nodes), "overheard unicasts cost nothing on an ideal channel"
+
+
+def test_a_broadcast_is_paid_at_reach_and_heard_by_every_living_node_within():
+    network = ideal_network([(0, 0), (30, 0), (74, 0), (76, 0), (0, 50)])
+    network.nodes.alive[4] = False
+    event, (frame,) = network.transport.broadcast([0], [parcel()], 0)
+    network.env.run(until=event)
+    assert sorted(frame.received) == [1, 2]
+    assert books(network.nodes)[0][SPENT] == pytest.approx(96 * (50e-9 + 100e-12 * 75**2), rel=1e-12)
+    assert network.nodes.ledger.totals[CAUSE["rx"]] == pytest.approx(2 * 96 * 50e-9, rel=1e-12)
+
+
+def test_a_broadcast_is_one_event_of_the_engine():
+    network = ideal_network([(0, 0)] + [(i, 1) for i in range(30)])
+    before = network.env._eid
+    next(before)
+    network.transport.broadcast([0], [parcel()], 0)
+    assert next(network.env._eid) == 2
+
+
+def test_what_is_sent_to_oneself_costs_nothing_and_arrives():
+    network = ideal_network([(0, 0), (10, 0)])
+    (sent,) = network.carry(Datagram(0, 0, parcel(5)))
+    assert sent.arrived and sent.mask.all() and books(network.nodes) == {}
+
+
+def test_paths_are_the_cheapest_by_energy_or_by_hops():
+    rng = np.random.default_rng(4)
+    positions = rng.uniform(-150, 150, (60, 2))
+    for weight in ("energy", "hop"):
+        network = ideal_network(positions, weight=weight)
+        graph = nx.Graph()
+        for a in range(60):
+            for b in range(a):
+                d = float(np.linalg.norm(positions[a] - positions[b]))
+                if d <= 75:
+                    graph.add_edge(a, b, w=1.0 if weight == "hop" else 100e-9 + 100e-12 * d * d)
+        for to in range(1, 60, 7):
+            found = network.router.path(0, to)
+            truth = nx.shortest_path_length(graph, 0, to, weight="w")
+            assert sum(graph[a][b]["w"] for a, b in itertools.pairwise(found)) == pytest.approx(truth)
+
+
+def test_the_dead_relay_nothing():
+    network = ideal_network([(0, 0), (60, 0), (60, 30), (120, 0)], weight="hop")
+    network.router.path(0, 3)
+    network.nodes.spend(1, CAUSE["cpu"], 10.0)
+    assert network.router.path(0, 3) == [0, 2, 3]
+    network.nodes.spend(2, CAUSE["cpu"], 10.0)
+    assert network.router.path(0, 3) is None
+    (sent,) = network.carry(Datagram(0, 3, parcel(2)))
+    assert not sent.arrived and not sent.mask.any()
+
+
+def test_packets_lost_on_a_hop_are_not_forwarded_and_hops_share_one_sequence():
+    network = ideal_network([(0, 0), (70, 0), (140, 0)], link=Disk(reach=75.0, loss=0.3))
+    (sent,) = network.carry(Datagram(0, 2, parcel(200)))
+    table = events(network)
+    sends = np.isin(table["kind"], [KIND["send"], KIND["relay"]])
+    assert table["packets"][sends][0] == 200
+    received = table["packets"][table["kind"] == KIND["receive"]]
+    assert table["packets"][sends][1] == received[0] < 200
+    assert received[1] == sent.mask.sum() < received[0]
+    assert len(set(table["sequence"][sends])) == 1 and len(set(table["frame"][sends])) == 2
+    assert 0.4 < sent.mask.mean() < 0.58
+
+
+def test_a_sender_whose_charge_ends_in_mid_burst_delivers_nothing_and_has_spent_all():
+    network = ideal_network([(0, 0), (10, 0)], battery=1e-5)
+    (sent,) = network.carry(Datagram(0, 1, parcel(100)))
+    assert not sent.arrived
+    assert not network.nodes.alive[0]
+    assert books(network.nodes)[0][SPENT] == 1e-5
+    assert 1 not in books(network.nodes)
+
+
+def test_with_a_rate_the_bursts_of_a_batch_follow_one_another():
+    network = ideal_network([(0, 0), (10, 0), (20, 0)], mac=IdealMac(rate=9600.0))
+    network.carry(Datagram(0, 1, parcel(2)), Datagram(2, 1, parcel(3)))
+    table = events(network)
+    assert table["time"][table["kind"] == KIND["receive"]] == pytest.approx([0.02, 0.05])
+    assert network.env.now == pytest.approx(0.05)

@@ -1,0 +1,102 @@
+"""What a MAC is given and what it sends: bursts and MAC frames.
+
+A tracker sends a `Parcel` (see `base.requests`). Its packets cross one hop as a `Burst`. The MAC sends a burst as one
+`MacFrame` or several, its fragments.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+
+from wsnsim.base.arrays import Bools
+from wsnsim.base.requests import Parcel, all_arrived
+from wsnsim.base.tables import KIND
+
+EVERYONE: Final = -1
+"""Destination of a broadcast."""
+SEND: Final = KIND["send"]
+
+Received = Any
+"""Result of a frame: for a broadcast the ids (n,) that received it, for a unicast whether its destination did."""
+
+
+@dataclass(slots=True)
+class Burst:
+    """The packets of one parcel over one hop. The MAC writes into it what arrived.
+
+    Attributes:
+        source: The sender.
+        to: The destination, or EVERYONE.
+        parcel: What is sent.
+        target: The target that it is about; -1 for none.
+        mask: (packets,) which packets of the parcel are in the burst; afterwards, for a unicast, which of them arrived.
+        packets: The number of these packets.
+        sequence: Number of the datagram or message, the same over all hops; 0 before the first hop.
+        relayed: Whether the sender is not the origin.
+        sent: Bits that left the sender.
+        received: For a broadcast, {node: (packets,) which packets it received}.
+    """
+
+    source: int
+    to: int
+    parcel: Parcel
+    target: int
+    mask: Bools
+    packets: int
+    sequence: int = 0
+    relayed: bool = False
+    sent: int = 0
+    received: dict[int, Bools] = field(default_factory=dict)
+
+    @property
+    def bits(self) -> int:
+        """Bits of the packets in the burst."""
+        return self.packets * self.parcel.packet_bits
+
+    def lose(self) -> None:
+        """Mark every packet as lost."""
+        self.mask, self.packets = np.zeros(self.mask.size, dtype=np.bool_), 0
+
+
+def full_burst(source: int, to: int, parcel: Parcel, target: int) -> Burst:
+    """Return a burst with all packets of a parcel."""
+    return Burst(source, to, parcel, target, all_arrived(parcel.packets), parcel.packets)
+
+
+class MacFrame:
+    """One MAC frame: header, payload and check sequence.
+
+    Attributes:
+        to: The destination, or EVERYONE.
+        bits: Length on the air.
+        packets: Packets inside; 0 for an acknowledgement.
+        target: The target that it is about; -1 for none.
+        code: What the event log calls it: a code of the column `what`.
+        kind: The event that logs its transmission: SEND or the code of `relay`.
+        sequence: The number of its burst.
+        sends: How often it was sent.
+        retries: How often it was sent again after a failed attempt.
+        owner: What the MAC keeps beside the frame while it is on the air.
+    """
+
+    __slots__ = ("bits", "code", "kind", "owner", "packets", "retries", "sends", "sequence", "target", "to")
+
+    def __init__(
+        self, to: int, bits: int, packets: int = 1, target: int = -1, code: int = 0, kind: int = SEND, sequence: int = 0
+    ) -> None:
+        self.to = to
+        self.bits = bits
+        self.packets = packets
+        self.target = target
+        self.code = code
+        self.kind = kind
+        self.sequence = sequence
+        self.sends = 0
+        self.retries = 0
+        self.owner: Any = None
+
+    def finish(self, received: Received | None) -> None:
+        """Take the final result of the frame; None if it never got the channel. A frame on its own ignores it."""

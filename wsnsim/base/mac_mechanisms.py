@@ -1,0 +1,189 @@
+"""The port of a MAC: what its mechanism may use of the network, and what it must offer.
+
+See `base.mechanisms` for components and mechanisms in general.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Protocol, runtime_checkable
+
+from wsnsim.base.arrays import Ints
+from wsnsim.base.counters import Counters
+from wsnsim.base.frames import Burst, MacFrame, Received
+from wsnsim.base.radio import FramedMac
+
+
+class Signal(Protocol):
+    """An event that the network waits for."""
+
+    def succeed(self) -> object:
+        """Fire the signal, once."""
+        ...
+
+
+class OnAir(Protocol):
+    """One MAC frame on the air, from `start` to `end` (s)."""
+
+    @property
+    def source(self) -> int: ...
+
+    @property
+    def frame(self) -> MacFrame: ...
+
+    @property
+    def start(self) -> float: ...
+
+    @property
+    def end(self) -> float: ...
+
+    @property
+    def cut(self) -> bool:
+        """Whether the sender fell silent before the end."""
+        ...
+
+
+class SharedChannel(Protocol):
+    """A channel on which sending takes time, and transmissions collide. It charges, logs and counts every frame."""
+
+    def is_busy(self, node: int) -> bool:
+        """Whether a node hears a transmission during the assessment that ends now, or sends itself."""
+        ...
+
+    def is_sending(self, node: int) -> bool:
+        """Whether a node sends or is about to: its radio cannot send another frame."""
+        ...
+
+    def transmit(
+        self,
+        source: int,
+        frame: MacFrame,
+        ended: Callable[[OnAir, Received], None],
+        asleep: Ints | None = None,
+    ) -> OnAir:
+        """Send a frame, one turnaround from now.
+
+        Args:
+            source: The sender, which must not be sending.
+            frame: The frame.
+            ended: Called at the end with the transmission and its result.
+            asleep: (n,) nodes that have the radio off because they know that the frame is not for them.
+        """
+        ...
+
+    def silence(self, node: int) -> None:
+        """Cut the transmission of a node that died or crashed."""
+        ...
+
+
+class Fragmenter(Protocol):
+    """Splits bursts into MAC frames."""
+
+    def split(self, burst: Burst, ended: Callable[[], None]) -> list[MacFrame]:
+        """Return the frames of a burst, in order; none for a burst without packets.
+
+        The MAC calls `finish` on each of them once. After the last one the burst holds what arrived, and `ended` is
+        called.
+        """
+        ...
+
+
+class MacServices(Protocol):
+    """What a MAC may use of the network. `now` is the simulated time in s, `step` the number of the present step."""
+
+    @property
+    def now(self) -> float: ...
+
+    @property
+    def step(self) -> int: ...
+
+    @property
+    def counters(self) -> Counters: ...
+
+    def key(self, stream: str) -> int:
+        """Return the key of a random stream (see `base.rng`)."""
+        ...
+
+    def is_up(self, node: int) -> bool:
+        """Whether a node is neither dead nor crashed."""
+        ...
+
+    def is_awake(self, node: int) -> bool:
+        """Whether a node is up and listens."""
+        ...
+
+    def neighbours(self, node: int) -> Ints:
+        """(n,) the nodes that a node's transmissions may reach, ascending."""
+        ...
+
+    def hold_awake(self, node: int) -> None:
+        """Keep a node awake until `release`, because it has a frame to send."""
+        ...
+
+    def release(self, node: int) -> None:
+        """Let a node follow its schedule again."""
+        ...
+
+    def lasts(self, node: int, seconds: float) -> float:
+        """Return the seconds that pass while a node's clock counts `seconds`."""
+        ...
+
+    def call_later(self, seconds: float, action: Callable[[], None]) -> None:
+        """Call an action after `seconds` of simulated time."""
+        ...
+
+    def signal(self) -> Signal:
+        """Return a new signal, for the end of bursts."""
+        ...
+
+    def open_channel(self, mac: FramedMac, assessment: float) -> SharedChannel:
+        """Return a channel on which the frames of a MAC take time. `assessment`: s of a clear channel assessment."""
+        ...
+
+    def fragmentation(self, mac: FramedMac) -> Fragmenter:
+        """Return what splits bursts into the frames of a MAC."""
+        ...
+
+    def log_drop(self, node: int, dropped: Burst | MacFrame, reason: str) -> None:
+        """Log that a node dropped a burst or a frame without sending it."""
+        ...
+
+
+class MacMechanism(Protocol):
+    """When the frames of a network get the channel."""
+
+    def send(self, bursts: Sequence[Burst], head: int | None = None) -> Signal:
+        """Send bursts; each ends with what arrived written into it.
+
+        Args:
+            bursts: The bursts, of any senders.
+            head: The cluster head, if all of them are between it and its members.
+
+        Returns:
+            A signal from `MacServices.signal` that succeeds when the last burst has ended.
+        """
+        ...
+
+    def offer(self, node: int, payload_bits: int, done: Callable[[Received | None], None], code: int = 0) -> None:
+        """Broadcast one payload, without a burst.
+
+        Args:
+            node: The sender.
+            payload_bits: Length of the payload.
+            done: Called once with the ids (n,) that received it, or None if it never got the channel.
+            code: What the event log calls it.
+        """
+        ...
+
+    def silence(self, node: int) -> None:
+        """Stop a node that died or crashed: its frames are lost, and their bursts end."""
+        ...
+
+
+@runtime_checkable
+class StartsMac(Protocol):
+    """A MAC component that brings its own mechanism: what a plug-in offers in addition to `radio.Mac`."""
+
+    def start(self, services: MacServices) -> MacMechanism:
+        """Return the mechanism. Called once, before the simulation starts."""
+        ...
