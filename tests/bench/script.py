@@ -10,14 +10,14 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from wsnsim.base.ports import Estimate
-from wsnsim.base.requests import Ask, Broadcast, Gather, Local, Member, Parcel, Scatter, Send
+from wsnsim.base.requests import Broadcast, Gather, Local, Member, Parcel, Request, Scatter, Send
 
 
 @dataclass
 class Script:
     """Flows in the order in which they were performed, each the asks it made; and what was estimated and forecast."""
 
-    flows: list[list[Ask]] = field(default_factory=list)
+    flows: list[list[Request]] = field(default_factory=list)
     estimates: list[Estimate] = field(default_factory=list)
     forecasts: list[Estimate] = field(default_factory=list)
 
@@ -46,8 +46,8 @@ class Recorded:
         self._script.forecasts.append(self._tracker.forecast(belief, scene, ahead))
         return self._script.forecasts[-1]
 
-    def _watch(self, flow: Generator[Ask, Any, Any]) -> Generator[Ask, Any, Any]:
-        asks: list[Ask] = []
+    def _watch(self, flow: Generator[Request, Any, Any]) -> Generator[Request, Any, Any]:
+        asks: list[Request] = []
         self._script.flows.append(asks)
         answer: Any = None
         while True:
@@ -83,12 +83,12 @@ class Replayed:
     def forecast(self, belief: Any, scene: Any, ahead: int) -> Estimate:
         return next(self._forecasts)
 
-    def _replay(self) -> Generator[Ask, Any, Any]:
+    def _replay(self) -> Generator[Request, Any, Any]:
         yield from (ask for ask in next(self._flows))
         return True
 
 
-def _noted(ask: Ask) -> tuple[Any, Ask]:
+def _noted(ask: Request) -> tuple[Any, Request]:
     """A copy of an ask that does nothing, filled in while the ask itself is performed."""
     if isinstance(ask, Local):
         return _noted_local(ask)

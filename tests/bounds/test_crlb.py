@@ -7,8 +7,8 @@ import pytest
 
 from wsnsim import read
 from wsnsim.base.errors import ResultError, UsageError
+from wsnsim.base.initial_conditions import sample_initial_conditions
 from wsnsim.bounds import GAINS, KINDS, READINGS, bound, bound_of_run, crlb
-from wsnsim.bounds.initial_conditions import sample_initial_conditions
 from wsnsim.bounds.recorded_readings import RecordedReadings
 from wsnsim.experiment import run, simulate
 from wsnsim.scenario import build, load, resolved, shipped

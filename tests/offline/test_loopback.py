@@ -55,5 +55,5 @@ def test_an_ask_may_address_members_that_do_not_sense():
 @pytest.mark.parametrize("lose", [perfect, silent])
 def test_a_watcher_sees_every_ask(lose):
     seen = []
-    perform(everything([]), cluster(), head=4, lose=lose, watch=seen.append)
+    perform(everything([]), cluster(), head=4, lose=lose, before=seen.append)
     assert [type(ask).__name__ for ask in seen] == ["Local", "Gather", "Scatter", "Broadcast", "Send", "Compute"]

@@ -13,8 +13,8 @@ from wsnsim import experiment, recording, scenario, verification
 from wsnsim.base.errors import RunError, ScenarioError
 from wsnsim.base.tables import Memory
 from wsnsim.models.ranging import Range
-from wsnsim.offline import offline_run
-from wsnsim.offline.offline_run import sensed
+from wsnsim.offline import measurements
+from wsnsim.offline.measurements import sample_readings
 from wsnsim.trackers.sir import Sir
 
 GROWTH = {
@@ -89,8 +89,8 @@ def test_on_the_bench_all_readings_arrive_and_are_counted_as_a_network_would_car
 
 def test_a_sensor_out_of_reach_has_no_reading_unless_it_reads_noise():
     points, positions = np.array([[0.0], [10.0]]), np.array([[0.0, 1.0], [30.0, 0.0]])
-    silent = sensed(Range(reach=25.0, sd=0.1), points, positions, np.empty((2, 0)), 5)
-    noisy = sensed(Range(reach=25.0, sd=0.1, beyond="noise"), points, positions, np.empty((2, 0)), 5)
+    silent = sample_readings(Range(reach=25.0, sd=0.1), points, positions, np.empty((2, 0)), 5)
+    noisy = sample_readings(Range(reach=25.0, sd=0.1, beyond="noise"), points, positions, np.empty((2, 0)), 5)
     assert np.isfinite(silent).tolist() == [[True, False], [True, True]]
     assert np.isfinite(noisy).all() and abs(noisy[0, 1]) < 1.0
     assert np.array_equal(silent[1], noisy[1])
@@ -98,7 +98,7 @@ def test_a_sensor_out_of_reach_has_no_reading_unless_it_reads_noise():
 
 def test_readings_do_not_depend_on_how_many_steps_are_drawn_at_a_time(monkeypatch):
     whole = ran("rkf", "duration=30 s")[1].run["fingerprint"]
-    monkeypatch.setattr(offline_run, "MOST_AHEAD", 56)
+    monkeypatch.setattr(measurements, "MOST_AHEAD", 56)
     assert ran("rkf", "duration=30 s")[1].run["fingerprint"] == whole
 
 

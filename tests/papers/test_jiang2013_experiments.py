@@ -9,8 +9,8 @@ import pytest
 
 from tests.campaign.inline_engine import InlineEngine
 from wsnsim import scenario
+from wsnsim.base.initial_conditions import sample_initial_conditions
 from wsnsim.base.tables import Memory
-from wsnsim.bounds.initial_conditions import sample_initial_conditions
 from wsnsim.experiment import simulate
 from wsnsim.papers import measures, reproduce
 from wsnsim.papers.jiang2013 import measures as jiang2013_measures

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from wsnsim.base.ports import Estimate, Field, Scene
-from wsnsim.base.requests import Ask, Broadcast, Compute, Local, Member, Parcel, all_arrived
+from wsnsim.base.requests import Broadcast, Compute, Local, Member, Parcel, Request, all_arrived
 from wsnsim.base.rng import derive, derive_all, normals
 from wsnsim.offline.loopback import Lose, perform
 
@@ -149,7 +149,7 @@ class Cluster:
         """Drive a flow, and count."""
         heard, locals_done, broadcasting = Heard(), [], [False]
 
-        def see(ask: Ask) -> None:
+        def see(ask: Request) -> None:
             broadcasting[0] = isinstance(ask, Broadcast)
             if isinstance(ask, Broadcast):
                 heard.packets.append((self.head, -1, ask.parcel.what, ask.parcel.packets))

@@ -1,6 +1,6 @@
 """What a tracker may ask of the network, and the one shape of a tracker's flow.
 
-    Flow[Belief] = Generator[Ask, Any, Belief]
+    Flow[Belief] = Generator[Request, Any, Belief]
 
 A flow yields an ask and is sent back what happened. It knows no clock and no engine; joules, airtime and loss are the
 driver's.
@@ -128,8 +128,8 @@ class Compute:
     cycles: float
 
 
-Ask: TypeAlias = Local | Gather | Scatter | Broadcast | Send | Compute
-Flow: TypeAlias = Generator[Ask, Any, Belief]
+Request: TypeAlias = Local | Gather | Scatter | Broadcast | Send | Compute
+Flow: TypeAlias = Generator[Request, Any, Belief]
 
 _ALL: dict[int, Bools] = {}
 

@@ -105,6 +105,13 @@ class NetworkSetup(TrackingSetup, RadioSetup):
         every = self.acquire.poll
         return 1 if every is None or not self.nodes_search else max(1, round(self.dt / every))
 
+    def due_reports(self, steps: int) -> int:
+        """Number of reports that a track owes the sink in this many steps."""
+        if self.sink.point is None:
+            return 0
+        every = 1 if self.sink.every is None else max(1, round(self.sink.every / self.dt))
+        return steps // every
+
     @property
     def head_threshold(self) -> float:
         """Joules that a node must hold to be chosen: one packet sent at reach, one received, one step's processing.

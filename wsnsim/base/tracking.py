@@ -18,7 +18,7 @@ FIRST_STEPS: Final = 20
 """Steps over which Li (2012) counts ineffective nodes."""
 
 
-class Rule(NamedTuple):
+class TrackRule(NamedTuple):
     """When a track is lost (window in steps, limit in m), how long a step is (s), and how many reports are due."""
 
     window: int
@@ -27,7 +27,7 @@ class Rule(NamedTuple):
     due: int
 
 
-def track_row(estimates: Mapping[int, Issued], columns: Mapping[str, Any], rule: Rule) -> dict[str, Any]:
+def track_row(estimates: Mapping[int, Issued], columns: Mapping[str, Any], rule: TrackRule) -> dict[str, Any]:
     """The figures of one track, from the columns of its rows in the table `estimates`."""
     errors, steps = np.asarray(columns["error"]), len(columns["time"])
     return {
@@ -43,7 +43,7 @@ def track_row(estimates: Mapping[int, Issued], columns: Mapping[str, Any], rule:
     }
 
 
-def _delays(columns: Mapping[str, Any], rule: Rule) -> dict[str, Any]:
+def _delays(columns: Mapping[str, Any], rule: TrackRule) -> dict[str, Any]:
     """How long estimates took to be made, and to reach the sink: times in s, NaN for what never happened."""
     steps, issued, received = (columns[name] for name in ("time", "issued", "received"))
     in_time = int((received <= steps + rule.dt).sum())

@@ -10,11 +10,12 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 
 from wsnsim.base.arrays import Floats
+from wsnsim.base.initial_conditions import InitialConditions
 from wsnsim.base.ports import MotionModel
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.bounds import unknown_gains
 from wsnsim.bounds.information import UsedReadings, information
-from wsnsim.bounds.initial_conditions import InitialConditions, process_noise
+from wsnsim.bounds.initial_conditions import process_noise
 from wsnsim.bounds.recursion import LinearisedMotion, along_trajectories, over_trajectories
 
 UsedBy = Callable[[int, int], UsedReadings]
@@ -93,7 +94,7 @@ def _of_target(
 ) -> tuple[MotionModel, Floats, Floats]:
     """A target's motion model, trajectories (R, steps + 1, D) and prior covariances (R, D, D)."""
     truths = np.array([one.truths[target] for one in conditions])
-    return setup.motions[target], truths, np.array([one.priors[target] for one in conditions])
+    return setup.motions[target], truths, np.array([one.priors[target].cov for one in conditions])
 
 
 def _linearised(motion: MotionModel, truths: Floats, dt: float) -> Iterator[LinearisedMotion]:

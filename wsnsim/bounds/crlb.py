@@ -29,15 +29,14 @@ import numpy as np
 from wsnsim.base import metrics
 from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import ResultError, UsageError, did_you_mean
+from wsnsim.base.initial_conditions import InitialConditions, sample_initial_conditions
 from wsnsim.base.ports import Informs
 from wsnsim.base.setups import BeaconSetup, NetworkSetup, TrackingSetup
 from wsnsim.bounds.covariances import UsedBy, covariances
 from wsnsim.bounds.information import in_range
 from wsnsim.bounds.initial_conditions import (
-    InitialConditions,
     cautions,
     reason_without_bound,
-    sample_initial_conditions,
 )
 from wsnsim.bounds.recorded_readings import RecordedReadings
 from wsnsim.experiment import rerun_source

@@ -1,45 +1,19 @@
-"""What is random in a run before the clock starts: network, trajectories and priors; and which bounds they allow.
+"""Which bounds the initial conditions of a scenario allow.
 
-sample_initial_conditions(setup, replicate) -> InitialConditions      reason_without_bound(motion, kind) -> text or ''
+reason_without_bound(motion, kind) -> text or ''      cautions(setup, conditions) -> texts
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from wsnsim.base.arrays import Floats
+from wsnsim.base.initial_conditions import InitialConditions
 from wsnsim.base.ports import Continuous, MotionModel
-from wsnsim.base.rng import Streams
 from wsnsim.base.setups import TrackingSetup
-
-
-class InitialConditions(NamedTuple):
-    """The network, trajectories and priors of one Monte Carlo run.
-
-    Attributes:
-        positions: (N, 2) of the nodes.
-        traits: (N, T) constants of the nodes' sensors, such as gains.
-        truths: for each target, its states (steps + 1, D).
-        priors: for each target, the covariance (D, D) of its prior.
-    """
-
-    positions: Floats
-    traits: Floats
-    truths: list[Floats]
-    priors: list[Floats]
-
-
-def sample_initial_conditions(setup: TrackingSetup, replicate: int) -> InitialConditions:
-    """The network and targets that `experiment.simulate` uses in this run, from the same random streams."""
-    streams = Streams(setup.seed, replicate)
-    positions = setup.deploy.draw(setup.sensor.reach, streams("deploy"))
-    traits = setup.sensor.draw_traits(len(positions), streams("gains"))
-    truth, prior = streams("truth"), streams("prior")
-    truths = [motion.truth(setup.steps, setup.dt, truth) for motion in setup.motions]
-    return InitialConditions(positions, traits, truths, [setup.prior.draw(states[0], prior).cov for states in truths])
 
 
 def reason_without_bound(motion: MotionModel, kind: str) -> str:

@@ -1,6 +1,6 @@
 """What a network leaves behind, as rows of the result's tables.
 
-write_rows(outcome, replicate, parts, recorder)     run_row(outcome, parts) -> columns of `runs`
+write_rows(outcome, replicate, parts, recorder)     network_result(outcome, setup, coverage) -> RunResult
 """
 
 from __future__ import annotations
@@ -11,10 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from wsnsim.base.counters import Counters
 from wsnsim.base.ports import Recorder
-from wsnsim.base.setups import NetworkSetup
+from wsnsim.base.results import RADIO_COUNTERS, RunResult, RunTotals, TrackResult
+from wsnsim.base.setups import NetworkSetup, RadioSetup
 from wsnsim.base.sleeping import WakeUpRound
+from wsnsim.base.tables import CAUSES
 from wsnsim.network.clusters.track import ClusterRecord, Track
 from wsnsim.network.nodes import Nodes
 from wsnsim.network.outcome import NetworkOutcome
@@ -37,6 +38,23 @@ def write_network(fleet: Nodes, replicate: int, trait_names: tuple[str, ...], re
     _write(recorder, "energy", replicate, _energy(fleet))
 
 
+def network_result(outcome: NetworkOutcome, setup: RadioSetup, coverage: float = NAN) -> RunResult:
+    """The result of a run, with targets or without.
+
+    Args:
+        outcome: The state of the network at the end of the run.
+        setup: The scenario.
+        coverage: Fraction of the field that the living nodes sense; NaN without targets.
+    """
+    joules = {cause: total for cause, total in zip(CAUSES, outcome.nodes.ledger.totals, strict=True) if total}
+    totals = _totals(outcome, coverage)
+    if not isinstance(setup, NetworkSetup):
+        return RunResult(setup.steps, (), totals, joules)
+    tracks = [TrackResult(t.estimates, t.heads, woken_rows(outcome, t), _counts(t)) for t in outcome.tracks]
+    clusters = sum(len(track.clusters) for track in outcome.tracks)
+    return RunResult(outcome.steps, tracks, totals, joules, clusters, setup.due_reports(outcome.steps))
+
+
 def woken_rows(outcome: NetworkOutcome, track: Track) -> dict[str, Any]:
     """The columns of the table `estimates` that only a network has."""
     woken = outcome.woken[track.target, 1 : outcome.steps + 1]
@@ -44,41 +62,29 @@ def woken_rows(outcome: NetworkOutcome, track: Track) -> dict[str, Any]:
     return {"woken": woken[:, 0], "ineffective": woken[:, 1], "received": np.array(received)}
 
 
-def called_row(track: Track) -> dict[str, int]:
-    """What the table `tracks` says of calls on the wake-up radio."""
-    return {name: sum(getattr(one, name) for one in track.rounds) for name in ("called", "dismissed")}
+def _counts(track: Track) -> dict[str, int]:
+    """The columns of the table `tracks` that only a network has."""
+    called = {name: sum(getattr(one, name) for one in track.rounds) for name in ("called", "dismissed")}
+    return {"reacquired": track.reacquired, **called}
 
 
-def run_row(outcome: NetworkOutcome, coverage: float = NAN) -> dict[str, Any]:
-    """The columns of the table `runs` about the network.
-
-    Args:
-        outcome: what the run left behind.
-        coverage: fraction of the field that the living nodes sense.
-    """
+def _totals(outcome: NetworkOutcome, coverage: float) -> RunTotals:
+    """The columns of the table `runs` that do not depend on estimates."""
     nodes = outcome.nodes
     deaths = sorted(nodes.died_at.values())
     half = (nodes.size + 1) // 2
-    return {
-        "energy": float(sum(nodes.ledger.totals)),
-        "handovers": sum(track.handovers for track in outcome.tracks),
-        **count_columns(outcome.counts),
-        "cycles": outcome.cycles,
-        "awake": outcome.awake,
-        "alive": sum(nodes.alive),
-        "first_death": deaths[0] if deaths else NAN,
-        "half_dead": deaths[half - 1] if len(deaths) >= half else NAN,
-        "coverage": coverage,
-        "event_fingerprint": outcome.event_fingerprint,
-    }
-
-
-def count_columns(counts: Counters) -> dict[str, int]:
-    """What the table `runs` says of the air."""
-    names = (
-        "frames_sent", "frames_lost", "packets_sent", "in_range", "delivered", "collided", "access_failures", "retries",
-    )  # fmt: skip
-    return {name: getattr(counts, name) for name in names}
+    return RunTotals(
+        event_fingerprint=outcome.event_fingerprint,
+        alive=sum(nodes.alive),
+        energy=float(sum(nodes.ledger.totals)),
+        handovers=sum(track.handovers for track in outcome.tracks),
+        cycles=outcome.cycles,
+        awake=outcome.awake,
+        first_death=deaths[0] if deaths else NAN,
+        half_dead=deaths[half - 1] if len(deaths) >= half else NAN,
+        coverage=coverage,
+        **{name: getattr(outcome.counts, name) for name in RADIO_COUNTERS},
+    )
 
 
 def _write(recorder: Recorder, table: str, replicate: int, columns: dict[str, Any]) -> None:

@@ -1,1 +1,1 @@
-"""A tracker without a network: every sensor at one table, every packet arrives, nothing takes time or energy."""
+"""A tracker without a network: one cluster of all sensors, every packet arrives, nothing takes time or energy."""

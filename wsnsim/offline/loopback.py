@@ -1,18 +1,17 @@
-"""The smallest driver of a flow: a cluster on a table, no clock, no joules. It serves filters' tests and benches.
+"""The smallest driver of a tracker's flow: it performs requests at once, without a clock and without energy.
 
 belief = perform(tracker.step(belief, scene), {member.id: member for member in members}, head, lose)
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from wsnsim.base.arrays import Bools
 from wsnsim.base.requests import (
-    Ask,
     Broadcast,
     Compute,
     Delivery,
@@ -20,22 +19,24 @@ from wsnsim.base.requests import (
     Gather,
     Local,
     Member,
+    NodeId,
     Parcel,
+    Request,
     Scatter,
     all_arrived,
 )
 
-Lose = Callable[[int, int, Parcel], Bools]
+Lose: TypeAlias = Callable[[int, int, Parcel], Bools]
 """(source, destination, parcel) → mask of the packets that arrive."""
 
 
 def perfect(source: int, to: int, parcel: Parcel) -> Bools:
-    """Everything arrives."""
+    """The mask of a lossless network: everything arrives."""
     return all_arrived(parcel.packets)
 
 
 def silent(source: int, to: int, parcel: Parcel) -> Bools:
-    """Nothing arrives."""
+    """The mask of a silent network: nothing arrives."""
     return np.zeros(parcel.packets, dtype=np.bool_)
 
 
@@ -44,53 +45,66 @@ def perform(
     members: dict[int, Member],
     head: int,
     lose: Lose = perfect,
-    watch: Callable[[Ask], None] | None = None,
-    close: Callable[[Ask, Any], None] | None = None,
+    before: Callable[[Request], None] | None = None,
+    after: Callable[[Request, Any], None] | None = None,
 ) -> Any:
-    """Drive a flow to its end and give its belief. `watch` sees every ask before, `close` every ask and its answer."""
+    """Perform all requests of a flow; returns its belief.
+
+    Args:
+        flow: The flow of a tracker.
+        members: Members of the cluster by id.
+        head: Id of the cluster head.
+        lose: Which packets arrive.
+        before: Called with each request before it is performed.
+        after: Called with each request and its answer.
+    """
     answer: Any = None
     while True:
         try:
-            ask = flow.send(answer)
+            request = flow.send(answer)
         except StopIteration as end:
             return end.value
-        if watch:
-            watch(ask)
-        answer = answer_to(ask, members, head, lose)
-        if close:
-            close(ask, answer)
+        if before:
+            before(request)
+        answer = answer_to(request, members, head, lose)
+        if after:
+            after(request, answer)
 
 
-def answer_to(ask: Ask, members: dict[int, Member], head: int, lose: Lose) -> Any:
-    """What a network that loses as `lose` says would answer."""
-    if isinstance(ask, Compute):
+def answer_to(request: Request, members: dict[int, Member], head: int, lose: Lose) -> Any:
+    """The answer to a request in a network that loses packets as `lose` says."""
+    if isinstance(request, Compute):
         return None
-    if isinstance(ask, Local):
-        return _compute(ask, _addressed(ask.who, members))
-    if isinstance(ask, Gather):
-        parcels = {member.id: ask.parcel_of(member) for member in _addressed(ask.who, members)}
-        masks = {i: _carry(i, head, parcel, lose) for i, parcel in parcels.items() if parcel is not None}
-        return {i: (parcels[i].payload, mask) for i, mask in masks.items() if mask.any()}  # type: ignore[union-attr]
-    if isinstance(ask, Scatter):
-        return _deliver({i: parcel for i, parcel in ask.parcels.items() if i in members}, members, head, lose)
-    if isinstance(ask, Broadcast):
-        return _deliver({i: ask.parcel for i in members if i != head}, members, head, lose)
-    return _carry(head, ask.to, ask.parcel, lose)
+    if isinstance(request, Local):
+        return _compute(request, _addressed(request.who, members))
+    if isinstance(request, Gather):
+        return _gather(request, _addressed(request.who, members), head, lose)
+    if isinstance(request, Scatter):
+        return _deliver({i: parcel for i, parcel in request.parcels.items() if i in members}, members, head, lose)
+    if isinstance(request, Broadcast):
+        return _deliver({i: request.parcel for i in members if i != head}, members, head, lose)
+    return _carry(head, request.to, request.parcel, lose)
 
 
-def _addressed(who: Any, members: dict[int, Member]) -> list[Member]:
+def _addressed(who: Sequence[NodeId] | None, members: Mapping[int, Member]) -> list[Member]:
     if who is None:
         return [member for member in members.values() if member.reading is not None]
     return [members[i] for i in who if i in members]
 
 
-def _compute(ask: Local, addressed: list[Member]) -> tuple[int, ...]:
-    if ask.work_all is not None and addressed:
-        ask.work_all(addressed)
+def _compute(request: Local, addressed: list[Member]) -> tuple[int, ...]:
+    if request.work_all is not None and addressed:
+        request.work_all(addressed)
     else:
         for member in addressed:
-            ask.work(member)
+            request.work(member)
     return tuple(member.id for member in addressed)
+
+
+def _gather(request: Gather, addressed: list[Member], head: int, lose: Lose) -> dict[int, tuple[Any, Bools]]:
+    parcels = {member.id: request.parcel_of(member) for member in addressed}
+    sent = {i: (parcel.payload, _carry(i, head, parcel, lose)) for i, parcel in parcels.items() if parcel is not None}
+    return {i: (payload, mask) for i, (payload, mask) in sent.items() if mask.any()}
 
 
 def _carry(source: int, to: int, parcel: Parcel, lose: Lose) -> Bools:

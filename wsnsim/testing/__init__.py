@@ -16,7 +16,7 @@ import numpy as np
 
 from wsnsim.base.arrays import Bools
 from wsnsim.base.ports import Estimate, MotionModel, SensorModel, Tracker
-from wsnsim.base.requests import Ask, Broadcast, Compute, Gather, Local, Member, Parcel, Scatter, Send
+from wsnsim.base.requests import Broadcast, Compute, Gather, Local, Member, Parcel, Request, Scatter, Send
 from wsnsim.models.motion import BoundedVelocity
 from wsnsim.models.sensing import AcousticEnergy
 from wsnsim.offline.loopback import Lose, silent
@@ -108,7 +108,7 @@ class _Bill:
     def __init__(self) -> None:
         self.bits = 0
 
-    def watch(self, ask: Ask, members: dict[int, Member]) -> None:
+    def watch(self, ask: Request, members: dict[int, Member]) -> None:
         """Add an ask's bits. A Gather and a Local are made to show theirs when they are performed."""
         if isinstance(ask, Compute):
             _check_cycles(ask.cycles)

@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from wsnsim.base.requests import Ask, Local, Member
+from wsnsim.base.requests import Local, Member, Request
 from wsnsim.base.rng import derive
 
 
-def examine(ask: Ask, members: dict[int, Member]) -> None:
+def examine(ask: Request, members: dict[int, Member]) -> None:
     """Raises AssertionError if the work of a Local depends on, or changes, anything but its own member.
 
     Also if `work_all` does not give the same bits as `work` one by one.

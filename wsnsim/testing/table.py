@@ -13,7 +13,7 @@ import numpy as np
 
 from wsnsim.base.arrays import Floats, planar
 from wsnsim.base.ports import Estimate, Field, MotionModel, Scene, SensorModel, Tracker
-from wsnsim.base.requests import Ask, Member
+from wsnsim.base.requests import Member, Request
 from wsnsim.base.rng import derive, derive_all, normals
 from wsnsim.offline.loopback import Lose, perfect, perform
 
@@ -104,7 +104,7 @@ class Table:
         return value if self.alter is None else self.alter(member.id, value)
 
 
-Watch = Callable[[Ask, dict[int, Member]], None]
+Watch = Callable[[Request, dict[int, Member]], None]
 
 
 def track(tracker: Tracker[Any], table: Table, lose: Lose = perfect, watch: Watch | None = None) -> Iterator[Estimate]:

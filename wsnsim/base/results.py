@@ -1,0 +1,158 @@
+"""The result of one run, and its rows of the tables `runs`, `tracks`, `truth` and `estimates`.
+
+summarise(setup, replicate, result, truths, recorder) -> Summary        writes the rows of these tables
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from wsnsim.base import metrics
+from wsnsim.base.arrays import Floats
+from wsnsim.base.ports import Recorder
+from wsnsim.base.rows import NAN, Issued, deviation_rmse, estimate_rows, fingerprint, truth_rows
+from wsnsim.base.setups import Setup, TrackingSetup
+from wsnsim.base.tracking import TrackRule, track_row
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunTotals:
+    """Columns of the table `runs` that do not depend on estimates. The defaults hold for a run without a network."""
+
+    event_fingerprint: int
+    alive: int
+    energy: float = NAN
+    handovers: int = 0
+    frames_sent: int = 0
+    frames_lost: int = 0
+    packets_sent: int = 0
+    in_range: int = 0
+    delivered: int = 0
+    collided: int = 0
+    access_failures: int = 0
+    retries: int = 0
+    cycles: float = 0.0
+    awake: float = NAN
+    first_death: float = NAN
+    half_dead: float = NAN
+    coverage: float = NAN
+
+
+RADIO_COUNTERS: Final = (
+    "frames_sent", "frames_lost", "packets_sent", "in_range", "delivered", "collided", "access_failures", "retries",
+)  # fmt: skip
+"""The fields of `RunTotals` that the radio counts."""
+
+
+class TrackResult(NamedTuple):
+    """The estimates of one target, and what a network adds to them.
+
+    Attributes:
+        estimates: The estimates by step.
+        heads: Cluster head of each step from 0 on; -1 if there is none.
+        columns: Columns of the table `estimates` that only a network has.
+        counts: Columns of the table `tracks` that only a network has.
+    """
+
+    estimates: Mapping[int, Issued]
+    heads: Sequence[int]
+    columns: Mapping[str, Any]
+    counts: Mapping[str, int]
+
+
+class RunResult(NamedTuple):
+    """The result of one run: simulated steps, tracks, totals, energy (J) by cause, and number of clusters.
+
+    `due`: number of reports that each track owes the sink.
+    """
+
+    steps: int
+    tracks: Sequence[TrackResult]
+    totals: RunTotals
+    joules: Mapping[str, float]
+    clusters: int = 0
+    due: int = 0
+
+
+@dataclass(frozen=True)
+class Summary:
+    """Statistics of one run.
+
+    Attributes:
+        run: Its row of the table `runs`.
+        tracks: Its rows of the table `tracks`.
+        errors: (targets, steps) position errors.
+        column_rmse: (targets, D) root mean square error of each state column over the steps.
+        joules: Energy that the network spent, by cause.
+        clusters: Number of clusters.
+    """
+
+    run: Mapping[str, Any]
+    tracks: tuple[Mapping[str, Any], ...]
+    errors: Floats
+    column_rmse: Floats
+    joules: Mapping[str, float]
+    clusters: int
+
+
+def summarise(
+    setup: Setup, replicate: int, result: RunResult, truths: Sequence[Floats], recorder: Recorder, started: float
+) -> Summary:
+    """The statistics of a run; its rows of the tables `truth`, `estimates`, `tracks` and `runs` are written.
+
+    Args:
+        setup: The scenario.
+        replicate: Number of the run.
+        result: What the run produced.
+        truths: The states (steps + 1, D) of each target.
+        recorder: Where the rows go.
+        started: Processor time (s) at the start of the run, as `time.process_time` gives it.
+    """
+    errors = np.empty((len(truths), result.steps))
+    deviations, rows = [], []
+    for target, truth in enumerate(truths):
+        assert isinstance(setup, TrackingSetup), "only a tracking scenario has targets"
+        rule = TrackRule(setup.lost_window, setup.lost_limit, setup.dt, result.due)
+        track, motion = result.tracks[target], setup.motions[target]
+        key = {"replicate": replicate, "target": target}
+        columns = estimate_rows(track.estimates, track.heads, motion, truth, result.steps, setup.dt)
+        columns.update(track.columns)
+        if recorder.wants("truth"):
+            recorder.write("truth", {**key, **truth_rows(motion, truth, result.steps, setup.dt)})
+        if recorder.wants("estimates"):
+            recorder.write("estimates", {**key, **columns})
+        errors[target] = columns["error"]
+        deviations.append(deviation_rmse(columns, motion, truth))
+        rows.append({**key, **track_row(track.estimates, columns, rule), **track.counts})
+    column_rmse = np.array(deviations) if deviations else np.empty((0, 0))
+    run = {"replicate": replicate, **_run_row(result, errors, rows), "cpu_seconds": time.process_time() - started}
+    for table, written in (("tracks", rows), ("runs", [run])):
+        for row in written if recorder.wants(table) else ():
+            recorder.write(table, row)
+    return Summary(run, tuple(rows), errors, column_rmse, result.joules, result.clusters)
+
+
+def _run_row(result: RunResult, errors: Floats, tracks: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """The row of the table `runs`, without `replicate` and `cpu_seconds`."""
+    estimates = [track.estimates for track in result.tracks]
+    return {
+        "status": 0,
+        "steps": result.steps,
+        "rmse": metrics.rmse(errors),
+        "median_error": metrics.median_error(errors),
+        "lost": int(any(row["lost"] for row in tracks)),
+        "tracked": _mean(tracks, "tracked"),
+        "tracked_three": _mean(tracks, "tracked_three"),
+        **dataclasses.asdict(result.totals),
+        "fingerprint": fingerprint(result.totals.event_fingerprint, estimates),
+    }
+
+
+def _mean(tracks: Sequence[Mapping[str, Any]], name: str) -> float:
+    return float(np.mean([row[name] for row in tracks])) if tracks else NAN

@@ -1,0 +1,114 @@
+"""The sensors of a scenario without a network, as members of one cluster, and their measurements of one target."""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from wsnsim.base.arrays import Floats, planar
+from wsnsim.base.initial_conditions import InitialConditions
+from wsnsim.base.ports import Detects, Scene, SensorModel
+from wsnsim.base.requests import Member
+from wsnsim.base.rng import HEAD_KEY, Streams, derive, derive_all, derive_each, reading_noise
+from wsnsim.base.setups import TrackingSetup
+
+HEAD: Final = 0
+"""The sensor that is the head of the cluster for the whole run."""
+MOST_AHEAD: Final = 200_000
+"""Measurements computed per block: enough to be fast, few enough for a field with many nodes."""
+
+
+class OfflineCluster:
+    """All sensors as one cluster for one target. `members` holds them by number."""
+
+    def __init__(self, setup: TrackingSetup, target: int, conditions: InitialConditions, streams: Streams) -> None:
+        self._setup, self._target = setup, target
+        self._positions, self._traits = conditions.positions, conditions.traits
+        self._sense_key = derive(streams.key("sense"), target)
+        self._track_key = derive(streams.key("tracker"), target)
+        truth = conditions.truths[target]
+        self._points = truth[:, list(setup.motions[target].position)]
+        self._length = max(1, min(len(truth), MOST_AHEAD // len(self._positions)))
+        self._block = _Block(0, [], [], [])
+        self._ids: tuple[int, ...] = ()
+        self._rows = np.zeros(0, dtype=np.int64)
+        sensors = zip(self._positions, self._traits, strict=True)
+        self.members = {node: Member(node, position, traits) for node, (position, traits) in enumerate(sensors)}
+
+    def scene(self, step: int, steps: int) -> Scene:
+        """The scene of a step, `steps` after the last one; each member gets its measurement and its key."""
+        setup, block = self._setup, self._block_of(step)
+        before, ids, row = self._ids, block.ids[step - block.first], step - block.first
+        if ids != before:
+            self._ids, self._rows = ids, np.array(ids, dtype=np.int64)
+        for member, value, key in zip(self.members.values(), block.readings[row], block.keys[row], strict=True):
+            member.reading, member.key = None if value != value else value, key
+        return Scene(
+            time=step * setup.dt,
+            step=step,
+            steps=steps,
+            dt=setup.dt,
+            target=self._target,
+            head=HEAD,
+            ids=ids,
+            positions=self._positions[self._rows],
+            traits=self._traits[self._rows],
+            roster=tuple(self.members),
+            joined=() if ids == before else tuple([node for node in ids if node not in before]),
+            left=() if ids == before else tuple([node for node in before if node not in ids]),
+            field=setup.deploy.field,
+            motion=setup.filter_motions[self._target],
+            sensor=setup.filter_sensor,
+            key=derive(self._track_key, step, HEAD_KEY),
+        )
+
+    def _block_of(self, step: int) -> _Block:
+        """The block of steps that holds this one, computed if it is not the present one."""
+        if not self._block.first <= step < self._block.first + len(self._block.ids):
+            points = self._points[step : step + self._length]
+            numbers = np.arange(step, step + len(points))
+            sensor = self._setup.sensor
+            readings = sample_readings(sensor, points, self._positions, self._traits, self._sense_key, step)
+            nodes = np.arange(len(self.members), dtype=np.uint64)
+            keys = derive_each(derive_all(self._track_key, numbers)[:, None], nodes[None, :])
+            ids = [tuple(np.flatnonzero(known).tolist()) for known in np.isfinite(readings)]
+            self._block = _Block(step, ids, readings.tolist(), keys.tolist())
+        return self._block
+
+
+class _Block(NamedTuple):
+    """Consecutive steps from `first` on: ids of the sensors with a measurement, all measurements, members' keys.
+
+    The measurement of a sensor that has none is NaN.
+    """
+
+    first: int
+    ids: list[tuple[int, ...]]
+    readings: list[list[float]]
+    keys: list[list[int]]
+
+
+def sample_readings(
+    sensor: SensorModel, points: Floats, positions: Floats, traits: Floats, key: int, first: int = 0
+) -> Floats:
+    """(T, S) measurements of a target at points (T, P) by sensors at positions (S, 2); NaN out of range.
+
+    Args:
+        sensor: The sensor model.
+        points: Position of the target at the steps from `first` on.
+        positions: Positions of the sensors.
+        traits: (S, n) constants of the sensors.
+        key: `derive(streams.key("sense"), target)`.
+        first: Number of the first step.
+    """
+    if isinstance(sensor, Detects):
+        detecting = sensor.detects(points, positions)
+    else:
+        apart = planar(points)[:, None, :] - positions[None, :, :]
+        detecting = np.hypot(apart[..., 0], apart[..., 1]) <= sensor.reach
+    readings = np.full(detecting.shape, np.nan)
+    steps, nodes = np.nonzero(detecting)
+    noise = reading_noise(key, first + steps, nodes)
+    readings[steps, nodes] = sensor.measure(points[steps], positions[nodes], traits[nodes], noise)
+    return readings
