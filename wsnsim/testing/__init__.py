@@ -8,8 +8,7 @@ A demand that fails raises AssertionError, which names it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,10 +19,13 @@ from wsnsim.base.requests import Broadcast, Compute, Gather, Local, Member, Parc
 from wsnsim.models.motion import BoundedVelocity
 from wsnsim.models.sensing import AcousticEnergy
 from wsnsim.offline.loopback import Lose, silent
+from wsnsim.testing.demand import demand
 from wsnsim.testing.privacy import examine, same
 from wsnsim.testing.table import FIRST, SECOND, Table, track
+from wsnsim.testing.wakeups import check_wakeup
+from wsnsim.testing.workloads import check_workload
 
-__all__ = ["Table", "check_tracker", "track"]
+__all__ = ["Table", "check_tracker", "check_wakeup", "check_workload", "track"]
 
 
 class Models(NamedTuple):
@@ -55,31 +57,20 @@ def check_tracker(
     target: Any = BoundedVelocity() if motion is None else motion
     nodes: Any = AcousticEnergy() if sensor is None else sensor
     models = Models(target, nodes, seed)
-    with _demand("sound"):
+    with demand("sound"):
         _demand_sound(tracker, Table(*models))
-    with _demand("repeatable"):
+    with demand("repeatable"):
         first, again = (list(track(tracker, Table(*models))) for _ in range(2))
         assert _all_equal(first, again), "the same seed gives two different tracks"
-    with _demand("silence"):
+    with demand("silence"):
         _demand_silence(tracker, models)
-    with _demand("privacy"):
+    with demand("privacy"):
         for _ in track(tracker, Table(*models), watch=examine):
             pass
     for how, lose in _losses(seed).items():
-        with _demand(f"loss ({how})"):
+        with demand(f"loss ({how})"):
             for estimate in track(tracker, Table(*models), lose):
                 _sound(estimate)
-
-
-@contextmanager
-def _demand(name: str) -> Iterator[None]:
-    """Whatever goes wrong inside is an AssertionError that names the demand."""
-    try:
-        yield
-    except AssertionError as reason:
-        raise AssertionError(f"demand '{name}': {reason}") from reason
-    except Exception as reason:
-        raise AssertionError(f"demand '{name}': the tracker raised {type(reason).__name__}: {reason}") from reason
 
 
 def _demand_sound(tracker: Tracker[Any], table: Table) -> None:
