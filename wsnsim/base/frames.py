@@ -6,6 +6,7 @@ A tracker sends a `Parcel` (see `base.requests`). Its packets cross one hop as a
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -100,3 +101,17 @@ class MacFrame:
 
     def finish(self, received: Received | None) -> None:
         """Take the final result of the frame; None if it never got the channel. A frame on its own ignores it."""
+
+
+class OfferedFrame(MacFrame):
+    """A broadcast of one payload without a burst. `done` is called with its final result."""
+
+    __slots__ = ("_done",)
+
+    def __init__(self, bits: int, code: int, done: Callable[[Received | None], None]) -> None:
+        super().__init__(EVERYONE, bits, code=code)
+        self._done = done
+
+    def finish(self, received: Received | None) -> None:
+        """Report the final result; None if the frame never got the channel."""
+        self._done(received)

@@ -13,25 +13,11 @@ from typing import Any
 
 import simpy
 
-from wsnsim.base.frames import EVERYONE, SEND, Burst, MacFrame, Received
+from wsnsim.base.frames import EVERYONE, SEND, Burst, MacFrame, OfferedFrame, Received
 from wsnsim.base.radio import ContendingMac
 from wsnsim.base.rng import GOLDEN, MASK, derive, mix
 from wsnsim.network.radio.mac_services import NetworkMacServices
 from wsnsim.network.radio.transmission import Transmission
-
-
-class _Offer(MacFrame):
-    """A broadcast of one payload without a burst. `done` takes its result."""
-
-    __slots__ = ("_done",)
-
-    def __init__(self, bits: int, code: int, done: Callable[[Received | None], None]) -> None:
-        super().__init__(EVERYONE, bits, code=code)
-        self._done = done
-
-    def finish(self, received: Received | None) -> None:
-        """Report the result."""
-        self._done(received)
 
 
 class _Sender:
@@ -120,7 +106,7 @@ class CsmaMechanism:
 
     def offer(self, node: int, payload_bits: int, done: Callable[[Received | None], None], code: int = 0) -> None:
         """Broadcast one payload; `done(ids)` at its end, `done(None)` if it never got the channel."""
-        self._enqueue(node, _Offer(self._mac.bits(payload_bits), code, done))
+        self._enqueue(node, OfferedFrame(self._mac.bits(payload_bits), code, done))
 
     def silence(self, node: int) -> None:
         """Stop a node that died or crashed: its queue is lost, and its transmission is cut."""
