@@ -460,7 +460,7 @@ def _ledger_closes(run: Run, number: int) -> None:
 
 def _events_sum_to_the_ledger(run: Run, table: Any, number: int) -> None:
     """Of what acts cost, node by node; what time costs has no events."""
-    ledger, size = run.outcome.nodes.ledger, run.outcome.nodes.size
+    ledger, size = run.outcome.nodes.ledger.joules, run.outcome.nodes.size
     for cause in ("tx", "rx", "overhear", "cpu", "sense", "leak"):
         rows = table["cause"] == EVENT_CAUSE[cause]
         logged = np.bincount(table["node"][rows].astype(int), table["joules"][rows], size)

@@ -53,7 +53,7 @@ class FaultSchedule:
 
     def _begin(self, number: int) -> None:
         dead = self._site.nodes.died_at
-        hit = [node for node in self._aimed(number) if node not in dead]
+        hit = [node for node in self.aimed(number) if node not in dead]
         if not hit:
             self._services[number].log_start(NOBODY)
             return
@@ -65,8 +65,8 @@ class FaultSchedule:
         if nodes is not None:
             self._mechanisms[number].end(nodes)
 
-    def _aimed(self, number: int) -> list[int]:
-        """The nodes at which a fault is aimed, ascending, dead ones included."""
+    def aimed(self, number: int) -> list[int]:
+        """Return the nodes at which a fault is aimed now, ascending, dead ones included."""
         fault, nodes = self._faults[number], self._site.nodes
         if fault.nodes is not None:
             return sorted({node for node in fault.nodes if node < nodes.size})

@@ -20,13 +20,14 @@ from wsnsim.models.motion import BoundedVelocity
 from wsnsim.models.sensing import AcousticEnergy
 from wsnsim.offline.loopback import Lose, silent
 from wsnsim.testing.demand import demand
+from wsnsim.testing.faults import check_fault
 from wsnsim.testing.macs import check_mac
 from wsnsim.testing.privacy import examine, same
 from wsnsim.testing.table import FIRST, SECOND, Table, track
 from wsnsim.testing.wakeups import check_wakeup
 from wsnsim.testing.workloads import check_workload
 
-__all__ = ["Table", "check_mac", "check_tracker", "check_wakeup", "check_workload", "track"]
+__all__ = ["Table", "check_fault", "check_mac", "check_tracker", "check_wakeup", "check_workload", "track"]
 
 
 class Models(NamedTuple):
