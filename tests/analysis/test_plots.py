@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from wsnsim.analysis import figures, plot_data, plots
+from wsnsim.analysis import figure_style, figures, plot_data, plots
 from wsnsim.base.errors import ResultError, UsageError
 from wsnsim.base.tables import CAUSE, CAUSES, TABLES, columns_of
-from wsnsim.cli.plotting import PICTURES
+from wsnsim.cli.plotting import PLOTS
 from wsnsim.recording import ResultFile, read_table
 
 DT = 0.5
@@ -135,12 +135,12 @@ def test_each_state_is_drawn_as_the_tables_hold_it(write, layout):
         axes = axes_of()
         assert plots.states(axes, path, name, replicate=2, target=1) is axes
         truth, guess = rows(path, "truth", 2, 1), rows(path, "estimates", 2, 1)
-        equal(line(axes, "truth"), truth["time"], truth[name])
+        equal(line(axes, "ground truth"), truth["time"], truth[name])
         equal(line(axes, "estimate"), guess["time"], guess[name])
         assert axes.get_ylabel() == (f"{name} [{unit}]" if unit else name)
         assert axes.get_xlabel() == "time [s]"
         assert "replicate 2, target 1" in axes.get_title(loc="left")
-        assert ("±2 sd claimed" in labels(axes)) == (number in layout.position)
+        assert ("estimated ±2σ" in labels(axes)) == (number in layout.position)
 
 
 @pytest.mark.parametrize(("column", "half"), [("px", 3.0), ("py", 5.0)])
@@ -156,43 +156,43 @@ def test_the_band_is_twice_the_sd_that_the_filter_claims_for_this_column(write, 
 
 
 @pytest.mark.parametrize("layout", [PLANE, SWAPPED])
-def test_a_track_in_the_plane_has_truth_estimates_sensors_and_the_heads_in_order(write, layout):
+def test_a_track_in_the_plane_shows_ground_truth_estimates_nodes_and_the_cluster_heads_in_order(write, layout):
     path = write(layout, network=True)
     axes = plots.track(axes_of(), path, replicate=1)
     truth, guess, nodes = rows(path, "truth", 1), rows(path, "estimates", 1), read_table(path, "nodes")
-    equal(line(axes, "truth"), truth["px"], truth["py"])
+    equal(line(axes, "ground truth"), truth["px"], truth["py"])
     equal(line(axes, "estimate"), guess["px"], guess["py"])
     mine = nodes["replicate"] == 1
     equal(axes.collections[0].get_offsets(), nodes["x"][mine], nodes["y"][mine])
-    equal(line(axes, "2 heads"), nodes["x"][mine][[3, 1]], nodes["y"][mine][[3, 1]])
+    equal(line(axes, "2 cluster heads"), nodes["x"][mine][[3, 1]], nodes["y"][mine][[3, 1]])
     assert (axes.get_xlabel(), axes.get_ylabel(), axes.get_aspect()) == ("px [m]", "py [m]", 1.0)
-    assert "5 sensors" in labels(axes)
+    assert "5 nodes" in labels(axes)
 
 
 def test_the_regions_in_which_nodes_were_woken_are_marked_by_their_centres(write):
     path = write(network=True, woken=4, targets=2, gaps=(3, 4))
     axes, regions = plots.track(axes_of(), path, replicate=1), rows(path, "wakeups", 1)
-    equal(line(axes, "4 regions woken"), regions["x"], regions["y"])
-    assert not [said for said in labels(plots.track(axes_of(), path, target=1)) if "woken" in said]
+    equal(line(axes, "4 wake-up regions"), regions["x"], regions["y"])
+    assert not [said for said in labels(plots.track(axes_of(), path, target=1)) if "wake-up" in said]
 
 
-def test_a_bench_has_sensors_and_no_heads(write):
-    assert labels(plots.track(axes_of(), write())) == ["5 sensors", "truth", "estimate"]
+def test_without_a_network_a_track_shows_nodes_and_no_cluster_heads(write):
+    assert labels(plots.track(axes_of(), write())) == ["5 nodes", "ground truth", "estimate"]
 
 
 @pytest.mark.parametrize("layout", [LINE, BARE])
-def test_a_track_on_a_line_is_the_position_over_time_with_the_sensors_places_beside(write, layout):
+def test_a_track_on_a_line_is_the_position_over_time_with_the_nodes_at_the_edge(write, layout):
     path = write(layout)
     axes = plots.track(axes_of(), path)
     name = layout.states[0][0]
     truth = rows(path, "truth")
-    equal(line(axes, "truth"), truth["time"], truth[name])
-    equal(line(axes, "5 sensors"), np.ones(5), read_table(path, "nodes")["x"][:5])
-    assert "±2 sd claimed" in labels(axes)
+    equal(line(axes, "ground truth"), truth["time"], truth[name])
+    equal(line(axes, "5 nodes"), np.ones(5), read_table(path, "nodes")["x"][:5])
+    assert "estimated ±2σ" in labels(axes)
 
 
 def test_nodes_that_were_not_recorded_are_not_drawn(write):
-    assert labels(plots.track(axes_of(), write(without=("nodes",)))) == ["truth", "estimate"]
+    assert labels(plots.track(axes_of(), write(without=("nodes",)))) == ["ground truth", "estimate"]
 
 
 @LAYOUTS
@@ -250,7 +250,7 @@ def test_energy_is_cumulative_by_cause_over_all_runs_and_ends_at_what_was_spent(
 
 
 @pytest.mark.parametrize("layout", [PLANE, SWAPPED])
-def test_a_cloud_has_the_particles_with_weight_and_the_truth(write, layout):
+def test_a_cloud_shows_the_weighted_particles_and_the_ground_truth(write, layout):
     path = write(layout)
     axes = plots.particles(axes_of(), path, 4, replicate=2)
     held, truth = rows(path, "particles", 2), rows(path, "truth", 2)
@@ -259,7 +259,7 @@ def test_a_cloud_has_the_particles_with_weight_and_the_truth(write, layout):
     equal(dots.get_offsets(), held["px"][drawn], held["py"][drawn])
     sizes, weights = dots.get_sizes(), held["weight"][drawn]
     np.testing.assert_allclose((sizes - 4.0) / (sizes.max() - 4.0), weights / weights.max())
-    equal(line(axes, "truth"), truth["px"][[4]], truth["py"][[4]])
+    equal(line(axes, "ground truth"), truth["px"][[4]], truth["py"][[4]])
     assert labels(axes)[0] == "30 of 40 particles"
 
 
@@ -279,7 +279,7 @@ def test_a_histogram_is_a_density_with_the_mean_of_the_weighted_particles(write,
     mine = held["step"] == 2
     mean = (held["weight"] * held[name])[mine].sum()
     assert (heights * widths * middles).sum() == pytest.approx(mean, abs=widths[0] / 2)
-    assert set(line(axes, "truth")[:, 0]) == {truth[name][2]}
+    assert set(line(axes, "ground truth")[:, 0]) == {truth[name][2]}
     assert axes.get_ylabel() == density
 
 
@@ -312,7 +312,7 @@ def test_gaps_stay_gaps_and_an_estimate_between_two_of_them_is_a_dot(write, layo
 def test_a_result_without_any_estimate_is_drawn_all_the_same(write, layout, runs):
     path = write(layout, runs=runs, gaps=range(1, 9), without=("particles",))
     panels = [panel for what in ("track", "error") for panel in _drawn_panels(path, what)]
-    figure = figures.figure_of([*panels, lambda axes: plots.states(axes, path, layout.states[0][0])])
+    figure = figure_style.figure_of([*panels, lambda axes: plots.states(axes, path, layout.states[0][0])])
     figure.draw_without_rendering()
     for axes in figure.axes:
         assert np.isfinite([*axes.get_xlim(), *axes.get_ylim()]).all()
@@ -331,10 +331,10 @@ def test_an_old_file_that_does_not_say_which_columns_are_the_position_has_px_and
     [
         (lambda axes, path: plots.states(axes, path, "pxx"), "no state column 'pxx' (did you mean 'px'?)"),
         (lambda axes, path: plots.particles(axes, path, 2, "head"), "no state column 'head' (known: px, py, vx, vy)"),
-        (lambda axes, path: plots.track(axes, path, 3), "no replicate 3 in table truth; it has 0, 1, 2"),
-        (lambda axes, path: plots.states(axes, path, "px", 0, 1), "no target 1 in table truth; it has 0"),
-        (lambda axes, path: plots.particles(axes, path, 3), "no step 3 in table particles; it has 2, 4"),
-        (lambda axes, path: plots.particles(axes, path, 9), "no step 9 in table truth; it has 0 … 8"),
+        (lambda axes, path: plots.track(axes, path, 3), "table truth has no replicate 3; it has 0, 1, 2"),
+        (lambda axes, path: plots.states(axes, path, "px", 0, 1), "table truth has no target 1; it has 0"),
+        (lambda axes, path: plots.particles(axes, path, 3), "table particles has no step 3; it has 2, 4"),
+        (lambda axes, path: plots.particles(axes, path, 9), "table truth has no step 9; it has 0 … 8"),
     ],
 )
 def test_what_the_file_does_not_have_is_named_with_what_it_has(write, draws, message):
@@ -358,7 +358,7 @@ def test_a_table_that_was_not_recorded_is_named_with_the_key_that_records_it(wri
 
 
 def test_without_a_network_there_is_no_energy_and_a_sentence_says_so(write):
-    with pytest.raises(ResultError, match=r"cannot draw energy: no energy was spent \(a scenario without a network"):
+    with pytest.raises(ResultError, match=r"cannot plot energy: no energy was spent \(there is no network"):
         plots.energy(axes_of(), write())
 
 
@@ -432,7 +432,7 @@ def test_no_display_and_no_pyplot_is_used(write, tmp_path, monkeypatch):
 
 def test_legends_stand_above_the_data_and_titles_above_legends(write):
     panels = [panel for what in plot_data.NEEDS for panel in _drawn_panels(write(network=True), what)]
-    figure = figures.figure_of(panels)
+    figure = figure_style.figure_of(panels)
     figure.draw_without_rendering()
     for axes in figure.axes:
         box, legend = axes.get_window_extent(), axes.get_legend().get_window_extent()
@@ -446,7 +446,7 @@ def _drawn_panels(path, what):
     return [panel for _, panel in figures._panels(path, what, figures.PlotSelection(), True)]
 
 
-def test_a_picture_that_fails_leaves_neither_itself_nor_a_piece(write, tmp_path, monkeypatch):
+def test_a_figure_that_cannot_be_written_leaves_no_file(write, tmp_path, monkeypatch):
     path = write()
 
     def breaks(figure, file, **options):
@@ -468,5 +468,5 @@ def test_a_wrong_suffix_is_answered_with_those_allowed(write, tmp_path, name, hi
 
 
 def test_the_command_line_offers_what_can_be_drawn():
-    assert tuple(figures.TAKES) == PICTURES
-    assert {*PICTURES} == {"all", *plot_data.NEEDS}
+    assert tuple(figures.TAKES) == PLOTS
+    assert {*PLOTS} == {"all", *plot_data.NEEDS}

@@ -28,7 +28,7 @@ def made(tmp_path):
 
     def make(said, runs=RUNS, energy=True, without=(), by=(), baseline=None):
         plan = load_sweep({"name": "invented", "replicates": runs, **said})
-        folder = campaign.begin(plan, tmp_path / "invented", by=by, baseline=baseline)
+        folder = campaign.prepare(plan, tmp_path / "invented", by=by, baseline=baseline)
         for number, point in enumerate(plan.points):
             if number not in without:
                 _write(folder.batch(point.id, 0, runs - 1), number, runs, energy)
@@ -78,7 +78,7 @@ def test_a_single_key_makes_one_line_through_the_medians_with_a_band(made):
 def test_axes_name_key_and_metric_with_their_units_and_the_title_the_number_of_runs(made):
     lines = sweep_plots.lines_of(made({"scenario": "pso_mhpf", "grid": {"link.reach": ["60 m", "75 m"]}}))
     axes = sweep_plots.median(axes_of(), lines)
-    assert (axes.get_xlabel(), axes.get_ylabel()) == ("link.reach [m]", "rmse [m]")
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("link.reach [m]", "per-run RMSE [m]")
     assert f"{RUNS} runs" in axes.get_title("left")
     axes = sweep_plots.energy(axes_of(), lines)
     assert axes.get_ylabel() == "energy spent [J]"
@@ -194,7 +194,7 @@ def test_what_cannot_be_drawn_is_left_out_with_its_reason(made, tmp_path):
     said = {"scenario": "pso_mhpf", "grid": {"deploy.nodes": [256, 300]}}
     found = figures.draw_campaign(made(said, energy=False), tmp_path / "x.png")
     assert found.shown == ("median", "lost")
-    assert "not in the same world" in found.left_out["differences"] and "energy" in found.left_out["energy"]
+    assert "not paired" in found.left_out["differences"] and "energy" in found.left_out["energy"]
 
 
 def test_a_campaign_without_results_is_refused(made, tmp_path):

@@ -63,7 +63,7 @@ def test_a_sweep_fills_its_folder_and_prints_a_table_and_again_runs_nothing(
     assert main(["sweep", sweep]) == 0
     first = capsys.readouterr()
     before = files_of(Path("results/moods"))
-    assert "moods: 2 points, 4 replicates each" in first.out and "tracker.pause" in first.out
+    assert "moods: 2 points, 4 runs each" in first.out and "tracker.pause" in first.out
     assert first.err.splitlines()[-1].startswith("wsnsim: 100 % (8 of 8 runs done, 0 failed")
     assert len(before) == 4
     for again in (["sweep", sweep], ["sweep", "results/moods"]):

@@ -1,6 +1,6 @@
-"""What a campaign's folder is about, and how far it is.
+"""The progress and settings of a campaign, as `wsnsim info DIR` shows them.
 
-info(path) -> dict,  info_text(path) -> str                 as `wsnsim info` of a folder
+info(path) -> dict        info_text(path) -> str
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ MOST: Final = 20
 
 
 def info(path: str | Path) -> dict[str, Any]:
-    """How far a campaign is, as plain values.
+    """The progress and settings of a campaign as plain values.
 
     Keys: folder, name, keys, by, points (settings, id, replicates, done), replicates, done, failed ({task: why}),
     files, bytes, block, until, timeout, wsnsim_version, provenance.
@@ -52,13 +52,13 @@ def info(path: str | Path) -> dict[str, Any]:
 
 
 def info_text(path: str | Path) -> str:
-    """The same for a terminal."""
+    """The progress and settings of a campaign for a terminal."""
     about = info(path)
     made, points = about["provenance"], about["points"]
     state = "complete" if about["done"] == about["replicates"] else "incomplete"
     lines = [
         f"{about['folder']}: the campaign {about['name']}, {state}",
-        f"replicates   {about['done']} of {about['replicates']} done, at {len(points)} points, {about['files']} files,"
+        f"runs         {about['done']} of {about['replicates']} done, at {len(points)} points, {about['files']} files,"
         f" {about['bytes'] / 1e6:.1f} MB",
         f"axes         {', '.join(about['keys']) or 'none'}",
         f"made by      wsnsim {about['wsnsim_version']}, Python {made.get('python')}",
@@ -67,12 +67,14 @@ def info_text(path: str | Path) -> str:
     ]
     lines += [_point_line(point) for point in points[:MOST]]
     if len(points) > MOST:
-        lines.append(f"  and {len(points) - MOST} points more")
+        lines.append(f"  and {len(points) - MOST} more points")
     failed = list(about["failed"].items())
     lines += [f"  failed: {task}: {why.splitlines()[0] if why else ''}" for task, why in failed[:MOST]]
     return "\n".join(lines)
 
 
 def _point_line(point: dict[str, Any]) -> str:
-    said = ", ".join(f"{key} = {label([value])}" for key, value in point["settings"].items()) or "the scenario as it is"
+    said = (
+        ", ".join(f"{key} = {label([value])}" for key, value in point["settings"].items()) or "the scenario unchanged"
+    )
     return f"  {point['id']}  {point['done']:>5} of {point['replicates']:<5}  {said}"

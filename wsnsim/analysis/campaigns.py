@@ -1,7 +1,7 @@
-"""A campaign's results as one DataFrame: its points' settings beside what was measured.
+"""The results of a campaign as one DataFrame, with the settings of its points as columns.
 
 read(folder, table, columns=None) -> DataFrame          as `wsnsim.read` of a folder
-metric(folder, point, name, replicates) -> its values, and which are there
+metric(folder, point, name, replicates) -> values of a metric, and which runs are on disk
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ POINT = "point"
 
 
 def read(path: str | Path, table: str, columns: Sequence[str] | None = None) -> pd.DataFrame:
-    """A table of a campaign: rows by point, then by replicate, then as they were written.
+    """A table of a campaign, in the order of points, runs and recorded rows.
 
-    In front stand `point` (its number in the manifest) and a column for each swept parameter, named by its key, in SI
-    units and its own type: integers, floats, booleans or text; where a point lacks it, it is missing. A key that is
-    also a column of the table, such as `step`, is named `set.step`.
+    The first columns are `point` (its number in the manifest) and one for each swept parameter, named by its key, in SI
+    units and its own type (integer, float, boolean or text), missing for points without it. A key that is also a column
+    of the table, such as `step`, is named `set.step`.
 
     Raises:
-        ResultError: no campaign, none of its replicates is there, or a file cannot be read.
+        ResultError: there is no campaign or no result, or a file cannot be read.
     """
     folder = Folder(path)
     manifest = folder.manifest()
@@ -61,7 +61,7 @@ def read(path: str | Path, table: str, columns: Sequence[str] | None = None) -> 
 
 
 def metric(folder: Folder, point: str, name: str, replicates: int) -> tuple[Floats, Bools]:
-    """((replicates,) a column of `runs` at one point, (replicates,) whether the replicate is on disk)."""
+    """A column of `runs` at one point, (replicates,), and whether each run is on disk, (replicates,)."""
     values, seen = np.full(replicates, np.nan), np.zeros(replicates, dtype=np.bool_)
     for batch in folder.batches(point):
         rows = read_table(batch.path, "runs", ["replicate", name])
@@ -74,7 +74,7 @@ def metric(folder: Folder, point: str, name: str, replicates: int) -> tuple[Floa
 def _frames_of(
     folder: Folder, point: PointOnDisk, table: str, columns: Sequence[str] | None
 ) -> list[tuple[Path, pd.DataFrame]]:
-    """The point's files with their rows, each replicate once, and only those that the campaign asks for."""
+    """The point's files with their rows: each run once, and only those that belong to the campaign."""
     found, seen = [], np.zeros(0, dtype=np.int64)
     for batch in folder.batches(point.id):
         if batch.first >= point.replicates:
@@ -92,13 +92,13 @@ def _of_file(path: Path, table: str, columns: Sequence[str] | None) -> pd.DataFr
         return read_file(path, table, columns)
     except ResultError as error:
         if table in RECORDED_BY_DEFAULT and f"no table '{table}'" in str(error):
-            hint = f"a campaign records it if its sweep, or --set, says record.{table}=true"
+            hint = f"a campaign records it with record.{table}=true in its sweep or by --set"
             raise ResultError(f"{error}: {hint}") from None
         raise
 
 
 def _typed(values: Sequence[Any], owners: np.ndarray) -> Any:
-    """One row's setting each, as a column of the values' common type."""
+    """The setting of each row's point, as a column of the values' common type."""
     dtype = _type_of(values)
     if isinstance(dtype, pd.CategoricalDtype):
         values = [None if value is None else str(value) for value in values]

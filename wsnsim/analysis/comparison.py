@@ -1,10 +1,10 @@
-"""What a campaign says, a row a point: how well, how often lost, for how many joules, and against whom.
+"""The points of a campaign side by side: metric, lost fraction, energy and paired differences from a baseline.
 
     found = compare(folder, metric="rmse", by=("tracker.kind",), baseline="pf")
     found.table: a DataFrame;  as_json(found);  `comparison_text.text(found)` for a terminal
 
-Differences are paired: two points that share a world (seed, deployment, motion, sensor, prior) have the same truth and
-the same readings in the same replicate, so that the difference of each replicate is that of the strategies.
+Differences are paired (common random numbers): two points with the same world (seed, deployment, motion, sensor, prior)
+have the same ground truth and the same readings in the same run, so a run's difference is that of the strategies.
 """
 
 from __future__ import annotations
@@ -28,23 +28,31 @@ if TYPE_CHECKING:
     from wsnsim.scenario.sweep_schema import Plan
 
 SCENARIO: Final = "scenario"
-"""The key of the scenarios, where a sweep has several."""
+"""The swept key of a sweep over several scenarios."""
 ENERGY: Final = "energy"
 MEASURED: Final = ("replicate", "lost", "tracked", ENERGY)
 MOST_LOST: Final = 0.05
-"""Share of lost runs beyond which a point is not in front: losing the target saves energy."""
+"""Lost fraction above which a point is not on the Pareto front: losing the target saves energy."""
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """A campaign in figures. `table` has a row for each point that has results, in the campaign's order.
+    """The statistics of a campaign.
 
-    Its columns: `point`, the swept keys, `replicates`, `known` (with a figure), of the metric `median` and `mean` with
-    `_low` and `_high`, `lost_fraction`, `tracked` (mean share of the steps), of `energy` the median [J],
-    `error_per_joule` (the median of metric / energy), `front` (no other of its group, of those that keep their targets,
-    is better in both medians), and against the baseline of its group `difference`, `effect`, `p` and `pairs`. What
-    cannot be said is NaN. `unit`: the metric's; `unpaired`: why rows have no difference; `unbounded`: why
-    `comparison_bounds.with_bounds` has found no bound for some.
+    Attributes:
+        name: of the campaign.
+        metric: the compared column of `runs`.
+        keys: the swept keys.
+        by: the keys whose values are compared with each other.
+        baseline: the point that differences are from.
+        table: a row per point with results, in the campaign's order. Columns: `point`, the swept keys, `replicates`,
+            `known` (runs in which the metric is known); `median` and `mean` of the metric, `lost_fraction`, `energy`
+            (median, J) and `error_per_joule` (median of metric / energy), each with `_low` and `_high`; `tracked`
+            (mean share of the steps); `front` (on the Pareto front of its group in both medians); `difference` from
+            the baseline of its group, `effect`, `p` and `pairs`. Unknown values are NaN.
+        unpaired: why rows have no difference.
+        unbounded: why `comparison_bounds.with_bounds` found no bound for some rows.
+        unit: the unit of the metric.
     """
 
     name: str
@@ -61,37 +69,43 @@ class Comparison:
 def compare(
     folder: Folder | str | Path, metric: str = "rmse", by: Sequence[str] | None = None, baseline: str | None = None
 ) -> Comparison:
-    """The figures of a campaign. `by`: the keys that are compared, within each combination of the others.
+    """Compare the points of a campaign.
 
-    By default a comparison is by what it compares, and a sweep over one key by that key; the baseline is the first.
+    Args:
+        folder: of the campaign.
+        metric: a column of `runs`.
+        by: the keys whose values are compared, within each combination of the other keys. By default those that
+            `wsnsim compare` compares, or the only key of a sweep.
+        baseline: the point that differences are from, by its values of `by`; by default the first.
 
     Raises:
-        UsageError: the metric, a key or the baseline is not there. ResultError: nothing is, or cannot be read.
+        UsageError: there is no such metric, key or baseline.
+        ResultError: there are no results, or they cannot be read.
     """
     folder = folder if isinstance(folder, Folder) else Folder(folder)
     manifest = folder.manifest()
     if metric not in METRICS:
-        raise UsageError(f"table runs has no figure '{metric}' ({did_you_mean(metric, METRICS)})")
+        raise UsageError(f"table runs has no metric '{metric}' ({did_you_mean(metric, METRICS)})")
     chosen = _chosen(manifest, by)
     runs = campaigns.read(folder.path, "runs", sorted({*MEASURED, metric}))
     rows, values = [], {}
     for number, frame in runs.groupby(campaigns.POINT, sort=True):
         point = manifest.points[int(number)]
         values[int(number)] = frame.set_index("replicate")[metric].astype(np.float64)
-        rows.append({campaigns.POINT: int(number), **_settings(manifest, point.settings), **_figures(frame, metric)})
+        rows.append({campaigns.POINT: int(number), **_settings(manifest, point.settings), **_statistics(frame, metric)})
     table = pd.DataFrame(rows)
     groups = _groups(manifest, table, chosen)
     table["front"] = _fronts(table, groups, -1.0 if metric in MORE_IS_BETTER else 1.0)
     baseline = _baseline(manifest, chosen, baseline or (manifest.baseline if by is None else None))
     first = _baselines(manifest, table, groups, chosen, baseline)
     unpaired = _pair(table, manifest, values, first) if chosen else ""
-    unpaired = unpaired or (f"'{baseline}', the baseline, has no results" if chosen and not first else "")
+    unpaired = unpaired or (f"the baseline '{baseline}' has no results" if chosen and not first else "")
     unit = _unit(folder, manifest, metric)
     return Comparison(manifest.name, metric, manifest.keys, chosen, baseline, table, unpaired, unit=unit)
 
 
 def _unit(folder: Folder, manifest: Manifest, metric: str) -> str:
-    """The metric's unit: of errors that of the motion model's position, which the result files say."""
+    """The metric's unit; that of errors is the unit of the position, which the result files hold."""
     column = next(column for column in TABLES["runs"] if column.name == metric)
     for batch in (batch for point in manifest.points for batch in folder.batches(point.id)):
         about = attributes(batch.path)
@@ -102,7 +116,7 @@ def _unit(folder: Folder, manifest: Manifest, metric: str) -> str:
 
 
 def as_json(found: Comparison) -> dict[str, Any]:
-    """The figures as plain values; what cannot be said is NaN."""
+    """The comparison as plain values; unknown ones are NaN."""
     rows = found.table.astype(object).where(found.table.notna(), np.nan).to_dict("records")
     return {
         "name": found.name,
@@ -117,7 +131,7 @@ def as_json(found: Comparison) -> dict[str, Any]:
 
 
 def label(values: Iterable[Any]) -> str:
-    """Settings in a word or two."""
+    """Values of settings as a short text."""
     return ", ".join(f"{value:g}" if isinstance(value, float) else str(value) for value in values)
 
 
@@ -126,7 +140,7 @@ def _chosen(manifest: Manifest, by: Sequence[str] | None) -> tuple[str, ...]:
         return manifest.by or _by_default(manifest.keys)
     for key in by:
         if key not in manifest.keys:
-            raise UsageError(f"{manifest.name} varies no '{key}' ({did_you_mean(key, manifest.keys)})")
+            raise UsageError(f"{manifest.name} does not vary '{key}' ({did_you_mean(key, manifest.keys)})")
     return tuple(by)
 
 
@@ -134,7 +148,7 @@ def _settings(manifest: Manifest, settings: Mapping[str, Any]) -> dict[str, Any]
     return {key: settings.get(key) for key in manifest.keys}
 
 
-def _figures(frame: pd.DataFrame, metric: str) -> dict[str, Any]:
+def _statistics(frame: pd.DataFrame, metric: str) -> dict[str, Any]:
     values, energy = (frame[name].to_numpy(dtype=np.float64) for name in (metric, ENERGY))
     middle, average = statistics.median(values), statistics.mean(values)
     lost, joules = statistics.share(frame["lost"].to_numpy() > 0), statistics.median(energy)
@@ -157,7 +171,7 @@ def _spread(name: str, found: statistics.IntervalEstimate) -> dict[str, float]:
 
 
 def _groups(manifest: Manifest, table: pd.DataFrame, by: Sequence[str]) -> dict[tuple[str, ...], list[int]]:
-    """Row numbers of the points that differ in `by` alone; all in one group where nothing is compared."""
+    """The rows of the points that differ in `by` only; one group of all if nothing is compared."""
     others = [key for key in manifest.keys if key not in by] if by else []
     groups: dict[tuple[str, ...], list[int]] = {}
     for row in range(len(table)):
@@ -166,9 +180,9 @@ def _groups(manifest: Manifest, table: pd.DataFrame, by: Sequence[str]) -> dict[
 
 
 def _fronts(table: pd.DataFrame, groups: Mapping[Any, list[int]], sign: float) -> list[bool]:
-    """Which rows no other of their group beats in both metric and energy; `sign` is −1 where more is better.
+    """Whether each row is on the Pareto front of its group in metric and energy; `sign` is −1 if more is better.
 
-    A row that lost more than 5 % of its runs is not in front, and beats nobody.
+    A row with more than 5 % of its runs lost is left out.
     """
     flags = np.zeros(len(table), dtype=np.bool_)
     follows = (table["lost_fraction"] <= MOST_LOST).to_numpy()
@@ -186,42 +200,42 @@ def _baselines(
     by: Sequence[str],
     baseline: str | None,
 ) -> list[tuple[int, list[int]]]:
-    """(row of the baseline, rows of its group) of every group in which the baseline has results."""
+    """(row of the baseline, rows of its group) of each group whose baseline has results."""
     names = [label(point.settings.get(key) for key in by) for point in manifest.points]
     number = table[campaigns.POINT]
     return [(row, rows) for rows in groups.values() for row in rows if names[number.iloc[row]] == baseline]
 
 
 def _baseline(manifest: Plan | Manifest, by: Sequence[str], wanted: str | None) -> str | None:
-    """What differences are from: what is wanted, or else the campaign's first point; None where nothing is compared.
+    """The wanted baseline, or else the campaign's first point; None if nothing is compared.
 
     Raises:
-        UsageError: no point is called so, or one is wanted where nothing is compared.
+        UsageError: there is no such point, or a baseline is wanted and nothing is compared.
     """
     names = [label(point.settings.get(key) for key in by) for point in manifest.points]
     if wanted is None:
         return names[0] if by else None
     if not by:
-        raise UsageError(f"a baseline needs a key to compare by: --by {' or '.join(manifest.keys)}")
+        raise UsageError(f"a baseline requires a key to compare by: --by {' or '.join(manifest.keys)}")
     if wanted not in names:
-        raise UsageError(f"no point of {manifest.name} is '{wanted}' ({did_you_mean(wanted, set(names))})")
+        raise UsageError(f"{manifest.name} has no point '{wanted}' ({did_you_mean(wanted, set(names))})")
     return wanted
 
 
 def demand_baseline(plan: Plan | Manifest, by: Sequence[str], wanted: str | None) -> None:
-    """Raise UsageError if a comparison of the campaign with this baseline could not be answered."""
+    """Raise UsageError unless the campaign can be compared with this baseline."""
     _baseline(plan, tuple(by) or _by_default(plan.keys), wanted)
 
 
 def _by_default(keys: Sequence[str]) -> tuple[str, ...]:
-    """Several scenarios are compared with each other; so are the values of a key that is the only one."""
+    """The keys compared by default: the scenarios if there are several, or else the only swept key."""
     return (SCENARIO,) if SCENARIO in keys else tuple(keys) if len(keys) == 1 else ()
 
 
 def _pair(
     table: pd.DataFrame, manifest: Manifest, values: Mapping[int, pd.Series], first: Sequence[tuple[int, list[int]]]
 ) -> str:
-    """Fill in the differences from the baseline of each group; why some have none, or ''."""
+    """Fill in the differences from the baseline of each group; returns why some have none, or ''."""
     columns = ("difference", "difference_low", "difference_high", "effect", "p", "pairs")
     filled = np.full((len(table), len(columns)), np.nan)
     unpaired = ""
@@ -232,8 +246,8 @@ def _pair(
                 continue
             if here.world != there.world:
                 unpaired = unpaired or (
-                    f"{label(here.settings.values())} and {label(there.settings.values())} are not in the same world"
-                    " (seed, deployment, motion, sensor, prior, detection, faults): their replicates are no pairs"
+                    f"{label(here.settings.values())} and {label(there.settings.values())} differ in seed, deployment,"
+                    " motion, sensor, prior, detection or faults: their runs are not paired"
                 )
                 continue
             filled[row] = _difference(values, table, row, start)

@@ -1,6 +1,6 @@
-"""The bound beside the errors of a campaign: how small they could be, on the truths that were simulated.
+"""Cramér-Rao bounds beside the errors of a campaign.
 
-with_bounds(compared, folder) -> compared, with the columns `bound` and `bound_unconditional`
+with_bounds(comparison, folder) -> comparison with the columns `bound` and `bound_unconditional`
 """
 
 from __future__ import annotations
@@ -19,12 +19,18 @@ from wsnsim.bounds import bound
 from wsnsim.recording.folder import Folder
 
 MOST: Final = 100
-"""Replicates whose truths are looked at: more change the third digit."""
+"""Runs whose trajectories count at most: more change only the third digit."""
 BOUNDED: Final = ("rmse",)
 
 
 class PointBounds(NamedTuple):
-    """Of a world: the median over truths of the bound along each, the unconditional one, and why there is none."""
+    """The bounds of one point.
+
+    Attributes:
+        each: the median over runs of the trajectory-conditional CRLB.
+        unconditional: the posterior CRLB.
+        reason: why there is none.
+    """
 
     each: float
     unconditional: float
@@ -32,12 +38,12 @@ class PointBounds(NamedTuple):
 
 
 def with_bounds(found: Comparison, folder: Folder) -> Comparison:
-    """The same figures with the bound for all readings in range, where the metric is the error of a run.
+    """The comparison with the bounds for all readings in range, if the metric is the RMSE of a run.
 
-    `bound` is the median over the replicates that are there (100 at most) of the bound along each truth, as a root mean
-    square over all steps: tight, and not strict, nor for a run that has no estimate at its hard steps.
-    `bound_unconditional` is strict for the mean over truths, and often loose. A point without a bound has NaN, and
-    `unbounded` says why.
+    `bound` is the median over runs (100 at most) of the trajectory-conditional CRLB, each a root mean square over all
+    steps: tight but not a strict bound, least of all for a run without estimates at its hard steps.
+    `bound_unconditional` is the posterior CRLB: strict for the mean over trajectories, and often loose. A point without
+    a bound has NaN, and `unbounded` says why.
     """
     if found.metric not in BOUNDED:
         return found
@@ -63,7 +69,7 @@ def _point_bounds(scenario: dict[str, object], replicates: Sequence[int]) -> Poi
     nothing = float("nan")
     try:
         each, whole = (bound(scenario, replicates, kind) for kind in ("per_trajectory", "unconditional"))
-    except WsnsimError as error:  # a point of which no replicate can be run has no bound either
+    except WsnsimError as error:  # a point that cannot be run has no bound either
         return PointBounds(nothing, nothing, str(error))
     return PointBounds(
         float(np.median(each.of_replicates)) if not each.reason else nothing,

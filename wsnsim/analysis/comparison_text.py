@@ -1,4 +1,4 @@
-"""The figures of a campaign as a table for a terminal.
+"""A comparison as a table for a terminal.
 
 text(compared) -> str
 """
@@ -11,15 +11,18 @@ from typing import Any, Final
 import pandas as pd
 
 from wsnsim.analysis.comparison import Comparison, label
+from wsnsim.analysis.phrases import counted
+from wsnsim.analysis.plot_data import bracketed
+from wsnsim.analysis.quantities import run_metric_name
 from wsnsim.analysis.statistics import LEAST
 from wsnsim.base.tables import MORE_IS_BETTER
 
 SEEN: Final = 0.995
-"""Share of the steps from which on a track counts as whole."""
+"""Share of tracked steps above which the column `tracked` is left out."""
 
 
 def text(found: Comparison) -> str:
-    """A line a point; below it what the columns mean."""
+    """The table, a line per point, and below it what the columns mean."""
     table = found.table
     heads, rows = _columns(found)
     widths = [max(len(row[i]) for row in [heads, *rows]) for i in range(len(heads))]
@@ -32,28 +35,29 @@ def text(found: Comparison) -> str:
     ]
     counts = table["replicates"]
     many = f"{counts.min()}" if counts.min() == counts.max() else f"{counts.min()} to {counts.max()}"
-    title = f"{found.name}: {len(table)} point{'s' * (len(table) != 1)}, {many} replicate{'s' * (many != '1')} each"
+    title = f"{found.name}: {len(table)} point{'s' * (len(table) != 1)}, {many} run{'s' * (many != '1')} each"
     return "\n".join([title, *(f"  {line}".rstrip() for line in lines), *_notes(found)])
 
 
 def _columns(found: Comparison) -> tuple[list[str], list[list[str]]]:
     table, unit = found.table, found.unit
-    said = f"{found.metric}{f' [{unit}]' if unit not in ('', '1') else ''}"
+    name = run_metric_name(found.metric)
+    said = f"{name}{bracketed(unit)}"
     columns: list[tuple[str, list[str]]] = [(key, [_setting(value) for value in table[key]]) for key in found.keys]
     if table["replicates"].nunique() > 1:
         columns.append(("runs", [str(count) for count in table["replicates"]]))
     columns.append((f"median {said}", [_spread(row, "median") for _, row in table.iterrows()]))
     columns.append(("mean", [_number(value) for value in table["mean"]]))
     if "bound" in table and table["bound"].notna().any():
-        columns.append(("bound", [_number(value) for value in table["bound"]]))
+        columns.append(("CRLB", [_number(value) for value in table["bound"]]))
     if (table["tracked"] < SEEN).any():
         columns.append(("tracked", [f"{100.0 * value:.0f} %" for value in table["tracked"]]))
     if found.metric != "lost":
         columns.append(("lost", [_share(row) for _, row in table.iterrows()]))
     if table["energy"].notna().any() and (table["energy"] > 0).any():
         columns.append(("energy [J]", [_spread(row, "energy") for _, row in table.iterrows()]))
-        columns.append((f"{found.metric}/J", [_number(value) for value in table["error_per_joule"]]))
-        columns.append(("front", ["*" if flag else "" for flag in table["front"]]))
+        columns.append((f"{name}/J", [_number(value) for value in table["error_per_joule"]]))
+        columns.append(("Pareto", ["*" if flag else "" for flag in table["front"]]))
     if "difference" in table and table["pairs"].notna().any():
         columns.append(("difference", [_spread(row, "difference") for _, row in table.iterrows()]))
         columns.append(("effect", [_number(value, 2) for value in table["effect"]]))
@@ -63,35 +67,38 @@ def _columns(found: Comparison) -> tuple[list[str], list[list[str]]]:
 
 def _notes(found: Comparison) -> list[str]:
     table = found.table
-    notes = ["  [ , ]: 95 % intervals, of medians and differences by bootstrap, of shares by Wilson's score"]
+    name = run_metric_name(found.metric)
+    notes = ["  [ , ]: 95 % confidence intervals, of medians and differences by bootstrap, of shares by Wilson's score"]
     if table["replicates"].max() < LEAST:
-        notes = [f"  [ , ]: 95 % intervals of shares by Wilson's score; medians have one from {LEAST} replicates on"]
+        notes = [
+            f"  [ , ]: 95 % confidence intervals of shares by Wilson's score; of medians only from {LEAST} runs on"
+        ]
     if (table["energy"] > 0).any():
-        notes.append(f"  {found.metric}/J: falls with every joule more, so less is not better by itself: see the front")
+        notes.append(f"  {name}/J: falls with every joule spent, so a smaller value alone is not better: see Pareto")
     if (table["tracked"] < SEEN).any():
         notes.append(
-            f"  tracked: share of the steps with an estimate in time; {found.metric} is of the steps that have one"
+            f"  tracked: share of the steps with an estimate in time; {name} is over the steps with an estimate"
         )
     better = "larger" if found.metric in MORE_IS_BETTER else "smaller"
-    among = "of its group" if found.by and set(found.keys) - set(found.by) else "point"
+    among = "point of its group" if found.by and set(found.keys) - set(found.by) else "point"
     if (table["front"]).any():
         notes.append(
-            f"  *: no other {among} has both a {better} median {found.metric} and less energy; who loses more than\n"
-            "  5 % of the runs is left out"
+            f"  Pareto: * is on the Pareto front: no other {among} has both a {better} median {name} and less\n"
+            "  energy; points with more than 5 % of their runs lost are left out"
         )
     if "difference" in table and table["pairs"].notna().any():
         notes.append(
-            f"  difference: median over replicates of that from {found.baseline}, on the same truth and readings;\n"
+            f"  difference: median over runs of the paired difference from {found.baseline};\n"
             "  effect: rank-biserial correlation, from -1 (always less) to 1 (always more)"
         )
     if "bound" in table and table["bound"].notna().any():
         notes.append(
-            "  bound: Cramer-Rao along each truth, of all readings in range, median over runs as the error beside it;\n"
-            "  not strict: a filter may be below on some truths (--json also has the strict one, over all truths)"
+            "  CRLB: trajectory-conditional Cramer-Rao lower bound of all readings in range, median over runs;\n"
+            "  not a strict bound: a filter may be below it on some trajectories (--json also has the posterior CRLB)"
         )
     unknown = int((table["replicates"] - table["known"]).sum())
     if unknown:
-        notes.append(f"  {unknown} runs have no {found.metric}: medians and means are of the others")
+        notes.append(f"  without {name}: {counted(unknown, 'run')}; medians and means are over the others")
     notes += [f"  no bound: {found.unbounded}"] if found.unbounded else []
     return [*notes, f"  {found.unpaired}"] if found.unpaired else notes
 

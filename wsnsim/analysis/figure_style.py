@@ -1,15 +1,19 @@
-"""A figure that somebody else draws, in the house's style, written as a picture.
+"""The style of all figures, the bands around curves, and how a figure is written to a file.
 
-panels(draw, out, size) -> out            draw(figure) puts axes on it and draws
-band(axes, x, rows, label, ...)           median over runs with the band between quartiles, and their number
-rmse_band(axes, x, rows, label, ...)      RMSE over runs, with its 95 % band
+panels(draw, out, size) -> out            a figure that draw(figure) puts axes on
+figure_of(panels) -> Figure               a figure with a panel for each function that draws on an Axes
+save(figure, out)                         written so that the same figure gives the same bytes
+band(axes, x, rows, label, ...)           median over runs with the band between quartiles
+rmse_band(axes, x, rows, label, ...)      RMSE over runs with its 95 % confidence band
 rmse_interval(rows) -> (low, high)        that band
-with_bands(runs, whose) -> str            how a title counts the runs that such bands are of
+with_bands(runs, whose) -> str            the number of runs as a title says it
 """
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
+from math import ceil
 from pathlib import Path
 from typing import Any, Final
 
@@ -19,24 +23,47 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from wsnsim.analysis.figures import STYLE, save
 from wsnsim.base import metrics
 from wsnsim.base.arrays import Floats
+from wsnsim.base.errors import ResultError, UsageError, did_you_mean
 
-COLOURS: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
-"""Okabe and Ito (2008): told apart by all kinds of eyes."""
+BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, VERMILLION, PURPLE = (
+    "#000000", "#E69F00", "#56B4E9", "#009E73", "#F0E442", "#0072B2", "#D55E00", "#CC79A7",
+)  # fmt: skip
+"""Colours of Okabe and Ito (2008), which colour-blind readers can distinguish."""
+GREY, PALE = "#8C8C8C", "#D0D0D0"
+COLOURS: Final = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, BLACK)
+"""The colours of curves, in this order."""
 PUBLISHED: Final[dict[str, Any]] = {"color": "#666666", "linestyle": "--", "linewidth": 1.0}
-"""How a published value is drawn."""
-BOUND: Final[dict[str, Any]] = {"color": "#000000", "linestyle": ":", "linewidth": 1.2}
-"""How a bound is drawn."""
+"""The line of a published value."""
+BOUND: Final[dict[str, Any]] = {"color": BLACK, "linestyle": ":", "linewidth": 1.2}
+"""The line of a bound."""
 LEAST: Final = 5
-"""Runs from which on there is a band, as there is an interval in `metrics.bootstrap_interval`."""
+"""Runs from which on there is a band, as for `metrics.bootstrap_interval`."""
 DRAWS: Final = 400
-"""Of a bootstrap."""
+"""Resamples of a bootstrap."""
+
+
+UNDATED: Final[dict[str, dict[str, Any]]] = {".png": {}, ".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
+"""Metadata without a date, by file suffix, so that the same figure gives the same bytes."""
+STYLE: Final = {
+    "svg.hashsalt": "wsnsim",
+    "font.size": 8.5,
+    "axes.titlesize": 9.5,
+    "legend.fontsize": 8,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": "#E4E4E4",
+    "grid.linewidth": 0.6,
+    "savefig.dpi": 150,
+}
+Draws = Callable[[Axes], Axes]
 
 
 def panels(draw: Callable[[Figure], None], out: Path, size: tuple[float, float], title: str = "") -> Path:
-    """Write a figure that `draw` draws. Errors: ResultError if it cannot be written."""
+    """Write a figure that `draw` draws. Raises ResultError if it cannot be written."""
     with style.context(["default", STYLE]):
         figure = Figure(figsize=size, layout="constrained")
         FigureCanvasAgg(figure)
@@ -47,8 +74,45 @@ def panels(draw: Callable[[Figure], None], out: Path, size: tuple[float, float],
     return out
 
 
+def figure_of(panels: list[Draws]) -> Figure:
+    """A figure with a panel for each function that draws on an Axes, in one or two columns."""
+    across = min(len(panels), 2)
+    down = ceil(len(panels) / across)
+    size = (5.4 * across, 3.6 * down) if across > 1 else (6.4, 4.6)
+    figure = Figure(figsize=size, layout="constrained")
+    FigureCanvasAgg(figure)
+    cells = figure.subplots(down, across, squeeze=False).ravel()
+    for cell, panel in zip(cells, panels, strict=False):
+        panel(cell)
+    for cell in cells[len(panels) :]:
+        cell.remove()
+    return figure
+
+
+def save(figure: Figure, out: Path) -> None:
+    """Write a figure. The file gets its name only when it is complete."""
+    suffix = suffix_of(out)
+    unfinished = out.with_name(f"{out.name}.{os.getpid()}.tmp")
+    try:
+        figure.savefig(unfinished, format=suffix[1:], metadata=UNDATED[suffix])
+        unfinished.replace(out)
+    except OSError as error:
+        raise ResultError(f"{out}: cannot be written: {error.strerror or error}") from error
+    finally:
+        unfinished.unlink(missing_ok=True)
+
+
+def suffix_of(out: Path) -> str:
+    """The suffix of a figure in lower case. Raises UsageError if that format cannot be written."""
+    suffix = out.suffix.lower()
+    if suffix not in UNDATED:
+        hint = did_you_mean(suffix, UNDATED) if suffix else "known: " + ", ".join(UNDATED)
+        raise UsageError(f"{out}: a figure cannot have the suffix '{suffix}' ({hint})")
+    return suffix
+
+
 def band(axes: Axes, x: Floats, rows: Floats, label: str, colour: str) -> Axes:
-    """The median over the rows (runs, len(x)), and the band between their quartiles; the label says how many runs."""
+    """Draw the median over the rows (runs, len(x)) and the band between their quartiles; the label counts the runs."""
     low, middle, high = np.nanquantile(rows, [0.25, 0.5, 0.75], axis=0)
     runs = f"{len(rows)} runs" if len(rows) > 1 else "one run"
     axes.plot(x, middle, color=colour, linewidth=1.2, label=f"{label} (median and quartiles of {runs})")
@@ -59,9 +123,9 @@ def band(axes: Axes, x: Floats, rows: Floats, label: str, colour: str) -> Axes:
 def rmse_band(
     axes: Axes, x: Floats, rows: Floats, label: str, colour: str, width: float = 1.4, banded: bool = True
 ) -> Axes:
-    """The RMSE over the rows (runs, len(x)), and, where it is to be banded, its 95 % band.
+    """Draw the RMSE over the rows (runs, len(x)) and, if `banded`, its 95 % confidence band.
 
-    Curves choose how far down the axes go: what a band has beneath them is cut, as on a logarithmic scale it goes far.
+    The lower limit of the axes follows the curves, not the bands, which reach far down on a logarithmic scale.
     """
     axes.plot(x, metrics.per_step_rmse(rows), color=colour, linewidth=width, label=label)
     if not banded:
@@ -77,10 +141,10 @@ def rmse_band(
 
 
 def rmse_interval(rows: Floats, draws: int = DRAWS) -> tuple[Floats, Floats]:
-    """The percentile bootstrap's 95 % interval of the RMSE over the rows (runs, steps) at each step: (low, high).
+    """The 95 % percentile-bootstrap interval of the RMSE over the rows (runs, steps) at each step, as (low, high).
 
-    NaN at a step at which fewer than five runs have an estimate. Whole runs are drawn, the same for as many rows. A
-    draw without a run that has an estimate at a step does not count there.
+    NaN at a step at which fewer than five runs have an estimate. Whole runs are resampled, with a seed that depends on
+    their number only. A resample without any estimate at a step does not count there.
     """
     count, known = len(rows), np.isfinite(rows)
     low, high = np.full((2, rows.shape[1]), np.nan)
@@ -89,15 +153,15 @@ def rmse_interval(rows: Floats, draws: int = DRAWS) -> tuple[Floats, Floats]:
         return low, high
     square = np.where(known, rows, 0.0)[:, enough] ** 2
     rng = np.random.Generator(np.random.Philox(count))
-    taken = rng.multinomial(count, np.full(count, 1.0 / count), size=draws).astype(np.float64)
+    weights = rng.multinomial(count, np.full(count, 1.0 / count), size=draws).astype(np.float64)
     with np.errstate(invalid="ignore"):
-        drawn = np.sqrt(taken @ square / (taken @ known[:, enough]))
-    low[enough], high[enough] = np.nanquantile(drawn, [0.025, 0.975], axis=0)
+        resampled = np.sqrt(weights @ square / (weights @ known[:, enough]))
+    low[enough], high[enough] = np.nanquantile(resampled, [0.025, 0.975], axis=0)
     return low, high
 
 
 def with_bands(runs: int, whose: str = "") -> str:
-    """The number of runs, and what the bands around their RMSE are if there are any, and whose if not all have one."""
+    """The number of runs and, if there are enough, what the bands around their RMSE are, and whose."""
     if runs < LEAST:
         return f"{runs} runs" if runs > 1 else "one run"
-    return f"{runs} runs (bands{f' of {whose}' if whose else ''}: 95 %)"
+    return f"{runs} runs (bands{f' of {whose}' if whose else ''}: 95 % confidence)"

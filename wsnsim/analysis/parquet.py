@@ -1,4 +1,4 @@
-"""Tables as Parquet files, for tools that do not read HDF5. pyarrow is imported here only (extra `parquet`).
+"""Export of tables as Parquet files, for tools that do not read HDF5. Needs pyarrow (extra `parquet`).
 
 export(source, folder, tables=()) -> [(file, rows), ...]
 """
@@ -19,14 +19,18 @@ from wsnsim.recording.layout import reason
 def export(source: Path, folder: Path, tables: Sequence[str] = ()) -> list[tuple[Path, int]]:
     """Write each table of a result, or of a campaign with its swept parameters, to FOLDER/TABLE.parquet.
 
+    Returns:
+        (file, number of rows) of each table.
+
     Raises:
-        UsageError: pyarrow is missing, or there is no such table. ResultError: the source cannot be read.
+        UsageError: pyarrow is missing, or there is no such table.
+        ResultError: the source cannot be read.
         StorageError: a file cannot be written.
     """
     try:
         import pyarrow  # noqa: F401
     except ImportError:
-        raise UsageError("--parquet needs pyarrow: pip install 'wsnsim[parquet]'") from None
+        raise UsageError("--parquet requires pyarrow: pip install 'wsnsim[parquet]'") from None
     held = tables_of(source)
     for name in tables:
         if name not in held:
@@ -48,7 +52,7 @@ def export(source: Path, folder: Path, tables: Sequence[str] = ()) -> list[tuple
 
 
 def tables_of(source: Path) -> tuple[str, ...]:
-    """The tables of a result; of a campaign, those of its first file."""
+    """The tables of a result, or of the first file of a campaign."""
     if not source.is_dir():
         return tuple(recording.tables(source))
     campaign = Folder(source)

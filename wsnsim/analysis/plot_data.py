@@ -1,10 +1,10 @@
-"""What pictures are drawn from: a result's columns for one track, for one step, or over all runs.
+"""The data of plots: a result's columns for one track, for one step, or over all runs.
 
     heading(path);  lacking(path, what);  layout(path);  errors(path);  spent(path);  counts(path)
     course(path, columns, replicate, target);  nodes_of(path, replicate);  cloud(path, names, step, replicate, target)
 
-A column, replicate, target or step that the file does not have is a UsageError, a table that was not recorded a
-ResultError.
+Every function raises UsageError for a column, replicate, target or step that the file does not have, and ResultError
+for a table that was not recorded.
 """
 
 from __future__ import annotations
@@ -30,32 +30,37 @@ NEEDS: Final = {
     "energy": ("energy_steps",),
     "particles": ("particles", "truth"),
 }
-"""What can be drawn, and the tables that it needs."""
+"""What can be plotted, and the tables that it needs."""
 EMPTY: Final = {
-    "energy_steps": "no energy was spent (a scenario without a network spends none)",
+    "energy_steps": "no energy was spent (there is no network)",
     "particles": "the tracker had no particles to record",
 }
-"""What it means that a table was recorded and has no rows."""
+"""Why a recorded table has no rows."""
 
 
 class StateLayout(NamedTuple):
-    """The state columns with their units, and which of them are the position."""
+    """The state columns.
+
+    Attributes:
+        units: {column: unit}.
+        position: the columns of the position.
+    """
 
     units: dict[str, str]
     position: tuple[str, ...]
 
     def label(self, column: str) -> str:
-        """A state column as an axis says it."""
+        """The label of an axis for a state column."""
         return column + bracketed(self.units[column])
 
     def check(self, path: str | Path, column: str) -> None:
-        """Raise UsageError unless the column is one of the states'."""
+        """Raise UsageError unless the column is a state column."""
         if column not in self.units:
-            raise UsageError(f"{path}: there is no state column '{column}' ({did_you_mean(column, self.units)})")
+            raise UsageError(f"{path}: no state column '{column}' ({did_you_mean(column, self.units)})")
 
 
 class RunCounts(NamedTuple):
-    """How many runs a file holds, targets in each, and runs that lost a track; None if that was not recorded."""
+    """The number of runs of a file, of targets in each, and of runs with a lost track (None if not recorded)."""
 
     runs: int
     targets: int
@@ -63,12 +68,12 @@ class RunCounts(NamedTuple):
 
 
 def bracketed(unit: str) -> str:
-    """A unit as it follows a word on an axis; nothing where there is none."""
-    return f" [{unit}]" if unit else ""
+    """A unit in brackets as it follows a label; empty for a pure number."""
+    return f" [{unit}]" if unit not in ("", "1") else ""
 
 
 def lacking(path: str | Path, what: str) -> str:
-    """Why the file cannot show it ('track', 'states', 'error', 'energy', 'particles'); '' if it can."""
+    """Why the file cannot be plotted as `what`, a key of `NEEDS`; empty if it can."""
     sizes = recording.tables(path)
     for table in NEEDS[what]:
         if table not in sizes:
@@ -79,14 +84,14 @@ def lacking(path: str | Path, what: str) -> str:
 
 
 def demand(path: str | Path, what: str) -> None:
-    """Raise ResultError where the file cannot show it."""
+    """Raise ResultError if the file cannot be plotted as `what`."""
     reason = lacking(path, what)
     if reason:
-        raise ResultError(f"{path}: cannot draw {what}: {reason}")
+        raise ResultError(f"{path}: cannot plot {what}: {reason}")
 
 
 def heading(path: str | Path) -> str:
-    """The scenario's name and seed; '' if the file does not hold them."""
+    """The scenario's name and seed; empty if the file does not hold them."""
     try:
         scenario = json.loads(recording.read_text(path, "scenario/resolved_json"))
     except ResultError:
@@ -95,7 +100,7 @@ def heading(path: str | Path) -> str:
 
 
 def layout(path: str | Path) -> StateLayout:
-    """How a file's states are laid out. One that does not say which are the position: px and py, or the first."""
+    """The state columns of a file. If it does not say which are the position, px and py are, or the first column."""
     root = recording.attributes(path)
     names = [name for name, _ in root["states"]]
     place = root["position"] or [i for i, name in enumerate(names) if name in ("px", "py")] or [0]
@@ -103,7 +108,7 @@ def layout(path: str | Path) -> StateLayout:
 
 
 def course(path: str | Path, columns: Sequence[str], replicate: int, target: int) -> tuple[Columns, Columns]:
-    """One track: the truth's time and `columns`, and the estimates' with the claimed sd and the heads."""
+    """One track: time and `columns` of the ground truth, and of the estimates with their sd and the cluster heads."""
     claimed = [f"sd_{axis}" for axis, _ in zip("xy", layout(path).position, strict=False)]
     truth = _track(path, "truth", ("time", *columns), replicate, target)
     return truth, _track(path, "estimates", ("time", *columns, *claimed, "head"), replicate, target)
@@ -112,7 +117,7 @@ def course(path: str | Path, columns: Sequence[str], replicate: int, target: int
 def cloud(
     path: str | Path, names: Sequence[str], step: int, replicate: int, target: int
 ) -> tuple[Columns, dict[str, float]]:
-    """The particles at a step: the columns `names` and their weights; and where the target truly was."""
+    """The particles at a step, as the columns `names` and `weight`, and the true values of these columns."""
     held = _track(path, "particles", ("step", *names, "weight"), replicate, target)
     truth = _track(path, "truth", ("step", *names), replicate, target)
     true = _chosen(truth, _at(path, "truth", truth["step"], "step", step))
@@ -120,12 +125,12 @@ def cloud(
 
 
 def last_step_with_particles(path: str | Path, replicate: int, target: int) -> int:
-    """The last step of which the file holds particles."""
+    """The last step with recorded particles."""
     return int(_track(path, "particles", ("step",), replicate, target)["step"].max())
 
 
 def nodes_of(path: str | Path, replicate: int) -> Columns:
-    """Where the nodes of a run stand, with their charge; empty if that was not recorded."""
+    """The positions of a run's nodes and their initial energy; empty if not recorded."""
     if "nodes" not in recording.tables(path):
         return {}
     held = recording.read_table(path, "nodes", ["replicate", "node", "x", "y", "energy_initial"])
@@ -133,7 +138,7 @@ def nodes_of(path: str | Path, replicate: int) -> Columns:
 
 
 def woken_regions(path: str | Path, replicate: int, target: int) -> Columns:
-    """Where the regions were that nodes were woken in, by their centres; empty if none was, or none recorded."""
+    """The centres of the regions in which nodes were woken; empty if there are none, or not recorded."""
     tables = recording.tables(path)
     if "wakeups" not in tables or not tables["wakeups"].rows:
         return {}
@@ -142,7 +147,7 @@ def woken_regions(path: str | Path, replicate: int, target: int) -> Columns:
 
 
 def errors(path: str | Path) -> tuple[Floats, Floats]:
-    """(tracks, steps) position errors, NaN where a run has no estimate or had ended; and the steps' times."""
+    """Position errors (tracks, steps), NaN without an estimate or after the end of a run, and the times (steps,)."""
     table = recording.read_table(path, "estimates", ["replicate", "target", "step", "time", "error"])
     steps, at = np.unique(table["step"], return_inverse=True)
     tracks, row = np.unique(np.stack([table["replicate"], table["target"]], axis=1), axis=0, return_inverse=True)
@@ -153,12 +158,12 @@ def errors(path: str | Path) -> tuple[Floats, Floats]:
 
 
 def steps_of(path: str | Path) -> Ints:
-    """The steps that have rows in `estimates`, in order: those of `errors`."""
+    """The steps of `errors`: those with rows in `estimates`, in order."""
     return np.unique(recording.read_table(path, "estimates", ["step"])["step"])
 
 
 def counts(path: str | Path) -> RunCounts:
-    """How many runs and targets the estimates are of, and how many runs lost a track."""
+    """The numbers of runs and targets of the estimates, and of runs with a lost track."""
     table = recording.read_table(path, "estimates", ["replicate", "target"])
     runs, targets = (len(np.unique(table[name])) for name in ("replicate", "target"))
     known = "runs" in recording.tables(path)
@@ -166,7 +171,7 @@ def counts(path: str | Path) -> RunCounts:
 
 
 def spent(path: str | Path) -> tuple[Floats, Floats, int]:
-    """(causes, steps) joules that a run has spent by each step, the mean over runs; the times; and how many runs."""
+    """Cumulative energy in J (causes, steps), the mean over runs; the times (steps,); and the number of runs."""
     table = recording.read_table(path, "energy_steps", ["replicate", "step", "time", "cause", "joules"])
     every = recording.read_table(path, "runs", ["replicate"]) if "runs" in recording.tables(path) else table
     runs = len(np.unique(every["replicate"]))
@@ -178,17 +183,17 @@ def spent(path: str | Path) -> tuple[Floats, Floats, int]:
 
 
 def _track(path: str | Path, table: str, columns: Sequence[str], replicate: int, target: int) -> Columns:
-    """A table's columns for one replicate and target, which it must have."""
+    """A table's columns for one replicate and target, which must be there."""
     held = recording.read_table(path, table, ["replicate", "target", *columns])
     held = _chosen(held, _at(path, table, held["replicate"], "replicate", replicate))
     return _chosen(held, _at(path, table, held["target"], "target", target))
 
 
 def _at(path: str | Path, table: str, numbers: np.ndarray, name: str, wanted: int) -> np.ndarray:
-    """Where the numbers are the one wanted, which must be among them."""
+    """Which numbers are the wanted one, which must be among them."""
     chosen: np.ndarray = numbers == wanted
     if not chosen.any():
-        raise UsageError(f"{path}: there is no {name} {wanted} in table {table}; it has {_span(np.unique(numbers))}")
+        raise UsageError(f"{path}: table {table} has no {name} {wanted}; it has {number_span(np.unique(numbers))}")
     return chosen
 
 
@@ -196,8 +201,8 @@ def _chosen(columns: Columns, rows: np.ndarray) -> Columns:
     return {name: values[rows] for name, values in columns.items()}
 
 
-def _span(numbers: np.ndarray) -> str:
-    """Which numbers there are: one by one if they are few, else from the first to the last."""
+def number_span(numbers: np.ndarray) -> str:
+    """Sorted numbers as a text: one by one if they are few, else the first and the last."""
     if numbers.size <= 6:
         return ", ".join(str(number) for number in numbers.tolist()) or "none"
     gaps = int(numbers[-1]) - int(numbers[0]) + 1 > numbers.size

@@ -1,11 +1,10 @@
-"""Pictures of a result: each function draws one thing from a file on a matplotlib Axes, and returns the Axes.
+"""Plots of a result: each function draws one plot of a file on a matplotlib Axes and returns the Axes.
 
     track(axes, path, replicate, target)      states(axes, path, column, replicate, target)      error(axes, path)
     energy(axes, path)      particles(axes, path, step, column, replicate, target)
 
 Every function raises ResultError for a table that was not recorded, and UsageError for a column, replicate, target or
-step that the file does not have. What was never estimated is a gap. The colours are those of Okabe and Ito, which the
-colour-blind tell apart.
+step that the file does not have. A step without an estimate is a gap.
 """
 
 from __future__ import annotations
@@ -17,26 +16,35 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from wsnsim.analysis import plot_data, recorded_bounds
+from wsnsim.analysis.figure_style import (
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    PALE,
+    PURPLE,
+    SKY,
+    VERMILLION,
+    YELLOW,
+)
+from wsnsim.analysis.phrases import counted
 from wsnsim.analysis.plot_data import Columns, StateLayout, bracketed
 from wsnsim.base import metrics
 from wsnsim.base.arrays import Floats
 from wsnsim.base.tables import CAUSES
 
-BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, VERMILLION, PURPLE = (
-    "#000000", "#E69F00", "#56B4E9", "#009E73", "#F0E442", "#0072B2", "#D55E00", "#CC79A7",
-)  # fmt: skip
-GREY, PALE = "#8C8C8C", "#D0D0D0"
 CAUSE_COLOURS: Final = dict(
     zip(CAUSES, (ORANGE, VERMILLION, SKY, BLUE, GREEN, YELLOW, GREY, PALE, PURPLE, BLACK), strict=True)
 )
 LOG_FROM: Final = 100.0
-"""How many times the least error the largest must be for a logarithmic axis (our choice)."""
+"""Ratio of the largest to the smallest error from which on the axis is logarithmic (our choice)."""
 LEAST_WEIGHT: Final = 1e-6
-"""Particles below this part of the largest weight are not drawn (our choice)."""
+"""Particles below this share of the largest weight are not drawn (our choice)."""
 
 
 def track(axes: Axes, path: str | Path, replicate: int = 0, target: int = 0) -> Axes:
-    """The plane with the true path, the estimates, the sensors and who led; on a line, the position over time."""
+    """Draw the plane with ground truth, estimates, nodes and cluster heads; on a line, the position over time."""
     plot_data.demand(path, "track")
     plan = plot_data.layout(path)
     truth, guess = plot_data.course(path, plan.position, replicate, target)
@@ -44,14 +52,14 @@ def track(axes: Axes, path: str | Path, replicate: int = 0, target: int = 0) -> 
     if len(plan.position) == 1:
         _over_time(axes, plan, plan.position[0], truth, guess)
         if nodes:
-            _beside(axes, nodes["x"])
+            _nodes_beside(axes, nodes["x"])
     else:
         _in_plane(axes, plan, truth, guess, nodes, plot_data.woken_regions(path, replicate, target))
     return _titled(axes, f"track of {_which(replicate, target)}")
 
 
 def states(axes: Axes, path: str | Path, column: str, replicate: int = 0, target: int = 0) -> Axes:
-    """One state column over time, true and estimated; a position with ±2 of the sd that the filter claims."""
+    """Draw one state column over time, true and estimated, a position with the estimated ±2σ."""
     plan = plot_data.layout(path)
     plan.check(path, column)
     plot_data.demand(path, "states")
@@ -60,35 +68,35 @@ def states(axes: Axes, path: str | Path, column: str, replicate: int = 0, target
 
 
 def error(axes: Axes, path: str | Path) -> Axes:
-    """The position error at each step over all runs: RMSE (Jiang 2013, eq. 26), median, quartiles; and the bound."""
+    """Draw the position error at each step over all runs: RMSE (Jiang 2013, eq. 26), median, quartiles and CRLB."""
     plot_data.demand(path, "error")
     plan = plot_data.layout(path)
     rows, times = plot_data.errors(path)
     runs, targets, lost = plot_data.counts(path)
-    counted = _counted("run", runs) + (f" × {targets} targets" if targets > 1 else "")
+    of_runs = counted(runs, "run") + (f" × {targets} targets" if targets > 1 else "")
     mean = metrics.per_step_rmse(rows)
     shown = mean
     if len(rows) > 1:
         low, middle, high = _quartiles(rows)
-        axes.fill_between(times, low, high, color=SKY, alpha=0.4, linewidth=0, label=f"quartiles of {counted}")
+        axes.fill_between(times, low, high, color=SKY, alpha=0.4, linewidth=0, label=f"quartiles of {of_runs}")
         axes.plot(times, middle, color=BLUE, linewidth=1.0, label="median", **_marks(middle))
         shown = np.concatenate([mean, middle])
-    told = f"error of {counted}" if len(rows) == 1 else "RMSE"
-    axes.plot(times, mean, color=VERMILLION, linewidth=1.2, label=told, **_marks(mean))
+    name = f"error of {of_runs}" if len(rows) == 1 else "RMSE"
+    axes.plot(times, mean, color=VERMILLION, linewidth=1.2, label=name, **_marks(mean))
     if (limit := recorded_bounds.in_range(path)) is not None:
         bound = limit.rmse[plot_data.steps_of(path) - 1]
-        axes.plot(times, bound, color=BLACK, linewidth=1.0, linestyle=":", label="bound along each truth")
+        axes.plot(times, bound, color=BLACK, linewidth=1.0, linestyle=":", label="trajectory-conditional CRLB")
         shown = np.concatenate([shown, bound])
     _scaled(axes, shown)
     if len(times) > 1:
         axes.set_xlim(0.0, float(times[-1]))
     axes.set_xlabel("time [s]")
     axes.set_ylabel("position error" + bracketed(plan.units[plan.position[0]]))
-    return _titled(axes, "position error" + ("" if lost is None else f", {lost} of {counted} lost"))
+    return _titled(axes, "position error" + ("" if lost is None else f", {lost} of {of_runs} lost"))
 
 
 def energy(axes: Axes, path: str | Path) -> Axes:
-    """What the network has spent by each step, stacked by cause; the mean over all runs."""
+    """Draw the energy that the network has spent by each step, stacked by cause; the mean over all runs."""
     plot_data.demand(path, "energy")
     joules, times, runs = plot_data.spent(path)
     words = [cause for cause, row in zip(CAUSES, joules, strict=True) if row.any()]
@@ -102,15 +110,15 @@ def energy(axes: Axes, path: str | Path) -> Axes:
     axes.set_xlabel("time [s]")
     axes.set_ylabel("energy spent [J]")
     axes.set_ylim(bottom=0)
-    return _titled(axes, f"energy of the network, mean of {_counted('run', runs)}")
+    return _titled(axes, f"energy spent by the network, mean of {counted(runs, 'run')}")
 
 
 def particles(
     axes: Axes, path: str | Path, step: int, column: str | None = None, replicate: int = 0, target: int = 0
 ) -> Axes:
-    """The particles at a step beside the truth: a cloud in the plane, or the weighted histogram of one column.
+    """Draw the particles at a step with the ground truth: a cloud in the plane, or the histogram of one column.
 
-    A cloud is drawn where the position has two columns and no `column` is named; its dots' areas grow with the weights.
+    A cloud is drawn if the position has two columns and `column` is None; the area of a dot grows with its weight.
     """
     plan = plot_data.layout(path)
     if column is not None:
@@ -120,15 +128,15 @@ def particles(
     held, truth = plot_data.cloud(path, names, step, replicate, target)
     seen = held["weight"] > LEAST_WEIGHT * held["weight"].max()
     weights, values = held["weight"][seen], [held[name][seen] for name in names]
-    label = ("" if seen.all() else f"{weights.size:,} of ") + _counted("particle", seen.size)
+    label = ("" if seen.all() else f"{weights.size:,} of ") + counted(seen.size, "particle")
     if len(names) == 1:
         _histogram(axes, plan, names[0], values[0], weights, label)
-        axes.axvline(truth[names[0]], color=BLACK, linewidth=1.4, label="truth")
+        axes.axvline(truth[names[0]], color=BLACK, linewidth=1.4, label="ground truth")
     else:
         sizes = 4.0 + 40.0 * weights / weights.max()
         across, up = values
         axes.scatter(across, up, s=sizes, color=SKY, linewidths=0, alpha=0.6, label=label)
-        axes.plot(*truth.values(), "+", color=BLACK, markersize=12, markeredgewidth=2, label="truth")
+        axes.plot(*truth.values(), "+", color=BLACK, markersize=12, markeredgewidth=2, label="ground truth")
         _plane(axes, plan)
     return _titled(axes, f"particles at step {step} of {_which(replicate, target)}")
 
@@ -139,15 +147,15 @@ def _in_plane(
     across, up = plan.position
     if nodes:
         size = 4.0 if len(nodes["x"]) > 100 else 14.0
-        label = _counted("sensor", len(nodes["x"]))
+        label = counted(len(nodes["x"]), "node")
         axes.scatter(nodes["x"], nodes["y"], s=size, color=GREY, linewidths=0, label=label)
-    axes.plot(truth[across], truth[up], color=BLACK, linewidth=2.2, label="truth")
+    axes.plot(truth[across], truth[up], color=BLACK, linewidth=2.2, label="ground truth")
     axes.plot(truth[across][:1], truth[up][:1], "o", color=BLACK, markersize=5)
     axes.plot(guess[across], guess[up], color=ORANGE, linewidth=1.0, label="estimate", **_marks(guess[across]))
-    if nodes and not np.isnan(nodes["energy_initial"]).all():  # who leads a bench means nothing
-        _lead(axes, nodes, guess["head"])
+    if nodes and not np.isnan(nodes["energy_initial"]).all():  # without a network there is no cluster head
+        _heads(axes, nodes, guess["head"])
     if woken and len(woken["x"]):
-        label = _counted("region", len(woken["x"])) + " woken"
+        label = counted(len(woken["x"]), "wake-up region")
         axes.plot(woken["x"], woken["y"], "+", color=GREEN, markersize=5, markeredgewidth=0.9, label=label)
     _plane(axes, plan)
 
@@ -158,19 +166,19 @@ def _plane(axes: Axes, plan: StateLayout) -> None:
     axes.set_aspect("equal", adjustable="datalim")
 
 
-def _lead(axes: Axes, nodes: Columns, heads: np.ndarray) -> None:
-    """The heads in the order in which they led, joined by a line."""
+def _heads(axes: Axes, nodes: Columns, heads: np.ndarray) -> None:
+    """Draw the cluster heads in the order in which they led, joined by a line."""
     led = heads[heads >= 0]
     order = led[np.diff(led, prepend=-1) != 0]
     place = {node: row for row, node in enumerate(nodes["node"].tolist())}
     rows = [place[node] for node in order.tolist()]
-    label = _counted("head", len(set(rows)))
+    label = counted(len(set(rows)), "cluster head")
     axes.plot(nodes["x"][rows], nodes["y"][rows], ":s", color=VERMILLION, markersize=4, linewidth=0.8, label=label)
 
 
-def _beside(axes: Axes, places: Floats) -> None:
-    """Where on the line the sensors stand, as marks at the right edge."""
-    edge, label = np.ones(len(places)), _counted("sensor", len(places))
+def _nodes_beside(axes: Axes, places: Floats) -> None:
+    """Mark the positions of the nodes on a line at the right edge."""
+    edge, label = np.ones(len(places)), counted(len(places), "node")
     inward = axes.get_yaxis_transform()
     axes.plot(edge, places, "<", color=BLUE, markersize=6, transform=inward, clip_on=False, label=label)
 
@@ -179,15 +187,15 @@ def _over_time(axes: Axes, plan: StateLayout, column: str, truth: Columns, guess
     if column in plan.position:
         claimed = 2.0 * guess[("sd_x", "sd_y")[plan.position.index(column)]]
         low, high = guess[column] - claimed, guess[column] + claimed
-        axes.fill_between(guess["time"], low, high, color=ORANGE, alpha=0.3, linewidth=0, label="±2 sd claimed")
-    axes.plot(truth["time"], truth[column], color=BLACK, linewidth=2.2, label="truth")
+        axes.fill_between(guess["time"], low, high, color=ORANGE, alpha=0.3, linewidth=0, label="estimated ±2σ")
+    axes.plot(truth["time"], truth[column], color=BLACK, linewidth=2.2, label="ground truth")
     axes.plot(guess["time"], guess[column], color=ORANGE, linewidth=1.0, label="estimate", **_marks(guess[column]))
     axes.set_xlabel("time [s]")
     axes.set_ylabel(plan.label(column))
 
 
 def _quartiles(rows: Floats) -> Floats:
-    """(3, steps) quartiles over tracks, NaN where none has an estimate."""
+    """The quartiles over tracks, (3, steps), NaN at steps without an estimate."""
     known = np.isfinite(rows).any(axis=0)
     result = np.full((3, rows.shape[1]), np.nan)
     if known.any():
@@ -196,7 +204,7 @@ def _quartiles(rows: Floats) -> Floats:
 
 
 def _scaled(axes: Axes, shown: Floats) -> None:
-    """A logarithmic axis where errors span decades, else one from zero."""
+    """Make the axis logarithmic if errors span decades, else start it at zero."""
     positive = shown[shown > 0]
     if positive.size and positive.max() > LOG_FROM * positive.min():
         axes.set_yscale("log")
@@ -207,7 +215,7 @@ def _scaled(axes: Axes, shown: Floats) -> None:
 
 def _histogram(axes: Axes, plan: StateLayout, column: str, values: Floats, weights: Floats, label: str) -> None:
     low, high = float(values.min()), float(values.max())
-    margin = 1e-6 * max(1.0, abs(low), abs(high))  # particles that are all one still have a bin
+    margin = 1e-6 * max(1.0, abs(low), abs(high))  # so that equal particles have a bin
     bins = int(np.clip(2 * np.sqrt(values.size), 10, 60))
     heights, edges = np.histogram(values, np.linspace(low - margin, high + margin, bins + 1), weights=weights)
     heights = heights / (heights.sum() * np.diff(edges))
@@ -218,7 +226,7 @@ def _histogram(axes: Axes, plan: StateLayout, column: str, values: Floats, weigh
 
 
 def _marks(values: Floats) -> dict[str, Any]:
-    """A dot for each value between two gaps, which a line alone would not show."""
+    """The style of a dot for each value between two gaps, which a line alone would not show."""
     gap = np.isnan(np.concatenate(([np.nan], values, [np.nan])))
     alone = np.flatnonzero(~gap[1:-1] & gap[:-2] & gap[2:])
     return {"marker": ".", "markersize": 3, "markevery": alone.tolist()} if alone.size else {}
@@ -228,12 +236,8 @@ def _which(replicate: int, target: int) -> str:
     return f"replicate {replicate}" + (f", target {target}" if target else "")
 
 
-def _counted(noun: str, number: int) -> str:
-    return f"{number:,} {noun}" + ("" if number == 1 else "s")
-
-
 def _titled(axes: Axes, title: str) -> Axes:
-    """The title, and between it and the data the legend in one row."""
+    """Set the title, and between it and the data the legend in one row."""
     axes.set_title(title, loc="left", pad=20)
     handles, _ = axes.get_legend_handles_labels()
     axes.legend(

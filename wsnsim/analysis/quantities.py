@@ -200,6 +200,11 @@ BOUND_NOTE: Final = (
 )
 
 
+def run_metric_name(metric: str) -> str:
+    """The name of a column of `runs`, as a median or mean over runs is of it."""
+    return {"rmse": "per-run RMSE", "median_error": "per-run median error"}.get(metric, metric.replace("_", " "))
+
+
 def values(arrays: ResultArrays) -> dict[str, float]:
     """The value of every quantity that is known and means something, by its key."""
     found = {key: quantity.value(arrays) for key, quantity in QUANTITIES.items()}

@@ -1,7 +1,7 @@
-"""What replicates say: medians and means with intervals, shares, paired differences, and who is not beaten.
+"""Statistics over Monte Carlo runs: medians, means and shares with intervals, paired differences, Pareto front.
 
-Intervals are of 95 %. The bootstrap's draws are fixed by the number of values, so that equal values give equal
-intervals. Values that are not known (NaN) are passed over; fewer than five known values have no interval.
+Confidence intervals are of 95 %. The bootstrap's seed is the number of values, so that equal values give equal
+intervals. Unknown values (NaN) are left out; with fewer than five known values there is no interval.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from wsnsim.base.arrays import Bools, Floats, Ints
 DRAWS: Final = 2000
 LEAST: Final = 5
 EXACT: Final = 50
-"""Pairs up to which Wilcoxon's p is exact, those of equal size included; for more, the normal law is close enough."""
+"""Pairs up to which Wilcoxon's p is exact, ties included; for more, the normal approximation is close enough."""
 CONFIDENCE: Final = 0.95
 NAN: Final = float("nan")
 
 
 class IntervalEstimate(NamedTuple):
-    """A figure, its interval, and how many known values are behind it."""
+    """A statistic, its confidence interval, and the number of known values."""
 
     value: float
     low: float
@@ -32,10 +32,16 @@ class IntervalEstimate(NamedTuple):
 
 
 class PairedDifference(NamedTuple):
-    """The median of the differences of pairs, its interval, an effect size, a p-value, and how many pairs are known.
+    """The median of paired differences.
 
-    `effect` is the matched-pairs rank-biserial correlation (Kerby 2014): 1 if every difference is positive, −1 if every
-    one is negative, 0 if there is no tendency. `p` is Wilcoxon's signed-rank test's, of two sides.
+    Attributes:
+        value: the median.
+        low: lower end of its confidence interval.
+        high: upper end.
+        effect: matched-pairs rank-biserial correlation (Kerby 2014): 1 if all differences are positive, −1 if all are
+            negative, 0 without a tendency.
+        p: of Wilcoxon's signed-rank test, two-sided.
+        known: number of pairs in which both values are known.
     """
 
     value: float
@@ -47,27 +53,27 @@ class PairedDifference(NamedTuple):
 
 
 def median(values: Floats) -> IntervalEstimate:
-    """The median of the known values, with its bootstrap interval."""
+    """The median of the known values with its bootstrap interval."""
     known = _known(values)
     low, high = _bootstrapped(known, np.median)
     return IntervalEstimate(float(np.median(known)) if known.size else NAN, low, high, known.size)
 
 
 def mean(values: Floats) -> IntervalEstimate:
-    """The mean of the known values, with its bootstrap interval."""
+    """The mean of the known values with its bootstrap interval."""
     known = _known(values)
     low, high = _bootstrapped(known, np.mean)
     return IntervalEstimate(float(np.mean(known)) if known.size else NAN, low, high, known.size)
 
 
 def interval_of_median(values: Floats) -> tuple[float, float]:
-    """The bootstrap's interval of the median; NaN where fewer than five values are known."""
+    """The bootstrap interval of the median; NaN if fewer than five values are known."""
     found = median(values)
     return found.low, found.high
 
 
 def share(flags: Bools) -> IntervalEstimate:
-    """The share of runs in which something happened, with Wilson's score interval (Wilson 1927)."""
+    """The share of runs in which something happened, with its score interval (Wilson 1927)."""
     count = len(flags)
     if not count:
         return IntervalEstimate(NAN, NAN, NAN, 0)
@@ -77,7 +83,7 @@ def share(flags: Bools) -> IntervalEstimate:
 
 
 def paired_difference(values: Floats, baseline: Floats) -> PairedDifference:
-    """What `values` have more than `baseline`, pair by pair: both (n,) of the same replicates, NaN where unknown."""
+    """The paired difference `values` − `baseline`, both (n,) of the same runs, NaN if unknown."""
     pairs = np.column_stack([np.asarray(values, dtype=np.float64), np.asarray(baseline, dtype=np.float64)])
     pairs = pairs[np.isfinite(pairs).all(axis=1)]
     differences = pairs[:, 0] - pairs[:, 1]
@@ -89,9 +95,9 @@ def paired_difference(values: Floats, baseline: Floats) -> PairedDifference:
 
 
 def pareto_front(errors: Sequence[float], costs: Sequence[float]) -> Bools:
-    """(n,) which are not beaten: no other has less of both, or less of one and as much of the other (Pareto).
+    """Which points are on the Pareto front, (n,): no other has less of one and at most as much of the other.
 
-    One whose error or cost is unknown is never in front.
+    A point with an unknown error or cost is not on it.
     """
     pairs = np.column_stack([np.asarray(errors, dtype=np.float64), np.asarray(costs, dtype=np.float64)])
     known = np.isfinite(pairs).all(axis=1)
@@ -103,7 +109,7 @@ def pareto_front(errors: Sequence[float], costs: Sequence[float]) -> Bools:
 
 
 def _ranked(differences: Floats) -> tuple[float, float]:
-    """(rank-biserial correlation, p) of differences; those of zero count for neither side."""
+    """(rank-biserial correlation, p) of differences; zero differences are left out."""
     moved = differences[differences != 0.0]
     if not moved.size:
         return 0.0, 1.0
@@ -115,17 +121,17 @@ def _ranked(differences: Floats) -> tuple[float, float]:
 
 
 def _exact_p(ranks: Ints, positive: Bools) -> float:
-    """The p-value over all choices of signs, each as likely; ranks are doubled, so that shared ones are whole."""
+    """The p-value over all equally likely signs; ranks are doubled, so that tied ones are integers."""
     ways = np.zeros(ranks.sum() + 1)
     ways[0] = 1.0
-    for rank in ranks:  # in how many ways positive ranks make up each sum
+    for rank in ranks:  # number of sign choices that give each sum of positive ranks
         ways[rank:] += ways[:-rank].copy()
     seen, many = ranks[positive].sum(), 2.0**ranks.size
     return float(min(1.0, 2.0 * min(ways[: seen + 1].sum(), ways[seen:].sum()) / many))
 
 
 def _bootstrapped(known: Floats, statistic: Any) -> tuple[float, float]:
-    """The percentile bootstrap's interval."""
+    """The interval by percentile bootstrap."""
     if known.size < LEAST:
         return NAN, NAN
     if (known == known[0]).all():

@@ -1,4 +1,4 @@
-"""When a point has replicates enough: a fixed number, or until the median of a metric is known well enough."""
+"""How many runs a point of a campaign gets: a fixed number, or until the median of a metric is precise enough."""
 
 from __future__ import annotations
 
@@ -14,27 +14,28 @@ from wsnsim.recording.folder import Folder, Manifest, PointOnDisk
 from wsnsim.scenario.sweep_schema import StoppingRule
 
 PATIENCE: Final = 60.0
-"""s: until a file that another machine has written is seen here; network file systems may take tens of seconds."""
-LOOK: Final = 0.5
+"""Seconds to wait for a file that another machine wrote; network file systems may take tens of seconds."""
+POLL: Final = 0.5
+"""Seconds between two looks for it."""
 
 
 @final
 class ReplicateCounts:
-    """Asked at a number of replicates, says how many there are to be. It looks at what is on disk, and nothing else."""
+    """The number of runs that each point is to have, from the files on disk alone."""
 
     def __init__(self, folder: Folder, manifest: Manifest) -> None:
         self._folder = folder
         self._rule = StoppingRule.model_validate(manifest.until) if manifest.until else None
 
     def first(self, point: PointOnDisk) -> int:
-        """How many replicates the point has before anybody asks."""
+        """The number of runs before the first decision."""
         return self._rule.at_least if self._rule else point.replicates
 
     def next(self, point: str, replicates: int) -> int:
-        """How many replicates the point is to have, now that it has this many: as many if that is enough.
+        """The number of runs that the point is to have, given that it has `replicates`; the same number is enough.
 
         Raises:
-            ResultError: one of them cannot be read.
+            ResultError: a run cannot be read.
         """
         if self._rule is None or replicates >= self._rule.at_most:
             return replicates
@@ -45,7 +46,7 @@ class ReplicateCounts:
         return replicates if known else self._rule.next_look(replicates)
 
     def wanted(self, point: PointOnDisk) -> int:
-        """How many replicates the point is to have, as far as what is on disk says."""
+        """The number of runs that the point is to have, as far as the files on disk decide it."""
         target = self.first(point)
         while not self._folder.missing(point.id, target):
             more = self.next(point.id, target)
@@ -55,11 +56,11 @@ class ReplicateCounts:
         return target
 
     def missing(self, point: PointOnDisk) -> list[int]:
-        """Which of these are not there."""
+        """The numbers of the runs that are missing on disk."""
         return self._folder.missing(point.id, self.wanted(point))
 
     def _values(self, point: str, replicates: int) -> Floats:
-        """The metric of every replicate, once all of them are seen here."""
+        """The metric of every run, once all of their files are visible."""
         assert self._rule is not None
         until = time.monotonic() + PATIENCE
         while True:
@@ -67,5 +68,5 @@ class ReplicateCounts:
             if seen.all():
                 return values
             if time.monotonic() > until:
-                raise ResultError(f"{self._folder.path / point}: replicate {int(np.argmin(seen))} is not there")
-            time.sleep(LOOK)
+                raise ResultError(f"{self._folder.path / point}: replicate {int(np.argmin(seen))} is missing")
+            time.sleep(POLL)

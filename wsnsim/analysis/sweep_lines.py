@@ -1,4 +1,4 @@
-"""What the pictures of a campaign are drawn from: which key is swept, and which points make a line.
+"""The data of a campaign's plots: the key on the axis, and the points that make up each line.
 
 lines_of(folder, metric="rmse", key=None) -> SweepLines
 """
@@ -13,23 +13,26 @@ from typing import Any, Final
 
 import numpy as np
 
-from wsnsim.analysis import campaigns, comparison, plot_data
+from wsnsim.analysis import campaigns, comparison
 from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import UsageError, did_you_mean
-from wsnsim.base.tables import TABLES
 from wsnsim.recording.folder import Folder, Manifest
 from wsnsim.scenario import load
 
 UNIT: Final = re.compile(r"\[([^\[\]]+)\]$")
-"""How a field's description ends that has a unit."""
+"""The unit at the end of a field's description."""
 Settings = Mapping[str, Any]
 
 
 @dataclass(frozen=True)
 class SweepLine:
-    """Points that differ in the swept key alone: `rows` of the table, in the order of that key.
+    """The points that differ only in the swept key.
 
-    `colour` counts the values of the first of the other keys, `dash` what the rest of them say.
+    Attributes:
+        label: the values of the other keys.
+        rows: of the table, in the order of the swept key.
+        colour: number of the value of the first other key.
+        dash: number of the values of the remaining keys.
     """
 
     label: str
@@ -40,18 +43,22 @@ class SweepLine:
 
 @dataclass(frozen=True)
 class SweepLines:
-    """A campaign's figures against one swept key.
+    """A comparison over one swept key.
 
-    `unit` is the key's, `metric_unit` the metric's. `places`: (rows,) where each row of the table stands; NaN where its
-    point lacks the key. `words`: of the places 0, 1, ..., if the key's values are no numbers. `joined`: whether a line
-    may join its points, which it may not where other keys go up and down along it. `against`: what differences are
-    taken from.
+    Attributes:
+        found: the comparison.
+        key: the swept key.
+        unit: of the swept key.
+        places: (rows,) the place of each row of the table on the axis, NaN for points without the key.
+        words: the values at the places 0, 1, ... if they are not numbers.
+        lines: the lines.
+        joined: whether a line joins its points; not if other keys rise and fall along it.
+        against: the point or line that differences are from.
     """
 
     found: comparison.Comparison
     key: str
     unit: str
-    metric_unit: str
     places: Floats
     words: tuple[str, ...]
     lines: tuple[SweepLine, ...]
@@ -59,24 +66,31 @@ class SweepLines:
     against: str
 
     def column(self, name: str, line: SweepLine) -> Floats:
-        """A column of the table along a line."""
-        return self.found.table[name].to_numpy(dtype=np.float64)[list(line.rows)]
+        """A column of the table along a line, (points,)."""
+        column: Floats = self.found.table[name].to_numpy(dtype=np.float64)[list(line.rows)]
+        return column
 
     @property
     def runs(self) -> str:
-        """How many replicates a point has, in words."""
+        """The number of runs per point as a text."""
         counts = self.found.table["replicates"]
         low, high = int(counts.min()), int(counts.max())
         return f"{low:,} run{'s' * (low != 1)}" if low == high else f"{low:,} to {high:,} runs"
 
 
 def lines_of(folder: Folder, metric: str = "rmse", key: str | None = None) -> SweepLines:
-    """The campaign's points as lines over a key: the one asked for, or the number that takes the most values.
+    """The points of a campaign as lines over a key.
 
-    Differences are between lines (colours) at the same value of the key; of a single line, from its first point.
+    Differences are between lines (colours) at the same value of the key, or from the first point of a single line.
+
+    Args:
+        folder: of the campaign.
+        metric: a column of `runs`.
+        key: the swept key on the axis; by default the numeric key with the most values.
 
     Raises:
-        UsageError: the campaign varies no such key, or the metric is none. ResultError: there are no results.
+        UsageError: the campaign does not vary the key, or there is no such metric.
+        ResultError: there are no results.
     """
     manifest = folder.manifest()
     settings = [point.settings for point in manifest.points]
@@ -94,7 +108,6 @@ def lines_of(folder: Folder, metric: str = "rmse", key: str | None = None) -> Sw
         found=found,
         key=swept,
         unit=units[swept],
-        metric_unit=_unit_of_metric(folder, manifest, metric),
         places=places,
         words=words,
         lines=lines,
@@ -104,11 +117,11 @@ def lines_of(folder: Folder, metric: str = "rmse", key: str | None = None) -> Sw
 
 
 def _swept(manifest: Manifest, settings: Sequence[Settings], wanted: str | None) -> str:
-    """The key that is drawn against: numbers before words, many values before few, what is compared last."""
+    """The key on the axis: numbers before words, many values before few, compared keys last."""
     if wanted is not None and wanted not in manifest.keys:
-        raise UsageError(f"{manifest.name} varies no '{wanted}' ({did_you_mean(wanted, manifest.keys)})")
+        raise UsageError(f"{manifest.name} does not vary '{wanted}' ({did_you_mean(wanted, manifest.keys)})")
     if not manifest.keys:
-        raise UsageError(f"{manifest.name} varies nothing: there is nothing to draw against")
+        raise UsageError(f"{manifest.name} has no swept key to plot over")
 
     def rank(key: str) -> tuple[bool, bool, int]:
         values = {said[key] for said in settings if key in said}
@@ -118,7 +131,7 @@ def _swept(manifest: Manifest, settings: Sequence[Settings], wanted: str | None)
 
 
 def _others(manifest: Manifest, settings: Sequence[Settings], swept: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """(keys that set lines apart, what is compared first; keys that only follow the swept one)."""
+    """(keys that distinguish lines, compared ones first; keys that the swept one determines)."""
     others: list[str] = []
     companions = []
     for key in [*manifest.by, *(key for key in manifest.keys if key not in manifest.by)]:
@@ -134,13 +147,13 @@ def _others(manifest: Manifest, settings: Sequence[Settings], swept: str) -> tup
 def _along(
     first: str, rest: Sequence[str], keys: Sequence[str], settings: Sequence[Settings], swept: str
 ) -> tuple[str, ...]:
-    """The key whose values are compared, and those that change with it alone."""
+    """The key whose values are compared, and those that it determines."""
     held = (swept, *rest)
     return (first, *(k for k in keys if k not in (first, *held) and not _follows(settings, k, held)))
 
 
 def _follows(settings: Sequence[Settings], key: str, leaders: Sequence[str]) -> bool:
-    """Whether the values of some keys settle that of another."""
+    """Whether the values of the leaders determine that of the key."""
     known: dict[tuple[Any, ...], Any] = {}
     return all(
         known.setdefault(tuple(said.get(leader) for leader in leaders), said.get(key)) == said.get(key)
@@ -153,7 +166,7 @@ def _is_number(value: Any) -> bool:
 
 
 def _places(values: Sequence[Any]) -> tuple[Floats, tuple[str, ...]]:
-    """(rows,) where values stand on the axis, and the words there if they are no numbers."""
+    """The places of values on the axis, (rows,), and the words at them if they are not numbers."""
     if all(_is_number(value) for value in values if value is not None):
         return np.array([np.nan if value is None else value for value in values], dtype=np.float64), ()
     words = tuple(dict.fromkeys(str(value) for value in values if value is not None))
@@ -177,7 +190,7 @@ def _lines(
 
 
 def _label(said: Settings, keys: Iterable[str], units: Mapping[str, str]) -> str:
-    """'ipf, step 10 s': values of keys, the numbers among them with their names."""
+    """The values of keys as in 'ipf, step 10 s': numbers with their names."""
     return ", ".join(_words(key, said[key], units[key]) for key in keys if key in said)
 
 
@@ -189,7 +202,7 @@ def _words(key: str, value: Any, unit: str) -> str:
 
 
 def _is_ordered(here: Sequence[Settings], line: SweepLine, companions: Iterable[str]) -> bool:
-    """Whether the numbers that follow the swept key only rise, or only fall, along a line."""
+    """Whether the numbers determined by the swept key only rise, or only fall, along a line."""
     for key in companions:
         values = [here[row].get(key) for row in line.rows]
         if all(_is_number(value) for value in values):
@@ -200,7 +213,7 @@ def _is_ordered(here: Sequence[Settings], line: SweepLine, companions: Iterable[
 
 
 def _unit(folder: Folder, manifest: Manifest, key: str) -> str:
-    """The unit of a key of the scenario; '' for a pure number, a word, or a key that nothing describes."""
+    """The unit of a key of the scenario; empty for a pure number, a word, or a key without description."""
     point = next((point for point in manifest.points if key in point.settings), None)
     if point is None or key == "scenario":
         return ""
@@ -211,13 +224,3 @@ def _unit(folder: Folder, manifest: Manifest, key: str) -> str:
     field = getattr(type(model), "model_fields", {}).get(name)
     unit = UNIT.search(field.description or "") if field else None
     return unit[1] if unit else ""
-
-
-def _unit_of_metric(folder: Folder, manifest: Manifest, metric: str) -> str:
-    """The metric's unit; an error's is that of the positions."""
-    column = next(column for column in TABLES["runs"] if column.name == metric)
-    if not column.of_position:
-        return "" if column.units == "1" else column.units
-    batches = (batch for point in manifest.points for batch in folder.batches(point.id))
-    layout = plot_data.layout(next(batches).path)
-    return layout.units[layout.position[0]]

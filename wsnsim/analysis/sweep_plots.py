@@ -1,10 +1,10 @@
-"""Pictures of a campaign: each function draws one figure over a swept key on a matplotlib Axes, and returns the Axes.
+"""Plots of a campaign: each function draws one plot over a swept key on a matplotlib Axes and returns the Axes.
 
     lines = lines_of(Folder("results/particles"), "rmse", key=None)
     median(axes, lines)      energy(axes, lines)      lost(axes, lines)      differences(axes, lines)
 
-A band is the 95 % interval of its line; where points are not joined, a bar is. What cannot be said is a gap. Colours
-are those of Okabe and Ito; lines that share one differ in their dashes and marks.
+A band is the 95 % confidence interval of its line; points that are not joined have error bars. Unknown values are gaps.
+Lines of the same colour differ in dashes and marks.
 """
 
 from __future__ import annotations
@@ -17,8 +17,9 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.ticker import LogLocator
 
-from wsnsim.analysis.plot_data import bracketed
-from wsnsim.analysis.plots import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION
+from wsnsim.analysis.figure_style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION
+from wsnsim.analysis.plot_data import EMPTY, bracketed
+from wsnsim.analysis.quantities import run_metric_name
 from wsnsim.analysis.sweep_lines import SweepLine, SweepLines, lines_of
 from wsnsim.base.arrays import Floats
 
@@ -28,19 +29,19 @@ COLOURS: Final = (BLUE, VERMILLION, GREEN, ORANGE, PURPLE, SKY, BLACK)
 DASHES: Final = ("-", "--", ":", "-.")
 MARKS: Final = ("o", "s", "^", "D")
 LOG_FROM: Final = 10.0
-"""How many times the least swept value the largest must be for a logarithmic axis (our choice)."""
+"""Ratio of the largest to the smallest swept value from which on the axis is logarithmic (our choice)."""
 LOG_ERRORS_FROM: Final = 30.0
-"""The same of the errors that are drawn."""
+"""The same ratio for the drawn values of the metric."""
 CLOSEST: Final = 0.045
-"""Of the axis: nearer than that, two swept values cannot both be named under it."""
+"""Share of the axis below which two swept values are too close to be labelled both."""
 MARGIN: Final = 0.04
-"""Of the axis, beside the first and the last swept value."""
+"""Share of the axis beside the first and the last swept value."""
 MOST_LABELS: Final = 12
-"""SweepLines named in a legend; of more, some are named, in equal steps."""
+"""Most lines named in a legend; of more lines, equally spaced ones are named."""
 
 
 def median(axes: Axes, lines: SweepLines, legend: bool = True) -> Axes:
-    """The median over replicates of the metric, with its bootstrap interval."""
+    """Draw the median over runs of the metric, with its bootstrap interval."""
     shown = _drawn(axes, lines, "median")
     positive = shown[shown > 0]
     if positive.size and positive.max() > LOG_ERRORS_FROM * positive.min():
@@ -48,51 +49,51 @@ def median(axes: Axes, lines: SweepLines, legend: bool = True) -> Axes:
         _written_out(axes.yaxis)
     else:
         axes.set_ylim(bottom=min(0.0, float(shown.min(initial=0.0))))
-    said = lines.found.metric.replace("_", " ")
-    axes.set_ylabel(said + bracketed(lines.metric_unit))
-    return _finished(axes, lines, f"median {said}; {_band(lines)}", legend)
+    name = run_metric_name(lines.found.metric)
+    axes.set_ylabel(name + bracketed(lines.found.unit))
+    return _finished(axes, lines, f"median {name}; {_band(lines)}", legend)
 
 
 def energy(axes: Axes, lines: SweepLines, legend: bool = True) -> Axes:
-    """The median of what the network spends, with its bootstrap interval."""
+    """Draw the median over runs of the energy spent, with its bootstrap interval."""
     _drawn(axes, lines, "energy")
     axes.set_ylim(bottom=0)
     axes.set_ylabel("energy spent [J]")
-    return _finished(axes, lines, f"median energy of the network; {_band(lines)}", legend)
+    return _finished(axes, lines, f"median energy spent by the network; {_band(lines)}", legend)
 
 
 def lost(axes: Axes, lines: SweepLines, legend: bool = True) -> Axes:
-    """The share of runs that had lost a track at their end, with Wilson's interval."""
+    """Draw the lost fraction, with Wilson's interval."""
     _drawn(axes, lines, "lost_fraction", 100.0)
     axes.set_ylim(-2, 102)
-    axes.set_ylabel("runs that lost a track [%]")
-    return _finished(axes, lines, f"lost runs; {_band(lines)}", legend)
+    axes.set_ylabel("lost fraction [%]")
+    return _finished(axes, lines, f"lost fraction; {_band(lines)}", legend)
 
 
 def differences(axes: Axes, lines: SweepLines, legend: bool = True) -> Axes:
-    """The median over replicates of the paired differences of the metric, with its interval; below 0: less."""
+    """Draw the median over runs of the paired differences of the metric, with its interval."""
     axes.axhline(0.0, color=GREY, linewidth=1.0)
     _drawn(axes, lines, "difference")
-    said = lines.found.metric.replace("_", " ")
-    axes.set_ylabel(f"difference of {said}" + bracketed(lines.metric_unit))
+    name = run_metric_name(lines.found.metric)
+    axes.set_ylabel(f"difference of {name}" + bracketed(lines.found.unit))
     return _finished(axes, lines, f"paired differences from {lines.against}; {_band(lines)}", legend)
 
 
 def lacking(lines: SweepLines) -> dict[str, str]:
-    """Which of the figures cannot be drawn, and why."""
+    """{name of a plot: why it cannot be drawn}."""
     table = lines.found.table
     reasons = {}
     if not table["median"].notna().any():
-        reasons["median"] = f"no run has a {lines.found.metric}"
+        reasons["median"] = f"no run has a {run_metric_name(lines.found.metric)}"
     if not (table["energy"] > 0).any():
-        reasons["energy"] = "no energy was spent (a scenario without a network spends none)"
+        reasons["energy"] = EMPTY["energy_steps"]
     if not table["difference"].notna().any():
-        reasons["differences"] = lines.found.unpaired or "there is one point only, or none has a figure"
+        reasons["differences"] = lines.found.unpaired or "there is only one point with results"
     return reasons
 
 
 def _drawn(axes: Axes, lines: SweepLines, name: str, scale: float = 1.0) -> Floats:
-    """Each line with its band; all that is shown of it, as one array."""
+    """Draw each line with its band; returns all drawn values as one array."""
     shown: list[Floats] = []
     named, pale = _named(lines), 0.15 if len(lines.lines) <= len(DASHES) else 0.08
     for number, line in enumerate(lines.lines):
@@ -113,20 +114,20 @@ def _drawn(axes: Axes, lines: SweepLines, name: str, scale: float = 1.0) -> Floa
 
 
 def _aside(lines: SweepLines, number: int, places: Floats) -> Floats:
-    """Where words are the places, lines stand beside each other."""
+    """The places of a line's points; with words on the axis, lines are offset so that they do not overlap."""
     if not lines.words or len(lines.lines) == 1:
         return places
     return places + 0.5 * (number / (len(lines.lines) - 1) - 0.5)
 
 
 def _colour(lines: SweepLines, line: SweepLine) -> Any:
-    """One of a few that the colour-blind tell apart; of many values, a shade of their order."""
+    """A colour of the palette; with too many values for it, a shade by their order."""
     many = 1 + max(line.colour for line in lines.lines)
     return COLOURS[line.colour] if many <= len(COLOURS) else matplotlib.colormaps["viridis"](line.colour / (many - 1))
 
 
 def _named(lines: SweepLines) -> set[int]:
-    """Which lines the legend names: the single one of a campaign needs no name."""
+    """The lines that the legend names: none if there is only one, and at most `MOST_LABELS`."""
     count = len(lines.lines)
     if count == 1:
         return set()
@@ -147,7 +148,7 @@ def _finished(axes: Axes, lines: SweepLines, title: str, legend: bool) -> Axes:
 
 
 def _ticked(axes: Axes, lines: SweepLines) -> None:
-    """The swept values under the axis, if there is room; logarithmic where they span much."""
+    """Label the swept values on the axis if there is room; the axis is logarithmic if they span decades."""
     values = np.unique(lines.places[np.isfinite(lines.places)])
     if lines.words:
         axes.set_xticks(np.arange(len(lines.words)), lines.words)
@@ -167,7 +168,7 @@ def _ticked(axes: Axes, lines: SweepLines) -> None:
 
 
 def _written_out(axis: Axis) -> None:
-    """The numbers of a logarithmic axis as they are, some between the powers of ten as well."""
+    """Label a logarithmic axis with plain numbers, also between the powers of ten."""
     axis.set_major_formatter("{x:g}")
     axis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
     axis.set_minor_formatter("{x:g}")

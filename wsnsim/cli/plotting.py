@@ -40,6 +40,7 @@ def plot(
     """Plot a result, or a campaign over one of its keys, into one file."""
     import wsnsim.recording as recording
     from wsnsim.analysis import figures
+    from wsnsim.analysis.figure_style import suffix_of
     from wsnsim.recording.folder import Folder
 
     if result.is_dir():
@@ -57,7 +58,7 @@ def plot(
             takes = ", ".join(other for other, names in figures.TAKES.items() if name in names)
             raise UsageError(f"--{name} cannot be combined with --what {what}; it can with {takes}")
     plot_file = out or result.with_suffix(".png")
-    figures.suffix_of(plot_file)
+    suffix_of(plot_file)
     recording.attributes(result)
     path = not_the_result(_plot_path(plot_file), result, "plot")
     _print_plotted(figures.draw(result, path, what, figures.PlotSelection(column, step, replicate or 0, target or 0)))
@@ -65,9 +66,9 @@ def plot(
 
 def _plot_path(path: Path) -> Path:
     """The path, checked for its suffix and for being writable."""
-    from wsnsim.analysis import figures
+    from wsnsim.analysis.figure_style import suffix_of
 
-    figures.suffix_of(path)
+    suffix_of(path)
     return writable(path, Path(path.name))
 
 

@@ -23,7 +23,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
 from wsnsim.analysis import plot_data, plots
-from wsnsim.analysis.figures import STYLE, Draws
+from wsnsim.analysis.figure_style import STYLE, Draws
 from wsnsim.base.errors import ResultError, UsageError
 from wsnsim.recording import read_table
 
