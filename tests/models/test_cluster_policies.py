@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from wsnsim.base.ports import head_protocol
+from wsnsim.base.clustering import head_protocol
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.models.clusters import Central, MovingHead, StrongestSignal
 from wsnsim.models.energy import FirstOrder

@@ -209,7 +209,7 @@ STEPS_OF_TWO: Any = SimpleNamespace(dt=2.0)
 def test_probabilities_that_are_all_zero_are_a_fault():
     [issue] = ExperienceZones(probabilities=(0.0, 0.0, 0.0, 0.0)).check(STEPS_OF_TWO)
     assert issue.path == ("wakeup", "probabilities")
-    assert "nobody would ever track" in issue.message
+    assert "no node would ever track" in issue.message
     assert not list(ExperienceZones(probabilities=(0.0, 0.0, 0.0, 0.1)).check(STEPS_OF_TWO))
     assert not list(ExperienceZones().check(STEPS_OF_TWO))
 
@@ -225,7 +225,7 @@ def test_where_nobody_is_woken_there_is_no_message_and_nothing_to_decide():
     protocol = NoWakeUp()
     assert (protocol.mechanism, protocol.carries_belief) == ("none", False)
     assert protocol.decide((0.0, 0.0), DirectedFlood().compose(PLAN, None), False, 0.0, 0.0) is STOP
-    with pytest.raises(NotImplementedError, match="nobody is woken"):
+    with pytest.raises(NotImplementedError, match="no node is woken"):
         protocol.compose(PLAN, None)
 
 

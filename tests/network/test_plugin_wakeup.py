@@ -9,7 +9,7 @@ import pytest
 
 import wsnsim
 from tests.network.asleep import scenario
-from wsnsim.base.errors import RunError
+from wsnsim.base.errors import ScenarioError
 from wsnsim.base.part import part
 from wsnsim.base.sleeping import Decision, WakeUpMessage
 from wsnsim.models.wakeup import Region
@@ -90,9 +90,9 @@ def test_the_shipped_check_names_a_message_for_another_step():
         check_wakeup(Late())
 
 
-def test_a_mechanism_that_is_neither_built_in_nor_started_is_named():
+def test_a_mechanism_that_is_neither_built_in_nor_started_is_refused_at_its_place():
     said = scenario("gmtt", duration=4.0, wakeup={"kind": "tests.network.test_plugin_wakeup:Unstarted"})
-    with pytest.raises(RunError, match=r"no mechanism 'drum'.*no start\(services\); known: none, flood"):
+    with pytest.raises(ScenarioError, match=r"wakeup.kind: .*lacks 'start'.*'drum'"):
         wsnsim.simulate(said)
 
 

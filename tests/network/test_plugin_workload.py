@@ -8,7 +8,7 @@ from typing import Annotated
 import pytest
 
 import wsnsim
-from wsnsim.base.errors import RunError
+from wsnsim.base.errors import ScenarioError
 from wsnsim.base.part import Quantity, part
 from wsnsim.models.workload import Periodic
 from wsnsim.testing import check_workload
@@ -108,8 +108,8 @@ def test_the_shipped_check_names_a_workload_that_never_sends():
         check_workload(Silent())
 
 
-def test_a_mechanism_that_is_neither_built_in_nor_started_is_named():
-    with pytest.raises(RunError, match=r"no mechanism 'drum'.*no start\(services\); known: tracking, beacons"):
+def test_a_mechanism_that_is_neither_built_in_nor_started_is_refused_at_its_place():
+    with pytest.raises(ScenarioError, match=r"workload.kind: .*lacks 'start'.*'drum'"):
         wsnsim.simulate(scenario(workload={"kind": f"{HERE}:Unstarted"}))
 
 

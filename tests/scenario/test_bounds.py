@@ -32,7 +32,10 @@ from .stand_ins import base_scenario, faults_of
             "duration=4e7",
             "duration: error: 4e+07 s is 1e+09 steps of 0.04 s; 1 to 1e+07 are allowed",
         ),
-        ("energy.battery=1 nJ", "energy.battery: error: 1e-09 J lets nobody lead: a head must hold more than "),
+        (
+            "energy.battery=1 nJ",
+            "energy.battery: error: 1e-09 J is too little for any head: a head must hold more than ",
+        ),
     ],
 )
 def test_a_value_beyond_sense_is_a_fault_at_its_key(override: str, fault: str) -> None:

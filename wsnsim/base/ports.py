@@ -7,7 +7,6 @@ uint64 counter keys, one a particle (see `base.rng`): equal keys, equal noise, w
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol, TypeVar, runtime_checkable
@@ -15,6 +14,8 @@ from typing import Any, Protocol, TypeVar, runtime_checkable
 import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats, Ints, Keys
+from wsnsim.base.clustering import ClusterPolicy as ClusterPolicy
+from wsnsim.base.clustering import MovingPolicy as MovingPolicy
 from wsnsim.base.requests import Flow, Member
 from wsnsim.base.tables import Words
 
@@ -45,13 +46,25 @@ class Estimate:
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """What the head knows without asking.
+    """What the head knows at a step without a request.
 
-    `steps` model steps of `dt` seconds have passed since the belief's time (1, or more after steps that were missed).
-    `ids`, `positions` (n, 2) and `traits` (n, T) are of the members that sense now, the head first if it does;
-    `roster` is every living member, sensing or not; `joined` and `left` are the ids that began and ceased to sense
-    since the last step (`left` only names the living: they still have what is in their memory). `motion` and `sensor`
-    are what the *filter* believes; they may differ from the truth's. `key` serves the head's own draws.
+    Attributes:
+        time: the time of the step in s.
+        step: its number.
+        steps: model steps since the belief's time: 1, or more if steps were missed.
+        dt: length of a model step in s.
+        target: the target.
+        head: the cluster head.
+        ids: the members that sense now, the head first if it does.
+        positions: (n, 2) of these members.
+        traits: (n, T) of these members.
+        roster: all living members, sensing or not.
+        joined: the ids that began to sense since the last step.
+        left: the living members that ceased to sense since the last step; they keep what is in their memory.
+        field: the monitored rectangle.
+        motion: the motion model that the filter assumes; it may differ from the true one.
+        sensor: the sensor model that the filter assumes; it may differ from the true one.
+        key: counter key of the head's own random numbers.
     """
 
     time: float
@@ -228,21 +241,23 @@ class Detection(Protocol):
 
 
 class Acquire(Protocol):
-    """How a track starts anew from readings alone.
+    """How a track is initiated from readings alone.
 
-    Where heads move (see `ClusterPolicy`), nodes that are awake look for a target that nobody follows every `poll` s
-    (None: at each step). The first to detect it broadcasts `detection_bits`; who hears that and senses the target, too,
-    answers with `answer_bits`.
+    Where heads move, awake nodes search for targets that have no track. The first to detect one broadcasts a message;
+    nodes that hear it and sense the target answer.
     """
 
     @property
-    def poll(self) -> float | None: ...
+    def poll(self) -> float | None:
+        """The interval in s at which awake nodes search; None: at each step."""
 
     @property
-    def detection_bits(self) -> int: ...
+    def detection_bits(self) -> int:
+        """The size of the message that a target has been detected."""
 
     @property
-    def answer_bits(self) -> int: ...
+    def answer_bits(self) -> int:
+        """The size of an answer."""
 
     def estimate(
         self,
@@ -253,7 +268,7 @@ class Acquire(Protocol):
         motion: MotionModel,
         prior: Estimate,
     ) -> Estimate:
-        """A start from the readings that arrived: position from them, the rest from the spread of the prior."""
+        """The first estimate: the position from the readings, the other columns from the spread of the prior."""
         ...
 
 
@@ -261,75 +276,6 @@ class PriorModel(Protocol):
     """What every filter is told at the start."""
 
     def draw(self, start: Floats, rng: np.random.Generator) -> Estimate: ...
-
-
-class ClusterPolicy(Protocol):
-    """Which node leads a cluster, and until when.
-
-    `protocol` names what heads do:
-    - 'standing': a cluster keeps its head until too few members sense; then the successor leads.
-    - 'electing': the same, but the successor calls an election.
-    - 'open': the head that `successor` names leads; every node that senses belongs to the cluster, without a frame.
-    - 'moving': the head is chosen again at each step; see `MovingPolicy`.
-
-    A cluster that forms with fewer than `minimum_active` sensing members holds a network-wide election. A head must
-    hold more than `threshold` joules; None: the paper's rule.
-    """
-
-    @property
-    def protocol(self) -> str: ...
-
-    @property
-    def minimum_active(self) -> int: ...
-
-    @property
-    def threshold(self) -> float | None: ...
-
-    def elect(self, ids: Sequence[int], strengths: Sequence[float], able: Sequence[bool]) -> int | None:
-        """The head among candidates, given each one's reading and whether its charge exceeds the threshold."""
-        ...
-
-    def must_hand_over(self, active: int, members: int) -> bool:
-        """Whether too few of the members sense."""
-        ...
-
-    def successor(self, forecast: Floats, positions: Floats, able: Bools) -> int | None:
-        """The next head, given the predicted position (2,), all nodes' positions (N, 2) and who is able (N,)."""
-        ...
-
-
-class MovingPolicy(ClusterPolicy, Protocol):
-    """A policy of moving heads.
-
-    `main`: the head is the node nearest to the 'prediction' among those woken for the step, or the one that measured
-    the target nearest at the step before ('detection'). Measuring takes `sampling` s. The head waits for readings until
-    none has come for `quiet` s, at most for `cap` s. Without readings it continues its prediction for `patience` s
-    before the track is lost.
-    """
-
-    main: str
-    sampling: float
-    quiet: float
-    cap: float
-    patience: float
-
-
-def head_protocol(policy: Any) -> str:
-    """The name of a policy's head protocol.
-
-    A policy written before `protocol` existed has the flags `is_open`, `moves` and `calls_election` instead.
-    """
-    name = getattr(policy, "protocol", None)
-    if name is not None:
-        return str(name)
-    warnings.warn(
-        f"{type(policy).__name__}: the flags is_open, moves and calls_election of a cluster policy are replaced by "
-        "`protocol`: 'standing', 'electing', 'open' or 'moving'",
-        DeprecationWarning,
-        stacklevel=2,
-    )
-    flags = {"is_open": "open", "moves": "moving", "calls_election": "electing"}
-    return next((name for flag, name in flags.items() if getattr(policy, flag, False)), "standing")
 
 
 class Recorder(Protocol):

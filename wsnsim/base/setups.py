@@ -1,7 +1,7 @@
-"""A scenario, built: one part a role. What a bench needs, what a radio needs, and both together for a network.
+"""Setups: scenarios whose components are built and checked, one component per role.
 
-Common ── Problem (what is estimated, from what, by whom)   ─┐
-       └─ Radio (how nodes talk, what it costs, what fails) ─┴─ Parts;  Beacons: a radio without a target
+Setup ─┬─ TrackingSetup (targets, sensor, tracker) ──┬─ NetworkSetup
+       └─ RadioSetup (radio, energy, sleep, faults) ──┴─ BeaconSetup has the radio alone, and a workload
 """
 
 from __future__ import annotations
@@ -11,17 +11,16 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
+from wsnsim.base.clustering import ClusterPolicy, head_protocol
 from wsnsim.base.metrics import LOST_ERROR, LOST_WINDOW
 from wsnsim.base.ports import (
     Acquire,
-    ClusterPolicy,
     Deployment,
     Detection,
     MotionModel,
     PriorModel,
     SensorModel,
     Tracker,
-    head_protocol,
 )
 from wsnsim.base.radio import Clock, Cpu, EnergyModel, FaultEvent, LinkModel, Mac, Packing, Routing, Sink, Workload
 from wsnsim.base.requests import PACKET_BITS
@@ -30,7 +29,7 @@ from wsnsim.base.sleeping import SleepSchedule, WakeUp
 
 @dataclass(frozen=True, kw_only=True)
 class Setup:
-    """What every scenario says. Times in s. `record` maps table names to whether they are wanted."""
+    """What every scenario has. Times in s. `record` maps the names of tables to whether they are recorded."""
 
     name: str
     seed: int
@@ -44,7 +43,7 @@ class Setup:
 class TrackingSetup(Setup):
     """A scenario without its network: what is estimated, from what, and by whom.
 
-    `motions` holds one model a target. `filter_motions` and `filter_sensor` are what trackers are told
+    `motions` holds one model per target. `filter_motions` and `filter_sensor` are the models that the tracker assumes
     (`tracker.assumes`). A track is lost if the mean error of its last `lost_window` steps exceeds `lost_limit`.
     """
 
@@ -57,10 +56,15 @@ class TrackingSetup(Setup):
     lost_window: int = LOST_WINDOW
     lost_limit: float = LOST_ERROR
 
+    @property
+    def member_cycles(self) -> float:
+        """Operations that one member computes in a step, as the tracker states them; 0 if it states none."""
+        return getattr(self.tracker, "member_cycles", 0.0)
+
 
 @dataclass(frozen=True, kw_only=True)
 class RadioSetup(Setup):
-    """How nodes talk, what it costs them, and what fails."""
+    """How nodes communicate, what that costs, and what fails."""
 
     energy: EnergyModel
     link: LinkModel
@@ -114,14 +118,13 @@ class NetworkSetup(TrackingSetup, RadioSetup):
 
     @property
     def head_threshold(self) -> float:
-        """Joules that a node must hold to be chosen: one packet sent at reach, one received, one step's processing.
+        """The charge in J that a head must exceed: to send one packet, receive one and compute one step of a member.
 
-        Jiang (2013), section 4, step 2; or what the cluster policy says. A tracker states its members' processing as
-        `member_cycles`, in operations; without it, it is nothing.
+        Jiang (2013), section 4, step 2; or what the cluster policy says.
         """
         if self.clusters.threshold is not None:
             return self.clusters.threshold
-        energy, operations = self.energy, getattr(self.tracker, "member_cycles", 0.0)
+        energy, operations = self.energy, self.member_cycles
         radio = sum(energy.transmit(PACKET_BITS, self.link.reach)) + energy.receive(PACKET_BITS)
         return radio + energy.compute(operations * self.cpu.cycles_per_flop)
 

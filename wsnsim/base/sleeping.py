@@ -1,9 +1,9 @@
-"""The ports of a network that sleeps: when nodes are awake of themselves, and how others are woken ahead of a target.
+"""The ports of sleep schedules and of wake-up protocols, and the message that wakes nodes.
 
-Times in s, places in m. `keys` are counter keys (see `base.rng`), one a node: equal keys, equal schedules.
+Times in s, positions in m. `keys` are counter keys (see `base.rng`), one per node: equal keys give equal schedules.
 
-A schedule is a function of time that nobody polls. A wake-up protocol is pure: what it decides for a node depends on
-the node, the message and the time alone; the network room performs it, and pays.
+A schedule is a function of time. A wake-up component is pure: its decision for a node depends on the node, the message
+and the time alone. The network performs the decision and books its energy.
 """
 
 from __future__ import annotations
@@ -19,43 +19,60 @@ Point = tuple[float, float]
 
 
 class SleepSchedule(Protocol):
-    """Which nodes sense and listen when.
-
-    `rest`: the mode of a node that has nothing to do: DORMANT (sensor and receiver stay on, the target's sound wakes
-    it), AWAKE (it never sleeps), or SCHEDULED, where the functions say when it is AWAKE and when ASLEEP.
-    """
+    """When nodes sense and listen."""
 
     @property
-    def rest(self) -> Mode: ...
+    def rest(self) -> Mode:
+        """The mode of a node that has nothing to do.
+
+        DORMANT: sensor and receiver stay on, and a target in range wakes the node. AWAKE: it never sleeps. SCHEDULED:
+        the functions of this port say when it is AWAKE and when ASLEEP.
+        """
 
     def awake(self, keys: Keys, time: float) -> Bools:
-        """(n,) who is awake at a time >= 0; a change counts from its instant on."""
+        """(n,) which nodes are awake at a time >= 0. A change is in effect from its instant on."""
         ...
 
     def state(self, keys: Keys, time: float) -> tuple[Bools, Floats, Floats]:
-        """Who is awake at a time (n,), and the span [from (n,), until (n,)) about it in which that does not change.
+        """Which nodes are awake at a time (n,), and a span [from (n,), until (n,)) around it without a change.
 
-        Neither end need be a change: the span may be shorter than it could be.
+        The span may be shorter than possible: its ends need not be changes.
         """
         ...
 
     def tally(self, keys: Keys, since: Floats, until: Floats | float) -> tuple[Floats, Floats]:
-        """(n,) seconds that each node is awake in [since, until), and how often it falls asleep or wakes in
-        (since, until]; since (n,), until (n,) or one for all.
+        """Seconds (n,) that each node is awake in [since, until), and its number of changes (n,) in (since, until].
+
+        Args:
+            keys: (n,) the nodes' counter keys.
+            since: (n,) times.
+            until: (n,) times, or one for all nodes.
         """
         ...
 
     def profile(self, keys: Keys, times: Floats) -> tuple[Floats, Floats]:
-        """Of all nodes together, from 0 to each of the ascending times (T,): awake seconds (T,), and switches (T,)."""
+        """Awake seconds (T,) and changes (T,) of all nodes together, from 0 to each of the ascending times (T,)."""
         ...
 
 
 class WakeUpPlan(NamedTuple):
-    """What a main node knows when it composes a message that wakes nodes for one step.
+    """What a cluster head knows when it composes a message that wakes nodes for one step.
 
-    `fix` is its last fix, `heading` the displacement between the last two, (0, 0) if there is one; `prediction` where
-    the target will be at `due`, `ahead` s after the last fix; `foreseen`: whether that is more than the last fix.
-    `sensing` is the sensors' reach r, `reach` the radio's R. `payload_bits`: of the belief, where it rides along.
+    Attributes:
+        target: the target.
+        step: the step for which nodes are woken.
+        sequence: the number of the message.
+        sender: the head.
+        place: its position.
+        fix: the last fix.
+        heading: the displacement between the last two fixes; (0, 0) if there is only one.
+        prediction: the predicted position at `due`.
+        foreseen: the prediction is more than the last fix.
+        due: the time of the step.
+        ahead: seconds from the last fix to `due`.
+        sensing: the sensing range r.
+        reach: the communication range R.
+        payload_bits: bits of the belief, if a message carries it.
     """
 
     target: int
@@ -76,10 +93,11 @@ class WakeUpPlan(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class WakeUpMessage:
-    """What wakes nodes ahead of a target for one step, as it is on the air: `sender` is who sent this copy, at `place`.
+    """One copy of a message that wakes nodes for one step; `sender`, at `place`, sent this copy.
 
-    The region to be woken is a disc of `radius` about `centre`; after `expires` nobody heeds the message. `belief` is
-    the main node's, where it rides along. `bits` of the payload.
+    The region to be woken is a disc of `radius` around `centre`. After `expires` nodes ignore the message. `belief` is
+    the head's belief, if the message carries it; `bits` is the size of the payload. The other fields are those of the
+    `WakeUpPlan`.
     """
 
     target: int
@@ -134,7 +152,7 @@ class WakeUpRound:
 
 
 class Decision(Enum):
-    """What a node does about a message."""
+    """What a node does with a message: ignore it as expired, track, forward it, or nothing."""
 
     DROP = "drop"
     TRACK = "track"
@@ -143,34 +161,41 @@ class Decision(Enum):
 
 
 class WakeUp(Protocol):
-    """How nodes ahead of the target are woken.
-
-    `mechanism`: 'none'; 'flood', nodes hand the message on, and wake their neighbours in the region; 'region', the
-    next main node is told first and calls its neighbours in the region; 'invite', the main node calls and invites all
-    its neighbours. `carries_belief`: the message hands the belief over. `wait` s: how long a node that was woken stays
-    awake after the step it was woken for, or after it last sensed the target. `call` s: what a call on the wake-up
-    radio takes, at both ends.
-    """
+    """How nodes ahead of a target are woken."""
 
     @property
-    def mechanism(self) -> str: ...
+    def mechanism(self) -> str:
+        """The name of the mechanism that performs the protocol.
+
+        'none': no node is woken. 'flood': nodes forward the message, and call their neighbours in the region. 'region':
+        the next head gets the belief first and calls its neighbours in the region. 'invite': the head calls and invites
+        all its neighbours. A component with a mechanism of its own has `start`: see `mechanisms.StartsWakeUp`.
+        """
 
     @property
-    def carries_belief(self) -> bool: ...
+    def carries_belief(self) -> bool:
+        """Whether the message carries the belief, so that no handover is needed."""
 
     @property
-    def wait(self) -> float: ...
+    def wait(self) -> float:
+        """Seconds that a woken node stays awake after the step for which it was woken."""
 
     @property
-    def call(self) -> float: ...
+    def call(self) -> float:
+        """Duration in s of a call on the wake-up radio, at both ends."""
 
     def compose(self, plan: WakeUpPlan, belief: Any) -> WakeUpMessage:
-        """The message of a main node."""
+        """The message of a head."""
         ...
 
     def decide(self, place: Point, message: WakeUpMessage, seen: bool, now: float, chance: float) -> Decision:
-        """What a node at `place` does about a message; pure. `seen`: it has heeded this message before.
+        """What a node does with a message; a pure function.
 
-        `chance`: a uniform draw of the node for this message, on [0, 1).
+        Args:
+            place: the position of the node.
+            message: the copy that reached it.
+            seen: the node has decided about this message before.
+            now: the time.
+            chance: a uniform random number of the node for this message, in [0, 1).
         """
         ...

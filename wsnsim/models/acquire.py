@@ -1,4 +1,4 @@
-"""How a track starts: from a prior around the truth, and anew from readings alone.
+"""Track initiation: from a prior around the true start, and from readings alone.
 
 draw(start (D,), rng) -> Estimate
 estimate(readings (S,), positions (S, 2), traits (S, T), sensor, motion, prior) -> Estimate
@@ -21,10 +21,10 @@ from wsnsim.models.bounds import DEVIATION, STATE
 
 DEVIATIONS = (5.0, 3.0, 5.0, 3.0)
 FRAME = Quantity("", ge=1, le=1_000_000)
-MOST_LOOKS = 1_000_000
-"""Instants in a run at which nodes look for a target (our choice)."""
+MOST_SEARCHES = 1_000_000
+"""Greatest number of instants in a run at which nodes search for a target (our choice)."""
 LEVELS = 8
-"""How often the lattice may shrink, by a factor of 3 or so each time."""
+"""Greatest number of times that the lattice shrinks, each time by a factor of about 3."""
 
 
 @part
@@ -44,7 +44,7 @@ class AroundTruth:
         return Estimate(mean=mean, cov=np.diag(sd**2))
 
     def check(self, setup: TrackingSetup) -> Iterator[Issue]:
-        """A prior of another dimension than the state."""
+        """Yield an issue if the prior has another dimension than the state."""
         columns = setup.motions[0].columns
         for key, values in (("sd", self.sd), ("mean", self.mean)):
             if values is not None and len(values) != len(columns):
@@ -55,28 +55,33 @@ class AroundTruth:
 
 @part
 class FromReadings:
-    """A new track from the readings that arrived: position by their likelihood, the rest from the spread of the prior.
+    """A new track from readings: the position from their likelihood, the other columns from the spread of the prior.
 
-    Our choice; Jiang, Song, Lin (2013) has no re-acquisition. The position's mean and covariance are those of its
-    likelihood on a lattice that shrinks about them. One reading gives a ring about its node, two give both their
-    crossings, many give the inverse of Fisher's information. Beyond `outlier` standard deviations a reading's weight
-    grows with their logarithm only (Student's t instead of a Gaussian), so that a few false readings are outvoted.
+    Our choice; Jiang, Song, Lin (2013) has no reacquisition. Mean and covariance of the position are those of its
+    likelihood on a lattice that shrinks around them. One reading gives a ring around its node, two give the two
+    crossings of their rings, many give the inverse of the Fisher information. Beyond `outlier` standard deviations the
+    log-likelihood of a reading falls with the logarithm of its deviation only (Student's t instead of a Gaussian), so
+    that the other readings outweigh a few false ones.
     """
 
     lattice: Annotated[
-        int, Quantity("", ge=11, le=201), "points along a side of the lattice; their square on a line"
+        int,
+        Quantity("", ge=11, le=201),
+        "points along a side of the lattice; for a position of one column, their square",
     ] = 41
     outlier: Annotated[
-        float, Quantity("", ge=1e-3, le=1e6), "standard deviations beyond which a reading is taken for false"
+        float, Quantity("", ge=1e-3, le=1e6), "standard deviations beyond which a reading counts as false"
     ] = 6.0
-    floor: Annotated[float, Quantity("m", ge=1e-6, le=1e7), "least standard deviation of the position"] = 1.0
+    floor: Annotated[float, Quantity("m", ge=1e-6, le=1e7), "lower bound of the standard deviation of the position"] = (
+        1.0
+    )
     poll: Annotated[
         float | None,
         Quantity("s", ge=1e-2, le=1e6),
-        "how often who is awake looks for a target that nobody follows, where heads move; left out: at each step",
+        "interval at which awake nodes search for a target without a track, for moving heads; left out: each step",
     ] = None
-    detection_bits: Annotated[int, FRAME, "of the word that a target has been detected"] = PACKET_BITS
-    answer_bits: Annotated[int, FRAME, "of the reading that answers it"] = PACKET_BITS
+    detection_bits: Annotated[int, FRAME, "of the message that a target has been detected"] = PACKET_BITS
+    answer_bits: Annotated[int, FRAME, "of the reading that answers that message"] = PACKET_BITS
 
     def estimate(
         self,
@@ -87,10 +92,10 @@ class FromReadings:
         motion: MotionModel,
         prior: Estimate,
     ) -> Estimate:
-        """A start from S >= 1 readings. The position's standard deviation lies between `floor` and the sensor's reach.
+        """The estimate from S >= 1 readings; the position's standard deviation is in [`floor`, sensing range].
 
-        Readings that are not finite are left out; if none is left, the target may be anywhere about the nodes. Other
-        columns than the position get mean 0 and the prior's mean square, mean² + variance: nothing is known of them.
+        Readings that are not finite are ignored; if none remains, the target may be anywhere around the nodes. Columns
+        other than the position have mean 0 and the mean square of the prior, mean² + variance.
         """
         known, place = np.isfinite(readings), list(motion.position)
         point, spread = self._locate(
@@ -103,15 +108,15 @@ class FromReadings:
         return Estimate(mean=mean, cov=cov)
 
     def check(self, setup: TrackingSetup) -> Iterator[Issue]:
-        """A sensor without end: a target that may be anywhere cannot be looked for on a lattice."""
+        """Yield an issue if the sensing range is infinite, or if `poll` does not divide the step or is too short."""
         if np.isinf(setup.sensor.reach):
-            yield Issue(("sensor",), "its reach must be finite in a network: a new track is looked for within it")
+            yield Issue(("sensor",), "its reach must be finite in a network: a new track is searched for within it")
         if self.poll is not None and isinstance(setup, NetworkSetup) and setup.nodes_search:
             times = setup.dt / self.poll
-            if times * setup.steps > MOST_LOOKS:
+            if times * setup.steps > MOST_SEARCHES:
                 yield Issue(
                     ("acquire", "poll"),
-                    f"{times * setup.steps:.3g} looks in a run are too many; {MOST_LOOKS:,} are allowed",
+                    f"{times * setup.steps:.3g} searches in a run are too many; {MOST_SEARCHES:,} are allowed",
                 )
             if abs(times - round(times)) > 1e-9 * times or round(times) < 1:
                 yield Issue(
@@ -121,10 +126,10 @@ class FromReadings:
     def _locate(
         self, readings: Floats, positions: Floats, traits: Floats, sensor: SensorModel, box: tuple[Floats, Floats]
     ) -> tuple[Floats, Floats]:
-        """Mean (P,) and covariance (P, P) of the position within a box, given as its centre and half width, both (P,).
+        """Mean (P,) and covariance (P, P) of the position in a box, given by its centre (P,) and half width (P,).
 
-        While the likelihood is too sharp for the lattice, the box shrinks to the best of its points. Where they
-        lie apart, as the two crossings of two rings, it cannot, and the likelihood is tempered until it covers a few.
+        The box shrinks to the best lattice points while the likelihood is too narrow for the lattice. If these points
+        lie apart, like the two crossings of two rings, the likelihood is tempered until it covers several points.
         """
         for _ in range(LEVELS):
             points = _lattice(*box, self.lattice)
@@ -139,7 +144,7 @@ class FromReadings:
     def _score(
         self, points: Floats, readings: Floats, positions: Floats, traits: Floats, sensor: SensorModel
     ) -> Floats:
-        """(N,) the log-likelihood of the readings at points (P, N), with the tails of Student's t."""
+        """(N,) log-likelihood of the readings at points (P, N), with the tails of Student's t."""
         means, _, variances = sensor.linearise(points, positions, traits)
         limit = self.outlier**2
         squares = limit * np.log1p((readings[:, None] - means) ** 2 / (limit * variances))
@@ -147,13 +152,13 @@ class FromReadings:
 
 
 def _box(positions: Floats, reach: float) -> tuple[Floats, Floats]:
-    """Centre and half width of where a target may be that some of the nodes sense."""
+    """Centre and half width of the box in which a target may be that the nodes sense."""
     low, high = positions.min(axis=0), positions.max(axis=0)
     return (low + high) / 2, (high - low) / 2 + reach
 
 
 def _lattice(centre: Floats, half: Floats, side: int) -> Floats:
-    """(P, side²) points of a square lattice, or as many along a line; its edges included."""
+    """(P, side²) points of a square lattice, or of a line, edges included."""
     if centre.size == 1:
         return centre[:, None] + half[:, None] * np.linspace(-1.0, 1.0, side * side)
     offsets = np.linspace(-1.0, 1.0, side)
@@ -162,7 +167,7 @@ def _lattice(centre: Floats, half: Floats, side: int) -> Floats:
 
 
 def _around_best(points: Floats, score: Floats) -> tuple[Floats, Floats]:
-    """The box, as centre and half width, of the twentieth of the points that score best, and one step more."""
+    """Centre and half width of the box around the best twentieth of the points, enlarged by one lattice step."""
     best = points[:, np.argpartition(score, -(score.size // 20))[-(score.size // 20) :]]
     low, high = best.min(axis=1), best.max(axis=1)
     side = round(score.size ** (1.0 / len(points)))
@@ -171,7 +176,7 @@ def _around_best(points: Floats, score: Floats) -> tuple[Floats, Floats]:
 
 
 def _tempered(score: Floats, enough: float = 12.0) -> tuple[Floats, bool]:
-    """Weights exp(β score), normalised, and whether β is 1: the largest 2^-n that leaves `enough` effective points."""
+    """Normalised weights exp(β score), and whether β = 1. β is the largest 2^-n with `enough` effective points."""
     above = score - score.max()
     for halvings in range(64):
         weights = np.exp(above * 0.5**halvings)
@@ -188,6 +193,6 @@ def _moments(points: Floats, weights: Floats) -> tuple[Floats, Floats]:
 
 
 def _bounded(cov: Floats, floor: float, cap: float) -> Floats:
-    """The covariance with its standard deviations, along its own axes, between floor and cap."""
+    """The covariance, its standard deviations along its own axes limited to [floor, cap]."""
     values, vectors = np.linalg.eigh((cov + cov.T) / 2)
     return (vectors * np.clip(values, floor**2, cap**2)) @ vectors.T

@@ -1,9 +1,7 @@
-"""Who leads, who follows, and until when.
+"""Cluster policies: which node leads, when it hands over, and to which node.
 
-    elect(ids, strengths, able) -> id or None      must_hand_over(active, members) -> bool
-    successor(forecast (2,), positions (N, 2), able (N,)) -> id or None
-
-`is_open` clusters take in whoever senses, without a frame; the members of the others are fixed when they form.
+elect(ids, strengths, able) -> id or None      must_hand_over(active, members) -> bool
+successor(forecast (2,), positions (N, 2), able (N,)) -> id or None
 """
 
 from __future__ import annotations
@@ -21,21 +19,22 @@ from wsnsim.base.setups import NetworkSetup
 from wsnsim.models.bounds import MOST_NODES, PLACE
 
 SAMPLED: Final = 64
-"""Every how many nodes one is tried, to bound how far the nearest is."""
+"""Every 64th node is tried first, for a bound on the distance of the nearest."""
 ROUNDING: Final = 1e-9
+"""Relative error that the bound allows for."""
 TIMES: Final = Quantity("s", ge=0.0, le=1e6)
 WAITS: Final = Quantity("s", ge=1e-6, le=1e6)
 
 
 @part
 class StrongestSignal:
-    """The loudest node leads, until too few of its members sense the target.
+    """The node with the strongest reading leads, until too few members of its cluster sense the target.
 
-    Handover when N_act < `minimum_active`, or N_act / N_cluster < `handover_fraction`; the node nearest to the
-    predicted target then leads, or calls an election (`successor_rule: elect`, the paper's other reading).
+    The head hands over when N_act < `minimum_active` or N_act / N_cluster < `handover_fraction`. The node nearest to
+    the predicted position leads next, or calls an election (`successor_rule: elect`, the paper's other reading).
 
-    A head must hold more than `threshold`: left out, what it takes to send a packet at reach, to receive one and to
-    compute one step (our reading of the paper's energy threshold).
+    A head must hold more charge than `threshold`. Left out, that is the energy to send one packet over the
+    communication range, to receive one and to compute one step (our reading of the paper's energy threshold).
 
     Source: Jiang, Song, Lin (2013), section 2.3.
     """
@@ -55,28 +54,28 @@ class StrongestSignal:
         return "electing" if self.successor_rule == "elect" else "standing"
 
     def elect(self, ids: Sequence[int], strengths: Sequence[float], able: Sequence[bool]) -> int | None:
-        """The loudest of those able; of equally loud ones the lowest id. None if nobody is able."""
-        return _loudest(ids, strengths, able)
+        """The able candidate with the strongest reading, of equal ones the lowest id; None if none is able."""
+        return _strongest(ids, strengths, able)
 
     def must_hand_over(self, active: int, members: int) -> bool:
-        """Whether too few of `members`, the head included, sense: fewer than the minimum, or than the fraction."""
+        """Whether fewer members sense than the minimum or the fraction; both counts include the head."""
         return active < self.minimum_active or active / members < self.handover_fraction
 
     def successor(self, forecast: Floats, positions: Floats, able: Bools) -> int | None:
-        """The able node nearest to the predicted position (2,). None if nobody is able."""
+        """The able node nearest to the predicted position (2,); None if none is able."""
         return _nearest(forecast, positions, able)
 
     def check(self, setup: NetworkSetup) -> Iterator[Issue]:
-        """A battery that lets nobody lead."""
+        """Yield an issue if no battery is large enough for a head."""
         yield from _too_little_charge(setup)
 
 
 @part
 class Central:
-    """A cluster for reference: one head for good, near a fixed point, and whoever senses is a member.
+    """An open cluster: one fixed head near (x, y), to which every node belongs that senses the target.
 
-    Our choice, for trackers that know every reading; no paper's protocol. Nobody is elected: `successor` appoints the
-    head, at the start and when the old one has died, wherever the target is.
+    A reference for trackers that use every reading; our choice, from no paper. There are no elections: `successor`
+    appoints the head, at the start and after the death of the last one, wherever the target is.
     """
 
     protocol: ClassVar[str] = "open"
@@ -89,7 +88,7 @@ class Central:
     ] = None
 
     def elect(self, ids: Sequence[int], strengths: Sequence[float], able: Sequence[bool]) -> int | None:
-        """None: the head is appointed by its place, not elected."""
+        """None: the head is not elected."""
         return None
 
     def must_hand_over(self, active: int, members: int) -> bool:
@@ -97,78 +96,79 @@ class Central:
         return False
 
     def successor(self, forecast: Floats, positions: Floats, able: Bools) -> int | None:
-        """The able node nearest to (x, y), wherever the target goes. None if nobody is able."""
+        """The able node nearest to (x, y), wherever the target is; None if none is able."""
         return _nearest(np.array([self.x, self.y]), positions, able)
 
     def check(self, setup: NetworkSetup) -> Iterator[Issue]:
-        """A battery that lets nobody lead."""
+        """Yield an issue if no battery is large enough for a head."""
         yield from _too_little_charge(setup)
 
 
 @part
 class MovingHead:
-    """A main node anew at each step, and nodes that were told to track: no cluster that stands.
+    """A head that is chosen again at each step, and members that were woken for the step.
 
-    `prediction`: the main node is the one nearest to the predicted position among those woken for the step;
-    `detection`: the one that read the target nearest at the step before. It takes `sampling` to take a reading; the
-    main node waits for readings until none has come for `quiet`, at most for `cap`. Without a reading it coasts on its
-    prediction for `patience`; then the track is lost, and nodes that are awake look for the target.
+    With `main: prediction` the head is the node nearest to the predicted position among those woken for the step; with
+    `main: detection` the node that measured the target nearest at the step before. Measuring takes `sampling`. The head
+    waits for readings until none has come for `quiet`, at most for `cap`. Without a reading it continues its prediction
+    for `patience`; then the track is lost, and awake nodes search for the target.
 
-    Source: Li, Jiang, Zhang, Zhang (2012), section 2.2; the times are our choice, as the paper gives none.
+    Source: Li, Jiang, Zhang, Zhang (2012), section 2.2, where the head is called main node. The times are our choice,
+    since the paper gives none.
     """
 
     protocol: ClassVar[str] = "moving"
     minimum_active: ClassVar[int] = 1
 
-    main: Annotated[Literal["prediction", "detection"], "what decides who leads at the next step"] = "prediction"
+    main: Annotated[Literal["prediction", "detection"], "what decides which node leads at the next step"] = "prediction"
     sampling: Annotated[float, TIMES, "to take a reading"] = 2e-3
-    quiet: Annotated[float, WAITS, "without a reading, after which the main node waits no longer"] = 12e-3
-    cap: Annotated[float, WAITS, "for which the main node waits at most"] = 50e-3
-    patience: Annotated[float, TIMES, "for which the main node coasts without a reading"] = 3.0
+    quiet: Annotated[float, WAITS, "without a reading, after which the head waits no longer"] = 12e-3
+    cap: Annotated[float, WAITS, "for which the head waits at most"] = 50e-3
+    patience: Annotated[float, TIMES, "for which the head continues its prediction without a reading"] = 3.0
     threshold: Annotated[
         float | None, Quantity("J", ge=0, lt=inf), "charge a head must exceed; left out: one step's"
     ] = None
 
     def elect(self, ids: Sequence[int], strengths: Sequence[float], able: Sequence[bool]) -> int | None:
-        """The loudest of those able; of equally loud ones the lowest id. None if nobody is able."""
-        return _loudest(ids, strengths, able)
+        """The able candidate with the strongest reading, of equal ones the lowest id; None if none is able."""
+        return _strongest(ids, strengths, able)
 
     def must_hand_over(self, active: int, members: int) -> bool:
-        """Never: who leads is settled anew at each step."""
+        """Never: the head is chosen at each step."""
         return False
 
     def successor(self, forecast: Floats, positions: Floats, able: Bools) -> int | None:
-        """The able node nearest to the predicted position (2,). None if nobody is able."""
+        """The able node nearest to the predicted position (2,); None if none is able."""
         return _nearest(forecast, positions, able)
 
     def check(self, setup: NetworkSetup) -> Iterator[Issue]:
-        """A battery that lets nobody lead; times that do not fit; a wake-up or a tracker that does not go with it."""
+        """Yield an issue if no node could lead, if times do not fit, or if `wakeup` or `tracker` cannot be combined."""
         yield from _too_little_charge(setup)
         if self.quiet > self.cap:
             yield Issue(("clusters", "quiet"), f"{self.quiet:g} s is more than cap = {self.cap:g} s")
         if self.sampling + self.cap >= setup.dt:
             longest = self.sampling + self.cap
-            yield Issue(("clusters", "cap"), f"readings would come in for {longest:g} s, a step lasts {setup.dt:g} s")
+            yield Issue(("clusters", "cap"), f"measuring and waiting take {longest:g} s, a step lasts {setup.dt:g} s")
         mechanism = setup.wakeup.mechanism
         if self.main == "prediction" and mechanism == "none":
             yield Issue(
                 ("clusters", "main"),
-                "where nobody is woken nobody can lead by a prediction: use main: detection",
+                "with wakeup: none no node is woken that could lead by prediction: use main: detection",
             )
         if self.main == "detection" and mechanism == "region":
             yield Issue(
                 ("clusters", "main"),
                 "with wakeup: region the node nearest to the prediction leads: use main: prediction",
             )
-        if getattr(setup.tracker, "member_cycles", 0.0) > 0:
+        if setup.member_cycles > 0:
             yield Issue(
                 ("clusters", "kind"),
                 "the members change at each step: the tracker must keep its belief in the head (gmtt, tsstp, cluster, "
-                "ris, ekf, pf ...), and this one spreads it over the members",
+                "ris, ekf, pf ...), and this one distributes it over the members",
             )
 
 
-def _loudest(ids: Sequence[int], strengths: Sequence[float], able: Sequence[bool]) -> int | None:
+def _strongest(ids: Sequence[int], strengths: Sequence[float], able: Sequence[bool]) -> int | None:
     candidates = [(-strength, i) for i, strength, fit in zip(ids, strengths, able, strict=True) if fit]
     return min(candidates)[1] if candidates else None
 
@@ -176,7 +176,7 @@ def _loudest(ids: Sequence[int], strengths: Sequence[float], able: Sequence[bool
 def _nearest(point: Floats, positions: Floats, able: Bools) -> int | None:
     """The able node nearest to a point; of equally near ones the lowest id.
 
-    Some of the able bound its distance; only who is no farther in x is then looked at.
+    A sample of the able nodes bounds its distance; then only nodes within that distance in x are compared.
     """
     some = positions[::SAMPLED][able[::SAMPLED]]
     limit = np.sqrt(_squared(some, point).min(initial=np.inf)) * (1.0 + ROUNDING)
@@ -190,12 +190,12 @@ def _squared(positions: Floats, point: Floats) -> Floats:
 
 
 def _too_little_charge(setup: NetworkSetup) -> Iterator[Issue]:
-    """A full battery that does not exceed the threshold, or else what a packet each way and a step take."""
+    """Yield an issue if a full battery does not exceed the threshold of heads."""
     energy, least, source = setup.energy, setup.head_threshold, "clusters.threshold"
     if setup.clusters.threshold is None:
-        source = f"a packet sent over {setup.link.reach:g} m, one received, and a step's computing"
+        source = f"a packet sent over {setup.link.reach:g} m, one received, and the computation of a step"
     if energy.battery <= least:
         yield Issue(
             ("energy", "battery"),
-            f"{energy.battery:g} J lets nobody lead: a head must hold more than {least:g} J ({source})",
+            f"{energy.battery:g} J is too little for any head: a head must hold more than {least:g} J ({source})",
         )

@@ -1,9 +1,9 @@
-"""Which nodes sense and listen when: schedules that are functions of time, and of a counter key a node.
+"""Sleep schedules: when nodes sense and listen, as a function of time and of one counter key per node.
 
     awake(keys (n,), time) -> (n,)    tally(keys, since (n,), until) -> seconds awake, changes    profile(keys, times)
 
-Nothing is stored, and nobody polls a schedule: a node's awake time over any span is looked up, or summed, when somebody
-asks. Times in s, from 0 on.
+Nothing is stored and nothing is polled: the awake time of a node over any span is computed on request. Times in s, from
+0 on.
 """
 
 from __future__ import annotations
@@ -23,52 +23,52 @@ from wsnsim.base.setups import Setup
 
 PERIOD: Final = Quantity("s", ge=1e-2, le=1e9)
 MOST_PERIODS: Final = 10_000_000
-"""Of a node in a run: each is looked at when its past is told."""
+"""Greatest number of periods of a node in a run: each is evaluated when its past is summed."""
 CHUNK: Final = 1 << 16
-"""(node, period) pairs that are looked at together: half a megabyte a column, which a processor's cache holds."""
+"""(node, period) pairs that are evaluated together: 0.5 MB per column, which fits the processor's cache."""
 
 
 class _NeverAsleep:
-    """What schedules have in common that never let the radio sleep."""
+    """What schedules share that never let the radio sleep."""
 
     always_listening: ClassVar[bool] = True
 
     def awake(self, keys: Keys, time: float) -> Bools:
-        """(n,) everybody."""
+        """(n,) True: every node is awake."""
         return np.ones(len(keys), dtype=np.bool_)
 
     def state(self, keys: Keys, time: float) -> tuple[Bools, Floats, Floats]:
-        """Everybody, all of the time."""
+        """Every node is awake, for all time."""
         return np.ones(len(keys), dtype=np.bool_), np.zeros(len(keys)), np.full(len(keys), math.inf)
 
     def tally(self, keys: Keys, since: Floats, until: Floats | float) -> tuple[Floats, Floats]:
-        """(n,) seconds awake: all; and changes: none."""
+        """(n,) seconds awake, which are all; and changes, which are 0."""
         return until - np.asarray(since, dtype=np.float64), np.zeros(len(keys))
 
     def profile(self, keys: Keys, times: Floats) -> tuple[Floats, Floats]:
-        """Awake seconds of all nodes until each time (T,), and switches: none."""
+        """Awake seconds of all nodes until each time (T,), and changes, which are 0."""
         return len(keys) * times, np.zeros(times.size)
 
 
 @part
 class EventWake(_NeverAsleep):
-    """A dormant node keeps sensor and receiver on: the target or a frame wakes it (Jiang, Song, Lin 2013, 2.3)."""
+    """Dormant nodes keep sensor and receiver on; a target or a frame wakes them (Jiang, Song, Lin 2013, 2.3)."""
 
     rest: ClassVar[Mode] = Mode.DORMANT
 
 
 @part
 class AlwaysOn(_NeverAsleep):
-    """Nobody ever sleeps: receiver and processor stay on. What schedules are measured against."""
+    """Nodes never sleep: receiver and processor stay on. The reference for other schedules."""
 
     rest: ClassVar[Mode] = Mode.AWAKE
 
 
-class _Periodic:
-    """A schedule whose node k begins a period at each instant phase_k + j T, and is awake for its first part or not.
+class _PeriodicSchedule:
+    """A schedule in periods: node k begins one at each phase_k + j T, and is awake in its first part or not at all.
 
-    A schedule says `_phases(keys)` (n,) in [0, T), `_on(keys, periods)`, whether nodes are awake in periods of theirs,
-    which count from 0 for the one that is under way at time 0; and `_length`, the part of such a period, in s.
+    A subclass gives the phases (n,) in [0, T) by `_phases(keys)`; by `_on(keys, periods)` whether nodes are awake in
+    their periods, where period 0 contains time 0; and by `_length` the awake part of a period in s.
     """
 
     always_listening: ClassVar[bool] = False
@@ -76,11 +76,11 @@ class _Periodic:
     period: float
 
     def awake(self, keys: Keys, time: float) -> Bools:
-        """(n,) who is awake at a time."""
+        """(n,) which nodes are awake at a time."""
         return self.state(keys, time)[0]
 
     def state(self, keys: Keys, time: float) -> tuple[Bools, Floats, Floats]:
-        """Who is awake (n,), and each node's part of a period that a time falls into: from (n,), until (n,)."""
+        """Which nodes are awake (n,), and the part of a period that contains the time: from (n,), until (n,)."""
         phases = self._phases(keys)
         periods = self._number(phases, time)
         starts, following = self._start(phases, periods), self._start(phases, periods + 1)
@@ -103,11 +103,12 @@ class _Periodic:
         return seconds, changes
 
     def profile(self, keys: Keys, times: Floats) -> tuple[Floats, Floats]:
-        """Of all nodes together until each of the ascending times (T,): awake seconds and switches, both (T,).
+        """Awake seconds and changes (T,) of all nodes together until each of the ascending times (T,).
 
-        Periods are taken in the order in which they begin, so that running sums need no sorting: the cost is a hash a
-        node and period, whatever T. Spells that are over count whole, those under way from their beginning, against
-        the first instant of a chunk: sums stay small, and exact. What lies before 0 is taken off at the end.
+        Periods are evaluated in the order in which they begin, so that running sums need no sorting: the cost is one
+        hash per node and period, whatever T. Awake spells that have ended count in full, those under way from their
+        beginning. Times are relative to the first instant of a chunk, so that sums stay small and exact. The part
+        before time 0 is subtracted at the end.
         """
         asked = np.append(0.0, times)
         awake, switches = np.zeros(asked.size), np.zeros(asked.size)
@@ -121,7 +122,7 @@ class _Periodic:
         return awake[1:] - awake[0], switches[1:] - switches[0]
 
     def check(self, setup: Setup) -> Iterator[Issue]:
-        """A period so short that hardly a frame fits, or that a node has too many of them in a run."""
+        """Yield an issue if a node has too many periods in a run, or if an awake part is too short for two frames."""
         lasts = setup.steps * setup.dt
         if lasts > MOST_PERIODS * self.period:
             yield Issue(
@@ -136,26 +137,26 @@ class _Periodic:
         if self._length < 2.0 * frame:
             yield Issue(
                 ("sleep", "period"),
-                f"nodes would be awake for {1000 * self._length:.3g} ms at a time: not two of the longest frames "
-                f"({1000 * frame:.3g} ms) fit",
+                f"nodes would be awake for {1000 * self._length:.3g} ms at a time, which is too short for two of the "
+                f"longest frames ({1000 * frame:.3g} ms)",
             )
 
     def _start(self, phases: Floats, periods: Ints) -> Floats:
-        """When periods begin: the one instant that everything here compares with."""
+        """When periods begin. All comparisons use this one formula, so that rounding is the same everywhere."""
         starts: Floats = phases + (periods - 1) * self.period
         return starts
 
     def _number(self, phases: Floats, time: Floats | float) -> Ints:
-        """The number of each node's period at a time: a quotient, set right where it was rounded over an instant."""
+        """The number of each node's period at a time: a quotient, corrected where rounding crossed a beginning."""
         periods = np.floor((time - phases) / self.period).astype(np.int64) + 1
         periods -= self._start(phases, periods) > time
         periods += self._start(phases, periods + 1) <= time
         return periods
 
     def _history(self, keys: Keys, since: Floats, until: Floats) -> Iterator[tuple[Ints, Floats, Bools, Bools]]:
-        """Every period of every node that overlaps [since, until], node by node, in chunks.
+        """The periods of all nodes that overlap [since, until], node by node, in chunks.
 
-        (nodes, when the period begins, whether the node is awake in it, whether it was in the one before), (M,) each.
+        Each chunk is (nodes, beginnings, awake in the period, awake in the period before), (M,) each.
         """
         phases = self._phases(keys)
         first = self._number(phases, since)
@@ -171,10 +172,10 @@ class _Periodic:
             yield nodes, self._start(phases[nodes], periods), on, before
 
     def _in_order(self, keys: Keys, until: float) -> Iterator[tuple[Floats, Bools, Bools]]:
-        """Every period of every node that begins before `until`, in the order in which they begin, in chunks.
+        """The periods of all nodes that begin before `until`, in the order in which they begin, in chunks.
 
-        (when it begins, whether the node is awake in it, whether it was in the one before), (M,) each. Nodes follow
-        one another by their phases, in each round of periods anew.
+        Each chunk is (beginnings, awake in the period, awake in the period before), (M,) each. In each round of periods
+        nodes follow one another by their phases.
         """
         if not keys.size:
             return
@@ -190,7 +191,7 @@ class _Periodic:
             yield self._start(phases, periods).ravel(), on[1:].ravel(), on[:-1].ravel()
 
     def _changes(self, nodes: Ints, starts: Floats, on: Bools, before: Bools) -> Iterator[tuple[Ints, Floats]]:
-        """(nodes, times) at which nodes fall asleep or wake."""
+        """(nodes, times) of the changes: nodes fall asleep or wake."""
         if self._sleeps_within:
             yield nodes[on], starts[on]
             yield nodes[on], starts[on] + self._length
@@ -209,20 +210,20 @@ class _Periodic:
 
     @property
     def _sleeps_within(self) -> bool:
-        """Whether a node falls asleep before a period of being awake is over."""
+        """Whether a node falls asleep before the end of a period in which it is awake."""
         return self._length < self.period
 
 
 @part
-class RandomIndependent(_Periodic):
-    """Random independent sleeping: at the start of each of its own periods a node is awake for it with a probability.
+class RandomIndependent(_PeriodicSchedule):
+    """Random independent sleeping: in each of its own periods a node is awake with a given probability.
 
-    Nodes' phases are uniform over a period, and their draws independent of one another and of the past.
+    The nodes' phases are uniform over a period. Decisions are independent of other nodes and of the past.
 
     Source: Kumar, Lai, Balogh (2004); p and T are our choice, as Li, Jiang, Zhang, Zhang (2012) give none.
     """
 
-    period: Annotated[float, PERIOD, "T_RIS: what a node decides on at a time"] = 10.0
+    period: Annotated[float, PERIOD, "T_RIS: the time for which a node decides at once"] = 10.0
     probability: Annotated[float, Quantity("", ge=0.0, le=1.0), "p: of being awake in a period"] = 0.3
 
     def _phases(self, keys: Keys) -> Floats:
@@ -238,15 +239,15 @@ class RandomIndependent(_Periodic):
 
 
 @part
-class DutyCycle(_Periodic):
-    """Each node is awake for the first part of each period: all at the same time, or staggered at random.
+class DutyCycle(_PeriodicSchedule):
+    """Each node is awake in the first part of each period: all at the same time, or staggered at random.
 
-    Our choice, for comparison: with the same share of time awake, what matters is who is awake together.
+    Our choice, for comparison: at an equal share of time awake it matters which nodes are awake together.
     """
 
     period: Annotated[float, PERIOD, "from one waking to the next"] = 10.0
-    awake_share: Annotated[float, Quantity("", gt=0.0, le=1.0), "part of the period that a node is awake"] = 0.3
-    phases: Annotated[Literal["synchronous", "staggered"], "whether all wake together"] = "staggered"
+    awake_share: Annotated[float, Quantity("", gt=0.0, le=1.0), "share of the period that a node is awake"] = 0.3
+    phases: Annotated[Literal["synchronous", "staggered"], "whether all nodes wake at the same time"] = "staggered"
 
     def _phases(self, keys: Keys) -> Floats:
         return np.zeros(len(keys)) if self.phases == "synchronous" else self.period * uniforms(keys, 0)
@@ -260,14 +261,14 @@ class DutyCycle(_Periodic):
 
 
 def _prefixes(values: Floats | Bools) -> Floats:
-    """(M + 1,) the sums of the first 0, 1, ... M of the values (M,)."""
+    """(M + 1,) the sums of the first 0, 1, ..., M values of (M,)."""
     sums = np.zeros(values.size + 1)
     np.cumsum(values, out=sums[1:])
     return sums
 
 
 def _pieces(first: Ints, counts: Ints) -> tuple[Ints, Ints, Ints]:
-    """(owners, first, counts) of runs of numbers, cut where they are longer than a chunk."""
+    """(owners, first, counts) of runs of numbers; runs longer than a chunk are split."""
     owners = np.arange(counts.size)
     if counts.max(initial=0) <= CHUNK:
         return owners, first, counts
@@ -278,7 +279,7 @@ def _pieces(first: Ints, counts: Ints) -> tuple[Ints, Ints, Ints]:
 
 
 def _chunks(counts: Ints) -> Iterator[slice]:
-    """Slices of runs whose counts add up to no more than a chunk."""
+    """Slices of runs whose counts add up to at most one chunk."""
     ends = np.cumsum(counts)
     begin = 0
     while begin < counts.size:

@@ -1,4 +1,4 @@
-"""What the network does: it tracks, or its nodes send beacons."""
+"""Workloads: what a network does. It tracks targets, or its nodes send beacons."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from wsnsim.models.access import Framed, IdealMac
 
 @part
 class Tracking:
-    """The network follows its targets."""
+    """The network tracks targets."""
 
     mechanism: ClassVar[str] = "tracking"
 
 
 @part
 class Periodic:
-    """A network without a target: every node broadcasts a beacon once a period, from a random phase on.
+    """A network without targets: every node broadcasts a beacon once per period, from a random phase on.
 
-    The workload on which radios and simulators are compared: nothing but the air decides what arrives.
+    The workload for comparing radios and simulators: what arrives depends on the radio alone.
     """
 
     mechanism: ClassVar[str] = "beacons"
@@ -32,7 +32,7 @@ class Periodic:
     bits: Annotated[int, Quantity("", ge=1, le=1_000_000), "payload of a beacon"] = PACKET_BITS
 
     def check(self, setup: Setup) -> Iterator[Issue]:
-        """Beacons that are due faster than one node alone can send them."""
+        """Yield an issue if a beacon takes longer than its period."""
         mac = setup.mac if isinstance(setup, RadioSetup) else None
         airtime = 0.0
         if isinstance(mac, Framed):

@@ -7,7 +7,8 @@ from collections.abc import Mapping
 import simpy
 
 from wsnsim.base.arrays import Bools
-from wsnsim.base.ports import ClusterPolicy, Ranks, SensorModel
+from wsnsim.base.clustering import ClusterPolicy
+from wsnsim.base.ports import Ranks, SensorModel
 
 
 class Election:

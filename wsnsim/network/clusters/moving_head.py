@@ -16,7 +16,8 @@ from typing import Any, Final, cast
 
 import simpy
 
-from wsnsim.base.ports import MovingPolicy, Portable
+from wsnsim.base.clustering import MovingPolicy
+from wsnsim.base.ports import Portable
 from wsnsim.base.requests import Parcel
 from wsnsim.network.clusters.cluster import Cluster
 from wsnsim.network.clusters.driver import Driver
