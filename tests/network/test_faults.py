@@ -153,7 +153,7 @@ def test_losses_of_overlapping_faults_multiply_what_arrives():
 def test_a_clock_jumps_and_jumps_back():
     bed = Bed(ClockStep(at=1.0, duration=1.0, nodes=(2,), offset=0.3))
     assert bed.at(1.5).clocks.error(np.arange(4), 1.5).tolist() == [0.0, 0.0, 0.3, 0.0]
-    assert bed.at(2.5).clocks.most(2.5) == 0.0
+    assert bed.at(2.5).clocks.largest_error(2.5) == 0.0
 
 
 def test_sensors_are_spoilt_for_the_duration():

@@ -34,13 +34,13 @@ from wsnsim.network.energy.energy_steps import EnergySteps
 from wsnsim.network.event_log import EventLog
 from wsnsim.network.fault_services import FaultSite, NodeControl
 from wsnsim.network.faults import FaultSchedule
+from wsnsim.network.imperfect_readings import make_readings
 from wsnsim.network.node import NodeProcesses, NodeServices
 from wsnsim.network.outcome import NetworkOutcome
 from wsnsim.network.processors import Processors
 from wsnsim.network.radio.radio_stack import make_radio_stack, run_until
 from wsnsim.network.radio.routing import Router
 from wsnsim.network.radio.transport import Transport
-from wsnsim.network.readings import make_senses
 from wsnsim.network.sensing import CurrentReadings, SensingServices, make_sensing
 from wsnsim.network.sink_reports import SinkReports
 from wsnsim.network.step_clock import ProtocolLog, StepClock
@@ -102,7 +102,7 @@ class World:
     def _assemble(self, targets: Targets, points: Sequence[Floats], streams: Streams) -> None:
         """Give each component the services that it uses."""
         setup, nodes, clock = self._setup, self._nodes, self._clock
-        available, imperfections = make_senses(setup, targets.truths, nodes, self._stack.clocks, streams.key("sense"))
+        available, imperfections = make_readings(setup, targets.truths, nodes, self._stack.clocks, streams.key("sense"))
         readings: CurrentReadings = [{} for _ in points]
         network = NetworkView(setup, clock, nodes, readings, setup.head_threshold, streams.key("tracker"))
         self._wake_up_counts = WakeUpCounts(network, points)

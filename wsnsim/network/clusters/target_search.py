@@ -12,7 +12,8 @@ import numpy as np
 from wsnsim.base.arrays import Floats
 from wsnsim.base.rng import derive, derive_all, uniforms
 from wsnsim.network.clusters.network_view import NetworkView
-from wsnsim.network.readings import Imperfections, Readings, search_senses
+from wsnsim.network.imperfect_readings import Imperfections, make_search_readings
+from wsnsim.network.readings import Readings
 
 
 class TargetSearch:
@@ -32,7 +33,7 @@ class TargetSearch:
         self._polls = network.setup.polls
         self._key = key
         self._between = (
-            search_senses(network.setup, paths, network.nodes, imperfections, key) if self._polls > 1 else []
+            make_search_readings(network.setup, paths, network.nodes, imperfections, key) if self._polls > 1 else []
         )
 
     def first_detection(self, target: int, poll: int) -> tuple[int, dict[int, float]] | None:

@@ -5,21 +5,27 @@ import pytest
 from scipy import stats
 from scipy.spatial import KDTree
 
+from wsnsim.base.mechanisms import SensorDefect
 from wsnsim.base.rng import derive
 from wsnsim.models.hardware import DriftingClock, ImperfectDetection, PerfectClock, PerfectDetection
 from wsnsim.models.ranging import Range
 from wsnsim.models.sensing import AcousticEnergy
 from wsnsim.network.clocks import Clocks
-from wsnsim.network.readings import Defect, Imperfect, Imperfections, Readings, _chosen
+from wsnsim.network.imperfect_readings import Imperfections, ImperfectReadings, _sampled
+from wsnsim.network.readings import Readings, Sensors
 
 DT = 0.5
 RULER = Range(sd=1e-6, reach=60.0)
 """A sensor whose reading is the distance."""
 
 
+def sensors(positions, model, key=5):
+    return Sensors(positions, np.ones((len(positions), 1)), model, KDTree(positions), key)
+
+
 def sensed(points, positions, key=5, target=0):
     sensor = AcousticEnergy()
-    return Readings(target, points, positions, np.ones((len(positions), 1)), sensor, KDTree(positions), key)
+    return Readings(sensors(positions, sensor, key), target, points)
 
 
 def test_who_senses_when_is_what_brute_force_finds():
@@ -56,8 +62,7 @@ def imperfect(points, positions, sensor=None, detection=None, clock=None, target
     sensor = sensor or AcousticEnergy()
     clocks = Clocks(clock or PerfectClock(), 4, len(positions))
     made = Imperfections(detection or PerfectDetection(), clocks, DT)
-    traits = np.ones((len(positions), 1))
-    return Imperfect(target, points, positions, traits, sensor, KDTree(positions), 5, made), made
+    return ImperfectReadings(sensors(positions, sensor), target, points, made), made
 
 
 def crowd(steps=40, nodes=300, seed=2):
@@ -69,7 +74,7 @@ def crowd(steps=40, nodes=300, seed=2):
 @pytest.mark.parametrize("sensor", [AcousticEnergy(), RULER, Range(reach=60.0, own_cell=True)])
 def test_imperfections_that_are_none_leave_every_bit_as_it_was(sensor):
     points, positions = crowd()
-    plain = Readings(1, points, positions, np.ones((300, 1)), sensor, KDTree(positions), 5)
+    plain = Readings(sensors(positions, sensor), 1, points)
     same, made = imperfect(points, positions, sensor, target=1)
     assert not made.matter()
     for step in range(len(points)):
@@ -137,14 +142,14 @@ def test_a_phantom_on_a_line_stands_where_the_node_can_sense_it():
 
 
 def test_the_chosen_are_independent_draws_and_cost_as_much_as_they_are():
-    chosen = [_chosen(derive(9, step), 0.25, 40) for step in range(4000)]
+    chosen = [_sampled(derive(9, step), 0.25, 40) for step in range(4000)]
     hits = np.array([np.isin(np.arange(40), ids) for ids in chosen])
     assert np.abs(hits.mean(axis=0) - 0.25).max() < 4.5 * (0.1875 / 4000) ** 0.5
     together = (hits[:, :-1] & hits[:, 1:]).mean()
     assert together == pytest.approx(0.0625, abs=0.003)
     # Of 10^12 nodes nobody can draw one by one.
-    assert 5 <= np.mean([_chosen(derive(9, step), 1e-11, 10**12).size for step in range(50)]) <= 15
-    assert _chosen(9, 0.0, 5).size == 0 and _chosen(9, 1.0, 3).tolist() == [0, 1, 2]
+    assert 5 <= np.mean([_sampled(derive(9, step), 1e-11, 10**12).size for step in range(50)]) <= 15
+    assert _sampled(9, 0.0, 5).size == 0 and _sampled(9, 1.0, 3).tolist() == [0, 1, 2]
 
 
 def test_a_nodes_bias_is_the_same_at_every_step_and_for_every_target():
@@ -173,9 +178,9 @@ def test_a_biased_sensor_is_off_by_a_constant_while_the_fault_lasts_and_biases_a
     wrong, made = imperfect(points, positions, RULER)
     for step in range(8):
         if step == 2:
-            made.defects[0] = Defect(frozenset({1}), offset=5.0)
+            made.defects[0] = SensorDefect(frozenset({1}), offset=5.0)
         if step == 4:
-            made.defects[1] = Defect(frozenset({1, 2}), offset=-2.0)
+            made.defects[1] = SensorDefect(frozenset({1, 2}), offset=-2.0)
         if step == 6:
             del made.defects[0]
         offset = {0: 0.0, 1: 5.0 * (2 <= step < 6) - 2.0 * (step >= 4), 2: -2.0 * (step >= 4)}
@@ -190,8 +195,8 @@ def test_a_stuck_sensor_repeats_what_it_read_last_or_what_it_is_told_until_the_f
     read = []
     for step in range(8):
         if step == 3:
-            made.defects[0] = Defect(frozenset({0}), stuck=True)
-            made.defects[1] = Defect(frozenset({1}), stuck=True, value=99.0)
+            made.defects[0] = SensorDefect(frozenset({0}), stuck=True)
+            made.defects[1] = SensorDefect(frozenset({1}), stuck=True, value=99.0)
         if step == 6:
             made.defects.clear()
         read.append(wrong.readings(step))
@@ -204,7 +209,7 @@ def test_a_stuck_sensor_repeats_what_it_read_last_or_what_it_is_told_until_the_f
 def test_a_sensor_stuck_before_it_ever_read_repeats_its_first_reading_and_only_where_it_senses():
     points = np.column_stack([np.arange(8) * 30.0 - 120.0, np.zeros(8)])
     found, made = imperfect(points, np.array([[0.0, 0.0]]), RULER)
-    made.defects[0] = Defect(frozenset({0}), stuck=True)
+    made.defects[0] = SensorDefect(frozenset({0}), stuck=True)
     values = [found.readings(step) for step in range(8)]
     assert [len(value) for value in values] == [0, 0, 1, 1, 1, 1, 1, 0]
     read = [value[0] for value in values if value]

@@ -1,0 +1,232 @@
+"""The readings of sensors that are not faithful, or whose clocks are wrong.
+
+Each step is computed when it is first asked for: readings are missed, false alarms are raised, values are distorted,
+and a node whose clock is wrong takes its reading at the wrong time. Without any of these the readings are, to the
+last bit, those of `Readings`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+
+from wsnsim.base.arrays import Bools, Floats, Ints, Keys, planar
+from wsnsim.base.mechanisms import SensorDefect
+from wsnsim.base.ports import Detection, Detects
+from wsnsim.base.rng import HEAD_KEY, derive, derive_all, normals, uniforms
+from wsnsim.base.setups import NetworkSetup
+from wsnsim.network.clocks import Clocks
+from wsnsim.network.faults import change_readings
+from wsnsim.network.nodes import Nodes
+from wsnsim.network.readings import Readings, Sensors
+
+DISTORTION: Final = HEAD_KEY
+"""In a random key, stands for a target: for what distorts a node's readings at every step."""
+ALARMS: Final = HEAD_KEY
+"""In a random key, stands for a node: for which nodes raise a false alarm at a step."""
+MISSED, DISTANCE, ANGLE = 2, 3, 4
+"""Uniform numbers of (target, step, node): is the reading missed, and where the false target is. Noise uses 0 and 1."""
+
+
+@dataclass(slots=True)
+class Imperfections:
+    """What makes readings wrong: detection, clocks, and the sensor defects of this instant, by fault number."""
+
+    detection: Detection
+    clocks: Clocks
+    dt: float
+    defects: dict[int, SensorDefect] = field(default_factory=dict)
+
+    def matter(self) -> bool:
+        """Whether any reading is wrong while no fault is active."""
+        probe = np.ones(1)
+        keys = np.zeros(1, dtype=np.uint64)
+        faithful = self.detection.missed == self.detection.false_alarm == 0
+        return not faithful or self.clocks.drift or self.detection.distort(probe, keys) is not probe
+
+
+class ImperfectReadings(Readings):
+    """The readings of one target as nodes report them. What was read at a step stays, whatever fails later.
+
+    Args:
+        sensors: The sensors of all nodes.
+        target: Number of the target.
+        points: (steps, P) its positions.
+        imperfections: What makes readings wrong.
+    """
+
+    def __init__(self, sensors: Sensors, target: int, points: Floats, imperfections: Imperfections) -> None:
+        self._points, self._positions, self._traits = points, sensors.positions, sensors.traits
+        self._sensor = sensors.model
+        self._tree = sensors.tree
+        self._key = derive(sensors.key, target)
+        self._distortion = derive(sensors.key, DISTORTION)
+        self._imperfections = imperfections
+        self._times = np.arange(len(points)) * imperfections.dt
+        self._extent = float(np.hypot(*np.ptp(sensors.positions, axis=0)))
+        self._taken: dict[int, dict[int, float]] = {}
+        self._stuck_at: dict[tuple[int, int], float] = {}
+        self._last: dict[int, float] = {}
+
+    def readings(self, step: int) -> dict[int, float]:
+        """{node: reading} of the nodes that report one at a step, ascending, whether they are up or not."""
+        return dict(self._at(step))
+
+    def appeared(self, step: int) -> list[int]:
+        """Nodes that report at this step and did not at the one before, ascending."""
+        before: Mapping[int, float] = self._at(step - 1) if step else {}
+        return [node for node in self._at(step) if node not in before]
+
+    def vanished(self, step: int) -> list[int]:
+        """Nodes that reported at the step before and do not at this one, ascending."""
+        now = self._at(step)
+        return [node for node in self._at(step - 1) if node not in now] if step else []
+
+    def _at(self, step: int) -> dict[int, float]:
+        if step not in self._taken:
+            self._taken.pop(step - 2, None)
+            self._taken[step] = self._take(step)
+        return self._taken[step]
+
+    def _take(self, step: int) -> dict[int, float]:
+        detection, at_step = self._imperfections.detection, derive(self._key, step)
+        nodes, points = self._in_range(step)
+        alarmed = _sampled(at_step, detection.false_alarm, len(self._positions))
+        alarmed = np.setdiff1d(alarmed, nodes) if alarmed.size else alarmed
+        if detection.missed:
+            caught = uniforms(derive_all(at_step, nodes), MISSED) >= detection.missed
+            nodes, points = nodes[caught], points[caught]
+        if alarmed.size:
+            points_of_alarms = self._false_targets(alarmed, derive_all(at_step, alarmed))
+            nodes, points = np.concatenate([nodes, alarmed]), np.concatenate([points, points_of_alarms])
+            order = np.argsort(nodes)
+            nodes, points = nodes[order], points[order]
+        noise = normals(derive_all(at_step, nodes), 0)
+        readings = self._sensor.measure(points, self._positions[nodes], self._traits[nodes], noise)
+        reported = detection.distort(readings, derive_all(self._distortion, nodes))
+        taken = self._with_defects(dict(zip(nodes.tolist(), reported.tolist(), strict=True)))
+        self._last.update(taken)
+        return taken
+
+    def _in_range(self, step: int) -> tuple[Ints, Floats]:
+        """Nodes with the target in range when their clocks show the time of the step, and where it is for each of them.
+
+        A node whose clock is ahead by e measures the target where it was at t_k - e; its reading counts for step k. The
+        trajectory is interpolated linearly, and constant beyond its ends.
+        """
+        time, point = float(self._times[step]), self._points[step]
+        error = self._imperfections.clocks.largest_error(time)
+        if not error:
+            nodes = np.array(self._near(point, 0.0), dtype=np.int64)
+            if isinstance(self._sensor, Detects):
+                nodes = nodes[self._sensor.detects(point[None], self._positions[nodes])[0]]
+            return nodes, np.repeat(point[None], nodes.size, axis=0)
+        nodes = np.array(self._near(point, self._displacement(time, error)), dtype=np.int64)
+        points = self._at_times(time - self._imperfections.clocks.error(nodes, time))
+        sensing = self._detects(points, nodes)
+        return nodes[sensing], points[sensing]
+
+    def _near(self, point: Floats, margin: float) -> list[int]:
+        """Nodes within sensing range plus a margin in m of a point, ascending."""
+        found: list[int] = self._tree.query_ball_point(planar(point), self._sensor.reach + margin, return_sorted=True)
+        return found
+
+    def _displacement(self, time: float, error: float) -> float:
+        """Largest distance in m of the target from its position at a time, at times that differ by at most `error`."""
+        between = self._times[(self._times > time - error) & (self._times < time + error)]
+        points = self._at_times(np.concatenate([[time - error, time, time + error], between]))
+        return float(np.linalg.norm(points - points[1], axis=1).max())
+
+    def _at_times(self, times: Floats) -> Floats:
+        """(n, P) positions of the target at times (n,)."""
+        return np.column_stack([np.interp(times, self._times, column) for column in self._points.T])
+
+    def _detects(self, points: Floats, nodes: Ints) -> Bools:
+        """(n,) whether each node detects a target at its own point."""
+        positions = self._positions[nodes]
+        if isinstance(self._sensor, Detects):
+            detects = self._sensor.detects
+            return np.array([detects(points[i, None], positions)[0, i] for i in range(nodes.size)], dtype=np.bool_)
+        within: Bools = np.linalg.norm(planar(points) - positions, axis=1) <= self._sensor.reach
+        return within
+
+    def _false_targets(self, nodes: Ints, keys: Keys) -> Floats:
+        """(n, P) the target of each node's false alarm: uniform in its sensing range, or the field if smaller."""
+        reach = min(self._sensor.reach, self._extent)
+        positions = self._positions[nodes]
+        if self._points.shape[1] == 1:
+            half = np.sqrt(np.maximum(reach**2 - positions[:, 1] ** 2, 0.0))
+            on_axis: Floats = positions[:, :1] + (half * (2.0 * uniforms(keys, DISTANCE) - 1.0))[:, None]
+            return on_axis
+        radius, angle = reach * np.sqrt(uniforms(keys, DISTANCE)), 2.0 * np.pi * uniforms(keys, ANGLE)
+        in_plane: Floats = positions + radius[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+        return in_plane
+
+    def _with_defects(self, readings: dict[int, float]) -> dict[int, float]:
+        """Readings with the defects of this instant: offsets first, since a sensor that is stuck ignores them."""
+        defects = self._imperfections.defects
+        for number, node in [key for key in self._stuck_at if key[0] not in defects]:
+            del self._stuck_at[number, node]
+        for number, defect in sorted(defects.items(), key=lambda item: item[1].stuck):
+            for node in defect.nodes.intersection(readings):
+                if not defect.stuck:
+                    readings[node] += defect.offset
+                elif defect.value is not None:
+                    readings[node] = defect.value
+                else:
+                    readings[node] = self._stuck_at.setdefault((number, node), self._last.get(node, readings[node]))
+        return readings
+
+
+def make_readings(
+    setup: NetworkSetup, trajectories: Sequence[Floats], nodes: Nodes, clocks: Clocks, key: int
+) -> tuple[list[Readings], Imperfections]:
+    """Return the readings of each target at each step, and the imperfections, to which faults add their defects."""
+    imperfections = Imperfections(setup.detection, clocks, setup.dt)
+    return _readings(setup, trajectories, nodes, imperfections, key), imperfections
+
+
+def make_search_readings(
+    setup: NetworkSetup, trajectories: Sequence[Floats], nodes: Nodes, imperfections: Imperfections, key: int
+) -> list[Readings]:
+    """Return the readings of each target at the instants at which nodes search, `setup.polls` per step."""
+    between = Imperfections(setup.detection, imperfections.clocks, setup.dt / setup.polls, imperfections.defects)
+    return _readings(setup, trajectories, nodes, between, key)
+
+
+def _readings(
+    setup: NetworkSetup, trajectories: Sequence[Floats], nodes: Nodes, imperfections: Imperfections, key: int
+) -> list[Readings]:
+    sensors = Sensors(nodes.positions, nodes.traits, setup.sensor, nodes.tree, key)
+    faithful = not imperfections.matter() and not change_readings(setup.faults)
+    result: list[Readings] = []
+    for target, (trajectory, motion) in enumerate(zip(trajectories, setup.motions, strict=True)):
+        points = trajectory[:, list(motion.position)]
+        result.append(
+            Readings(sensors, target, points) if faithful else ImperfectReadings(sensors, target, points, imperfections)
+        )
+    return result
+
+
+def _sampled(key: int, probability: float, size: int) -> Ints:
+    """Sample each of `size` nodes with a probability. The gaps between sampled nodes are geometric.
+
+    The cost grows with the number of sampled nodes, not with `size`.
+    """
+    if probability <= 0.0:
+        return np.empty(0, dtype=np.int64)
+    if probability >= 1.0:
+        return np.arange(size)
+    alarms, expected = derive(key, ALARMS), size * probability
+    batch, last = int(expected + 6.0 * expected**0.5 + 8.0), -1
+    found: list[Ints] = []
+    while last < size:
+        samples = uniforms(derive_all(alarms, np.arange(batch) + batch * len(found)), 0)
+        gaps = np.minimum(np.log1p(-samples) / np.log1p(-probability), size).astype(np.int64)
+        ids = last + np.cumsum(gaps + 1)
+        found.append(ids[ids < size])
+        last = int(ids[-1])
+    return np.concatenate(found)
