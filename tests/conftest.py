@@ -1,4 +1,4 @@
-"""What every test stands on: a fresh cache for compiled kernels, quiet threads, and rows to record."""
+"""Fixtures of all tests: a fresh cache for compiled kernels, one thread per numerical library, random rows."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import os
 import shutil
 import tempfile
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,8 +20,8 @@ if not _WORKER:  # the workers of one session share its cache: a kernel is compi
 for _library in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_library, "1")
 
-settings.register_profile("house", deadline=None, database=None, derandomize=bool(os.environ.get("CI")))
-settings.load_profile("house")
+settings.register_profile("wsnsim", deadline=None, database=None, derandomize=bool(os.environ.get("CI")))
+settings.load_profile("wsnsim")
 
 STATES = (("px", "m"), ("vx", "m/s"), ("py", "m"), ("vy", "m/s"))
 Rows = dict[str, np.ndarray]
@@ -30,6 +31,13 @@ def pytest_unconfigure() -> None:
     """Remove the session's cache of compiled kernels."""
     if not _WORKER:
         shutil.rmtree(os.environ["NUMBA_CACHE_DIR"], ignore_errors=True)
+
+
+@pytest.fixture
+def fresh_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty folder that is the working directory of the test."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
 
 
 @pytest.fixture

@@ -8,14 +8,11 @@ from pathlib import Path
 import pytest
 import yaml
 
-from tests.scenario.stand_ins import base_scenario
+from tests.helpers.scenario_components import base_scenario
 from wsnsim.cli import main
 from wsnsim.scenario.files import shipped_parts
 
-
-@pytest.fixture(autouse=True)
-def _in_a_fresh_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+pytestmark = pytest.mark.usefixtures("fresh_folder")
 
 
 def said(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:

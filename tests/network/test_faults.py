@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import simpy
 
+from tests.helpers.centroid_network import Centroid, Run, parts, passing, standing
+from tests.helpers.random_setups import DT, scenario
 from tests.network.ledgers import SPENT, books
-from tests.network.scripts import DT, scenario
-from tests.network.toys import Centroid, Run, parts, passing, standing
 from wsnsim.base.errors import RunError
 from wsnsim.base.tables import CAUSE, CAUSES, EVENT_CAUSE, KIND, KINDS, Memory
 from wsnsim.models.access import Csma, IdealMac

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import wsnsim
-from tests.network.asleep import scenario
+from tests.helpers.sleeping_networks import scenario
 from wsnsim.base.errors import ScenarioError
 from wsnsim.base.part import part
 from wsnsim.base.sleeping import Decision, WakeUpMessage

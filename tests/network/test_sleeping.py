@@ -9,7 +9,7 @@ import math
 import numpy as np
 import pytest
 
-from tests.network.asleep import PAIRS, Run, scenario
+from tests.helpers.sleeping_networks import PAIRS, Run, scenario
 from wsnsim import experiment
 from wsnsim import scenario as scenarios
 from wsnsim.base.rng import Streams, derive_all

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
+from tests.helpers.centroid_network import Centroid, Run, parts, passing, standing
 from tests.network.ledgers import SPENT, books
-from tests.network.toys import Centroid, Run, parts, passing, standing
 from wsnsim.base.errors import RunError
 from wsnsim.base.tables import CAUSE, CAUSES
 from wsnsim.models.access import IdealMac

@@ -6,11 +6,10 @@ import json
 
 import pytest
 
+from tests.helpers import scenario_components
+from tests.helpers.scenario_components import base_scenario, beacon_scenario, faults_of, kind
 from wsnsim import scenario
 from wsnsim.base.setups import BeaconSetup, NetworkSetup, TrackingSetup
-
-from . import stand_ins
-from .stand_ins import base_scenario, beacon_scenario, faults_of, kind
 
 OF_TARGETS = ("prior", "motion", "sensor", "wakeup", "clusters", "acquire", "detection", "sink", "tracker")
 
@@ -18,9 +17,9 @@ OF_TARGETS = ("prior", "motion", "sensor", "wakeup", "clusters", "acquire", "det
 def test_beacons_need_no_target_and_nothing_that_follows_one() -> None:
     parts = scenario.build(scenario.load(beacon_scenario(faults=[{"kind": kind("Trouble"), "at": 2}])))
     assert type(parts) is BeaconSetup
-    assert parts.workload == stand_ins.Beaconing()
-    assert parts.link == stand_ins.Link(reach=75.0)
-    assert parts.faults == (stand_ins.Trouble(at=2.0),)
+    assert parts.workload == scenario_components.Beaconing()
+    assert parts.link == scenario_components.Link(reach=75.0)
+    assert parts.faults == (scenario_components.Trouble(at=2.0),)
     assert (parts.name, parts.seed, parts.steps, parts.dt) == ("small", 1, 4, 1.0)
 
 
@@ -106,7 +105,7 @@ def test_a_bench_and_a_network_have_what_is_theirs() -> None:
     network = scenario.build(scenario.load(base_scenario()))
     assert type(network) is NetworkSetup and not hasattr(network, "workload")
     for role in ("packing", "cpu", "clock", "detection", "sink"):
-        assert getattr(network, role) == stand_ins.Plain()
+        assert getattr(network, role) == scenario_components.Plain()
 
 
 def test_beacons_with_the_parts_that_come_with_wsnsim_are_built() -> None:

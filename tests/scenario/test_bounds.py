@@ -9,10 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.helpers.scenario_components import base_scenario, faults_of
 from wsnsim.scenario.fields import fields_of, nested_of
 from wsnsim.scenario.registry import ROLES, load_class
-
-from .stand_ins import base_scenario, faults_of
 
 
 @pytest.mark.parametrize(

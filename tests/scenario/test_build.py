@@ -9,21 +9,20 @@ from pathlib import Path
 import pytest
 import yaml
 
+from tests.helpers import scenario_components
+from tests.helpers.scenario_components import base_scenario, faults_of, kind
 from wsnsim import scenario
 from wsnsim.base import errors
 from wsnsim.base.errors import Issue
 from wsnsim.base.tables import RECORDED_BY_DEFAULT
 from wsnsim.scenario.build import _checked
 
-from . import stand_ins
-from .stand_ins import base_scenario, faults_of, kind
-
 
 def test_parts_are_the_classes_of_the_kinds_with_the_values_of_the_scenario() -> None:
     parts = scenario.build(scenario.load(base_scenario(seed=5, link={"kind": kind("Link"), "reach": "80 m"})))
     assert (parts.name, parts.seed, parts.steps, parts.dt) == ("small", 5, 100, 0.04)
-    assert parts.link == stand_ins.Link(reach=80.0)
-    assert parts.motions == (stand_ins.Motion(),)
+    assert parts.link == scenario_components.Link(reach=80.0)
+    assert parts.motions == (scenario_components.Motion(),)
     assert parts.until_clusters is None
     assert parts.record == RECORDED_BY_DEFAULT
 
@@ -50,7 +49,7 @@ def test_the_filter_is_told_what_the_tracker_assumes(tracker: dict) -> None:
 
 def test_a_tracker_may_have_a_field_of_its_own_that_is_called_like_a_short_form() -> None:
     parts = scenario.build(scenario.load(base_scenario(tracker={"kind": kind("GainTracker"), "gains": 7})))
-    assert parts.tracker == stand_ins.GainTracker(gains=7.0)
+    assert parts.tracker == scenario_components.GainTracker(gains=7.0)
     assert parts.filter_sensor == (parts.sensor, "known", False)
 
 

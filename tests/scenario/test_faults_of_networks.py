@@ -8,18 +8,17 @@ from pathlib import Path
 import pytest
 import yaml
 
+from tests.helpers import scenario_components
+from tests.helpers.scenario_components import base_scenario, faults_of, kind
 from wsnsim import scenario
 from wsnsim.scenario.registry import ROLES, kinds
-
-from . import stand_ins
-from .stand_ins import base_scenario, faults_of, kind
 
 TROUBLE = {"kind": kind("Trouble"), "at": 1}
 
 
 def test_a_list_of_faults_becomes_parts_in_its_order() -> None:
     parts = scenario.build(scenario.load(base_scenario(faults=[TROUBLE, {**TROUBLE, "at": "2 s", "nodes": [1, 2]}])))
-    assert parts.faults == (stand_ins.Trouble(at=1.0), stand_ins.Trouble(at=2.0, nodes=(1, 2)))
+    assert parts.faults == (scenario_components.Trouble(at=1.0), scenario_components.Trouble(at=2.0, nodes=(1, 2)))
 
 
 @pytest.mark.parametrize("written", [{}, {"faults": []}])

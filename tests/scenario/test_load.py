@@ -10,21 +10,12 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.helpers.files import write_yaml
+from tests.helpers.scenario_components import base_scenario, faults_of, kind
 from wsnsim import scenario
 from wsnsim.base.errors import ScenarioError
 
-from .stand_ins import base_scenario, faults_of, kind
-
-
-@pytest.fixture(autouse=True)
-def _in_a_fresh_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-
-
-def write(name: str, content: str | dict) -> str:
-    text = content if isinstance(content, str) else yaml.safe_dump(content, sort_keys=False)
-    Path(name).write_text(text, encoding="utf-8")
-    return name
+pytestmark = pytest.mark.usefixtures("fresh_folder")
 
 
 def test_every_fault_of_a_file_is_told_at_once_and_at_its_place() -> None:
@@ -41,7 +32,7 @@ tracker:
 seed: 1
 seed: 2
 """
-    assert faults_of(write("bad.yaml", bad)) == [
+    assert faults_of(write_yaml("bad.yaml", bad)) == [
         "bad.yaml:3:9: error: deploy.nodes: is missing: number of nodes",
         f"bad.yaml:3:{bad.splitlines()[2].index('heigth') + 1}: error: deploy.heigth: "
         "unknown key, did you mean 'height'?",
@@ -153,7 +144,7 @@ def test_a_scenario_is_frozen_and_equal_to_one_that_says_the_same() -> None:
 
 def test_a_scenario_keeps_its_text_and_the_name_of_its_file() -> None:
     text = yaml.safe_dump(base_scenario()) + "# the end\n"
-    loaded = scenario.load(write("kept.yaml", text))
+    loaded = scenario.load(write_yaml("kept.yaml", text))
     assert (loaded.source_yaml, loaded.file) == (text, "kept.yaml")
     assert yaml.safe_load(scenario.load(base_scenario()).source_yaml) == base_scenario()
 
@@ -228,21 +219,21 @@ def test_what_a_kind_that_is_set_lacks_is_a_fault_of_that_set() -> None:
 
 def test_a_file_that_extends_another_differs_in_what_it_says() -> None:
     Path("bases").mkdir()
-    write("bases/base.yaml", base_scenario(link={"kind": kind("Link"), "reach": 75, "loss": 0.1}))
-    child = write("child.yaml", "extends: bases/base.yaml\nname: child\nlink: {reach: 80 m}\n")
+    write_yaml("bases/base.yaml", base_scenario(link={"kind": kind("Link"), "reach": 75, "loss": 0.1}))
+    child = write_yaml("child.yaml", "extends: bases/base.yaml\nname: child\nlink: {reach: 80 m}\n")
     loaded = scenario.load(child)
     assert (loaded.name, loaded.link.reach, loaded.link.loss) == ("child", 80.0, 0.1)
 
 
 def test_a_role_whose_kind_changes_is_replaced() -> None:
-    write("base.yaml", base_scenario(tracker={"kind": kind("Tracker"), "particles": 100}))
-    child = write("child.yaml", f"extends: base\ntracker: {{kind: '{kind('GainTracker')}'}}\n")
+    write_yaml("base.yaml", base_scenario(tracker={"kind": kind("Tracker"), "particles": 100}))
+    child = write_yaml("child.yaml", f"extends: base\ntracker: {{kind: '{kind('GainTracker')}'}}\n")
     assert scenario.load(child).tracker.gains == 3.0
 
 
 def test_targets_replace_the_motion_of_the_base() -> None:
-    write("base.yaml", base_scenario())
-    child = write(
+    write_yaml("base.yaml", base_scenario())
+    child = write_yaml(
         "child.yaml", f"extends: base.yaml\ntargets: [{{kind: '{kind('Motion')}'}}, {{kind: '{kind('Motion')}'}}]\n"
     )
     assert len(scenario.build(scenario.load(child)).motions) == 2
@@ -250,9 +241,9 @@ def test_targets_replace_the_motion_of_the_base() -> None:
 
 def test_a_fault_of_the_base_stands_in_the_base() -> None:
     text = yaml.safe_dump(base_scenario()).replace("reach: 75.0", "reach: 75 kg")
-    write("base.yaml", text)
+    write_yaml("base.yaml", text)
     row = 1 + next(i for i, line in enumerate(text.splitlines()) if "75 kg" in line)
-    child = write("child.yaml", "extends: base.yaml\nsed: 4\n")
+    child = write_yaml("child.yaml", "extends: base.yaml\nsed: 4\n")
     assert faults_of(child) == [
         f"base.yaml:{row}:10: error: link.reach: 'kg' is a unit of mass, expected length (for example '1 m')",
         "child.yaml:2:1: error: sed: unknown key, did you mean 'seed'?",
@@ -269,20 +260,20 @@ def test_a_fault_of_the_base_stands_in_the_base() -> None:
     ],
 )
 def test_a_base_that_is_missing_or_goes_round_is_a_fault(line: str, fault: str) -> None:
-    write("x.yaml", f"{line}\nname: x\n")
-    write("y.yaml", "extends: x.yaml\nname: y\n")
+    write_yaml("x.yaml", f"{line}\nname: x\n")
+    write_yaml("y.yaml", "extends: x.yaml\nname: y\n")
     assert any(found.startswith(fault) for found in faults_of("x.yaml"))
 
 
 def test_a_dict_may_extend_a_file() -> None:
-    write("base.yaml", base_scenario())
+    write_yaml("base.yaml", base_scenario())
     assert scenario.load({"extends": "base.yaml", "seed": 77}).seed == 77
 
 
 def test_the_path_of_a_part_starts_from_the_folder_of_the_file_that_says_it() -> None:
     Path("bases").mkdir()
-    write("bases/base.yaml", base_scenario(deploy={"kind": kind("Deploy"), "nodes": 16, "path": "nodes.csv"}))
-    child = write("child.yaml", "extends: bases/base.yaml\n")
+    write_yaml("bases/base.yaml", base_scenario(deploy={"kind": kind("Deploy"), "nodes": 16, "path": "nodes.csv"}))
+    child = write_yaml("child.yaml", "extends: bases/base.yaml\n")
     assert Path(scenario.load(child).deploy.path) == Path("bases/nodes.csv").resolve()
     assert Path(scenario.load(child, ["deploy.path=mine.csv"]).deploy.path) == Path("mine.csv").resolve()
 
@@ -319,7 +310,7 @@ def test_a_file_that_is_missing_says_so(name: str) -> None:
 def test_the_nearest_shipped_scenario_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     package = tmp_path / "wsnsim" / "scenario"
     (tmp_path / "scenarios").mkdir()
-    write("scenarios/quick.yaml", base_scenario(name="quick"))
+    write_yaml("scenarios/quick.yaml", base_scenario(name="quick"))
     monkeypatch.setattr(sys.modules["wsnsim.scenario.files"], "__file__", str(package / "files.py"))
     assert scenario.load("quick").name == "quick"
     assert "(did you mean 'quick'?)" in faults_of("quikc")[0]

@@ -8,6 +8,9 @@ from pathlib import Path
 import pytest
 import yaml
 
+from tests.helpers import scenario_components
+from tests.helpers.files import write_yaml
+from tests.helpers.scenario_components import base_scenario, faults_of, kind
 from wsnsim import scenario
 from wsnsim.base.errors import ScenarioError
 from wsnsim.scenario import datasheets
@@ -15,22 +18,11 @@ from wsnsim.scenario.fields import names_of, nested_of
 from wsnsim.scenario.files import sheets, shipped_parts
 from wsnsim.scenario.registry import ROLES, load_class
 
-from . import stand_ins
-from .stand_ins import base_scenario, faults_of, kind
-
 TINY = "sheet: radio\nname: Tiny\nrate: 10 kbit/s\nsleep: 2 uW\nsources:\n  sleep: datasheet, p. 3\n"
-MADE = stand_ins.Sheet(name="Tiny", rate=1e4, sleep=2e-6)
+MADE = scenario_components.Sheet(name="Tiny", rate=1e4, sleep=2e-6)
 
 
-@pytest.fixture(autouse=True)
-def _in_a_fresh_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-
-
-def write(name: str, text: str) -> str:
-    Path(name).parent.mkdir(exist_ok=True)
-    Path(name).write_text(text, encoding="utf-8")
-    return name
+pytestmark = pytest.mark.usefixtures("fresh_folder")
 
 
 def with_radio(radio: object, **further: object) -> dict:
@@ -38,17 +30,17 @@ def with_radio(radio: object, **further: object) -> dict:
 
 
 def test_a_name_stands_for_the_fields_of_the_file_beside_the_scenario() -> None:
-    write("there/tiny.yaml", TINY)
-    path = write("there/x.yaml", yaml.safe_dump(with_radio("tiny")))
+    write_yaml("there/tiny.yaml", TINY)
+    path = write_yaml("there/x.yaml", yaml.safe_dump(with_radio("tiny")))
     energy = scenario.build(scenario.load(path)).energy
-    assert energy == stand_ins.Sheets(radio=MADE)
-    assert energy.beacon == stand_ins.Sheet(name="B", rate=1.0, sleep=0.5)
+    assert energy == scenario_components.Sheets(radio=MADE)
+    assert energy.beacon == scenario_components.Sheet(name="B", rate=1.0, sleep=0.5)
 
 
 @pytest.mark.parametrize("name", ["tiny", "tiny.yaml", "there/tiny"])
 def test_a_sheet_may_be_named_with_its_suffix_and_its_folder(name: str) -> None:
-    write("tiny.yaml", TINY)
-    write("there/tiny.yaml", TINY)
+    write_yaml("tiny.yaml", TINY)
+    write_yaml("there/tiny.yaml", TINY)
     assert scenario.build(scenario.load(with_radio(name))).energy.radio == MADE
 
 
@@ -56,11 +48,11 @@ def test_a_mapping_of_its_fields_is_a_sheet_too() -> None:
     written = {"name": "Tiny", "rate": "10 kbit/s", "sleep": "2 uW"}
     energy = scenario.build(scenario.load(with_radio(written, spare={**written, "extra": 1}))).energy
     assert energy.radio == MADE
-    assert energy.spare == stand_ins.Sheet(name="Tiny", rate=1e4, sleep=2e-6, extra=1.0)
+    assert energy.spare == scenario_components.Sheet(name="Tiny", rate=1e4, sleep=2e-6, extra=1.0)
 
 
 def test_a_resolved_scenario_holds_the_numbers_and_runs_without_the_file() -> None:
-    path = Path(write("tiny.yaml", TINY))
+    path = Path(write_yaml("tiny.yaml", TINY))
     loaded = scenario.load(with_radio("tiny"))
     text = json.dumps(scenario.resolved(loaded), allow_nan=False)
     path.unlink()
@@ -71,8 +63,8 @@ def test_a_resolved_scenario_holds_the_numbers_and_runs_without_the_file() -> No
 
 
 def test_set_names_a_sheet_and_reaches_into_one() -> None:
-    write("tiny.yaml", TINY)
-    write("other.yaml", TINY.replace("Tiny", "Other"))
+    write_yaml("tiny.yaml", TINY)
+    write_yaml("other.yaml", TINY.replace("Tiny", "Other"))
     loaded = scenario.load(with_radio("tiny"), ["energy.radio.sleep=5 mW"])
     assert (loaded.energy.radio.sleep, loaded.energy.radio.rate) == (5e-3, 1e4)
     loaded = scenario.load(with_radio("tiny"), ["energy.radio=other", "energy.radio.sleep=5 mW"])
@@ -114,13 +106,13 @@ def test_set_names_a_sheet_and_reaches_into_one() -> None:
     ],
 )  # fmt: skip
 def test_a_fault_of_a_sheet_stands_in_the_sheet(text: str, fault: str) -> None:
-    write("tiny.yaml", text)
+    write_yaml("tiny.yaml", text)
     found = faults_of(with_radio("tiny"))
     assert any(one.startswith(str(Path("tiny.yaml").resolve().parent / fault)) for one in found), found
 
 
 def test_the_line_of_a_sheet_is_shown_with_a_caret() -> None:
-    write("tiny.yaml", TINY.replace("2 uW", "2 uJ"))
+    write_yaml("tiny.yaml", TINY.replace("2 uW", "2 uJ"))
     with pytest.raises(ScenarioError) as caught:
         scenario.load(with_radio("tiny"))
     assert str(caught.value).endswith("\n    sleep: 2 uJ\n           ^")
@@ -184,5 +176,5 @@ def test_a_profile_of_a_bad_sheet_is_its_faults() -> None:
         ("a: 1\n", "tiny.yaml:1:1: error: sheet: is not a datasheet"),
     ]:  # fmt: skip
         with pytest.raises(ScenarioError) as caught:
-            datasheets.datasheet(Path(write("tiny.yaml", text)))
+            datasheets.datasheet(Path(write_yaml("tiny.yaml", text)))
         assert any(str(one).startswith(fault) for one in caught.value.issues), str(caught.value)

@@ -9,10 +9,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.helpers.files import write_yaml
+from tests.helpers.scenario_components import base_scenario, kind
 from wsnsim import scenario
 from wsnsim.base.errors import ScenarioError
 from wsnsim.base.tables import TABLES
@@ -20,22 +21,12 @@ from wsnsim.scenario.files import shipped_sweeps
 from wsnsim.scenario.sweep import is_sweep, load_sweep
 from wsnsim.scenario.sweep_schema import Plan
 
-from .stand_ins import base_scenario, kind
-
 PARTICLES = "tracker.particles"
 
 
 @pytest.fixture(autouse=True)
-def _in_a_fresh_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    write("small.yaml", base_scenario())
-
-
-def write(name: str, content: str | dict) -> str:
-    text = content if isinstance(content, str) else yaml.safe_dump(content, sort_keys=False)
-    Path(name).parent.mkdir(parents=True, exist_ok=True)
-    Path(name).write_text(text, encoding="utf-8")
-    return name
+def _small_scenario(fresh_folder: Path) -> None:
+    write_yaml("small.yaml", base_scenario())
 
 
 def sweep(**blocks: Any) -> dict[str, Any]:
@@ -72,7 +63,7 @@ until: {metric: median_error, half_width: 5 %, at_least: 4, at_most: 40}
 block: 2
 timeout: 1.5 min
 """
-    plan = load_sweep(write("sweeps/s.yaml", text))
+    plan = load_sweep(write_yaml("sweeps/s.yaml", text))
     assert (plan.name, plan.keys, plan.block, plan.timeout) == ("sizes", (PARTICLES, "sensor.reach"), 2, 90.0)
     assert (plan.replicates, plan.source) == (40, text)
     assert plan.until is not None
@@ -165,7 +156,7 @@ def test_a_whole_role_may_be_an_axis_and_each_of_its_keys_is_a_column() -> None:
 
 
 def test_several_scenarios_are_an_axis_of_their_own() -> None:
-    write("other.yaml", base_scenario(name="other", seed=5, replicates=7))
+    write_yaml("other.yaml", base_scenario(name="other", seed=5, replicates=7))
     plan = load_sweep({"scenario": ["small", "other.yaml"], "grid": {PARTICLES: [1, 2]}})
     assert plan.keys == ("scenario", PARTICLES)
     assert [tuple(point.settings.values()) for point in plan.points] == [
@@ -185,7 +176,7 @@ def test_a_campaign_records_the_summaries_and_what_is_asked_for() -> None:
 
 
 def test_replicates_are_those_of_the_command_line_of_the_file_or_of_the_scenario() -> None:
-    write("small.yaml", base_scenario(replicates=12))
+    write_yaml("small.yaml", base_scenario(replicates=12))
     rule = {"half_width": 0.1, "at_most": 50}
     assert load_sweep(sweep()).replicates == 12
     assert load_sweep(sweep(replicates=3)).replicates == 3
@@ -249,9 +240,9 @@ def test_a_points_name_depends_neither_on_order_nor_on_names_replicates_or_other
     assert own in ids_of(sweep(grid={PARTICLES: [200, 100], "seed": [3]}, name="x", replicates=7, block=3))
     assert own in ids_of(sweep(until={"half_width": 0.1}, timeout=5), ["seed=4,3", "tracker.particles=100.0"])
     assert own in ids_of("small", ["tracker.particles=100"], ["seed=3"])
-    write("other.yaml", base_scenario(name="another", replicates=9))
+    write_yaml("other.yaml", base_scenario(name="another", replicates=9))
     assert own in ids_of({"scenario": "other"}, ["seed=3", "tracker.particles=100"])
-    write("spelt.yaml", base_scenario(duration="4 s", link={"kind": kind("Link"), "reach": "0.075 km"}))
+    write_yaml("spelt.yaml", base_scenario(duration="4 s", link={"kind": kind("Link"), "reach": "0.075 km"}))
     assert own in ids_of({"scenario": "spelt"}, ["seed=3", "tracker.particles=100"])
 
 
@@ -367,7 +358,7 @@ PLACES = [
 def test_a_fault_of_a_file_stands_at_its_place_with_a_caret(written: str, mark: str, message: str) -> None:
     content = f"scenario: small\n{written}\n"
     with pytest.raises(ScenarioError) as refused:
-        load_sweep(write("s.yaml", content))
+        load_sweep(write_yaml("s.yaml", content))
     (fault,) = refused.value.issues
     line = written.splitlines()[-1]
     place = f"s.yaml:{1 + len(written.splitlines())}:{line.rindex(mark) + 1}"
@@ -460,21 +451,21 @@ def test_a_fault_of_the_command_line_names_its_option(vary: list[str], overrides
     ],
 )
 def test_a_fault_of_another_option_is_not_laid_to_the_file(given_: dict[str, Any], fault: str) -> None:
-    (found,) = faults_of(write("s.yaml", sweep()), **given_)
+    (found,) = faults_of(write_yaml("s.yaml", sweep()), **given_)
     assert found.startswith(fault)
 
 
 def test_a_file_that_names_no_sweep_but_cannot_name_a_folder_is_refused() -> None:
-    (found,) = faults_of(write("a=b.yaml", sweep()))
+    (found,) = faults_of(write_yaml("a=b.yaml", sweep()))
     assert found.startswith("a=b.yaml:1:1: error: name: 'a=b' cannot name a folder")
-    assert load_sweep(write("a=b.yaml", sweep(name="ab"))).name == "ab"
-    write("a b=c.yaml", base_scenario())
+    assert load_sweep(write_yaml("a=b.yaml", sweep(name="ab"))).name == "ab"
+    write_yaml("a b=c.yaml", base_scenario())
     assert load_sweep("a b=c.yaml", ["seed=1,2"]).name == "a_b_c"
 
 
 def test_every_fault_of_the_points_is_told_once_and_in_order() -> None:
     content = "scenario: small\ngrid:\n  seed: [1, -1]\n  tracker.particles: [0, 5, x]\n"
-    assert faults_of(write("s.yaml", content)) == [
+    assert faults_of(write_yaml("s.yaml", content)) == [
         "s.yaml:3:13: error: seed: must be at least 0, is -1",
         "s.yaml:4:23: error: tracker.particles: must be at least 1, is 0",
         "s.yaml:4:29: error: tracker.particles: expected a pure number, got the text 'x'",
@@ -486,14 +477,14 @@ def test_of_a_thousand_faults_a_few_are_told() -> None:
 
 
 def test_a_fault_of_the_scenario_stands_in_the_scenario() -> None:
-    write("bad.yaml", base_scenario(seed=-1))
-    (found,) = faults_of(write("sweeps/s.yaml", "scenario: ../bad.yaml\ngrid: {tracker.particles: [1, 2]}\n"))
+    write_yaml("bad.yaml", base_scenario(seed=-1))
+    (found,) = faults_of(write_yaml("sweeps/s.yaml", "scenario: ../bad.yaml\ngrid: {tracker.particles: [1, 2]}\n"))
     assert found.endswith("error: seed: must be at least 0, is -1")
     assert "bad.yaml:2:7" in found
 
 
 def test_a_scenario_that_is_not_there_is_told_where_the_sweep_names_it() -> None:
-    (found,) = faults_of(write("s.yaml", "grid: {seed: [1]}\nscenario: [small, pso_mhfp]\n"))
+    (found,) = faults_of(write_yaml("s.yaml", "grid: {seed: [1]}\nscenario: [small, pso_mhfp]\n"))
     assert found == (
         "s.yaml:2:19: error: scenario: file not found, and no shipped scenario has this name (did you mean 'pso_mhpf'?)"
     )
@@ -511,7 +502,7 @@ def test_a_scenario_that_is_not_there_is_told_where_the_sweep_names_it() -> None
     ],
 )
 def test_a_file_that_is_no_sweep_says_why(content: str, fault: str) -> None:
-    name = write("s.yaml", content)
+    name = write_yaml("s.yaml", content)
     assert is_sweep(name)
     found = faults_of(name)
     assert any(one.startswith(fault) for one in found), found
@@ -526,7 +517,7 @@ def test_a_binary_file_is_refused() -> None:
 
 
 def test_a_sweep_is_told_from_a_scenario_and_from_what_is_not_there(monkeypatch: pytest.MonkeyPatch) -> None:
-    write("s.yaml", sweep())
+    write_yaml("s.yaml", sweep())
     Path("folder").mkdir()
     assert [is_sweep(name) for name in ("s.yaml", "s", Path("s.yaml"))] == [True] * 3
     names = ("small.yaml", "small", "pso_mhpf", "nothing", "folder", "", "/", "n" * 5000, "a\0b")
@@ -534,13 +525,13 @@ def test_a_sweep_is_told_from_a_scenario_and_from_what_is_not_there(monkeypatch:
 
 
 def test_shipped_sweeps_are_found_by_name_and_a_file_comes_first(monkeypatch: pytest.MonkeyPatch) -> None:
-    place = Path(write("away/mine.yaml", sweep(scenario="../small", grid={"seed": [1]}))).resolve()
+    place = Path(write_yaml("away/mine.yaml", sweep(scenario="../small", grid={"seed": [1]}))).resolve()
     monkeypatch.setattr("wsnsim.scenario.files.shipped_sweeps", lambda: {"mine": place})
     for name in ("mine", "mine.yaml"):
         assert is_sweep(name)
         assert load_sweep(name).name == "mine"
         assert settings_of(name) == [{"seed": 1}]
-    write("mine.yaml", sweep(grid={"seed": [2]}))
+    write_yaml("mine.yaml", sweep(grid={"seed": [2]}))
     assert settings_of("mine") == [{"seed": 2}]
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.trackers.chase import Chase, asked, straight
+from tests.helpers.range_cluster import Chase, asked, straight
 from wsnsim.models.ranging import Range, Rssi
 from wsnsim.offline.loopback import silent
 from wsnsim.testing import check_tracker

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tests.trackers.linear import Cluster, LinearSensor, against_kalman, sent
+from tests.helpers.linear_cluster import Cluster, LinearSensor, against_kalman, sent
+from tests.helpers.scenes import make_scene
 from wsnsim.base.arrays import Floats
-from wsnsim.base.ports import Estimate, Field, Scene
+from wsnsim.base.ports import Estimate
 from wsnsim.base.requests import Member
 from wsnsim.base.rng import derive, derive_all, normals, uniforms
 from wsnsim.models.motion import BoundedVelocity
@@ -325,11 +326,8 @@ def rmse_on_the_growth_model(tracker: Any, steps: int, seed: int) -> float:
     member = Member(0, none[0], np.empty(0))
     belief, errors = None, []
     for step in range(steps + 1):
-        scene = Scene(
-            time=float(step), step=step, steps=min(step, 1), dt=1.0, target=0, head=0, ids=(0,), positions=none,
-            traits=np.empty((1, 0)), roster=(0,), joined=(), left=(), field=Field(1.0, 1.0), motion=motion,
-            sensor=sensor, key=derive(seed, step),
-        )  # fmt: skip
+        key = derive(seed, step)
+        scene = make_scene(step, (0,), none, np.empty((1, 0)), motion, sensor, steps=min(step, 1), key=key)
         if belief is None:
             belief = perform(tracker.start(Estimate(truth[0], np.eye(1)), scene), {0: member}, 0)
             continue

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.trackers.linear import Cluster, LinearMotion, LinearSensor, kalman, sent
+from tests.helpers.linear_cluster import Cluster, LinearMotion, LinearSensor, kalman, sent
 from wsnsim.models.linear import ConstantVelocity
 from wsnsim.models.ranging import Range
 from wsnsim.offline.loopback import silent

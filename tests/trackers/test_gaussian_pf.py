@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.helpers.linear_cluster import Cluster, LinearMotion, LinearSensor, against_kalman, kalman, sent
 from tests.kernels.test_gravity import attract_twin
-from tests.trackers.linear import Cluster, LinearMotion, LinearSensor, against_kalman, kalman, sent
 from wsnsim.base.rng import uniforms
 from wsnsim.models.linear import ConstantAcceleration, ConstantVelocity
 from wsnsim.models.ranging import Range, Rssi

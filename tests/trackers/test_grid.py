@@ -10,7 +10,8 @@ import pytest
 from scipy.integrate import quad
 from scipy.stats import norm
 
-from wsnsim.base.ports import Estimate, Field, Scene
+from tests.helpers.scenes import make_scene
+from wsnsim.base.ports import Estimate
 from wsnsim.base.requests import Compute, Member, Send, all_arrived
 from wsnsim.base.rng import normals
 from wsnsim.models.motion import BoundedVelocity
@@ -84,11 +85,8 @@ PRIOR = Estimate(np.array([1.0]), np.array([[1.5]]))
 
 
 def scene_of(step, motion, sensor, ids=(4, 2, 9), steps=1):
-    return Scene(
-        time=float(step), step=step, steps=steps, dt=1.0, target=0, head=4, ids=ids, positions=np.zeros((len(ids), 2)),
-        traits=np.zeros((len(ids), 1)), roster=(4, 2, 9), joined=(), left=(), field=Field(10.0, 10.0), motion=motion,
-        sensor=sensor, key=1,
-    )  # fmt: skip
+    places, traits = np.zeros((len(ids), 2)), np.zeros((len(ids), 1))
+    return make_scene(step, ids, places, traits, motion, sensor, steps=steps, head=4, roster=(4, 2, 9), key=1)
 
 
 def step_with(tracker, belief, scene, readings, lose=perfect, watch=None):
@@ -210,10 +208,13 @@ def handed_over(belief, tracker, arrive):
     """The belief after a handover, and the packets that it took."""
     asks = []
 
-    def lose(source, to, parcel):
-        return arrive(parcel.packets)
-
-    after = perform(tracker.hand_over(belief, scene_of(1, Walk(), Gauge()), 7), {}, 4, lose, asks.append)
+    after = perform(
+        tracker.hand_over(belief, scene_of(1, Walk(), Gauge()), 7),
+        {},
+        4,
+        lambda _, __, parcel: arrive(parcel.packets),
+        asks.append,
+    )
     (send,) = asks
     assert isinstance(send, Send) and send.to == 7 and send.parcel.what == "handover"
     return after, send.parcel.packets

@@ -8,7 +8,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from tests.trackers.linear import Cluster, LinearMotion, against_kalman, sent
+from tests.helpers.linear_cluster import Cluster, LinearMotion, against_kalman, sent
+from tests.helpers.losses import losing
 from wsnsim.base.requests import all_arrived
 from wsnsim.models.motion import BoundedVelocity
 from wsnsim.offline.loopback import silent
@@ -115,12 +116,7 @@ def test_what_arrives_of_a_handover_is_what_its_packets_carry() -> None:
     belief = replace(belief, covariances=covariances, pool=replace(belief.pool, log_weights=log_weights))
     lost = [0, 7, 40 + 2, 40 + 10 + 4 + 3 * 9 + 1]  # particles 0 and 7, weights 8-11, a third of covariance 9
 
-    def lose(source, to, parcel):
-        mask = np.ones(parcel.packets, dtype=bool)
-        mask[lost] = False
-        return mask
-
-    after, _ = cluster.drive(tracker.hand_over(belief, scene, 7), lose)
+    after, _ = cluster.drive(tracker.hand_over(belief, scene, 7), losing(lost))
     kept = [j for j in range(40) if j not in (0, 7)]
     assert np.array_equal(after.pool.cloud, belief.pool.cloud[:, kept])
     weights = np.arange(1.0, 41.0)
@@ -139,10 +135,7 @@ def test_a_new_head_makes_do_with_the_particles_if_the_moments_are_lost_and_rest
     scene = cluster.scene(0)
     belief, _ = cluster.drive(tracker.start(cluster.prior, scene))
 
-    def lose(source, to, parcel):
-        return np.arange(parcel.packets) < 25
-
-    after, _ = cluster.drive(tracker.hand_over(belief, scene, 7), lose)
+    after, _ = cluster.drive(tracker.hand_over(belief, scene, 7), losing(slice(25, None)))
     assert after.mean == pytest.approx(belief.pool.cloud[:, :25].mean(axis=1))
     assert after.pool.cloud.shape == (4, 25)
     again, _ = cluster.drive(tracker.step(after, cluster.scene(1)))

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from tests.trackers.chase import Chase, asked, straight
+from tests.helpers.range_cluster import Chase, asked, straight
 from wsnsim.base.requests import Compute
 from wsnsim.models.linear import ConstantAcceleration
 from wsnsim.models.ranging import Range, Rssi

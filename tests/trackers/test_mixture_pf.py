@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from tests.trackers.chase import Chase, asked, straight
+from tests.helpers.range_cluster import Chase, asked, straight
 from wsnsim.base.errors import RunError
 from wsnsim.base.requests import Compute
 from wsnsim.models.linear import ConstantAcceleration, ConstantVelocity

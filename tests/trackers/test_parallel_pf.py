@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.trackers.linear import Cluster, against_kalman, sent
-from wsnsim.base.requests import Delivery, Gather, Scatter, all_arrived
+from tests.helpers.linear_cluster import Cluster, against_kalman, sent
+from tests.helpers.losses import losing
+from wsnsim.base.requests import Delivery, Gather, Scatter
 from wsnsim.kernels.allocation import allocate
 from wsnsim.offline.loopback import silent
 from wsnsim.trackers.parallel_pf import COUNTS, ParallelPf, replicate
@@ -114,12 +115,8 @@ def test_a_member_that_misses_its_counts_keeps_particles_that_are_weighed_rightl
     belief = started(tracker, cluster)
     deaf = cluster.ids[3]
 
-    def lose(source, to, parcel):
-        lost = parcel.what == "counts" and to == deaf
-        return np.zeros(parcel.packets, dtype=bool) if lost else all_arrived(parcel.packets)
-
     for step in range(1, 4):
-        belief, _ = cluster.drive(tracker.step(belief, cluster.scene(step)), lose)
+        belief, _ = cluster.drive(tracker.step(belief, cluster.scene(step)), losing(what="counts", to=deaf))
     mean = belief.mean
     cloud, log_weights = the_whole(cluster)
     sd = np.sqrt(np.diag(belief.cov))
@@ -147,12 +144,7 @@ def test_a_lost_packet_of_counts_leaves_its_eight_particles_as_they_are() -> Non
 def test_resampling_makes_good_what_was_lost() -> None:
     cluster, tracker = Cluster(5), ParallelPf(particles=200, threshold=1.0)
 
-    def lose(source, to, parcel):
-        mask = np.ones(parcel.packets, dtype=bool)
-        mask[:3] = parcel.what != "particles"
-        return mask
-
-    belief, _ = cluster.drive(tracker.start(cluster.prior, cluster.scene(0)), lose)
+    belief, _ = cluster.drive(tracker.start(cluster.prior, cluster.scene(0)), losing(slice(3), "particles"))
     assert belief.deal.total == 200 - 4 * 3
     belief, _ = cluster.drive(tracker.step(belief, cluster.scene(1)))
     assert belief.deal.total == 200 and the_whole(cluster)[0].shape == (4, 200)
@@ -178,13 +170,8 @@ def test_weights_that_are_lost_count_as_the_mean_of_the_others() -> None:
     cluster, tracker = Cluster(2), ParallelPf(particles=16, threshold=0.0)
     belief = started(tracker, cluster)
 
-    def lose(source, to, parcel):
-        mask = np.ones(parcel.packets, dtype=bool)
-        if parcel.what == "weights":
-            mask[1] = False  # weights 4-7 of the other member's eight
-        return mask
-
-    belief, _ = cluster.drive(tracker.step(belief, cluster.scene(1)), lose)
+    lost = losing([1], "weights")  # weights 4-7 of the other member's eight
+    belief, _ = cluster.drive(tracker.step(belief, cluster.scene(1)), lost)
     head, other = (np.exp(member.memory[LOG_WEIGHTS]) for member in cluster.members.values())
     known = np.concatenate([head, other[:4]])
     assert np.exp(belief.weights[101]) == pytest.approx(np.concatenate([other[:4], np.full(4, known.mean())]))

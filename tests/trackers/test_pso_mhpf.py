@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from tests.trackers.linear import VARIANCE, Cluster, sent
-from wsnsim.base.requests import all_arrived
+from tests.helpers.linear_cluster import VARIANCE, Cluster, sent
+from tests.helpers.losses import losing
 from wsnsim.base.rng import derive, uniforms
 from wsnsim.models.motion import BoundedVelocity
 from wsnsim.models.sensing import AcousticEnergy
@@ -255,12 +255,7 @@ def test_without_an_active_member_the_particles_stay_and_are_only_predicted() ->
 def test_lost_packets_shrink_the_set_until_a_head_holds_the_whole_again() -> None:
     tracker, cluster = PsoMhpf(particles=100), Cluster(5)
 
-    def lose(source, to, parcel):
-        mask = np.ones(parcel.packets, dtype=bool)
-        if parcel.what == "particles":
-            mask[:5] = False
-        return mask
-
+    lose = losing(slice(5), "particles")
     scene = cluster.scene(0)
     belief, _ = cluster.drive(tracker.start(cluster.prior, scene), lose)
     assert list(belief.deal.held.values()) == [20, 15, 15, 15, 15]
@@ -301,10 +296,7 @@ def test_a_missing_local_estimate_leaves_the_others_shares_renormalised() -> Non
     tracker, cluster = PsoMhpf(particles=100), Cluster(5)
     belief = started(tracker, cluster)
 
-    def lose(source, to, parcel):
-        return all_arrived(parcel.packets) if source not in cluster.ids[3:] else np.zeros(parcel.packets, dtype=bool)
-
-    belief, _ = cluster.drive(tracker.step(belief, cluster.scene(1)), lose)
+    belief, _ = cluster.drive(tracker.step(belief, cluster.scene(1)), losing(sources=cluster.ids[3:]))
     locals_ = [cluster.members[node].memory["local"].mean for node in cluster.ids[:3]]
     assert belief.mean == pytest.approx(np.mean(locals_, axis=0))
 
@@ -313,12 +305,7 @@ def test_inverse_variance_fusion_weighs_each_column_by_its_reported_variance() -
     tracker, cluster = PsoMhpf(particles=100, fusion="inverse_variance"), Cluster(5)
     belief = started(tracker, cluster)
 
-    def lose(source, to, parcel):
-        mask = np.ones(parcel.packets, dtype=bool)
-        mask[1:] = source != cluster.ids[4]
-        return mask
-
-    belief, _ = cluster.drive(tracker.step(belief, cluster.scene(1)), lose)
+    belief, _ = cluster.drive(tracker.step(belief, cluster.scene(1)), losing(slice(1, None), sources=cluster.ids[4:]))
     results = [member.memory["local"] for member in cluster.members.values()]
     variances = np.array([np.diag(result.cov) for result in results])
     variances[4] = variances[:4].mean(axis=0)

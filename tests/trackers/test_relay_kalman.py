@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.helpers.linear_cluster import Cluster, LinearMotion, against_kalman, kalman, sent
+from tests.helpers.scenes import make_scene
 from tests.kernels.test_relay import chain, kalman_by_the_book, rkf_by_the_book
-from tests.trackers.linear import Cluster, LinearMotion, against_kalman, kalman, sent
-from wsnsim.base.ports import Estimate, Field, Scene
+from wsnsim.base.ports import Estimate, Scene
 from wsnsim.base.requests import Member
 from wsnsim.models.linear import ConstantAcceleration
 from wsnsim.models.ranging import Range
@@ -45,10 +46,9 @@ class Line:
     def scene(self, step: int, ids=None, steps: int = 1) -> Scene:
         ids = self.ids if ids is None else ids
         rows = [self.ids.index(node) for node in ids]
-        return Scene(
-            time=float(step), step=step, steps=steps, dt=1.0, target=0, head=self.ids[0], ids=ids,
-            positions=self.positions[rows], traits=np.empty((len(rows), 0)), roster=self.ids, joined=(), left=(),
-            field=Field(2000.0, 100.0), motion=self.motion, sensor=self.sensor, key=step,
+        return make_scene(
+            step, ids, self.positions[rows], np.empty((len(rows), 0)), self.motion, self.sensor, steps=steps,
+            head=self.ids[0], roster=self.ids,
         )  # fmt: skip
 
     def start(self, tracker):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.trackers.linear import Cluster, LinearSensor, against_kalman, sent
+from tests.helpers.linear_cluster import Cluster, LinearSensor, against_kalman, sent
 from wsnsim.testing import check_tracker
 from wsnsim.trackers.sir import Sir
 

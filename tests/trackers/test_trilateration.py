@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from tests.trackers.linear import Cluster, LinearMotion, LinearSensor, sent
+from tests.helpers.linear_cluster import Cluster, LinearMotion, LinearSensor, sent
 from wsnsim.models.linear import ConstantAcceleration, ConstantVelocity
 from wsnsim.models.ranging import Range, Rssi
 from wsnsim.testing import check_tracker

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from tests.trackers.linear import Cluster
-from wsnsim.base.ports import Estimate, Scene
+from tests.helpers.linear_cluster import Cluster
+from wsnsim.base.ports import Estimate
 from wsnsim.base.requests import Compute, Gather, Send
 from wsnsim.models.linear import ConstantVelocity
 from wsnsim.models.ranging import Range
@@ -33,11 +33,6 @@ class Chase(Cluster):
     @property
     def prior(self) -> Estimate:
         return Estimate(self.truth[0], np.diag([25.0, 9.0, 25.0, 9.0]))
-
-    def scene(self, step: int, ids: tuple[int, ...] | None = None, steps: int = 1) -> Scene:
-        scene = super().scene(step, ids, steps)
-        scene.time, scene.dt = self.dt * step, self.dt
-        return scene
 
     def follow(self, tracker: Any, steps: int) -> Any:
         """The belief after so many steps with all readings."""

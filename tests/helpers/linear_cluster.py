@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from wsnsim.base.ports import Estimate, Field, Scene
+from tests.helpers.scenes import make_scene
+from wsnsim.base.ports import Estimate, Scene
 from wsnsim.base.requests import Broadcast, Compute, Local, Member, Parcel, Request, all_arrived
 from wsnsim.base.rng import derive, derive_all, normals
 from wsnsim.offline.loopback import Lose, perform
@@ -99,7 +100,9 @@ class Heard:
 
 
 class Cluster:
-    """Members 100, 101, ... on a table, the first of them the head."""
+    """Members 100, 101, ..., the first of them the head. A step takes `dt` s."""
+
+    dt = 0.04
 
     def __init__(self, count: int, motion: Any = None, sensor: Any = None, seed: int = 0, reach: float = 40.0) -> None:
         self.motion, self.sensor, self.seed = motion or LinearMotion(), sensor or LinearSensor(), seed
@@ -139,10 +142,9 @@ class Cluster:
         left = tuple(node for node in self.sensing if node not in ids)
         self.sensing = ids
         rows = [self.ids.index(node) for node in ids]
-        return Scene(
-            time=0.04 * step, step=step, steps=steps, dt=0.04, target=0, head=self.head, ids=ids,
-            positions=self.positions[rows], traits=self.traits[rows], roster=self.ids, joined=joined, left=left,
-            field=Field(400.0, 400.0), motion=self.motion, sensor=self.sensor, key=derive(self.seed, step, 1),
+        return make_scene(
+            step, ids, self.positions[rows], self.traits[rows], self.motion, self.sensor, steps=steps, dt=self.dt,
+            head=self.head, roster=self.ids, joined=joined, left=left, key=derive(self.seed, step, 1),
         )  # fmt: skip
 
     def drive(self, flow: Any, lose: Lose | None = None, watch: Any = None) -> tuple[Any, Heard]:

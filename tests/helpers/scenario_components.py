@@ -26,7 +26,8 @@ class _Port:
     units = position = field = audible = perfect = captures = poll = detection_bits = answer_bits = None
     missed = false_alarm = threshold = None
     protocol = "standing"
-    cycles_per_flop = point = bits = every = mechanism = weight = rest = carries_belief = wait = call = None
+    mechanism = "tracking"
+    cycles_per_flop = point = bits = every = weight = rest = carries_belief = wait = call = None
     battery = duration = fraction = region = head = None
 
     def assumed(self, *beliefs: Any) -> Any:

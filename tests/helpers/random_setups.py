@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from tests.network.toys import Centroid, parts, passing
+from tests.helpers.centroid_network import Centroid, parts, passing
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.models.access import Csma, IdealMac, Tdma
 from wsnsim.models.clusters import Central, StrongestSignal
