@@ -203,7 +203,7 @@ def test_on_small_batteries_nodes_die_the_ledger_still_closes_and_the_summary_sa
     for node, died in deaths.items():
         assert events["time"][events["node"] == node].max() <= died, "the dead do nothing"
     told = summary_text.text(report, {})
-    assert "first death" in told and "track first lost" in told
+    assert "first death" in told and "first track loss" in told
 
 
 def test_several_targets_each_have_their_track():

@@ -31,7 +31,7 @@ from wsnsim.base.results import RunResult, Summary, summarise
 from wsnsim.base.rng import Streams
 from wsnsim.base.setups import BeaconSetup, NetworkSetup, Setup, TrackingSetup
 from wsnsim.base.tables import Memory
-from wsnsim.models.deploy import coverage
+from wsnsim.models.coverage import coverage
 from wsnsim.network.nodes import Nodes
 from wsnsim.network.result_rows import network_result, write_network, write_rows
 from wsnsim.network.workload_world import WorkloadWorld

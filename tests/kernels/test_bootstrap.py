@@ -9,8 +9,8 @@ from numba import njit
 from wsnsim.base.rng import derive_all, uniforms
 from wsnsim.kernels import motion
 from wsnsim.kernels.bootstrap import run, run_with_generator
+from wsnsim.kernels.compilation import OPTIONS
 from wsnsim.kernels.elementary import exp2, log2
-from wsnsim.kernels.noise import SWITCHES
 
 DRIFT, ROOT, LAW = (0.04, 180.0, 0.75, 1.0), (0.0008, 0.04, 0.005), (1.0, 1e4, 2.2, 0.003, 0.0)
 SD = np.array([3.0, 1.0, 3.0, 1.0])
@@ -131,7 +131,7 @@ def test_a_reading_or_a_particle_that_is_no_number_hurts_nobody_else():
     assert np.all(np.isfinite(means[3:])), "after a step without a likely particle the filter goes on"
 
 
-@njit(**{**SWITCHES, "cache": False})
+@njit(**{**OPTIONS, "cache": False})
 def logs_and_powers(x, exponent):
     result = np.empty((2, x.size))
     for i in range(x.size):

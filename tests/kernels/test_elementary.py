@@ -5,13 +5,13 @@ import pytest
 from numba import njit
 
 from wsnsim.base import rng
+from wsnsim.kernels.compilation import OPTIONS
 from wsnsim.kernels.elementary import exp, log, normal_pair
-from wsnsim.kernels.noise import SWITCHES
 
-SAME_SWITCHES = {**SWITCHES, "cache": False}
+SAME_OPTIONS = {**OPTIONS, "cache": False}
 
 
-@njit(**SAME_SWITCHES)
+@njit(**SAME_OPTIONS)
 def logs(x):
     result = np.empty_like(x)
     for i in range(x.size):
@@ -19,7 +19,7 @@ def logs(x):
     return result
 
 
-@njit(**SAME_SWITCHES)
+@njit(**SAME_OPTIONS)
 def exponentials(x):
     result = np.empty_like(x)
     for i in range(x.size):
@@ -27,7 +27,7 @@ def exponentials(x):
     return result
 
 
-@njit(**SAME_SWITCHES)
+@njit(**SAME_OPTIONS)
 def powers(x, exponent):
     result = np.empty_like(x)
     for i in range(x.size):
@@ -35,7 +35,7 @@ def powers(x, exponent):
     return result
 
 
-@njit(**SAME_SWITCHES)
+@njit(**SAME_OPTIONS)
 def pairs(keys, pair):
     result = np.empty((2, keys.size))
     for i in range(keys.size):

@@ -55,7 +55,8 @@ def per_step_rmse(errors: Floats) -> Floats:
     count = known.sum(axis=0)
     square = np.where(known, errors, 0.0) ** 2
     with np.errstate(invalid="ignore", divide="ignore"):
-        return np.sqrt(square.sum(axis=0) / count)
+        result: Floats = np.sqrt(square.sum(axis=0) / count)
+        return result
 
 
 def time_mean_rmse(errors: Floats) -> float:

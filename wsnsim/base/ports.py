@@ -32,7 +32,9 @@ class Field:
 
     def contains(self, points: Floats) -> Bools:
         """(N,) whether each of the (N, 2) points lies in the field, its edge included."""
-        return np.all(np.abs(points - np.array(self.centre)) <= np.array([self.width, self.height]) / 2, axis=-1)
+        half = np.array([self.width, self.height]) / 2
+        inside: Bools = np.all(np.abs(points - np.array(self.centre)) <= half, axis=-1)
+        return inside
 
 
 @dataclass(frozen=True, slots=True)

@@ -107,7 +107,8 @@ def deviation_rmse(columns: Mapping[str, Any], motion: MotionModel, truth: Float
     known = np.isfinite(columns["error"])
     if not known.any():
         return np.full(means.shape[1], NAN)
-    return np.sqrt(np.mean((means - truth[1 : len(means) + 1])[known] ** 2, axis=0))
+    deviations: Floats = np.sqrt(np.mean((means - truth[1 : len(means) + 1])[known] ** 2, axis=0))
+    return deviations
 
 
 def wants_belief(recorder: Recorder) -> bool:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+
+from wsnsim.kernels.arrays import Ints
 
 
-def allocate(total: int, active: int) -> NDArray[np.int64]:
+def allocate(total: int, active: int) -> Ints:
     """(active,) particles for each active member: what is left, divided by those still to be served, rounded down.
 
     That gives floor(total / active) to the first and one more to the last total mod active. No member, no share. Plain

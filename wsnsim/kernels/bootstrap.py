@@ -17,16 +17,15 @@ from __future__ import annotations
 from typing import TypeAlias
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from wsnsim.kernels.arrays import Floats, Keys
+from wsnsim.kernels.compilation import inner, kernel
 from wsnsim.kernels.elementary import box_muller, exp, exp2, log, log2
 from wsnsim.kernels.motion import _drifted
-from wsnsim.kernels.noise import INNER, SWITCHES, uniform
+from wsnsim.kernels.noise import uniform
 
-Floats: TypeAlias = NDArray[np.float64]
-Ints: TypeAlias = NDArray[np.int32]
-Keys: TypeAlias = NDArray[np.uint64]
+Places: TypeAlias = NDArray[np.int32]
 Drift: TypeAlias = tuple[float, float, float, float]
 Root: TypeAlias = tuple[float, float, float]
 Law: TypeAlias = tuple[float, float, float, float, float]
@@ -35,7 +34,7 @@ NOTHING = -345.0
 """A weight below e^-345 of the largest is none: its square would no longer be a normal number, and slow."""
 
 
-@njit(**SWITCHES)
+@kernel
 def run(
     start: Floats,
     readings: Floats,
@@ -64,7 +63,7 @@ def run(
     return means, resampled
 
 
-@njit(**SWITCHES)
+@kernel
 def run_with_generator(
     start: Floats,
     readings: Floats,
@@ -89,8 +88,8 @@ def run_with_generator(
     return means, resampled
 
 
-@njit(**INNER)
-def _room(start, steps):
+@inner
+def _room(start: Floats, steps: int) -> tuple[Floats, Floats, Floats, Places]:
     """The cloud's four rows, means (K, 4), scratch rows (the last for log-weights, zero), places (N + 1,) twice."""
     count = start.shape[1]
     scratch, places = np.empty((5, count)), np.empty((2, count + 1), np.int32)
@@ -98,31 +97,31 @@ def _room(start, steps):
     return start.copy(), np.empty((steps, 4)), scratch, places
 
 
-@njit(**INNER)
-def _draw_uniforms(key, first, one, two):
+@inner
+def _draw_uniforms(key: np.uint64, first: int, one: Floats, two: Floats) -> None:
     """Draws 4j + first and 4j + first + 1 of a key. Apart from what is made of them: short loops overlap better."""
     for j in range(one.size):
         one[j] = uniform(key, 4 * j + first)
         two[j] = uniform(key, 4 * j + first + 1)
 
 
-@njit(**INNER)
-def _draw(generator, one, two):
+@inner
+def _draw(generator: np.random.Generator, one: Floats, two: Floats) -> None:
     """A pair of standard normals a particle."""
     for j in range(one.size):
         one[j] = generator.standard_normal()
         two[j] = generator.standard_normal()
 
 
-@njit(**INNER)
-def _make_normal(one, two):
+@inner
+def _make_normal(one: Floats, two: Floats) -> None:
     """Uniforms become standard normals, in place."""
     for j in range(one.size):
         one[j], two[j] = box_muller(one[j], two[j])
 
 
-@njit(**INNER)
-def _move(position, velocity, first, second, drift, root):
+@inner
+def _move(position: Floats, velocity: Floats, first: Floats, second: Floats, drift: Drift, root: Root) -> None:
     """One axis a step on: A(x) x + w (eqs. 1-4 of Jiang 2013), in place."""
     l11, l21, l22 = root
     for j in range(position.size):
@@ -131,8 +130,8 @@ def _move(position, velocity, first, second, drift, root):
         velocity[j] = v + l21 * first[j] + l22 * second[j]
 
 
-@njit(**INNER)
-def _weigh(x, y, readings, positions, gains, law, scratch):
+@inner
+def _weigh(x: Floats, y: Floats, readings: Floats, positions: Floats, gains: Floats, law: Law, scratch: Floats) -> None:
     """Add to the log-weights the log-likelihood of all readings: - Σ (z/μ - 1)²/(2 spread) - log Π μ and a constant.
 
     R = spread μ² (eq. 8). Two sensors a pass share a division, and up to twenty a logarithm. In place of a sensor that
@@ -166,8 +165,8 @@ def _weigh(x, y, readings, positions, gains, law, scratch):
         log_weights[j] = value if known else -np.inf
 
 
-@njit(**INNER)
-def _means(x, y, sensor, loudness, noise, slope, mean):
+@inner
+def _means(x: Floats, y: Floats, sensor: Floats, loudness: float, noise: float, slope: float, mean: Floats) -> None:
     """μ = σ² + g I d^-α with d floored at 1 m (eqs. 6-7) is written. Two short loops overlap better than a long one."""
     x_sensor, y_sensor = sensor[0], sensor[1]
     for j in range(x.size):
@@ -177,8 +176,8 @@ def _means(x, y, sensor, loudness, noise, slope, mean):
         mean[j] = noise + loudness * exp2(mean[j])
 
 
-@njit(**INNER)
-def _conclude(cloud, mean, threshold, tooth, scratch, places):
+@inner
+def _conclude(cloud: Floats, mean: Floats, threshold: float, tooth: float, scratch: Floats, places: Places) -> int:
     """The weighted mean is written, the cloud resampled where too few particles are effective: 1 if it was."""
     reached, weights, spare, log_weights = scratch[0], scratch[2], scratch[3], scratch[4]
     total, effective = _relative(log_weights, weights)
@@ -190,8 +189,8 @@ def _conclude(cloud, mean, threshold, tooth, scratch, places):
     return 1
 
 
-@njit(**INNER)
-def _relative(log_weights, weights):
+@inner
+def _relative(log_weights: Floats, weights: Floats) -> tuple[float, float]:
     """Weights relative to the largest are written; their sum, and the effective number (sum w)² / sum w².
 
     Where nothing is likely, ones, and the effective number 0.
@@ -214,8 +213,8 @@ def _relative(log_weights, weights):
     return total, total * total / squares
 
 
-@njit(**INNER)
-def _mean(cloud, weights, total, mean):
+@inner
+def _mean(cloud: Floats, weights: Floats, total: float, mean: Floats) -> None:
     """The weighted mean (4,) is written; what has no weight does not count, finite or not."""
     for d in range(4):
         row = cloud[d]
@@ -226,8 +225,8 @@ def _mean(cloud, weights, total, mean):
         mean[d] = reached / total
 
 
-@njit(**INNER)
-def _choose(weights, total, tooth, reached, begins, chosen):
+@inner
+def _choose(weights: Floats, total: float, tooth: float, reached: Floats, begins: Places, chosen: Places) -> None:
     """Systematic resampling without branches: N columns are written to `chosen` (N + 1,), whose last place is scrap.
 
     Column j is drawn by the teeth i + `tooth` between the sums of weights before it and with it. It is noted where its
@@ -250,8 +249,8 @@ def _choose(weights, total, tooth, reached, begins, chosen):
         chosen[i] = last
 
 
-@njit(**INNER)
-def _take(cloud, chosen, spare, log_weights):
+@inner
+def _take(cloud: Floats, chosen: Places, spare: Floats, log_weights: Floats) -> None:
     """The cloud becomes the chosen columns, equally weighted."""
     for d in range(4):
         row = cloud[d]

@@ -11,16 +11,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
-from numpy.typing import NDArray
 
+from wsnsim.kernels.arrays import Floats, Ints, Keys
+from wsnsim.kernels.compilation import inlined, kernel
 from wsnsim.kernels.elementary import LOG_TWO, exp, log, normal_pair
-from wsnsim.kernels.noise import INNER, SWITCHES, uniform
+from wsnsim.kernels.noise import uniform
 from wsnsim.kernels.swarm import NOWHERE
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Keys = NDArray[np.uint64]
 
 LEAST = 1e-12
 """|ν| is no smaller in a Levy step (our choice)."""
@@ -35,8 +31,8 @@ def levy_deviation(exponent: float) -> float:
     return float((rise / fall) ** (1.0 / exponent))
 
 
-@njit(forceinline=True, **INNER)
-def _levy(key, pair, deviation, inverse):
+@inlined
+def _levy(key: np.uint64, pair: int, deviation: float, inverse: float) -> tuple[float, float]:
     """μ/σ_u, and the step s = μ/|ν|^(1/λ), cut off at ±MOST. Eq. (6)."""
     white, nu = normal_pair(key, pair)
     size = abs(nu) if abs(nu) > LEAST else LEAST
@@ -44,7 +40,7 @@ def _levy(key, pair, deviation, inverse):
     return white, min(max(step, -MOST), MOST)
 
 
-@njit(**SWITCHES)
+@kernel
 def fly_cuckoos(
     cloud: Floats,
     best: Floats,
@@ -85,7 +81,7 @@ def fly_cuckoos(
     return proposal, log_ratio
 
 
-@njit(**SWITCHES)
+@kernel
 def replace_nests(cloud: Floats, nests: Floats, rows: Ints, keys: Keys, draw: int, keep: float) -> Floats:
     """(D, N) where the particles go whose nest is found: x + s (x_d - x_e) if s > P, else x, with s ~ U(0, 1). Eq. (7).
 
@@ -104,8 +100,8 @@ def replace_nests(cloud: Floats, nests: Floats, rows: Ints, keys: Keys, draw: in
     return proposal
 
 
-@njit(forceinline=True, **INNER)
-def _is_somewhere(proposal, j):
+@inlined
+def _is_somewhere(proposal: Floats, j: int) -> bool:
     """Whether the j-th state is a place: no component beyond NOWHERE, and none that is no number."""
     there = True
     for d in range(proposal.shape[0]):
@@ -113,7 +109,7 @@ def _is_somewhere(proposal, j):
     return there
 
 
-@njit(**SWITCHES)
+@kernel
 def accept_greedy(cloud: Floats, fitness: Floats, proposal: Floats, proposal_fitness: Floats) -> int:
     """How many proposals are fitter than what they replace; cloud and fitness are updated in place.
 
@@ -129,7 +125,7 @@ def accept_greedy(cloud: Floats, fitness: Floats, proposal: Floats, proposal_fit
     return accepted
 
 
-@njit(**SWITCHES)
+@kernel
 def accept_chains(
     cloud: Floats,
     fitness: Floats,
@@ -157,7 +153,7 @@ def accept_chains(
     return accepted
 
 
-@njit(**SWITCHES)
+@kernel
 def relative_changes(fitness: Floats, before: Floats) -> Floats:
     """(N,) Δk = |(f - f_before) / f_before| in [0, 1] of fitnesses given as logarithms. Eq. (10).
 

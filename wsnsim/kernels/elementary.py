@@ -12,12 +12,11 @@ too.
 
 from __future__ import annotations
 
-from typing import Any, Final
-
 import numpy as np
-from numba import njit
 
-from wsnsim.kernels.noise import INNER, uniform
+from wsnsim.kernels.arrays import Floats
+from wsnsim.kernels.compilation import inlined, inner, ordered_inlined
+from wsnsim.kernels.noise import uniform
 
 ONE_BITS = np.int64(0x3FF0_0000_0000_0000)
 SQRT_HALF_BITS = np.int64(0x3FE6_A09E_667F_3BCD)
@@ -33,12 +32,9 @@ S52 = np.uint64(52)
 TO_INTEGER = 6755399441055744.0
 """3/2 2^52: added to a smaller number, it leaves the nearest integer in the last bits."""
 
-EXACT: Final[dict[str, Any]] = {**INNER, "fastmath": {"contract", "nsz", "arcp"}}
-"""As INNER, but sums stay in the order in which they are written: rounding by a large constant depends on it."""
 
-
-@njit(forceinline=True, **INNER)
-def log(x):
+@inlined
+def log(x: float) -> float:
     """The natural logarithm of a positive normal number.
 
     x = 2^e m with m in [sqrt(1/2), sqrt(2)), and log m = 2 artanh((m - 1)/(m + 1)) as its series to the 15th power
@@ -57,8 +53,8 @@ def log(x):
     return exponent * LOG_TWO + s * p
 
 
-@njit(forceinline=True, **INNER)
-def exp(y):
+@inlined
+def exp(y: float) -> float:
     """e to the power y <= 700; below -700 it stays at e^-700 = 1e-304, so that the result is a normal number.
 
     y = k log 2 + r with |r| <= log(2)/2, and e^r as its Taylor series to the 11th power (relative error 3e-14).
@@ -71,11 +67,12 @@ def exp(y):
     high = (1.0 / 40320.0 + r / 362880.0) + (1.0 / 3628800.0 + r / 39916800.0) * (r * r)
     fourth = (r * r) * (r * r)
     p = low + (middle + high * fourth) * fourth
-    return p * np.int64((np.int64(np.int32(k)) + 1023) << 52).view(np.float64)
+    power: float = p * np.int64((np.int64(np.int32(k)) + 1023) << 52).view(np.float64)
+    return power
 
 
-@njit(forceinline=True, **EXACT)
-def log2(x):
+@ordered_inlined
+def log2(x: float) -> float:
     """The logarithm to the base two of a positive normal number.
 
     x = 2^e m as in `log`; log2 m as 7 terms in ((m - 1)/(m + 1))², interpolated at Chebyshev's points (error 2e-16).
@@ -91,8 +88,8 @@ def log2(x):
     return e + s * (low + high * (zz * zz))
 
 
-@njit(forceinline=True, **EXACT)
-def exp2(y):
+@ordered_inlined
+def exp2(y: float) -> float:
     """2 to the power y <= 1000; below -1000 it stays at 2^-1000, so that the result is a normal number.
 
     y = k + r with k the nearest integer; 2^r as 11 terms, interpolated at Chebyshev's points (relative error 2e-16).
@@ -109,8 +106,8 @@ def exp2(y):
     return np.uint64(np.float64(p).view(np.uint64) + np.uint64(np.float64(k).view(np.uint64) << S52)).view(np.float64)
 
 
-@njit(forceinline=True, **INNER)
-def normal_pair(key, pair):
+@inlined
+def normal_pair(key: np.uint64, pair: int) -> tuple[float, float]:
     """The `pair`-th pair of standard normals of a key: radius and angle from its uniforms 2*pair and 2*pair + 1.
 
     The first is `noise.normal(key, pair)` up to rounding.
@@ -118,8 +115,8 @@ def normal_pair(key, pair):
     return box_muller(uniform(key, 2 * pair), uniform(key, 2 * pair + 1))
 
 
-@njit(forceinline=True, **INNER)
-def box_muller(u, turn):
+@inlined
+def box_muller(u: float, turn: float) -> tuple[float, float]:
     """Two standard normals of two uniforms on [0, 1): sqrt(-2 log(1 - u)) times cosine and sine of 2π `turn`.
 
     The turn is split into quarters, with Taylor series on [-π/4, π/4].
@@ -151,8 +148,8 @@ def box_muller(u, turn):
     return radius * first, radius * second
 
 
-@njit(**INNER)
-def total(row):
+@inner
+def total(row: Floats) -> float:
     """The sum of a row."""
     result = 0.0
     for j in range(row.size):
@@ -160,8 +157,8 @@ def total(row):
     return result
 
 
-@njit(**INNER)
-def dot(one, other):
+@inner
+def dot(one: Floats, other: Floats) -> float:
     """The sum of the products of two rows."""
     result = 0.0
     for j in range(one.size):

@@ -6,21 +6,16 @@ Shapes: points and means (D, N), covariances (N, D, D), lower Cholesky factors (
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
-from numpy.typing import NDArray
 
+from wsnsim.kernels.arrays import Floats, Ints, Keys
+from wsnsim.kernels.compilation import inlined, kernel
 from wsnsim.kernels.elementary import dot, log, normal_pair, total
-from wsnsim.kernels.noise import INNER, SWITCHES
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Keys = NDArray[np.uint64]
 
 TRIES = 14
 
 
-@njit(forceinline=True, **INNER)
-def _factorise(matrix, jitter, result, size):
+@inlined
+def _factorise(matrix: Floats, jitter: float, result: Floats, size: int) -> bool:
     """Write the factor and say whether there is one. Inlined, so that a size which is known unrolls the loops."""
     definite = True
     for i in range(size):
@@ -36,7 +31,7 @@ def _factorise(matrix, jitter, result, size):
     return definite
 
 
-@njit(**SWITCHES)
+@kernel
 def cholesky(matrix: Floats, result: Floats) -> None:
     """Write the lower Cholesky factor of a symmetric (D, D) matrix to `result`; upper triangles stay untouched.
 
@@ -59,7 +54,7 @@ def cholesky(matrix: Floats, result: Floats) -> None:
         result[i, i] = np.sqrt(scale)
 
 
-@njit(**SWITCHES)
+@kernel
 def fit(cloud: Floats, offsets: Ints, ridge: float) -> tuple[Floats, Floats]:
     """Means (M, D) of a cloud's segments and the Cholesky factors (M, D, D) of their unweighted covariances.
 
@@ -83,7 +78,7 @@ def fit(cloud: Floats, offsets: Ints, ridge: float) -> tuple[Floats, Floats]:
     return means, factors
 
 
-@njit(**SWITCHES)
+@kernel
 def log_density(points: Floats, means: Floats, factors: Floats, offsets: Ints) -> Floats:
     """(N,) log density of each point (D, N) under its segment's Gaussian, up to its constant: -|L⁻¹(x - m)|² / 2."""
     result = np.empty(points.shape[1])
@@ -100,7 +95,7 @@ def log_density(points: Floats, means: Floats, factors: Floats, offsets: Ints) -
     return result
 
 
-@njit(**SWITCHES)
+@kernel
 def fuse(means: Floats, shares: Floats, within: Floats) -> tuple[Floats, Floats]:
     """The mean (D,) of means (M, D) by their shares (M,), and its covariance: their spread plus `within` (D, D)."""
     size, total = means.shape[1], 0.0
@@ -123,7 +118,7 @@ def fuse(means: Floats, shares: Floats, within: Floats) -> tuple[Floats, Floats]
     return mean, cov
 
 
-@njit(**SWITCHES)
+@kernel
 def sample(means: Floats, covs: Floats, keys: Keys) -> tuple[Floats, Floats]:
     """Points (D, N), one a key, and their log densities (N,) up to (2π)^(-D/2): from Gaussian j, or from the only one.
 
@@ -156,8 +151,10 @@ def sample(means: Floats, covs: Floats, keys: Keys) -> tuple[Floats, Floats]:
     return points, logs
 
 
-@njit(forceinline=True, **INNER)
-def _set_predicted(result, covs, transitions, noise, product, size):
+@inlined
+def _set_predicted(
+    result: Floats, covs: Floats, transitions: Floats, noise: Floats, product: Floats, size: int
+) -> None:
     """Write F P Fᵀ + Q of every particle. Inlined, so that a size which is known unrolls the loops."""
     for j in range(covs.shape[0]):
         cov, transition, into = covs[j], transitions[j], result[j]
@@ -175,7 +172,7 @@ def _set_predicted(result, covs, transitions, noise, product, size):
                 into[d, e] = into[e, d] = value
 
 
-@njit(**SWITCHES)
+@kernel
 def predict(covs: Floats, transitions: Floats, noise: Floats) -> Floats:
     """(N, D, D) covariances one step on: F P Fᵀ + Q, each with its own F (N, D, D). Symmetric by construction."""
     result, product = np.empty(covs.shape), np.empty(noise.shape)
@@ -186,7 +183,7 @@ def predict(covs: Floats, transitions: Floats, noise: Floats) -> Floats:
     return result
 
 
-@njit(**SWITCHES)
+@kernel
 def update(
     means: Floats,
     covs: Floats,

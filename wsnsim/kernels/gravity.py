@@ -7,20 +7,16 @@ Shapes: points, velocities (Q, N), fitness (N,) log-likelihoods, keys (N,). One 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
-from numpy.typing import NDArray
 
+from wsnsim.kernels.arrays import Floats, Ints, Keys
+from wsnsim.kernels.compilation import inlined, kernel
 from wsnsim.kernels.elementary import exp
-from wsnsim.kernels.noise import INNER, SWITCHES, uniform
+from wsnsim.kernels.noise import uniform
 from wsnsim.kernels.particles import NOTHING
 from wsnsim.kernels.swarm import NOWHERE
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Keys = NDArray[np.uint64]
 
-
-@njit(forceinline=True, **INNER)
+@inlined
 def _masses(fitness: Floats) -> Floats:
     """(N,) M_i = m_i / Σ m, m_i = (fit_i - worst) / (best - worst) with fit = exp(l - l_max); 1/N if best = worst.
 
@@ -41,7 +37,7 @@ def _masses(fitness: Floats) -> Floats:
     return masses
 
 
-@njit(forceinline=True, **INNER)
+@inlined
 def _pulls(points: Floats, masses: Floats, j: int, elite: int) -> bool:
     """Whether particle j has mass and a place and is of the `elite` heaviest; among equals, the first ones are.
 
@@ -55,7 +51,7 @@ def _pulls(points: Floats, masses: Floats, j: int, elite: int) -> bool:
     return heavier < max(elite, 1) and masses[j] > 0.0 and farthest < NOWHERE
 
 
-@njit(forceinline=True, **INNER)
+@inlined
 def _add_pulls(
     falls: Floats,
     pull: Floats,
@@ -83,7 +79,7 @@ def _add_pulls(
             falls[q, i] += pull[i] * (centre - points[q, i])
 
 
-@njit(**SWITCHES)
+@kernel
 def attract(
     points: Floats,
     velocities: Floats,

@@ -18,9 +18,9 @@ from collections.abc import Sequence
 from typing import Final, Literal, TypeAlias, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats: TypeAlias = NDArray[np.float64]
+from wsnsim.kernels.arrays import Floats
+
 Series: TypeAlias = Floats | Sequence[float]
 Correction: TypeAlias = Literal["none", "tail", "literal"]
 

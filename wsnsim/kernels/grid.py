@@ -10,16 +10,12 @@ grid is kept in its edge cells, so that no mass is lost (our choice).
 from __future__ import annotations
 
 import math
-from typing import TypeAlias
 
 import numpy as np
-from numba import njit
-from numpy.typing import NDArray
 
+from wsnsim.kernels.arrays import Floats
+from wsnsim.kernels.compilation import kernel
 from wsnsim.kernels.elementary import exp, log
-from wsnsim.kernels.noise import SWITCHES
-
-Floats: TypeAlias = NDArray[np.float64]
 
 WINDOW = 8.0
 """Deviations to either side that a cell's mass is spread over; beyond are 1e-15 of it."""
@@ -29,7 +25,7 @@ LEAST = 1e-300
 NOTHING = -690.0
 
 
-@njit(**SWITCHES)
+@kernel
 def spread(masses: Floats, moved: Floats, deviations: Floats, low: float, width: float, cells: int) -> Floats:
     """(cells,) masses after each of the masses (m,), which sum to one, was spread as N(moved[i], deviations[i]²).
 
@@ -70,7 +66,7 @@ def spread(masses: Floats, moved: Floats, deviations: Floats, low: float, width:
     return result
 
 
-@njit(**SWITCHES)
+@kernel
 def weigh(masses: Floats, logs: Floats) -> Floats:
     """(cells,) masses in proportion to masses times likelihoods, given as logs; NaN counts as impossible.
 

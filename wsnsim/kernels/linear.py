@@ -7,22 +7,17 @@ Loops over particles are the inner ones. Entries of F and L that are zero are pa
 
 from __future__ import annotations
 
-from typing import TypeAlias
-
 import numpy as np
-from numba import njit
-from numpy.typing import NDArray
 
+from wsnsim.kernels.arrays import Floats, Keys
+from wsnsim.kernels.compilation import inner, kernel
 from wsnsim.kernels.elementary import normal_pair
-from wsnsim.kernels.noise import INNER, SWITCHES
-
-Floats: TypeAlias = NDArray[np.float64]
 
 LOG_TWO_PI = 1.8378770664093453
 
 
-@njit(**INNER)
-def _moved(states, transition):
+@inner
+def _moved(states: Floats, transition: Floats) -> Floats:
     """F x (D, N), passing over the zeros of F."""
     result = np.empty(states.shape)
     for d in range(transition.shape[0]):
@@ -37,14 +32,14 @@ def _moved(states, transition):
     return result
 
 
-@njit(**SWITCHES)
+@kernel
 def advance(states: Floats, transition: Floats) -> Floats:
     """(D, N): F x, each state one step on without noise."""
     return _moved(states, transition)
 
 
-@njit(**SWITCHES)
-def propagate(states: Floats, keys: NDArray[np.uint64], transition: Floats, root: Floats) -> Floats:
+@kernel
+def propagate(states: Floats, keys: Keys, transition: Floats, root: Floats) -> Floats:
     """(D, N): F x + L w, each state one step on. Components 2p and 2p + 1 of w are the p-th normal pair of the key."""
     count, inputs = states.shape[1], root.shape[1]
     result = _moved(states, transition)
@@ -60,7 +55,7 @@ def propagate(states: Floats, keys: NDArray[np.uint64], transition: Floats, root
     return result
 
 
-@njit(**SWITCHES)
+@kernel
 def log_transition(after: Floats, before: Floats, transition: Floats, factor: Floats) -> Floats:
     """(N,) log N(after; F before, Q), `factor` (D, D) being the lower Cholesky factor of Q; -inf where it is no number.
 

@@ -10,19 +10,17 @@ from __future__ import annotations
 from typing import TypeAlias
 
 import numpy as np
-from numba import njit
-from numpy.typing import NDArray
 
+from wsnsim.kernels.arrays import Floats, Keys
+from wsnsim.kernels.compilation import inlined, kernel
 from wsnsim.kernels.elementary import normal_pair
-from wsnsim.kernels.noise import INNER, SWITCHES
 
-Floats: TypeAlias = NDArray[np.float64]
 Drift: TypeAlias = tuple[float, float, float, float]
 Root: TypeAlias = tuple[float, float, float]
 
 
-@njit(forceinline=True, **INNER)
-def _drifted(position, velocity, law):
+@inlined
+def _drifted(position: float, velocity: float, law: Drift) -> tuple[float, float]:
     """One axis a step on: F1 while |p| <= a, else F2, which pulls back and slows down (eqs. 2-3)."""
     step, bound, c1, c2 = law
     pull = c1 * position + c2 * velocity
@@ -30,7 +28,7 @@ def _drifted(position, velocity, law):
     return position + step * velocity, velocity - step * pull
 
 
-@njit(**SWITCHES)
+@kernel
 def advance(states: Floats, law: Drift) -> Floats:
     """(4, N): A(x) x, each state one step on without noise."""
     result = np.empty(states.shape)
@@ -40,7 +38,7 @@ def advance(states: Floats, law: Drift) -> Floats:
     return result
 
 
-@njit(**SWITCHES)
+@kernel
 def transitions(states: Floats, law: Drift) -> Floats:
     """(N, 4, 4): A(x) at each state (eqs. 2-3)."""
     step, bound, c1, c2 = law
@@ -58,8 +56,8 @@ def transitions(states: Floats, law: Drift) -> Floats:
     return result
 
 
-@njit(**SWITCHES)
-def propagate(states: Floats, keys: NDArray[np.uint64], law: Drift, root: Root) -> Floats:
+@kernel
+def propagate(states: Floats, keys: Keys, law: Drift, root: Root) -> Floats:
     """(4, N): A(x) x + w, each state one step on.
 
     Axis x takes the first pair of normals of the particle's key, axis y the second.
@@ -75,7 +73,7 @@ def propagate(states: Floats, keys: NDArray[np.uint64], law: Drift, root: Root) 
     return result
 
 
-@njit(**SWITCHES)
+@kernel
 def log_transition(after: Floats, before: Floats, law: Drift, root: Root) -> Floats:
     """(N,) log N(after; A(before) before, covariance), -inf where it is not a number. l11 and l22 must not be zero."""
     l11, l21, l22 = root

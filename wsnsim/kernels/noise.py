@@ -1,30 +1,15 @@
 """Counter noise: the j-th draw of a 64-bit key, with no state and no order. The NumPy twin is `base.rng`.
 
-    uniform(key, draw) -> float, normal(key, draw) -> float      inlined into the kernels that draw
-    particle_keys(keys, offsets, tag) -> (N,) uint64             a key a particle, from a key a member
-
-`SWITCHES` are the switches of every kernel here: NumPy's division (the default's checks block vectorisation), and the
-fast-math flags that keep tests for NaN and infinity alive. `INNER` are those of what only kernels call: without a door
-from Python, which would take longer to compile than what is behind it.
+uniform(key, draw) -> float, normal(key, draw) -> float      inlined into the kernels that draw
+particle_keys(keys, offsets, tag) -> (N,) uint64             a key a particle, from a key a member
 """
 
 from __future__ import annotations
 
-from typing import Any, Final
-
 import numpy as np
-from numba import njit
-from numpy.typing import NDArray
 
-SWITCHES: Final[dict[str, Any]] = {
-    "cache": True,
-    "nogil": True,
-    "error_model": "numpy",
-    "fastmath": {"contract", "nsz", "arcp", "reassoc"},
-    "no_cfunc_wrapper": True,
-}
-
-INNER: Final[dict[str, Any]] = {**SWITCHES, "no_cpython_wrapper": True}
+from wsnsim.kernels.arrays import Ints, Keys
+from wsnsim.kernels.compilation import inlined, kernel
 
 GOLDEN = np.uint64(0x9E37_79B9_7F4A_7C15)
 FIRST = np.uint64(0xBF58_476D_1CE4_E5B9)
@@ -36,29 +21,30 @@ S30 = np.uint64(30)
 S31 = np.uint64(31)
 
 
-@njit(forceinline=True, **INNER)
-def mix(x):
+@inlined
+def mix(x: np.uint64) -> np.uint64:
     """The SplitMix64 finaliser (Steele, Lea, Flood 2014)."""
     x = (x ^ (x >> S30)) * FIRST
     x = (x ^ (x >> S27)) * SECOND
     return x ^ (x >> S31)
 
 
-@njit(forceinline=True, **INNER)
-def uniform(key, draw):
+@inlined
+def uniform(key: np.uint64, draw: int) -> float:
     """The `draw`-th uniform on [0, 1) of a key, with 53 bits."""
     return np.float64(mix(key + (np.uint64(draw) + ONE) * GOLDEN) >> S11) * 2.0**-53
 
 
-@njit(forceinline=True, **INNER)
-def normal(key, draw):
+@inlined
+def normal(key: np.uint64, draw: int) -> float:
     """The `draw`-th standard normal of a key: Box-Muller on its uniforms 2*draw and 2*draw + 1."""
     radius = np.sqrt(-2.0 * np.log1p(-uniform(key, 2 * draw)))
-    return radius * np.cos(2.0 * np.pi * uniform(key, 2 * draw + 1))
+    value: float = radius * np.cos(2.0 * np.pi * uniform(key, 2 * draw + 1))
+    return value
 
 
-@njit(**SWITCHES)
-def particle_keys(keys: NDArray[np.uint64], offsets: NDArray[np.int64], tag: int) -> NDArray[np.uint64]:
+@kernel
+def particle_keys(keys: Keys, offsets: Ints, tag: int) -> Keys:
     """(N,) keys: particle j of member m gets derive(keys[m], tag, j - offsets[m]). `offsets` is (members + 1,), ends
     at N.
 

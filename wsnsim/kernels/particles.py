@@ -7,19 +7,15 @@ equal weights: a segment is normalised when its *mean* weight is one, so a parti
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
-from numpy.typing import NDArray
 
+from wsnsim.kernels.arrays import Floats, Ints
+from wsnsim.kernels.compilation import inner, kernel
 from wsnsim.kernels.elementary import dot, exp, log, total
-from wsnsim.kernels.noise import INNER, SWITCHES
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 NOTHING = -690.0
 
 
-@njit(**INNER)
+@inner
 def relative_weights(log_weights: Floats, offsets: Ints) -> tuple[Floats, Floats]:
     """Weights (N,) relative to the largest of their segment, and the log of that one (M,); NaN counts as no weight.
 
@@ -41,7 +37,7 @@ def relative_weights(log_weights: Floats, offsets: Ints) -> tuple[Floats, Floats
     return weights, tops
 
 
-@njit(**SWITCHES)
+@kernel
 def weigh(log_weights: Floats, offsets: Ints) -> Floats:
     """(M,) effective numbers (sum w)² / sum w² of the segments, whose log-weights are normalised in place.
 
@@ -62,8 +58,8 @@ def weigh(log_weights: Floats, offsets: Ints) -> Floats:
     return effective
 
 
-@njit(**INNER)
-def _centre(row, weights, share, around):
+@inner
+def _centre(row: Floats, weights: Floats, share: float, around: Floats) -> float:
     """The mean of a row, by weights times `share`; what is beyond it is written, zero where there is no weight."""
     mean = 0.0
     for j in range(row.size):
@@ -74,7 +70,7 @@ def _centre(row, weights, share, around):
     return mean
 
 
-@njit(**SWITCHES)
+@kernel
 def moments(cloud: Floats, log_weights: Floats, offsets: Ints) -> tuple[Floats, Floats]:
     """Weighted means (M, D) and covariances (M, D, D) of the segments of a cloud (D, N).
 
@@ -98,7 +94,7 @@ def moments(cloud: Floats, log_weights: Floats, offsets: Ints) -> tuple[Floats, 
     return means, covs
 
 
-@njit(**SWITCHES)
+@kernel
 def systematic(log_weights: Floats, offsets: Ints, sizes: Ints, starts: Floats) -> Ints:
     """(sum of sizes,) columns drawn by systematic resampling: sizes[m] from segment m, first tooth at starts[m] < 1.
 

@@ -13,20 +13,18 @@ from __future__ import annotations
 from typing import TypeAlias
 
 import numpy as np
-from numba import njit
-from numpy.typing import NDArray
 
+from wsnsim.kernels.arrays import Floats, Ints
+from wsnsim.kernels.compilation import inlined, kernel
 from wsnsim.kernels.elementary import log
-from wsnsim.kernels.noise import INNER, SWITCHES
 
-Floats: TypeAlias = NDArray[np.float64]
 Law: TypeAlias = tuple[float, float, float, float, float, bool]
 
 LOG_TWO_PI = 1.8378770664093453
 
 
-@njit(forceinline=True, **INNER)
-def _set_forms(form, squared, least, logarithmic):
+@inlined
+def _set_forms(form: Floats, squared: Floats, least: float, logarithmic: bool) -> None:
     """Put d, or log d if logarithmic, into `form`, given d²; it is floored at `least`, positive if logarithmic.
 
     A loop for each law, and none of them with the choice inside, so that both vectorise.
@@ -39,8 +37,8 @@ def _set_forms(form, squared, least, logarithmic):
             form[j] = np.sqrt(squared[j] if squared[j] > least else least)
 
 
-@njit(forceinline=True, **INNER)
-def _close(result, x, y, count, variance):
+@inlined
+def _close(result: Floats, x: Floats, y: Floats, count: int, variance: float) -> None:
     """From the sum of (z - m)² of `count` readings to their log-likelihood; -inf where nothing is known."""
     constant = count * (LOG_TWO_PI + log(variance))
     for j in range(x.size):
@@ -49,10 +47,8 @@ def _close(result, x, y, count, variance):
         result[j] = value if known else -np.inf
 
 
-@njit(**SWITCHES)
-def own_log_likelihood(
-    x: Floats, y: Floats, readings: Floats, positions: Floats, owners: NDArray[np.int64], law: Law
-) -> Floats:
+@kernel
+def own_log_likelihood(x: Floats, y: Floats, readings: Floats, positions: Floats, owners: Ints, law: Law) -> Floats:
     """(N,) log p(readings[owners[j]] | target at point j): every particle against its own node's reading.
 
     What belongs to the owners is collected first, so that the second loop vectorises. Raises IndexError for an
@@ -75,7 +71,7 @@ def own_log_likelihood(
     return result
 
 
-@njit(**SWITCHES)
+@kernel
 def joint_log_likelihood(x: Floats, y: Floats, readings: Floats, positions: Floats, law: Law) -> Floats:
     """(N,) log p(all S readings | target at point j)."""
     offset, slope, floor, variance, within, logarithmic = law
@@ -92,7 +88,7 @@ def joint_log_likelihood(x: Floats, y: Floats, readings: Floats, positions: Floa
     return result
 
 
-@njit(**SWITCHES)
+@kernel
 def linearised(x: Floats, y: Floats, positions: Floats, law: Law) -> tuple[Floats, Floats, Floats]:
     """Expected readings (S, N), their gradients in x and y (S, 2, N), their variances (S, N), `within` or beyond.
 

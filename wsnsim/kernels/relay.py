@@ -21,28 +21,19 @@ Loops over columns are inside those over filters where a loop of eight would gai
 
 from __future__ import annotations
 
-from typing import Any, Final, TypeAlias
-
 import numpy as np
-from numba import njit
-from numpy.typing import NDArray
 
-from wsnsim.kernels.elementary import EXACT, exp, log
-from wsnsim.kernels.noise import INNER, SWITCHES
-
-Floats: TypeAlias = NDArray[np.float64]
-Ints: TypeAlias = NDArray[np.int64]
+from wsnsim.kernels.arrays import Floats, Ints
+from wsnsim.kernels.compilation import kernel, merged, ordered_kernel
+from wsnsim.kernels.elementary import exp, log
 
 NOTHING = -690.0
 LEAST = 1e-300
 LARGEST = 1e12
 """The greatest variance, in SI units, that the diverging sum of eq. 23 as printed may reach (our choice)."""
-ORDERED: Final[dict[str, Any]] = {**SWITCHES, "fastmath": EXACT["fastmath"]}
-"""Sums in the order in which they are written: what Joseph's form puts right is a rounding error."""
-PART: Final[dict[str, Any]] = {**INNER, "inline": "always"}
 
 
-@njit(**PART)
+@merged
 def _step(probabilities: Floats, stay: float) -> None:
     """Make probabilities (n,) the predicted ones M b, eq. 20, in place."""
     count, total = probabilities.size, 0.0
@@ -53,7 +44,7 @@ def _step(probabilities: Floats, stay: float) -> None:
         probabilities[i] = stay * probabilities[i] + (1.0 - stay) * others
 
 
-@njit(**PART)
+@merged
 def _weigh(probabilities: Floats, logs: Floats) -> None:
     """From predicted to updated probabilities by log-likelihoods, in place, eq. 18; a NaN is a sensor not heard.
 
@@ -76,8 +67,10 @@ def _weigh(probabilities: Floats, logs: Floats) -> None:
             probabilities[i] *= rest / total
 
 
-@njit(**PART)
-def _condition(covs, lifts, inverses, slopes, variances, first, last):
+@merged
+def _condition(
+    covs: Floats, lifts: Floats, inverses: Floats, slopes: Floats, variances: Floats, first: int, last: int
+) -> None:
     """Put (I - G H) P (I - G H)ᵀ + G R Gᵀ = P - G H P in the place of each P; lifts are P Hᵀ, and G P Hᵀ / S."""
     size = lifts.shape[0]
     for i in range(inverses.size):
@@ -94,8 +87,10 @@ def _condition(covs, lifts, inverses, slopes, variances, first, last):
                 covs[d, e, i] = covs[e, d, i] = 0.5 * (covs[d, e, i] + covs[e, d, i])
 
 
-@njit(**PART)
-def _update(covs, slopes, variances, surprises, place, shifts, logs):
+@merged
+def _update(
+    covs: Floats, slopes: Floats, variances: Floats, surprises: Floats, place: Ints, shifts: Floats, logs: Floats
+) -> None:
     """Condition each covariance (D, D, n) on its sensor's reading, in place; eqs. 11-13, 19. Uses up the arguments.
 
     slopes (2, n), of which the second is 0 where P = 1; variances, surprises (n,). To `shifts` (D, n) goes G ν, and to
@@ -122,7 +117,7 @@ def _update(covs, slopes, variances, surprises, place, shifts, logs):
             shifts[d, i] *= inverses[i] * surprises[i]
 
 
-@njit(**PART)
+@merged
 def _cap(covs: Floats) -> None:
     """Scale each covariance (D, D, n) down, in place, if a variance exceeds LARGEST; what is no number becomes that."""
     size = covs.shape[0]
@@ -136,7 +131,7 @@ def _cap(covs: Floats) -> None:
             covs[d, e, i] = covs[d, e, i] * scale if scale > 0.0 else (LARGEST if d == e else 0.0)
 
 
-@njit(**SWITCHES)
+@kernel
 def mix(
     means: Floats, covs: Floats, probabilities: Floats, stay: float, printed: bool, mixed: Floats, spreads: Floats
 ) -> None:
@@ -176,8 +171,8 @@ def mix(
         _cap(spreads)
 
 
-@njit(**PART)
-def _predict(covs, transitions, noise):
+@merged
+def _predict(covs: Floats, transitions: Floats, noise: Floats) -> None:
     """Put F P Fᵀ + Q in the place of each P, eq. 17; each has its own F (D, D, n)."""
     size, product = covs.shape[0], np.empty((covs.shape[0], covs.shape[0]))
     for i in range(covs.shape[2]):
@@ -195,7 +190,7 @@ def _predict(covs, transitions, noise):
                 covs[d, e, i] = covs[e, d, i] = value
 
 
-@njit(**ORDERED)
+@ordered_kernel
 def filter_each(
     means: Floats,
     covs: Floats,
@@ -250,7 +245,7 @@ def filter_each(
             cov[d, e] = cov[e, d] = value
 
 
-@njit(**ORDERED)
+@ordered_kernel
 def kalman(
     mean: Floats, cov: Floats, expected: Floats, gradients: Floats, variances: Floats, readings: Floats, place: Ints
 ) -> None:

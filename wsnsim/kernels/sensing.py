@@ -12,20 +12,20 @@ from __future__ import annotations
 from typing import TypeAlias
 
 import numpy as np
-from numba import njit
-from numpy.typing import NDArray
 
+from wsnsim.kernels.arrays import Floats, Ints
+from wsnsim.kernels.compilation import inner, kernel
 from wsnsim.kernels.elementary import exp2, log, log2
-from wsnsim.kernels.noise import INNER, SWITCHES
 
-Floats: TypeAlias = NDArray[np.float64]
 Law: TypeAlias = tuple[float, float, float, float, float]
 
 LOG_TWO_PI = 1.8378770664093453
 
 
-@njit(**INNER)
-def _set_signals(signals, x, y, x_sensor, y_sensor, intensity, decay):
+@inner
+def _set_signals(
+    signals: Floats, x: Floats, y: Floats, x_sensor: float, y_sensor: float, intensity: float, decay: float
+) -> None:
     """Write I d^-α, with d floored at 1 m, as I exp2(-α/2 log2 d²). Two short loops overlap better than a long one."""
     for j in range(x.size):
         squared = (x[j] - x_sensor) ** 2 + (y[j] - y_sensor) ** 2
@@ -34,8 +34,8 @@ def _set_signals(signals, x, y, x_sensor, y_sensor, intensity, decay):
         signals[j] = intensity * exp2(signals[j])
 
 
-@njit(**INNER)
-def _close(result, x, y, constant):
+@inner
+def _close(result: Floats, x: Floats, y: Floats, constant: float) -> None:
     """From the sum of (z - μ)²/R + log R of readings to their log-likelihood; -inf where nothing is known.
 
     `constant` is log 2π for each of the readings.
@@ -46,9 +46,9 @@ def _close(result, x, y, constant):
         result[j] = value if known else -np.inf
 
 
-@njit(**SWITCHES)
+@kernel
 def own_log_likelihood(
-    x: Floats, y: Floats, readings: Floats, positions: Floats, gains: Floats, owners: NDArray[np.int64], law: Law
+    x: Floats, y: Floats, readings: Floats, positions: Floats, gains: Floats, owners: Ints, law: Law
 ) -> Floats:
     """(N,) log p(readings[owners[j]] | target at point j): every particle against its own node's reading.
 
@@ -74,7 +74,7 @@ def own_log_likelihood(
     return result
 
 
-@njit(**SWITCHES)
+@kernel
 def joint_log_likelihood(x: Floats, y: Floats, readings: Floats, positions: Floats, gains: Floats, law: Law) -> Floats:
     """(N,) log p(all S readings | target at point j). The logarithm is taken once for the product of four variances."""
     noise, intensity, decay, spread, inflation = law
@@ -97,7 +97,7 @@ def joint_log_likelihood(x: Floats, y: Floats, readings: Floats, positions: Floa
     return result
 
 
-@njit(**SWITCHES)
+@kernel
 def linearised(x: Floats, y: Floats, positions: Floats, gains: Floats, law: Law) -> tuple[Floats, Floats, Floats]:
     """Expected readings (S, N), their gradients in x and y (S, 2, N), their variances (S, N).
 

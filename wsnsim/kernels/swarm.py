@@ -8,22 +8,17 @@ iteration uses the 2 D + 1 uniforms from `draw` on of each particle's key: r1 an
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
-from numpy.typing import NDArray
 
+from wsnsim.kernels.arrays import Bools, Floats, Ints, Keys
+from wsnsim.kernels.compilation import kernel
 from wsnsim.kernels.elementary import log
-from wsnsim.kernels.noise import SWITCHES, uniform
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
-Keys = NDArray[np.uint64]
+from wsnsim.kernels.noise import uniform
 
 NOWHERE = 1e9
 """A state with a larger component is none (our choice): a swarm that swings up fails without overflowing."""
 
 
-@njit(**SWITCHES)
+@kernel
 def fly(
     cloud: Floats,
     velocity: Floats,
@@ -62,7 +57,7 @@ def fly(
     return proposal
 
 
-@njit(**SWITCHES)
+@kernel
 def accept(
     cloud: Floats,
     fitness: Floats,

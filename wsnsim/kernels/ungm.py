@@ -13,26 +13,24 @@ from __future__ import annotations
 from typing import TypeAlias
 
 import numpy as np
-from numba import njit
-from numpy.typing import NDArray
 
+from wsnsim.kernels.arrays import Floats, Ints, Keys
+from wsnsim.kernels.compilation import inlined, kernel
 from wsnsim.kernels.elementary import normal_pair
-from wsnsim.kernels.noise import INNER, SWITCHES
 
-Floats: TypeAlias = NDArray[np.float64]
 Law: TypeAlias = tuple[float, float]
 
 LOG_TWO_PI = 1.8378770664093453
 
 
-@njit(forceinline=True, **INNER)
-def _grown(x, push):
+@inlined
+def _grown(x: float, push: float) -> float:
     """The next state without noise; `push` is its 8 cos(ω t), the same for all."""
     return 0.5 * x + 25.0 * x / (1.0 + x * x) + push
 
 
-@njit(forceinline=True, **INNER)
-def _close(result, x, count, variance):
+@inlined
+def _close(result: Floats, x: Floats, count: int, variance: float) -> None:
     """From the sum of (z - x²/20)² of `count` readings to their log-likelihood; -inf where nothing is known."""
     constant = -0.5 * count * (LOG_TWO_PI + np.log(variance))
     scale = -0.5 / variance
@@ -41,7 +39,7 @@ def _close(result, x, count, variance):
         result[j] = value if (value > -np.inf) & (abs(x[j]) < np.inf) else -np.inf
 
 
-@njit(**SWITCHES)
+@kernel
 def advance(states: Floats, law: Law, time: float) -> Floats:
     """(1, N): each state one step on, without noise."""
     push = 8.0 * np.cos(law[0] * time)
@@ -51,8 +49,8 @@ def advance(states: Floats, law: Law, time: float) -> Floats:
     return result
 
 
-@njit(**SWITCHES)
-def propagate(states: Floats, keys: NDArray[np.uint64], law: Law, time: float) -> Floats:
+@kernel
+def propagate(states: Floats, keys: Keys, law: Law, time: float) -> Floats:
     """(1, N): each state one step on, with the first normal of its key times the deviation."""
     rate, deviation = law
     push = 8.0 * np.cos(rate * time)
@@ -62,7 +60,7 @@ def propagate(states: Floats, keys: NDArray[np.uint64], law: Law, time: float) -
     return result
 
 
-@njit(**SWITCHES)
+@kernel
 def log_transition(after: Floats, before: Floats, law: Law, time: float) -> Floats:
     """(N,) log N(after; the next state of before, deviation²), -inf where it is not a number. No deviation of zero."""
     rate, deviation = law
@@ -75,7 +73,7 @@ def log_transition(after: Floats, before: Floats, law: Law, time: float) -> Floa
     return result
 
 
-@njit(**SWITCHES)
+@kernel
 def joint_log_likelihood(x: Floats, readings: Floats, variance: float) -> Floats:
     """(N,) log p(all S readings | state x)."""
     result = np.zeros(x.size)
@@ -86,8 +84,8 @@ def joint_log_likelihood(x: Floats, readings: Floats, variance: float) -> Floats
     return result
 
 
-@njit(**SWITCHES)
-def own_log_likelihood(x: Floats, readings: Floats, owners: NDArray[np.int64], variance: float) -> Floats:
+@kernel
+def own_log_likelihood(x: Floats, readings: Floats, owners: Ints, variance: float) -> Floats:
     """(N,) log p(readings[owners[j]] | state x[j]): every particle against its own node's reading.
 
     Raises IndexError for an unknown owner.

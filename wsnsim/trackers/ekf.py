@@ -58,7 +58,8 @@ class ExtendedKalman(HeadFilter):
         if seen.ids:
             linear = scene.sensor.linearise(mean[place, None], seen.positions, seen.traits)
             mean = mean.copy()
-            kalman(mean, cov, *(np.ascontiguousarray(values) for values in linear), seen.readings, place)
+            expected, gradients, variances = map(np.ascontiguousarray, linear)
+            kalman(mean, cov, expected, gradients, variances, seen.readings, place)
         return GaussianBelief(mean, cov, scene.head)
 
 

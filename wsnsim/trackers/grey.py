@@ -89,7 +89,8 @@ class GreyTracking(RangeFix):
         found = np.array([forecast_at(time, belief.times, axis, self.shift, self.correction) for axis in axes])
         half = np.array([scene.field.width, scene.field.height]) / 2.0
         centre = np.array(scene.field.centre)
-        return np.minimum(np.maximum(found, centre - half), centre + half)
+        inside: Floats = np.minimum(np.maximum(found, centre - half), centre + half)
+        return inside
 
 
 def grey_cycles(fixes: int, correction: str) -> float:

@@ -154,7 +154,7 @@ class GridFilter(HeadFilter):
     def _cycles(self, sensors: int, scene: Scene) -> float:
         """Operations of a step: cells times the cells that each is spread over, and cells times readings."""
         noise = scene.motion.matrices(np.zeros((1, 1)), scene.dt, scene.since)[1]
-        reached = min(2.0 * WINDOW * max(np.sqrt(noise[0, 0]) / self.width, 1.0), self.cells)
+        reached = min(2.0 * WINDOW * max(float(np.sqrt(noise[0, 0])) / self.width, 1.0), self.cells)
         return self.cells * (SPREAD_CYCLES * scene.steps * reached + WEIGH_CYCLES * sensors)
 
 
@@ -167,4 +167,5 @@ def _arrived_masses(masses: Floats, mask: Bools) -> Floats | None:
         return None
     cells = np.arange(masses.size)
     filled = np.interp(cells, cells[known], masses[known])
-    return filled / filled.sum()
+    shares: Floats = filled / filled.sum()
+    return shares

@@ -163,4 +163,5 @@ def _better(crossings: Floats, circles: Circles, expected: Floats) -> Floats:
     far = np.linalg.norm(crossings - expected, axis=-1)
     alike = np.abs(off[1] - off[0]) <= ALIKE * radii.sum()
     second = np.where(alike, far[1] < far[0], off[1] < off[0])
-    return np.where(second[:, None], crossings[1], crossings[0])
+    chosen: Floats = np.where(second[:, None], crossings[1], crossings[0])
+    return chosen

@@ -265,7 +265,7 @@ def predict_only(deal: Deal, scene: Scene) -> Flow[Deal]:
         stack.store(members)
 
     def cycles(member: Member) -> float:
-        return PREDICT_CYCLES * scene.steps * member.memory[CLOUD].shape[1]
+        return PREDICT_CYCLES * scene.steps * int(member.memory[CLOUD].shape[1])
 
     yield Local(lambda member: predict([member]), cycles, predict, tuple(deal.held))
     return deal

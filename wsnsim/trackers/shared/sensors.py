@@ -43,7 +43,7 @@ def relayed(ids: tuple[int, ...], probabilities: Floats, now: tuple[int, ...]) -
         return probabilities if ids == now else np.empty(0)
     before = dict(zip(ids, probabilities.tolist(), strict=True))
     result = np.array([before.get(node, 0.0) for node in now])
-    total = result.sum()
+    total = float(result.sum())
     if total > 0.0:
         return result / total
     stayed = np.array([node in before for node in now], dtype=np.float64)

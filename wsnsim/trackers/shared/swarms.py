@@ -45,10 +45,9 @@ def move(
     velocity, best, best_fitness = np.zeros(cloud.shape), cloud.copy(), fitness.copy()
     prior = log_prior(cloud)
     keys = particle_keys(stack.keys, stack.offsets, MOVE)
-    iterations, *rule = pull
-    for iteration in range(iterations):
+    for iteration in range(pull.iterations):
         draw = iteration * (2 * cloud.shape[0] + 1)
-        proposal = fly(cloud, velocity, best, best_fitness, stack.offsets, keys, draw, 1.0, *rule)
+        proposal = fly(cloud, velocity, best, best_fitness, stack.offsets, keys, draw, 1.0, *pull[1:])
         new_fitness = likelihood(proposal)
         accept(
             cloud,

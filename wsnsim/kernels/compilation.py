@@ -1,0 +1,70 @@
+"""Typed decorators that compile kernels with Numba.
+
+| decorator | the compiled function |
+| --- | --- |
+| `kernel` | is called from Python |
+| `inner` | is called from kernels only |
+| `inlined` | is called from kernels only, and inlined by LLVM |
+| `merged` | is called from kernels only, and inlined by Numba before it compiles |
+| `ordered_kernel`, `ordered_inlined` | as `kernel` and `inlined`, with sums in the order in which they are written |
+
+Division follows NumPy: the checks that Numba makes by default prevent vectorisation. The fast-math flags keep tests for
+NaN and infinity. Functions that only kernels call have no wrapper for Python: it would take longer to compile than the
+function itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, Final, TypeVar
+
+from numba import njit
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+OPTIONS: Final[Mapping[str, Any]] = {
+    "cache": True,
+    "nogil": True,
+    "error_model": "numpy",
+    "fastmath": {"contract", "nsz", "arcp", "reassoc"},
+    "no_cfunc_wrapper": True,
+}
+"""Options of every kernel."""
+_ORDERED: Final[Mapping[str, Any]] = {**OPTIONS, "fastmath": {"contract", "nsz", "arcp"}}
+_INNER: Final[Mapping[str, Any]] = {"no_cpython_wrapper": True}
+
+
+def kernel(function: F) -> F:
+    """Compile a function that Python calls."""
+    return _compiled(function, OPTIONS)
+
+
+def ordered_kernel(function: F) -> F:
+    """Compile a function that Python calls, without reordering sums: where rounding errors must cancel."""
+    return _compiled(function, _ORDERED)
+
+
+def inner(function: F) -> F:
+    """Compile a function that only kernels call."""
+    return _compiled(function, {**OPTIONS, **_INNER})
+
+
+def inlined(function: F) -> F:
+    """Compile a function that LLVM inlines into the kernels that call it."""
+    return _compiled(function, {**OPTIONS, **_INNER, "forceinline": True})
+
+
+def ordered_inlined(function: F) -> F:
+    """As `inlined`, without reordering sums: rounding by adding a large constant depends on their order."""
+    return _compiled(function, {**_ORDERED, **_INNER, "forceinline": True})
+
+
+def merged(function: F) -> F:
+    """Compile a function that Numba inlines into the kernels that call it before it compiles them."""
+    return _compiled(function, {**OPTIONS, **_INNER, "inline": "always"})
+
+
+def _compiled(function: F, options: Mapping[str, Any]) -> F:
+    """The function, compiled when it is first called; its signature stays, as Numba's dispatcher has the same call."""
+    compiled: F = njit(**options)(function)
+    return compiled
