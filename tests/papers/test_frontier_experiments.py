@@ -205,7 +205,7 @@ def tracked(tmp_path_factory):
         quick_sets=("duration=1.2 s",),
     )
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(reproduce, "LocalPool", InlineEngine)
+        patch.setattr(reproduce, "LocalEngine", InlineEngine)
         assert reproduce.run("frontier", small, where, 1).complete
     folder = reproduce.place(where, "frontier", small)
     return measures.Data(reproduce.Folder(folder)), small, folder

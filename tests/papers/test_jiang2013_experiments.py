@@ -166,7 +166,7 @@ def tracked(tmp_path_factory):
     claims = tuple(claim for claim in whole.claims if claim.variant in LITERAL)
     small = replace(whole, quick=2, sets=("duration=2.4 s",), variants=variants, claims=claims)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(reproduce, "LocalPool", InlineEngine)
+        patch.setattr(reproduce, "LocalEngine", InlineEngine)
         assert reproduce.run("jiang2013", small, where, 1).complete
     folder = reproduce.place(where, "jiang2013", small)
     return measures.Data(reproduce.Folder(folder)), (small, folder)

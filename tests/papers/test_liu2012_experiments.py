@@ -198,7 +198,7 @@ def test_runs_are_made_again_once_and_kept_no_longer_than_their_data():
 
 
 def test_a_small_run_gives_a_row_a_claim_and_a_picture_a_figure(tmp_path_factory, tmp_path, monkeypatch):
-    monkeypatch.setattr(reproduce, "LocalPool", InlineEngine)
+    monkeypatch.setattr(reproduce, "LocalEngine", InlineEngine)
     where = tmp_path_factory.mktemp("liu2012")
     few = replace(TRACKING, quick=2, sets=("duration=20 s",))
     assert reproduce.run("liu2012", few, where, 1).complete
@@ -213,7 +213,7 @@ def test_a_small_run_gives_a_row_a_claim_and_a_picture_a_figure(tmp_path_factory
 
 
 def test_with_its_own_cell_each_sensor_is_alone_and_both_filters_are_one(monkeypatch, tmp_path_factory):
-    monkeypatch.setattr(reproduce, "LocalPool", InlineEngine)
+    monkeypatch.setattr(reproduce, "LocalEngine", InlineEngine)
     where = tmp_path_factory.mktemp("liu2012")
     variants = {name: one for name, one in READ_OTHERWISE.variants.items() if "own cell" in name}
     few = replace(READ_OTHERWISE, quick=2, sets=("duration=20 s",), variants=variants, claims=())

@@ -63,7 +63,7 @@ def papers(monkeypatch, tmp_path):
     """Instead of every paper, the small experiment; in a folder of its own."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(reproduce, "experiments", lambda paper: (SMALL,))
-    monkeypatch.setattr(reproduce, "LocalPool", InlineEngine)
+    monkeypatch.setattr(reproduce, "LocalEngine", InlineEngine)
 
 
 @pytest.fixture(scope="module")
@@ -189,7 +189,7 @@ def test_a_damaged_file_is_put_aside_and_run_again_and_so_is_a_damaged_scenario(
     assert [row for row in json.loads(said.out)["rows"] if row["quantity"] != drop] == [
         row for row in before if row["quantity"] != drop
     ]
-    assert f"{cut}.damaged: was damaged, and is put aside: its replicates are run again" in said.err
+    assert f"{cut}.damaged: is damaged and was set aside; its runs are repeated" in said.err
     assert len(list(Path("r").rglob("*.damaged"))) == 2
 
 
@@ -230,7 +230,7 @@ def test_in_words_there_are_reasons_verdicts_and_the_rule(done, papers, capsys):
     [
         (["liu2021"], "there is no paper 'liu2021' (did you mean 'liu2012'?)"),
         (["liu2012", "--only", "smal"], "liu2012 has no experiment 'smal' (did you mean 'small'?)"),
-        (["liu2012", "--json", "--markdown"], "one of them, please"),
+        (["liu2012", "--json", "--markdown"], "cannot be combined"),
         (["liu2012", "--figures", "file/figures"], "--figures file/figures"),
         (["liu2012", "-o", "file/results"], "file/results"),
         (["liu2012", "-j", "0"], "0 is not in the range"),
@@ -255,7 +255,7 @@ def test_a_run_that_fails_leaves_its_experiment_out_and_the_exit_code_says_so(pa
     assert main(["reproduce", "liu2012", "--json", "--progress", "none"]) == 3
     said = capsys.readouterr()
     assert {row["experiment"] for row in json.loads(said.out)["rows"]} == {"small"}
-    assert "bad is incomplete, 1 replicates are missing" in said.err and "out of sorts" in said.err
+    assert "bad is incomplete, runs missing: 1" in said.err and "out of sorts" in said.err
 
 
 def test_when_it_is_stopped_the_same_command_goes_on(tmp_path):
@@ -264,7 +264,7 @@ def test_when_it_is_stopped_the_same_command_goes_on(tmp_path):
     wait_for(lambda: list(tmp_path.rglob("*.h5")), 60.0)
     process.send_signal(signal.SIGINT)
     out, err = process.communicate(timeout=60)
-    assert process.returncode == 130 and out == "" and "the same command goes on" in err
+    assert process.returncode == 130 and out == "" and "repeat the command" in err
     before = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.h5")}
     assert 0 < len(before) < 6 and not list(tmp_path.rglob("*.tmp"))
     gone_on = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120)

@@ -30,7 +30,7 @@ CLAIMS = [(experiment, claim) for experiment in EXPERIMENTS for claim in experim
 def small(experiment, tmp_path_factory, monkeypatch, **sets):
     """The campaign of an experiment with two runs of some steps, and its folder."""
     where = tmp_path_factory.mktemp("ruan2020")
-    monkeypatch.setattr(reproduce, "LocalPool", InlineEngine)
+    monkeypatch.setattr(reproduce, "LocalEngine", InlineEngine)
     few = replace(experiment, quick=2, **sets)
     assert reproduce.run("ruan2020", few, where, 1).complete
     return few, reproduce.place(where, "ruan2020", few)

@@ -36,7 +36,7 @@ def data(tmp_path_factory):
     experiment = Experiment("shipped", "", bounded, RUNS, RUNS)
     where = tmp_path_factory.mktemp("shipped")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(reproduce, "LocalPool", InlineEngine)
+        patch.setattr(reproduce, "LocalEngine", InlineEngine)
         assert reproduce.run("shipped", experiment, where).complete
     return measures.Data(reproduce.Folder(reproduce.place(where, "shipped", experiment)))
 

@@ -183,7 +183,7 @@ def few(experiment: Experiment) -> Experiment:
 
 @pytest.mark.parametrize("name", ["diversity", "table_2_start_drawn"])
 def test_a_small_run_gives_a_row_a_claim_and_its_pictures(tmp_path, monkeypatch, name):
-    monkeypatch.setattr(reproduce, "LocalPool", InlineEngine)
+    monkeypatch.setattr(reproduce, "LocalEngine", InlineEngine)
     small = few(EXPERIMENTS[name])
     assert reproduce.run("wei2022", small, tmp_path).complete
     folder = reproduce.place(tmp_path, "wei2022", small)
