@@ -1,9 +1,7 @@
-"""One HTML page of one or several results: summary, replay, figures, scenario and provenance, all within the file.
+"""One HTML page of one or several results: summary, replay, figures, scenario and provenance in a single file.
 
-write(paths, out, replicate=None, limit=2_000_000, published=None) -> WrittenPage        as `wsnsim report`
-
-The page fetches nothing: a Content-Security-Policy forbids it, and only the page's own script may run. Every text from
-a file is escaped. What there is no room for is thinned or left out, and the page says so.
+The page loads nothing: a Content-Security-Policy forbids it, and only the page's own script may run. Every text from a
+result is escaped. What exceeds the size limit is thinned or left out, and the page says so.
 """
 
 from __future__ import annotations
@@ -23,24 +21,24 @@ from wsnsim.analysis import result_info
 from wsnsim.analysis.replicate_tables import check_replicate, first_replicate
 from wsnsim.base.errors import ResultError
 from wsnsim.report import page_sections
-from wsnsim.report.page_sections import Part
-from wsnsim.report.replay import Packed, pack
-from wsnsim.report.summary_table import Published, tally
-from wsnsim.report.svg_figures import pictures
+from wsnsim.report.page_sections import PageSection
+from wsnsim.report.replay import Replay, encode
+from wsnsim.report.summary_table import Published, summary_table
+from wsnsim.report.svg_figures import svg_figures
 
 LIMIT: Final = 2_000_000
-"""Bytes that a page may have."""
-OF_PICTURES: Final = 0.6
-"""The part of them that figures may take (our choice): the rest is left to the replay."""
+"""Default size limit of a page (bytes)."""
+FIGURE_SHARE: Final = 0.6
+"""Fraction of the limit that figures may take (our choice); the rest is for replays."""
 AROUND: Final = 2000
-"""Bytes that stand around a replay: its element, its notes (our choice)."""
-SCRIPTS: Final = ("film.js", "picture.js", "legend.js", "replay.js")
+"""Bytes of the element and the notes around a replay (our choice)."""
+SCRIPTS: Final = ("replay_data.js", "drawing.js", "legend.js", "player.js")
 SLOT: Final = re.compile(r"\{\{(\w+)\}\}")
 
 
 @dataclass(frozen=True)
 class WrittenPage:
-    """A page that was written: its size, and what a reader must know of it."""
+    """A page that was written: its file, its size (bytes), and notes on what was thinned or left out."""
 
     path: Path
     size: int
@@ -48,79 +46,89 @@ class WrittenPage:
 
 
 def write(
-    paths: Sequence[Path], out: Path, replicate: int | None = None, limit: int = LIMIT,
+    results: Sequence[Path],
+    out: Path,
+    replicate: int | None = None,
+    limit: int = LIMIT,
     published: Published | None = None,
-) -> WrittenPage:  # fmt: skip
-    """Write the page of results, the replay being that of one replicate: the first of each file, if none is named.
+) -> WrittenPage:
+    """Write the page of one or several results.
+
+    Args:
+        results: result files.
+        out: file of the page.
+        replicate: the run to replay, by default the first of each file.
+        limit: largest size of the page (bytes).
+        published: gives the published values of a scenario.
 
     Raises:
         UsageError: a result has no such replicate.
         ResultError: a result cannot be read, or the page cannot be written.
     """
-    parts = _parts(paths, replicate)
-    _fit(parts, int(OF_PICTURES * limit))
-    summary = tally([part.path for part in parts], [part.name for part in parts], published)
-    bare = len(_page(parts, [Packed("", ())] * len(parts), summary).encode())
-    films = _films(parts, limit - bare)
-    page = _page(parts, films, summary).encode()
-    notes = _told(parts, films)
+    sections = _sections(results, replicate)
+    _drop_figures(sections, int(FIGURE_SHARE * limit))
+    summary = summary_table([section.path for section in sections], [section.name for section in sections], published)
+    bare = len(_page(sections, [Replay("", ())] * len(sections), summary).encode())
+    replays = _replays(sections, limit - bare)
+    page = _page(sections, replays, summary).encode()
+    notes = _notes(sections, replays)
     if len(page) > limit:
-        notes.append(f"The page has more than the {limit / 1e6:g} MB asked for: figures and texts alone take as much.")
-    _put(out, page)
+        notes.append(f"The page exceeds {limit / 1e6:g} MB: texts and the first figures alone take more.")
+    _write_whole(out, page)
     return WrittenPage(out, len(page), tuple(notes))
 
 
-def _parts(paths: Sequence[Path], replicate: int | None) -> list[Part]:
-    """What the page says of each result. All of them are looked at before figures are drawn, which takes its time."""
-    abouts = [_about(path) for path in paths]
-    chosen = [first_replicate(path) if replicate is None else replicate for path in paths]
-    for path, number in zip(paths, chosen, strict=True):
+def _sections(results: Sequence[Path], replicate: int | None) -> list[PageSection]:
+    """The section of each result. All results are checked before the figures, which take time, are drawn."""
+    infos = [_info(path) for path in results]
+    chosen = [first_replicate(path) if replicate is None else replicate for path in results]
+    for path, number in zip(results, chosen, strict=True):
         check_replicate(path, number)
     return [
-        Part(about, name, number, *pictures(about["path"], number))
-        for about, name, number in zip(abouts, page_sections.names(abouts), chosen, strict=True)
+        PageSection(info, name, number, *svg_figures(info["path"], number))
+        for info, name, number in zip(infos, page_sections.names(infos), chosen, strict=True)
     ]
 
 
-def _about(path: Path) -> dict[str, Any]:
-    return result_info.info(path) | {"path": path, "source": page_sections.text_of(path, "scenario/source_yaml")}
+def _info(path: Path) -> dict[str, Any]:
+    return result_info.info(path) | {"path": path, "source": page_sections.stored_text(path, "scenario/source_yaml")}
 
 
-def _films(parts: Sequence[Part], room: int) -> list[Packed]:
-    """A replay of each result; what short ones leave of the room goes to long ones."""
-    films: dict[int, Packed] = {}
-    for number in sorted(range(len(parts)), key=lambda number: parts[number].about["bytes"]):
-        each = room // (len(parts) - len(films)) - AROUND
-        films[number] = pack(parts[number].path, parts[number].replicate, each)
-        room -= len(films[number].text) + AROUND
-    return [films[number] for number in range(len(parts))]
+def _replays(sections: Sequence[PageSection], room: int) -> list[Replay]:
+    """A replay of each result. Room that a small result does not use goes to larger ones."""
+    replays: dict[int, Replay] = {}
+    for i in sorted(range(len(sections)), key=lambda i: sections[i].info["bytes"]):
+        share = room // (len(sections) - len(replays)) - AROUND
+        replays[i] = encode(sections[i].path, sections[i].replicate, share)
+        room -= len(replays[i].text) + AROUND
+    return [replays[i] for i in range(len(sections))]
 
 
-def _told(parts: Sequence[Part], films: Sequence[Packed]) -> list[str]:
-    """What a reader must know of replays and figures, with the result's name where there are several."""
-    told = []
-    for part, film in zip(parts, films, strict=True):
-        before = f"{part.name}: " if len(parts) > 1 else ""
-        told += [before + note for note in (*film.notes, *part.left_out)]
-    return list(dict.fromkeys(told))
+def _notes(sections: Sequence[PageSection], replays: Sequence[Replay]) -> list[str]:
+    """The notes on replays and figures, with the result's name if there are several."""
+    notes = []
+    for section, replay in zip(sections, replays, strict=True):
+        prefix = f"{section.name}: " if len(sections) > 1 else ""
+        notes += [prefix + note for note in (*replay.notes, *section.left_out)]
+    return list(dict.fromkeys(notes))
 
 
-def _fit(parts: Sequence[Part], room: int) -> None:
-    """Leave out figures until the rest has room: of all results the least important, then the largest, first."""
+def _drop_figures(sections: Sequence[PageSection], room: int) -> None:
+    """Drop figures until the rest fits: the least important of all results first, and of these the largest."""
     ranked = [
-        (rank, len(each.svg), number) for number, part in enumerate(parts) for rank, each in enumerate(part.drawn)
+        (rank, len(figure.svg), i) for i, section in enumerate(sections) for rank, figure in enumerate(section.figures)
     ]
-    taken = sum(size for _, size, _ in ranked)
-    for _, size, number in sorted(ranked, reverse=True):
-        if taken <= room:
+    size = sum(length for _, length, _ in ranked)
+    for _, length, i in sorted(ranked, reverse=True):
+        if size <= room:
             return
-        gone = parts[number].drawn.pop()
-        parts[number].left_out.append(f"without {gone.label}: the page would be too large")
-        taken -= size
+        dropped = sections[i].figures.pop()
+        sections[i].left_out.append(f"without {dropped.label}: the page would be too large")
+        size -= length
 
 
-def _put(out: Path, page: bytes) -> None:
-    """Write the page; its file has its name only once it is complete."""
+def _write_whole(out: Path, page: bytes) -> None:
+    """Write the page. Its file gets its name only when it is complete."""
     unfinished = out.with_name(f"{out.name}.{os.getpid()}.tmp")
     try:
         unfinished.write_bytes(page)
@@ -131,25 +139,25 @@ def _put(out: Path, page: bytes) -> None:
         unfinished.unlink(missing_ok=True)
 
 
-def _page(parts: Sequence[Part], films: Sequence[Packed], summary: str) -> str:
-    """The whole page. Slots are filled in one pass, so that no text that is filled in can hold a slot."""
-    room = files("wsnsim.report") / "static"
+def _page(sections: Sequence[PageSection], replays: Sequence[Replay], summary: str) -> str:
+    """The page's text. All slots are filled in one pass, because an inserted text may contain a slot."""
+    folder = files("wsnsim.report") / "static"
     template, style, *scripts = (
-        (room / name).read_text(encoding="utf-8") for name in ("template.html", "style.css", *SCRIPTS)
+        (folder / name).read_text(encoding="utf-8") for name in ("template.html", "style.css", *SCRIPTS)
     )
     script = '"use strict";\n{\n' + "".join(scripts) + "}\n"
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
-    names, both = list(dict.fromkeys(part.name for part in parts)), list(zip(parts, films, strict=True))
+    names, pairs = list(dict.fromkeys(section.name for section in sections)), list(zip(sections, replays, strict=True))
     slots = {
         "title": html.escape(" · ".join(names)),
-        "heading": " · ".join(map(page_sections.told, names)),
+        "heading": " · ".join(map(page_sections.isolated, names)),
         "hash": f"'sha256-{digest}'",
         "style": style,
         "script": script,
-        "lead": "\n".join(page_sections.lead(part, film) for part, film in both),
+        "lead": "\n".join(page_sections.lead(*pair) for pair in pairs),
         "summary": summary,
-        "notes": "\n".join(page_sections.notes(part, film, len(parts) > 1) for part, film in both),
-        "films": "\n".join(page_sections.block(part, film) for part, film in both if film.text),
-        "sections": "\n".join(page_sections.section(part, number) for number, part in enumerate(parts)),
+        "notes": "\n".join(page_sections.notes(*pair, several=len(sections) > 1) for pair in pairs),
+        "replays": "\n".join(page_sections.replay_data(*pair) for pair in pairs if pair[1].text),
+        "sections": "\n".join(page_sections.html_of(section, i) for i, section in enumerate(sections)),
     }
     return SLOT.sub(lambda slot: slots[slot[1]], template)

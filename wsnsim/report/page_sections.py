@@ -1,9 +1,7 @@
-"""The parts of a page, as HTML: what each result is, its figures, its scenario, its provenance.
+"""The sections of a page, as HTML: what each result is, its figures, its scenario and its provenance.
 
-Part;  names(abouts);  lead(part, film);  notes(part, film);  block(part, film);  section(part, number);  told(text)
-
-Every text from a file is escaped, and stands in an element of its own, so that its direction of writing does not reach
-what is around it.
+Every text from a result is escaped. It stands in an element of its own, so that its writing direction does not affect
+the text around it.
 """
 
 from __future__ import annotations
@@ -18,128 +16,138 @@ from typing import Any, Final
 
 from wsnsim.base.errors import ResultError
 from wsnsim.recording import read_text
-from wsnsim.report.replay import Packed
-from wsnsim.report.svg_figures import Picture
+from wsnsim.report.replay import Replay
+from wsnsim.report.svg_figures import SvgFigure
 
-LONGEST: Final = 60_000
+MAX_TEXT: Final = 60_000
 """Characters of a scenario's text that are shown (our choice)."""
+MAX_FINGERPRINTS: Final = 30
 TAG: Final = re.compile(r"<[^>]*>")
 ID: Final = re.compile(r'(\bid="|href="#|url\(#)')
 
 
 @dataclass(frozen=True)
-class Part:
-    """What the page says of one result, the name that it has there, and the replicate that is replayed."""
+class PageSection:
+    """What the page shows of one result.
 
-    about: Mapping[str, Any]
+    Attributes:
+        info: the answer of `wsnsim info`, with the file's path and the scenario's text.
+        name: name of the result in the page.
+        replicate: the run that is replayed.
+        figures: figures, the most important first.
+        left_out: reasons for missing figures.
+    """
+
+    info: Mapping[str, Any]
     name: str
     replicate: int
-    drawn: list[Picture]
+    figures: list[SvgFigure]
     left_out: list[str]
 
     @property
     def path(self) -> Path:
-        """Where the result is."""
-        return self.about["path"]
+        """The result file."""
+        return Path(self.info["path"])
 
 
-def told(text: object) -> str:
-    """A text from a file as HTML."""
+def isolated(text: object) -> str:
+    """A text from a result as HTML, its writing direction isolated."""
     return f"<bdi>{html.escape(str(text))}</bdi>"
 
 
-def names(abouts: Sequence[Mapping[str, Any]]) -> list[str]:
-    """The scenarios' names; where several results have one, with their files', and as many folders as differ."""
-    bare = [str(about["name"] or about["path"].stem) for about in abouts]
+def names(infos: Sequence[Mapping[str, Any]]) -> list[str]:
+    """The scenarios' names; where results share one, with their files and as many folders as needed."""
+    bare = [str(info["name"] or info["path"].stem) for info in infos]
     result = list(bare)
     for name in {name for name in bare if bare.count(name) > 1}:
         rows = [row for row, each in enumerate(bare) if each == name]
-        places = [abouts[row]["path"].resolve().parts for row in rows]
-        for row, place in zip(rows, places, strict=True):
-            result[row] = f"{name}, {'/'.join(place[-_depth(places) :])}"
+        paths = [infos[row]["path"].resolve().parts for row in rows]
+        for row, path in zip(rows, paths, strict=True):
+            result[row] = f"{name}, {'/'.join(path[-_distinct_depth(paths) :])}"
     return result
 
 
-def _depth(places: Sequence[tuple[str, ...]]) -> int:
-    """How many last parts of paths tell them apart."""
-    different, deepest = len(set(places)), max(map(len, places))
-    return next(depth for depth in range(1, deepest + 1) if len({place[-depth:] for place in places}) == different)
+def _distinct_depth(paths: Sequence[tuple[str, ...]]) -> int:
+    """How many last parts of the paths make them distinct."""
+    different, deepest = len(set(paths)), max(map(len, paths))
+    return next(depth for depth in range(1, deepest + 1) if len({path[-depth:] for path in paths}) == different)
 
 
-def lead(part: Part, film: Packed) -> str:
-    """What the page is of, in a line; and a warning where the result is not whole."""
-    about = part.about
-    runs = about["replicates"] or 0
-    said = f": seed {about['seed']}, {runs} replicate{'s' * (runs != 1)}"
-    if runs > 1 and film.text:
-        said += f", of which number {part.replicate} is replayed"
-    said += f", wsnsim {about['wsnsim_version']}"
-    line = f'<p class="lead">{told(about["file"])}{html.escape(said)}</p>'
-    if about["status"] == "complete":
+def lead(section: PageSection, replay: Replay) -> str:
+    """One line on what the result is, and a warning if it is incomplete."""
+    info = section.info
+    runs = info["replicates"] or 0
+    text = f": seed {info['seed']}, {runs} Monte Carlo run{'s' * (runs != 1)}"
+    if runs > 1 and replay.text:
+        text += f" (replicate {section.replicate} is replayed)"
+    text += f", wsnsim {info['wsnsim_version']}"
+    line = f'<p class="lead">{isolated(info["file"])}{html.escape(text)}</p>'
+    if info["status"] == "complete":
         return line
-    return line + f'\n<p class="warn">This result is {html.escape(about["status"])}: its run did not end.</p>'
+    return line + f'\n<p class="warn">This result is {html.escape(info["status"])}: the simulation did not finish.</p>'
 
 
-def notes(part: Part, film: Packed, several: bool) -> str:
-    """What a viewer of the replay must know."""
-    rows = "".join(f"<li>{html.escape(note)}</li>" for note in film.notes)
-    name = f"<p>{told(part.name)}</p>" if several and rows else ""
+def notes(section: PageSection, replay: Replay, several: bool) -> str:
+    """What a viewer of the replay must know; with the result's name if there are several."""
+    rows = "".join(f"<li>{html.escape(note)}</li>" for note in replay.notes)
+    name = f"<p>{isolated(section.name)}</p>" if several and rows else ""
     return f"{name}<ul>{rows}</ul>" if rows else ""
 
 
-def block(part: Part, film: Packed) -> str:
-    """The replay as a block of data, which no browser runs."""
-    return f'<script type="text/plain" class="film" data-title="{html.escape(part.name)}">{film.text}</script>'
+def replay_data(section: PageSection, replay: Replay) -> str:
+    """The replay as a data block, which browsers do not run."""
+    title = html.escape(section.name)
+    return f'<script type="text/plain" class="replay-data" data-title="{title}">{replay.text}</script>'
 
 
-def section(part: Part, number: int) -> str:
-    """Figures, scenario and provenance of one result."""
-    shown = "\n".join(_figure(each, f"{number}-{i}") for i, each in enumerate(part.drawn))
-    lacking = "".join(f"<li>{html.escape(reason)}</li>" for reason in part.left_out)
+def html_of(section: PageSection, number: int) -> str:
+    """The figures, the scenario and the provenance of one result."""
+    shown = "\n".join(_figure(each, f"{number}-{i}") for i, each in enumerate(section.figures))
+    missing = "".join(f"<li>{html.escape(reason)}</li>" for reason in section.left_out)
     return f"""<section aria-labelledby="h-{number}">
-<h2 id="h-{number}">{told(part.name)}: figures</h2>
+<h2 id="h-{number}">{isolated(section.name)}: figures</h2>
 <div class="figures">
 {shown}
 </div>
-{f'<ul class="small">{lacking}</ul>' if lacking else ""}
+{f'<ul class="small">{missing}</ul>' if missing else ""}
 <details open><summary>Scenario</summary>
-{_scenario(part)}
+{_scenario(section)}
 </details>
 <details><summary>Provenance</summary>
-<dl>{"".join(_rows(part))}</dl>
+<dl>{"".join(_provenance(section))}</dl>
 </details>
 </section>"""
 
 
-def _figure(drawn: Picture, prefix: str) -> str:
-    """A figure within the page: its ids are its own, its text is that of the page."""
-    svg = TAG.sub(lambda tag: ID.sub(rf"\g<1>f{prefix}-", tag[0]), drawn.svg)
-    return f'<figure role="img" aria-label="{html.escape(drawn.label)}">{svg}</figure>'
+def _figure(figure: SvgFigure, prefix: str) -> str:
+    """A figure with ids that are unique in the page."""
+    svg = TAG.sub(lambda tag: ID.sub(rf"\g<1>f{prefix}-", tag[0]), figure.svg)
+    return f'<figure role="img" aria-label="{html.escape(figure.label)}">{svg}</figure>'
 
 
-def text_of(path: Path, name: str) -> str:
-    """A text that the file holds; '' if it does not."""
+def stored_text(path: Path, name: str) -> str:
+    """A text stored in the result, '' if there is none."""
     try:
         return read_text(path, name)
     except ResultError:
         return ""
 
 
-def _scenario(part: Part) -> str:
-    """The text that was run, and all that follows from it."""
-    source, every = part.about["source"], text_of(part.path, "scenario/resolved_json")
-    if not source and not every:
-        return "<p>The result does not hold its scenario.</p>"
-    shown = f"<pre>{html.escape(_cut(source))}</pre>" if source else ""
-    if every:
+def _scenario(section: PageSection) -> str:
+    """The scenario as it was written, and with every default."""
+    source, resolved = section.info["source"], stored_text(section.path, "scenario/resolved_json")
+    if not source and not resolved:
+        return "<p>The result does not contain its scenario.</p>"
+    shown = f"<pre>{html.escape(_shortened(source))}</pre>" if source else ""
+    if resolved:
         shown += (
             "<details><summary>With every default, in SI units</summary>"
-            f"<pre>{html.escape(_cut(_indented(every)))}</pre></details>"
+            f"<pre>{html.escape(_shortened(_one_key_per_line(resolved)))}</pre></details>"
         )
     return shown
 
 
-def _indented(text: str) -> str:
+def _one_key_per_line(text: str) -> str:
     try:
         lines = [f"{key}: {json.dumps(value, ensure_ascii=False)}" for key, value in json.loads(text).items()]
     except (ValueError, AttributeError):
@@ -147,30 +155,33 @@ def _indented(text: str) -> str:
     return "\n".join(lines)
 
 
-def _cut(text: str) -> str:
-    if len(text) <= LONGEST:
+def _shortened(text: str) -> str:
+    if len(text) <= MAX_TEXT:
         return text
-    return f"{text[:LONGEST]}\n… ({len(text) - LONGEST:,} further characters are left out)"
+    return f"{text[:MAX_TEXT]}\n… ({len(text) - MAX_TEXT:,} more characters)"
 
 
-def _rows(part: Part) -> Iterator[str]:
-    """Terms and what they are, of all that made the result."""
-    about = part.about
-    facts = {"file": about["file"], "bytes": f"{about['bytes']:,}", "status": about["status"]}
-    facts |= _flat(about["provenance"] or {"wsnsim": about["wsnsim_version"]})
-    if about["fingerprints"]:
-        facts["fingerprint" + "s" * (len(about["fingerprints"]) > 1)] = ", ".join(about["fingerprints"][:30])
-    facts["rows"] = ", ".join(f"{name} {size['rows']:,}" for name, size in about["tables"].items())
+def _provenance(section: PageSection) -> Iterator[str]:
+    """The rows of the list of file, versions, machine, fingerprints and table sizes."""
+    info = section.info
+    facts = {"file": info["file"], "bytes": f"{info['bytes']:,}", "status": info["status"]}
+    facts |= _flat(info["provenance"] or {"wsnsim": info["wsnsim_version"]})
+    if info["fingerprints"]:
+        facts["fingerprint" + "s" * (len(info["fingerprints"]) > 1)] = ", ".join(
+            info["fingerprints"][:MAX_FINGERPRINTS]
+        )
+    facts["rows"] = ", ".join(f"{name} {size['rows']:,}" for name, size in info["tables"].items())
     for name, value in facts.items():
-        yield f"<dt>{told(name)}</dt><dd>{told(value)}</dd>"
+        yield f"<dt>{isolated(name)}</dt><dd>{isolated(value)}</dd>"
 
 
-def _flat(held: Mapping[str, Any]) -> dict[str, str]:
-    """A mapping's values as words: what is within another mapping or list, in one line."""
-    words: dict[str, str] = {}
-    for name, value in held.items():
+def _flat(mapping: Mapping[str, Any]) -> dict[str, str]:
+    """The values as text, those of a nested mapping or list in one line."""
+    result: dict[str, str] = {}
+    for name, value in mapping.items():
         if isinstance(value, Mapping):
-            words[name.replace("_", " ")] = ", ".join(f"{key} {inner}" for key, inner in value.items())
+            text = ", ".join(f"{key} {inner}" for key, inner in value.items())
         else:
-            words[name.replace("_", " ")] = " ".join(map(str, value)) if isinstance(value, list) else str(value)
-    return words
+            text = " ".join(map(str, value)) if isinstance(value, list) else str(value)
+        result[name.replace("_", " ")] = text
+    return result

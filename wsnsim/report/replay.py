@@ -1,9 +1,7 @@
-"""A run as a picture that moves, for a browser: who is where at each step, quantised, compressed, as text.
+"""The replay of a run in a browser: who is where at each step, quantised and compressed to text.
 
-    pack(path, replicate, room) -> Packed
-
-How the text is made up, `film` says; what is on it, `film_tracks`, `film_nodes`, `film_clusters` and `film_traffic`;
-who reads it is page/film.js.
+`encode(path, replicate, room)` gives the text, which static/replay_data.js reads. `replay_encoding` defines its format,
+and `replay_tracks`, `replay_nodes`, `replay_clusters` and `replay_traffic` its content.
 """
 
 from __future__ import annotations
@@ -15,41 +13,41 @@ from typing import Any, Final
 import numpy as np
 
 from wsnsim.analysis.replicate_tables import ReplicateTables, read_replicate
-from wsnsim.report.replay_clusters import clusters
-from wsnsim.report.replay_encoding import MISSING, Film, Plan
-from wsnsim.report.replay_nodes import nodes
-from wsnsim.report.replay_tracks import particles, tracks
-from wsnsim.report.replay_traffic import traffic
+from wsnsim.report.replay_clusters import add_clusters
+from wsnsim.report.replay_encoding import MISSING, DetailLevel, ReplayEncoder
+from wsnsim.report.replay_nodes import add_nodes
+from wsnsim.report.replay_tracks import add_particles, add_tracks
+from wsnsim.report.replay_traffic import add_traffic
 
-MOST_FRAMES: Final = 20_000
-"""Frames from which on steps are thinned, whatever the room (our choice)."""
-WAY, TRAIL = 1000, 60
-"""Frames of the true way that are drawn to either side, and of the latest truth and estimates (our choice)."""
-LEAST_ROOM: Final = 300
-"""Characters that the shortest replay takes: in less, none is tried."""
-PLANS: Final = (
-    Plan(),
-    Plan(particles=400, links=500),
-    Plan(1, 50_000, 200, 200, 127),
-    Plan(1, 50_000, 100, 100, 63),
-    Plan(2, 20_000, 100, 100, 63),
-    Plan(5, 20_000, 50, 50, 31),
-    Plan(10, 10_000, 50, 50, 31),
-    Plan(50, 5_000, 0, 30, 15),
-    Plan(200, 2_000, 0, 0, 7),
+MAX_FRAMES: Final = 20_000
+"""Frames above which steps are thinned, whatever the room (our choice)."""
+TRAJECTORY, TRAIL = 1000, 60
+"""Frames of the ground-truth trajectory drawn before and after the current one; frames drawn in bold (our choice)."""
+MIN_ROOM: Final = 300
+"""Characters that the shortest replay takes."""
+DETAILS: Final = (
+    DetailLevel(),
+    DetailLevel(particles=400, links=500),
+    DetailLevel(1, 50_000, 200, 200, 127),
+    DetailLevel(1, 50_000, 100, 100, 63),
+    DetailLevel(2, 20_000, 100, 100, 63),
+    DetailLevel(5, 20_000, 50, 50, 31),
+    DetailLevel(10, 10_000, 50, 50, 31),
+    DetailLevel(50, 5_000, 0, 30, 15),
+    DetailLevel(200, 2_000, 0, 0, 7),
 )
-"""From everything to little: the first one is taken whose text has room (our choice)."""
+"""From full detail to little: the first whose text fits is used (our choice)."""
 
 
 @dataclass(frozen=True)
-class Packed:
-    """A replay as text, '' if there is none, and what its viewer must know: what was thinned, what is not recorded."""
+class Replay:
+    """A replay as text, '' if there is none, and notes on what is thinned or was not recorded."""
 
     text: str
     notes: tuple[str, ...]
 
 
-def pack(path: str | Path, replicate: int, room: int) -> Packed:
+def encode(path: str | Path, replicate: int, room: int) -> Replay:
     """The replay of a run, in at most `room` characters.
 
     Raises:
@@ -59,14 +57,15 @@ def pack(path: str | Path, replicate: int, room: int) -> Packed:
     run = read_replicate(path, replicate)
     missing = run.missing()
     if not (run.truth or run.guess or (run.nodes and run.events)):
-        return Packed("", ("There is nothing to replay.", *_sentences(missing)))
-    for plan in PLANS if room >= LEAST_ROOM else ():
-        header, film = _drawn(run, plan._replace(stride=max(plan.stride, -(-run.last // MOST_FRAMES))))
-        notes = _sentences([*film.notes, *missing])
-        text = film.text(header | {"notes": notes})
+        return Replay("", ("There is nothing to replay.", *_sentences(missing)))
+    for detail in DETAILS if room >= MIN_ROOM else ():
+        stride = max(detail.stride, -(-run.last // MAX_FRAMES))
+        header, encoder = _encoded(run, detail._replace(stride=stride))
+        notes = _sentences([*encoder.notes, *missing])
+        text = encoder.text(header | {"notes": notes})
         if len(text) <= room:
-            return Packed(text, notes)
-    return Packed("", (f"The replay was left out: thinned, too, it takes more than {max(room, 0):,} characters.",))
+            return Replay(text, notes)
+    return Replay("", (f"The replay was left out: even thinned, it takes more than {max(room, 0):,} characters.",))
 
 
 def _sentences(notes: list[str]) -> tuple[str, ...]:
@@ -79,36 +78,38 @@ def ordinal(number: int) -> str:
     return f"{number:,}{ending}"
 
 
-def _drawn(run: ReplicateTables, plan: Plan) -> tuple[dict[str, Any], Film]:
-    """A run drawn by a plan."""
-    film = Film.blank(run, plan)
-    charge = nodes(film) if run.nodes else None
-    tracks(film)
+def _encoded(run: ReplicateTables, detail: DetailLevel) -> tuple[dict[str, Any], ReplayEncoder]:
+    """The header and the columns of a run at one level of detail."""
+    encoder = ReplayEncoder.empty(run, detail)
+    charge = add_nodes(encoder) if run.nodes else None
+    add_tracks(encoder)
     if run.events and run.nodes:
-        clusters(film)
-        traffic(film)
+        add_clusters(encoder)
+        add_traffic(encoder)
     if run.cloud:
-        particles(film)
-    _limits_are_said(film)
+        add_particles(encoder)
+    _add_notes(encoder)
     header = {
-        "last": run.last, "stride": plan.stride, "frames": film.frames, "targets": run.targets, "box": film.box,
-        "dt": run.dt if np.isfinite(run.dt) else None, "flat": run.flat, "axes": run.axes, "words": run.words,
-        "nodes": film.picked.size, "charge": charge, "way": WAY, "trail": TRAIL,
+        "last": run.last, "stride": detail.stride, "frames": encoder.frames, "targets": run.targets,
+        "box": encoder.box, "dt": run.dt if np.isfinite(run.dt) else None, "flat": run.flat, "axes": run.axes,
+        "messages": run.words, "nodes": encoder.drawn.size, "charge": charge, "trajectory": TRAJECTORY, "trail": TRAIL,
     }  # fmt: skip
-    return header, film
+    return header, encoder
 
 
-def _limits_are_said(film: Film) -> None:
-    """Notes on thinned steps, on the length of the ways, and on rounding."""
-    run, stride = film.run, film.plan.stride
+def _add_notes(encoder: ReplayEncoder) -> None:
+    """Notes on thinned steps, on how much of a trajectory is drawn, and on rounding."""
+    run, stride = encoder.run, encoder.detail.stride
     if stride > 1:
-        told = f"every {ordinal(stride)} step of {run.last:,} is drawn"
+        note = f"every {ordinal(stride)} step of {run.last:,} is drawn"
         if run.events:
-            told += "; what was sent, sensed and joined since the one before is drawn with it"
-        film.notes.insert(0, told)
-    if (run.truth or run.guess) and film.frames > TRAIL:
+            note += ", together with what happened since the previous one"
+        encoder.notes.insert(0, note)
+    if (run.truth or run.guess) and encoder.frames > TRAIL:
         frames = "drawn steps" if stride > 1 else "steps"
-        told = f"ways are drawn in bold for the last {TRAIL} {frames}"
-        film.notes.append(told + (f", the true one for {WAY:,} to either side" if film.frames > WAY else ""))
-    side = max(film.box[2] - film.box[0], film.box[3] - film.box[1])
-    film.notes.append(f"places are rounded to {side / (MISSING - 1):.1g} of the axes' unit")
+        note = f"trajectories are drawn in bold for the last {TRAIL} {frames}"
+        if encoder.frames > TRAJECTORY:
+            note += f"; the ground truth is drawn for {TRAJECTORY:,} before and after"
+        encoder.notes.append(note)
+    side = max(encoder.box[2] - encoder.box[0], encoder.box[3] - encoder.box[1])
+    encoder.notes.append(f"positions are rounded to {side / (MISSING - 1):.1g} of the axes' unit")

@@ -1,7 +1,4 @@
-"""What nodes sense and send in a film: who sensed, whose frames went to whom, whose were lost, who broadcast.
-
-traffic(film)
-"""
+"""The traffic of a replay: which nodes sense, which links carry frames, which frames are lost, and who broadcasts."""
 
 from __future__ import annotations
 
@@ -9,35 +6,46 @@ import numpy as np
 
 from wsnsim.base.arrays import Ints
 from wsnsim.base.tables import KIND
-from wsnsim.report.replay_encoding import Film, thinned
+from wsnsim.report.replay_encoding import ReplayEncoder, thinned
 
 
-def traffic(film: Film) -> None:
-    """Everything that nodes do with each other at each frame."""
-    events, kind = film.run.events, film.run.events["kind"]
-    frame, seat, peer = film.at(events["step"]), film.seat(events["node"]), film.seat(events["peer"])
-    sensing = (kind == KIND["sense"]) & (seat >= 0)
-    senses = np.unique(frame[sensing] << 32 | seat[sensing])
-    film.add("sense", senses >> 32, node=(senses & 0xFFFFFFFF).astype("<u4"))
+def add_traffic(encoder: ReplayEncoder) -> None:
+    """Add sensing nodes, broadcasts and links, by frame."""
+    events, kind = encoder.run.events, encoder.run.events["kind"]
+    frame, node = encoder.frame_of(events["step"]), encoder.index_of(events["node"])
+    peer = encoder.index_of(events["peer"])
+    sensing = (kind == KIND["sense"]) & (node >= 0)
+    senses = np.unique(frame[sensing] << 32 | node[sensing])
+    encoder.add("sense", senses >> 32, node=(senses & 0xFFFFFFFF).astype("<u4"))
     sent = np.isin(kind, [KIND["send"], KIND["relay"]])
-    cast = sent & (events["peer"] < 0) & (seat >= 0)
-    film.add("cast", frame[cast], node=seat[cast].astype("<u4"), what=events["what"][cast].astype(np.uint8))
-    got, struck = (kind == KIND["receive"]), (kind == KIND["collide"])
-    lost = sent & (events["peer"] >= 0) & ~np.isin(events["frame"], events["frame"][got])
-    told = (got | lost | struck) & (seat >= 0) & (peer >= 0)
-    origin, goal = np.where(lost, seat, peer)[told], np.where(lost, peer, seat)[told]
-    words = events["what"][told].astype(np.int64) * 2 + ~got[told]
-    _links(film, np.unique(((frame[told] * film.picked.size + origin) * film.picked.size + goal) * 512 + words))
+    broadcast = sent & (events["peer"] < 0) & (node >= 0)
+    messages = events["what"][broadcast].astype(np.uint8)
+    encoder.add("broadcast", frame[broadcast], node=node[broadcast].astype("<u4"), message=messages)
+    received, collided = (kind == KIND["receive"]), (kind == KIND["collide"])
+    lost = sent & (events["peer"] >= 0) & ~np.isin(events["frame"], events["frame"][received])
+    links = (received | lost | collided) & (node >= 0) & (peer >= 0)
+    origin, destination = np.where(lost, node, peer)[links], np.where(lost, peer, node)[links]
+    message_and_loss = events["what"][links].astype(np.int64) * 2 + ~received[links]
+    count = encoder.drawn.size
+    _add_links(encoder, np.unique(((frame[links] * count + origin) * count + destination) * 512 + message_and_loss))
 
 
-def _links(film: Film, keys: Ints) -> None:
-    """Links in the frames' order, each one number: of its frame, from, to, word, and whether what was sent was lost."""
-    pairs, word = np.divmod(keys, 512)
-    rest, goal = np.divmod(pairs, max(film.picked.size, 1))
-    frame, origin = np.divmod(rest, max(film.picked.size, 1))
-    kept = thinned(frame, film.plan.links)
+def _add_links(encoder: ReplayEncoder, keys: Ints) -> None:
+    """Add links given as one number each: frame, origin, destination, message, and whether the MAC frame was lost."""
+    count = max(encoder.drawn.size, 1)
+    pairs, message_and_loss = np.divmod(keys, 512)
+    rest, destination = np.divmod(pairs, count)
+    frame, origin = np.divmod(rest, count)
+    kept = thinned(frame, encoder.detail.links)
     if not kept.all():
-        film.count("link", frame)
-        film.notes.append(f"of links that frames went over at most {film.plan.links} are drawn at a time")
-    ends = {name: values[kept].astype("<u4") for name, values in (("origin", origin), ("goal", goal))}
-    film.add("link", frame[kept], **ends, what=(word[kept] // 2).astype("u1"), lost=(word[kept] % 2).astype("u1"))
+        encoder.add_total("link", frame)
+        encoder.notes.append(f"at most {encoder.detail.links} links in use are drawn at a time")
+    message, lost = np.divmod(message_and_loss[kept], 2)
+    encoder.add(
+        "link",
+        frame[kept],
+        origin=origin[kept].astype("<u4"),
+        destination=destination[kept].astype("<u4"),
+        message=message.astype("u1"),
+        lost=lost.astype("u1"),
+    )

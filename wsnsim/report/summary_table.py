@@ -1,7 +1,4 @@
-"""The summary table of a page: a row per summary quantity with its 95 % interval, a column per result.
-
-tally(paths, names, published) -> HTML
-"""
+"""The summary table of a page: one row per summary quantity with its 95 % interval, one column per result."""
 
 from __future__ import annotations
 
@@ -26,24 +23,26 @@ from wsnsim.analysis.quantities import (
 from wsnsim.base.errors import ResultError
 from wsnsim.recording import read_text
 
-Published = Callable[[Mapping[str, Any]], tuple[Mapping[str, float], str]]
-"""What papers print of a resolved scenario's set-up, and the paper's name."""
-LEAST: Final = 5
+PublishedValues = tuple[Mapping[str, float], str]
+"""Values by quantity, and the paper's name."""
+Published = Callable[[Mapping[str, Any]], PublishedValues]
+"""Gives the published values of a resolved scenario."""
+MIN_RUNS: Final = 5
 """Monte Carlo runs from which on there is an interval."""
 RUNS: Final = "Monte Carlo runs"
 PUBLISHED_KEYS: Final = ("rmse", "energy")
 Cells = dict[str, str]
 
 
-def tally(paths: Sequence[Path], names: Sequence[str], published: Published | None = None) -> str:
-    """The table as HTML; a quantity that no result has is left out."""
-    columns = [_cells(path, published) for path in paths]
+def summary_table(results: Sequence[Path], names: Sequence[str], published: Published | None = None) -> str:
+    """The table as HTML. A quantity that no result has is left out."""
+    columns = [_cells(path, published) for path in results]
     first, *others = (quantity.name for quantity in QUANTITIES.values())
     order = [RUNS, first, *BOUND_NAMES.values(), *others]
     labels = [label for label in order if any(label in column for column in columns)]
     if not labels:
-        return "<p>No run has ended: there is no summary.</p>"
-    head = "".join(f'<th scope="col">{_headed(name)}</th>' for name in names)
+        return "<p>There is no summary: no run has finished.</p>"
+    head = "".join(f'<th scope="col">{_breakable(name)}</th>' for name in names)
     rows = "".join(
         f'<tr><th scope="row">{html.escape(label)}</th>'
         + "".join(f"<td>{column.get(label, '')}</td>" for column in columns)
@@ -54,19 +53,20 @@ def tally(paths: Sequence[Path], names: Sequence[str], published: Published | No
         f'<div class="wide" tabindex="0" role="region" aria-label="Summary"><table>\n'
         f'<thead><tr><th scope="col">over all runs</th>{head}</tr></thead>\n<tbody>\n{rows}'
         "</tbody></table></div>\n"
-        f'<p class="small">In brackets: 95 % bootstrap intervals over runs, from {LEAST} runs on. {BOUND_NOTE}.</p>'
+        f'<p class="small">In brackets: 95 % bootstrap intervals over runs, for {MIN_RUNS} runs or more. '
+        f"{BOUND_NOTE[0].upper()}{BOUND_NOTE[1:]}.</p>"
     )
 
 
-def _headed(name: str) -> str:
-    """A result's name at the head of its column, where it may break behind '_', '/' and commas."""
+def _breakable(name: str) -> str:
+    """A result's name as the head of its column, with line breaks allowed behind '_', '/' and ','."""
     broken = re.sub("([_/,])", r"\1<wbr>", html.escape(name))
     return f"<bdi>{broken}</bdi>"
 
 
 def _cells(path: Path, published: Published | None) -> Cells:
-    """The summary quantities of a result by their names, as HTML."""
-    printed, paper = _printed(path, published)
+    """The summary quantities of a result by name, as HTML."""
+    values, paper = _published_values(path, published)
     arrays, unit = read_arrays(path), position_unit(path)
     cells: Cells = {}
     if arrays.errors.size and not np.isfinite(arrays.errors).any():
@@ -76,8 +76,8 @@ def _cells(path: Path, published: Published | None) -> Cells:
         low, high = quantity.interval(arrays)
         bounds = quantity.interval_text(low, high) if low < high else ""
         cells[quantity.name] = html.escape(quantity.text(value, unit)) + _small(bounds)
-        if key in PUBLISHED_KEYS and key in printed:
-            cells[quantity.name] += _small(f"published {quantity.text(printed[key], unit)} ({paper})")
+        if key in PUBLISHED_KEYS and key in values:
+            cells[quantity.name] += _small(f"published {quantity.text(values[key], unit)} ({paper})")
     if arrays.errors.size:
         cells |= {
             BOUND_NAMES[readings]: html.escape(QUANTITIES["rmse"].text(bound, unit))
@@ -92,8 +92,8 @@ def _small(text: str) -> str:
     return f' <span class="small">{html.escape(text)}</span>' if text else ""
 
 
-def _printed(path: Path, published: Published | None) -> tuple[Mapping[str, float], str]:
-    """What the paper prints whose set-up the file's scenario is."""
+def _published_values(path: Path, published: Published | None) -> PublishedValues:
+    """The published values of the result's scenario."""
     if published is None:
         return {}, ""
     try:

@@ -1,15 +1,13 @@
-"""A result's figures as SVG, one each, to stand in a page.
+"""The figures of a result as SVG, each on its own, to be placed in a page.
 
-pictures(path, replicate) -> (figures, reasons for those that are missing)
-
-The text stays text, in the page's own type. What has very many marks is drawn as an image within the figure.
+Text stays text, in the page's font. Figures with very many marks contain an image of them.
 """
 
 from __future__ import annotations
 
 import io
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -23,20 +21,20 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
 from wsnsim.analysis import plot_data, plots
-from wsnsim.analysis.figure_style import STYLE, Draws
+from wsnsim.analysis.figure_style import STYLE
 from wsnsim.base.errors import ResultError, UsageError
 from wsnsim.recording import read_table
 
 MANY: Final = 3000
-"""Marks from which on they are drawn as an image (our choice)."""
+"""Marks above which they are drawn as an image (our choice)."""
 SIZE: Final = (5.2, 3.7)
 MARGINS: Final = {"left": 0.15, "right": 0.97, "bottom": 0.13, "top": 0.84}
-"""Room for two rows of a legend and a title; fixed, as finding it takes as long as drawing."""
-MOST_TARGETS: Final = 4
-"""Targets whose ways get a figure each (our choice)."""
-ACROSS: Final = 3
-"""Words of a legend in a row: a figure is as narrow as a telephone (our choice)."""
-IN_PAGE: Final = {
+"""Space for two rows of a legend and a title. It is fixed, because computing it takes as long as drawing."""
+MAX_TARGETS: Final = 4
+"""Targets whose tracks get a figure (our choice)."""
+LEGEND_COLUMNS: Final = 3
+"""Entries per row of a legend, so that a figure fits a phone's screen (our choice)."""
+PAGE_STYLE: Final = {
     **STYLE,
     "svg.fonttype": "none",
     "text.parse_math": False,
@@ -45,99 +43,112 @@ IN_PAGE: Final = {
 }
 
 
-class Picture(NamedTuple):
-    """A figure: its name, what it shows in words, and itself."""
+class SvgFigure(NamedTuple):
+    """A figure: its name, its description, and its SVG."""
 
     name: str
     label: str
     svg: str
 
 
-def pictures(path: Path, replicate: int) -> tuple[list[Picture], list[str]]:
-    """Every figure that a result has, the most important first; and why the others are missing."""
+class _Panel(NamedTuple):
+    """A figure to draw: its name, the function that draws it, and the target that it shows, if it shows one."""
+
+    name: str
+    draw: Callable[[Axes], Axes]
+    target: int | None = None
+
+
+def svg_figures(path: Path, replicate: int) -> tuple[list[SvgFigure], list[str]]:
+    """(figures of a result, the most important first; reasons for the missing ones)."""
     reasons = {name: plot_data.lacking(path, name) for name in plot_data.NEEDS}
-    told = {reason: [n for n, each in reasons.items() if each == reason] for reason in reasons.values() if reason}
-    left_out = [f"without {', '.join(names)}: {reason}" for reason, names in told.items()]
-    drawn = []
-    known = {name for name, reason in reasons.items() if not reason}
-    targets = _targets(path, replicate) if "track" in known else []
-    if len(targets) > MOST_TARGETS:
-        left_out.append(f"only the tracks of the first {MOST_TARGETS} of {len(targets):,} targets are drawn")
-    with style.context(["default", IN_PAGE]):
-        for name, draws in _panels(path, replicate, known, targets):
+    by_reason = {reason: [n for n, each in reasons.items() if each == reason] for reason in reasons.values() if reason}
+    left_out = [f"without {', '.join(names)}: {reason}" for reason, names in by_reason.items()]
+    figures = []
+    possible = {name for name, reason in reasons.items() if not reason}
+    targets = _targets(path, replicate) if "track" in possible else []
+    if len(targets) > MAX_TARGETS:
+        left_out.append(f"only the tracks of the first {MAX_TARGETS} of {len(targets):,} targets are drawn")
+    with style.context(["default", PAGE_STYLE]):
+        for panel in _panels(path, replicate, possible, targets):
             try:
-                drawn.append(_drawn(name, draws, len(targets) > 1))
+                figures.append(_drawn(panel, len(targets) > 1))
             except (ResultError, UsageError) as error:
-                left_out.append(f"without {name}: {error}")
-    return drawn, left_out
+                left_out.append(f"without {panel.name}: {error}")
+    return figures, left_out
 
 
-def _panels(path: Path, replicate: int, known: set[str], targets: list[int]) -> Iterator[tuple[str, Draws]]:
-    """What is drawn: a name and a function for each figure."""
-    for target in targets[:MOST_TARGETS]:
-        yield "track", partial(plots.track, path=path, replicate=replicate, target=target)
-    if "error" in known:
-        yield "error", partial(plots.error, path=path)
-    if "energy" in known:
-        yield "energy", partial(plots.energy, path=path)
-    if "particles" in known and targets:
-        last = plot_data.last_step_with_particles(path, replicate, targets[0])
-        yield "particles", partial(plots.particles, path=path, step=last, replicate=replicate, target=targets[0])
-    plan = plot_data.layout(path) if targets else None
-    for column in plan.units if plan and tuple(plan.units) != plan.position else ():
-        yield f"state {column}", partial(plots.states, path=path, column=column, replicate=replicate, target=targets[0])
+def _panels(path: Path, replicate: int, possible: set[str], targets: list[int]) -> Iterator[_Panel]:
+    """The figures to draw."""
+    for target in targets[:MAX_TARGETS]:
+        yield _Panel("track", partial(plots.track, path=path, replicate=replicate, target=target), target)
+    if "error" in possible:
+        yield _Panel("error", partial(plots.error, path=path))
+    if "energy" in possible:
+        yield _Panel("energy", partial(plots.energy, path=path))
+    if not targets:
+        return
+    first = targets[0]
+    if "particles" in possible:
+        last = plot_data.last_step_with_particles(path, replicate, first)
+        draw = partial(plots.particles, path=path, step=last, replicate=replicate, target=first)
+        yield _Panel("particles", draw, first)
+    layout = plot_data.layout(path)
+    for column in layout.units if tuple(layout.units) != layout.position else ():
+        draw = partial(plots.states, path=path, column=column, replicate=replicate, target=first)
+        yield _Panel(f"state {column}", draw, first)
 
 
 def _targets(path: Path, replicate: int) -> list[int]:
-    """The targets of a run, if it has any."""
-    held = read_table(path, "truth", ["replicate", "target"])
-    return [int(target) for target in np.unique(held["target"][held["replicate"] == replicate])]
+    """The targets of a run."""
+    truth = read_table(path, "truth", ["replicate", "target"])
+    return [int(target) for target in np.unique(truth["target"][truth["replicate"] == replicate])]
 
 
-def _drawn(name: str, draws: Any, several: bool) -> Picture:
-    """One figure as SVG, without the prologue that a page does not take; of `several` targets it names its own."""
+def _drawn(panel: _Panel, several_targets: bool) -> SvgFigure:
+    """A figure as SVG without its XML prologue. If there are several targets, the title names the one shown."""
     figure = Figure(figsize=SIZE)
     FigureCanvasAgg(figure)
     axes = figure.subplots(gridspec_kw=MARGINS)
-    draws(axes)
-    if several and "target" in draws.keywords:
-        _named(axes, draws.keywords["target"])
-    _narrow(axes)
-    if axes.get_yscale() == "log":  # as plain text: the powers of ten are formulas
+    panel.draw(axes)
+    if several_targets and panel.target is not None:
+        _name_target(axes, panel.target)
+    _wrap_legend(axes)
+    if axes.get_yscale() == "log":  # powers of ten would be formulas, which are not text
         axes.yaxis.set_major_formatter("{x:g}")
         axes.yaxis.set_minor_formatter(NullFormatter())
     for artist in axes.get_children():
         if _marks(artist) > MANY:
             artist.set_rasterized(True)
-    held = io.StringIO()
-    figure.savefig(held, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
-    svg = held.getvalue()
-    label = axes.get_title(loc="left")
-    return Picture(name, label, re.sub(r"\s*<metadata>.*?</metadata>", "", svg[svg.index("<svg") :], flags=re.S))
+    buffer = io.StringIO()
+    figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
+    text = buffer.getvalue()
+    svg = re.sub(r"\s*<metadata>.*?</metadata>", "", text[text.index("<svg") :], flags=re.DOTALL)
+    return SvgFigure(panel.name, axes.get_title(loc="left"), svg)
 
 
-def _named(axes: Axes, target: int) -> None:
-    """A title that names the target, the first one, too."""
+def _name_target(axes: Axes, target: int) -> None:
+    """Add the target to the title, also for the first target."""
     title = axes.get_title(loc="left")
     if not title.endswith(f", target {target}"):
         axes.set_title(f"{title}, target {target}", loc="left", pad=20)
 
 
-def _narrow(axes: Axes) -> None:
-    """A legend of many words in several rows, above which the title stands."""
+def _wrap_legend(axes: Axes) -> None:
+    """Spread a long legend over several rows, with the title above."""
     handles, labels = axes.get_legend_handles_labels()
-    if len(handles) <= ACROSS:
+    if len(handles) <= LEGEND_COLUMNS:
         return
-    rows = -(-len(handles) // ACROSS)
+    rows = -(-len(handles) // LEGEND_COLUMNS)
     axes.set_title(axes.get_title(loc="left"), loc="left", pad=8 + 12 * rows)
     axes.legend(
-        handles, labels, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=ACROSS, frameon=False, borderaxespad=0.1,
-        borderpad=0.2, handlelength=1.4, columnspacing=1.0, labelspacing=0.2,
+        handles, labels, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=LEGEND_COLUMNS, frameon=False,
+        borderaxespad=0.1, borderpad=0.2, handlelength=1.4, columnspacing=1.0, labelspacing=0.2,
     )  # fmt: skip
 
 
 def _marks(artist: Any) -> int:
-    """How many marks or corners an artist has."""
+    """The number of marks or corners of an artist."""
     if isinstance(artist, PathCollection):
         return len(np.asarray(artist.get_offsets()))
     if isinstance(artist, PolyCollection):

@@ -26,7 +26,7 @@ HOSTILE = (
     "</script><script>document.title='taken'</script><img src=http://127.0.0.1:9/x onerror=document.title='taken'>"
 )
 PAINTED = """(() => {
-    const stage = document.getElementById('stage');
+    const stage = document.getElementById('drawing');
     const drops = stage.getContext('2d').getImageData(0, 0, stage.width, stage.height).data;
     return drops.reduce((count, drop, i) => count + (i % 4 === 3 && drop > 0), 0); })()"""
 SOON = "new Promise(done => setTimeout(() => done(+document.documentElement.dataset.frame), 30))"
@@ -54,7 +54,7 @@ def default(tmp_path_factory):
 @pytest.fixture
 def bare(monkeypatch):
     """Pages without figures, which take their time."""
-    monkeypatch.setattr(html_page, "pictures", lambda path, replicate: ([], []))
+    monkeypatch.setattr(html_page, "svg_figures", lambda path, replicate: ([], []))
 
 
 def invented(folder, steps=20, nodes=12, estimates=True, name="invented", copies=1):
@@ -115,7 +115,7 @@ def test_an_address_names_a_frame(browser, default):
 
 
 def test_an_address_names_a_step_where_steps_are_thinned(browser, tmp_path, bare, monkeypatch):
-    monkeypatch.setattr(replay, "PLANS", (replay.Plan(stride=4),))
+    monkeypatch.setattr(replay, "DETAILS", (replay.DetailLevel(stride=4),))
     page = browser.open(f"file://{invented(tmp_path, steps=30)}#frame=12")
     shown = "document.getElementById('status').textContent.split('\\n')[0]"
     assert page.frame() == 12 and page.value(shown) == "step 12 of 30 · 6 s"
@@ -129,7 +129,7 @@ def test_keys_go_through_the_frames_where_the_focus_is_in_the_player(browser, de
     page = browser.open(f"file://{default}#frame=5")
     page.press("End")
     assert page.frame() == 5  # the focus is on the page
-    page.value("document.getElementById('stage').focus()")
+    page.value("document.getElementById('drawing').focus()")
     for key, frame in (("ArrowRight", 6), ("ArrowLeft", 5), ("End", 700), ("Home", 0)):
         page.press(key)
         assert page.frame() == frame, key
@@ -145,7 +145,7 @@ def test_keys_go_through_the_frames_where_the_focus_is_in_the_player(browser, de
 
 def test_going_back_shows_what_going_there_directly_shows(browser, default):
     page = browser.open(f"file://{default}#frame=300")
-    picture = "document.getElementById('stage').toDataURL()"
+    picture = "document.getElementById('drawing').toDataURL()"
     direct = page.value(picture)
     for frame in (700, 300):
         page.value(f"location.hash = '#frame={frame}'")
@@ -175,8 +175,8 @@ def test_what_is_stepped_to_is_spoken_and_what_is_played_is_not(browser, default
 def test_the_picture_and_its_button_fit_into_a_low_window(browser, default):
     page = browser.open(f"file://{default}", width=1200, height=900)
     page.order("Emulation.setDeviceMetricsOverride", width=844, height=390, deviceScaleFactor=1, mobile=True)
-    play, stage = (f"document.getElementById('{name}').getBoundingClientRect()" for name in ("play", "stage"))
-    page.until(f"{play}.bottom - {stage}.top < 390")
+    play, drawing = (f"document.getElementById('{name}').getBoundingClientRect()" for name in ("play", "drawing"))
+    page.until(f"{play}.bottom - {drawing}.top < 390")
 
 
 def test_members_of_two_targets_are_told_apart(browser, tmp_path, bare):
@@ -194,7 +194,7 @@ def test_members_of_two_targets_are_told_apart(browser, tmp_path, bare):
 def test_a_damaged_replay_is_hidden_and_others_are_in_reach(browser, tmp_path, bare):
     place = invented(tmp_path, copies=2)
     text = place.read_text()
-    film = re.search(r'class="film"[^>]*>([^<]*)<', text)[1]
+    film = re.search(r'class="replay-data"[^>]*>([^<]*)<', text)[1]
     place.write_text(text.replace(film, film[:200] + "AAAA" + film[204:], 1))
     page = browser.open(f"file://{place}")
     assert page.value("document.documentElement.dataset.ready") == "failed"
@@ -225,7 +225,7 @@ def test_a_long_name_does_not_widen_the_page(browser, tmp_path, bare):
 def test_the_page_is_no_wider_than_its_window(browser, default, width):
     page = browser.open(f"file://{default}", width=width)
     assert page.value("document.documentElement.scrollWidth") <= width
-    assert page.value("document.getElementById('stage').getBoundingClientRect().width") > 0.6 * min(width, 900)
+    assert page.value("document.getElementById('drawing').getBoundingClientRect().width") > 0.6 * min(width, 900)
     for name in ("play", "back", "ahead", "speed"):
         assert page.value(f"document.getElementById('{name}').getBoundingClientRect().height") >= 28, name
 

@@ -10,9 +10,10 @@ import pytest
 from wsnsim.base.errors import ResultError, UsageError
 from wsnsim.base.tables import TABLES
 from wsnsim.report import html_page, page_sections, replay, summary_table, svg_figures
-from wsnsim.report.svg_figures import Picture
+from wsnsim.report.svg_figures import SvgFigure
 
-from .made import BY_LINE, Reader, films_of, invented, no_pictures, unpacked
+from .page_reader import PageReader, decoded, no_figures, replays_in
+from .synthetic_results import ON_A_LINE, write_result
 
 HOSTILE = "</script><script>alert(1)</script>{{script}}&$\\frac"
 
@@ -26,7 +27,7 @@ def page(real):
 
 
 def test_a_page_is_whole_and_asks_for_nothing(page):
-    read_page = Reader(page)
+    read_page = PageReader(page)
     tags = [tag for tag, _ in read_page.tags]
     assert not {"iframe", "object", "embed", "base", "form", "audio", "video"} & set(tags)
     assert [at.get("type") for tag, at in read_page.tags if tag == "script"] == ["text/plain", None]
@@ -41,18 +42,23 @@ def test_a_page_is_whole_and_asks_for_nothing(page):
 
 
 def test_the_summary_has_the_means_the_intervals_and_what_was_published(tmp_path):
-    path = invented(tmp_path / "x.h5", runs=8)
-    table = summary_table.tally([path], ["x"], lambda scenario: ({"energy": 1.82}, "Jiang 2013"))
+    path = write_result(tmp_path / "x.h5", runs=8)
+    table = summary_table.summary_table([path], ["x"], lambda scenario: ({"energy": 1.82}, "Jiang 2013"))
     cells = dict(re.findall(r'<th scope="row">([^<]*)</th><td>(.*?)</td>', table))
     assert cells["Monte Carlo runs"] == "8"
     mean, low, high = re.match(r"([\d.]+) m <span[^>]*>\[([\d.]+), ([\d.]+)\]", cells["median per-run RMSE"]).groups()
     assert float(mean) == 4.5 and 1.5 < float(low) < 4.5 < float(high) < 7.5
     assert "published 1.82 J (Jiang 2013)" in cells["energy spent"]
-    assert "[" not in re.search(r"<td>(.*?)</td>", summary_table.tally([invented(tmp_path / "y.h5", runs=4)], ["y"]))[1]
+    assert (
+        "["
+        not in re.search(
+            r"<td>(.*?)</td>", summary_table.summary_table([write_result(tmp_path / "y.h5", runs=4)], ["y"])
+        )[1]
+    )
 
 
 def test_the_same_result_gives_the_same_bytes(tmp_path):
-    path = invented(tmp_path / "x.h5", events=True, **BY_LINE)
+    path = write_result(tmp_path / "x.h5", events=True, **ON_A_LINE)
     for name in ("a.html", "b.html"):
         html_page.write([path], tmp_path / name)
     assert (tmp_path / "a.html").read_bytes() == (tmp_path / "b.html").read_bytes()
@@ -61,63 +67,67 @@ def test_the_same_result_gives_the_same_bytes(tmp_path):
 
 def test_every_text_of_a_scenario_is_escaped(tmp_path):
     states = ((f"px{HOSTILE}", f"m{HOSTILE}"), ("vx", "m/s"))
-    path = invented(tmp_path / "<b>'\".h5", states, (0,), name=HOSTILE)
+    path = write_result(tmp_path / "<b>'\".h5", states, (0,), name=HOSTILE)
     html_page.write([path], tmp_path / "x.html")
-    read_page = Reader((tmp_path / "x.html").read_text(encoding="utf-8"))
+    read_page = PageReader((tmp_path / "x.html").read_text(encoding="utf-8"))
     tags = [tag for tag, _ in read_page.tags]
     assert tags.count("script") == 2 and "b" not in tags
     shown = [text for tag, text in read_page.texts if HOSTILE in text]
     assert len(shown) >= 5
-    header, _ = unpacked(films_of((tmp_path / "x.html").read_text(encoding="utf-8"))[0])
+    header, _ = decoded(replays_in((tmp_path / "x.html").read_text(encoding="utf-8"))[0])
     assert HOSTILE in header["axes"][1]
 
 
 @pytest.mark.parametrize(
     ("told", "word"),
     [
-        ({**BY_LINE, "estimates": False}, "No estimates are drawn: table estimates has no rows"),
-        ({**BY_LINE, "without": ("events",)}, "table events was not recorded (record.events=true)"),
-        ({**BY_LINE, "without": ("nodes",)}, "No nodes are drawn"),
-        ({"status": "partial", "without": ("runs", "estimates")}, "its run did not end"),
-        ({**BY_LINE, "without": ("estimates",)}, "No estimates are drawn: table estimates was not recorded"),
+        ({**ON_A_LINE, "estimates": False}, "No estimates are drawn: table estimates has no rows"),
+        ({**ON_A_LINE, "without": ("events",)}, "table events was not recorded (record.events=true)"),
+        ({**ON_A_LINE, "without": ("nodes",)}, "No nodes are drawn"),
+        ({"status": "partial", "without": ("runs", "estimates")}, "the simulation did not finish"),
+        ({**ON_A_LINE, "without": ("estimates",)}, "No estimates are drawn: table estimates was not recorded"),
         ({"without": tuple(name for name in TABLES if name != "runs")}, "There is nothing to replay"),
         ({"states": (), "place": None, "events": True}, "bursts sent"),
     ],
 )
 def test_a_result_that_lacks_something_still_gives_a_sound_page(tmp_path, told, word):
-    path = invented(tmp_path / "x.h5", **told)
+    path = write_result(tmp_path / "x.h5", **told)
     html_page.write([path], tmp_path / "x.html")
     text = (tmp_path / "x.html").read_text(encoding="utf-8")
-    Reader(text)
+    PageReader(text)
     assert word in text
 
 
 def test_a_hundred_thousand_nodes_fit_and_a_small_page_is_kept_to(tmp_path, monkeypatch):
-    path = invented(tmp_path / "x.h5", nodes=100_000, without=("energy_steps",))
+    path = write_result(tmp_path / "x.h5", nodes=100_000, without=("energy_steps",))
     for limit in (html_page.LIMIT, 400_000):
         if limit < html_page.LIMIT:
-            monkeypatch.setattr(html_page, "pictures", no_pictures)
+            monkeypatch.setattr(html_page, "svg_figures", no_figures)
         made = html_page.write([path], tmp_path / "x.html", limit=limit)
-        assert made.bytes == (tmp_path / "x.html").stat().st_size <= limit
+        assert made.size == (tmp_path / "x.html").stat().st_size <= limit
         thinned = [note for note in made.notes if "of 100,000 nodes are drawn" in note]
         assert bool(thinned) == (limit < html_page.LIMIT)
         assert all(note in (tmp_path / "x.html").read_text() for note in thinned)
 
 
 def test_several_results_stand_side_by_side_and_share_the_room(real, tmp_path, monkeypatch):
-    monkeypatch.setattr(html_page, "pictures", no_pictures)
-    other = invented(tmp_path / "y.h5", events=True)
+    monkeypatch.setattr(html_page, "svg_figures", no_figures)
+    other = write_result(tmp_path / "y.h5", events=True)
     html_page.write([other, real, other], tmp_path / "x.html", limit=64_000)
     text = (tmp_path / "x.html").read_text(encoding="utf-8")
-    Reader(text)
+    PageReader(text)
     assert len(text.encode()) <= 64_000
-    assert re.findall(r'class="film" data-title="([^"]*)"', text) == ["invented, y.h5", "pso_mhpf", "invented, y.h5"]
-    assert unpacked(films_of(text)[1])[0]["last"] == 100
+    assert re.findall(r'class="replay-data" data-title="([^"]*)"', text) == [
+        "synthetic, y.h5",
+        "pso_mhpf",
+        "synthetic, y.h5",
+    ]
+    assert decoded(replays_in(text)[1])[0]["last"] == 100
 
 
 def test_figures_name_their_targets_and_say_whose_are_left_out(tmp_path, monkeypatch):
-    monkeypatch.setattr(svg_figures, "MOST_TARGETS", 2)
-    drawn, left_out = svg_figures.pictures(invented(tmp_path / "x.h5", targets=3, **BY_LINE), 0)
+    monkeypatch.setattr(svg_figures, "MAX_TARGETS", 2)
+    drawn, left_out = svg_figures.svg_figures(write_result(tmp_path / "x.h5", targets=3, **ON_A_LINE), 0)
     labels = [each.label for each in drawn if each.name != "error"]
     assert labels == [
         f"{what} of replicate 0, target {of}" for what, of in (("track", 0), ("track", 1), ("px", 0), ("vx", 0))
@@ -130,11 +140,11 @@ def test_of_several_results_the_least_important_figures_are_left_out_first(tmp_p
 
     def drawn(path, replicate):
         return [
-            Picture(f"{i}", f"figure {i}", f"<svg>{'x' * size}</svg>") for i, size in enumerate(sizes[path.stem])
+            SvgFigure(f"{i}", f"figure {i}", f"<svg>{'x' * size}</svg>") for i, size in enumerate(sizes[path.stem])
         ], []
 
-    monkeypatch.setattr(html_page, "pictures", drawn)
-    paths = [invented(tmp_path / f"{name}.h5", name=name) for name in sizes]
+    monkeypatch.setattr(html_page, "svg_figures", drawn)
+    paths = [write_result(tmp_path / f"{name}.h5", name=name) for name in sizes]
     written = html_page.write(paths, tmp_path / "x.html", limit=164_000)
     text = (tmp_path / "x.html").read_text(encoding="utf-8")
     shown = re.findall(r'aria-label="(figure \d)"', text)
@@ -154,32 +164,32 @@ def test_results_of_one_name_are_told_apart_by_as_many_folders_as_differ(tmp_pat
 
 
 def test_a_file_whose_first_replicate_is_another_gives_a_page_of_that_one(tmp_path, monkeypatch):
-    monkeypatch.setattr(html_page, "pictures", no_pictures)
-    path = invented(tmp_path / "x.h5", runs=2, first=145)
+    monkeypatch.setattr(html_page, "svg_figures", no_figures)
+    path = write_result(tmp_path / "x.h5", runs=2, first=145)
     html_page.write([path], tmp_path / "x.html")
     text = (tmp_path / "x.html").read_text(encoding="utf-8")
-    assert "2 replicates, of which number 145 is replayed" in text and films_of(text)
-    bare = invented(tmp_path / "y.h5", runs=2, without=tuple(name for name in TABLES if name != "runs"))
+    assert "2 Monte Carlo runs (replicate 145 is replayed)" in text and replays_in(text)
+    bare = write_result(tmp_path / "y.h5", runs=2, without=tuple(name for name in TABLES if name != "runs"))
     html_page.write([bare], tmp_path / "y.html")
     assert "is replayed" not in (tmp_path / "y.html").read_text(encoding="utf-8")
 
 
 def test_a_direction_of_writing_stays_within_its_name(tmp_path, monkeypatch):
-    monkeypatch.setattr(html_page, "pictures", no_pictures)
+    monkeypatch.setattr(html_page, "svg_figures", no_figures)
     name = "\u202egnp.exe"
-    html_page.write([invented(tmp_path / "x.h5", name=name)] * 2, tmp_path / "x.html")
-    for tag, text in Reader((tmp_path / "x.html").read_text(encoding="utf-8")).texts:
+    html_page.write([write_result(tmp_path / "x.h5", name=name)] * 2, tmp_path / "x.html")
+    for tag, text in PageReader((tmp_path / "x.html").read_text(encoding="utf-8")).texts:
         assert name not in text or tag in ("title", "bdi", "pre")
 
 
 def test_only_the_ids_of_a_figure_are_renamed_not_what_it_says():
     svg = '<svg><path id="a"/><use href="#a"/><text>id="a" url(#a)</text></svg>'
-    assert 'id="f0-a"' in (made := page_sections._figure(Picture("", "", svg), "0"))
+    assert 'id="f0-a"' in (made := page_sections._figure(SvgFigure("", "", svg), "0"))
     assert 'href="#f0-a"' in made and '<text>id="a" url(#a)</text>' in made
 
 
 def test_another_replicate_is_replayed_and_one_that_is_not_there_is_refused(real, tmp_path):
-    one, other = (unpacked(replay.pack(real, run, 10**7).text)[1]["truth_x"] for run in (0, 1))
+    one, other = (decoded(replay.encode(real, run, 10**7).text)[1]["truth_x"] for run in (0, 1))
     assert not np.array_equal(one, other)
     with pytest.raises(UsageError, match="there is no replicate 2; it has 0 … 1"):
         html_page.write([real], tmp_path / "x.html", 2)
@@ -187,7 +197,7 @@ def test_another_replicate_is_replayed_and_one_that_is_not_there_is_refused(real
 
 
 def test_a_page_that_cannot_be_written_leaves_nothing(real, tmp_path, monkeypatch):
-    monkeypatch.setattr(html_page, "pictures", no_pictures)
+    monkeypatch.setattr(html_page, "svg_figures", no_figures)
     with pytest.raises(ResultError, match=r"x\.html: cannot be written: No such file"):
         html_page.write([real], tmp_path / "none" / "x.html")
     (tmp_path / "x.html").mkdir()

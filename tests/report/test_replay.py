@@ -9,7 +9,8 @@ from wsnsim import experiment, read
 from wsnsim.report import replay, replay_clusters, replay_encoding
 from wsnsim.scenario import load
 
-from .made import BY_LINE, OF_CLUSTERS, invented, rows_at, unpacked
+from .page_reader import decoded, rows_at
+from .synthetic_results import CLUSTER_EVENTS, ON_A_LINE, write_result
 
 
 @pytest.fixture(scope="module")
@@ -21,27 +22,27 @@ def two(tmp_path_factory):
 
 
 def test_places_are_those_of_the_tables_to_a_rounding(real):
-    header, at = unpacked(replay.pack(real, 0, 10**7).text)
+    header, at = decoded(replay.encode(real, 0, 10**7).text)
     left, bottom, right, top = header["box"]
     truth, guess, nodes = (
         frame[frame.replicate == 0] for frame in (read(real, "truth"), read(real, "estimates"), read(real, "nodes"))
     )
     for name, table, columns in (
         ("truth", truth, ("px", "py")),
-        ("guess", guess, ("px", "py")),
+        ("estimate", guess, ("px", "py")),
         ("node", nodes, ("x", "y")),
     ):
         for axis, column, low, high in zip("xy", columns, (left, bottom), (right, top), strict=True):
             shown = low + at[f"{name}_{axis}"][-len(table) :] / 65534 * (high - low)
             np.testing.assert_allclose(shown, table[column].clip(low, high), atol=0.51 * (high - low) / 65534)
-    assert at["guess_x"][0] == replay_encoding.MISSING and len(at["guess_x"]) == header["frames"] == 101
+    assert at["estimate_x"][0] == replay_encoding.MISSING and len(at["estimate_x"]) == header["frames"] == 101
     np.testing.assert_array_equal(at["node"][at["head"][1:]], guess["head"])
     np.testing.assert_allclose(at["error"][1:], guess["error"], rtol=1e-6)
 
 
 def test_states_and_charges_are_what_a_loop_over_the_log_gives(tmp_path):
-    path = invented(tmp_path / "x.h5", events=True, steps=12, nodes=7)
-    header, at = unpacked(replay.pack(path, 0, 10**6).text)
+    path = write_result(tmp_path / "x.h5", events=True, steps=12, nodes=7)
+    header, at = decoded(replay.encode(path, 0, 10**6).text)
     events, nodes = read(path, "events"), read(path, "nodes")
     state, spent = dict.fromkeys(range(7), 0), dict.fromkeys(range(7), 0.0)
     for node in range(7):
@@ -54,7 +55,7 @@ def test_states_and_charges_are_what_a_loop_over_the_log_gives(tmp_path):
         for row in events[events.step == frame].itertuples():
             state[row.node] = {"wake": 1, "sleep": 0, "death": 2, "crash": 2}.get(row.kind, state[row.node])
             spent[row.node] += row.joules
-        for name, values, field in (("turn", mode, "state"), ("drain", level, "level")):
+        for name, values, field in (("state_change", mode, "state"), ("charge_change", level, "level")):
             rows = rows_at(at, name, frame)
             for node, value in zip(at[f"{name}_node"][rows], at[f"{name}_{field}"][rows], strict=True):
                 values[node] = value
@@ -65,8 +66,8 @@ def test_states_and_charges_are_what_a_loop_over_the_log_gives(tmp_path):
 
 
 def test_links_are_what_a_loop_over_the_log_gives(tmp_path):
-    path = invented(tmp_path / "x.h5", events=True, steps=12, nodes=7)
-    header, at = unpacked(replay.pack(path, 0, 10**6).text)
+    path = write_result(tmp_path / "x.h5", events=True, steps=12, nodes=7)
+    header, at = decoded(replay.encode(path, 0, 10**6).text)
     events = read(path, "events")
     received = set(events[events.kind == "receive"].frame)
     for frame in range(header["frames"]):
@@ -81,9 +82,9 @@ def test_links_are_what_a_loop_over_the_log_gives(tmp_path):
             if row.kind == "sense":
                 senses.add(row.node)
         rows = rows_at(at, "link", frame)
-        names = ("link_origin", "link_goal", "link_lost")
+        names = ("link_origin", "link_destination", "link_lost")
         assert set(zip(*(at[name][rows].tolist() for name in names), strict=True)) == expected
-        assert at["cast_node"][rows_at(at, "cast", frame)].tolist() == casts
+        assert at["broadcast_node"][rows_at(at, "broadcast", frame)].tolist() == casts
         assert set(at["sense_node"][rows_at(at, "sense", frame)].tolist()) == senses
 
 
@@ -91,15 +92,15 @@ def clusters_of(at, frames, targets):
     """The clusters of each target at each frame, as the columns tell them."""
     clusters = [set() for _ in range(targets)]
     for frame in range(frames):
-        rows = rows_at(at, "join", frame)
-        told = zip(at["join_node"][rows].tolist(), at["join_target"][rows], at["join_what"][rows], strict=True)
-        for node, target, what in told:
+        rows = rows_at(at, "membership", frame)
+        names = ("membership_node", "membership_target", "membership_change")
+        for node, target, what in zip(*(at[name][rows].tolist() for name in names), strict=True):
             if what == replay_clusters.LEAVES:
                 clusters = [cluster - {node} for cluster in clusters]
             elif what == replay_clusters.JOINS:
                 clusters[target] = clusters[target] | {node}
             else:
-                clusters[target] = {node} if what == replay_clusters.BEGINS else set()
+                clusters[target] = {node} if what == replay_clusters.STARTS else set()
         yield list(clusters)
 
 
@@ -107,8 +108,8 @@ def modes_of(at, frames):
     """The states of the nodes at each frame, as the columns tell them."""
     mode = at["state"].copy()
     for frame in range(frames):
-        rows = rows_at(at, "turn", frame)
-        for node, state in zip(at["turn_node"][rows], at["turn_state"][rows], strict=True):
+        rows = rows_at(at, "state_change", frame)
+        for node, state in zip(at["state_change_node"][rows], at["state_change_state"][rows], strict=True):
             mode[node] = state
         yield mode.tolist()
 
@@ -139,8 +140,8 @@ def looped(events, frames, targets, mode):
 
 
 def test_clusters_and_states_are_what_a_loop_over_the_log_gives(tmp_path):
-    path = invented(tmp_path / "x.h5", events=OF_CLUSTERS, steps=12, nodes=9, targets=3)
-    header, at = unpacked(replay.pack(path, 0, 10**6).text)
+    path = write_result(tmp_path / "x.h5", events=CLUSTER_EVENTS, steps=12, nodes=9, targets=3)
+    header, at = decoded(replay.encode(path, 0, 10**6).text)
     frames, events = header["frames"], read(path, "events")
     drawn = zip(clusters_of(at, frames, 3), modes_of(at, frames), strict=True)
     several = 0
@@ -153,7 +154,7 @@ def test_clusters_and_states_are_what_a_loop_over_the_log_gives(tmp_path):
 @pytest.mark.parametrize("name", ["real", "two"])
 def test_members_are_as_many_as_the_estimates_say_and_no_head_or_member_rests(name, request):
     path = request.getfixturevalue(name)
-    header, at = unpacked(replay.pack(path, 0, 10**7).text)
+    header, at = decoded(replay.encode(path, 0, 10**7).text)
     frames, targets = header["frames"], len(header["targets"])
     guess = read(path, "estimates").query("replicate == 0").set_index(["target", "step"])
     assert (read(path, "events").query("replicate == 0").kind == "handover").any()
@@ -166,51 +167,52 @@ def test_members_are_as_many_as_the_estimates_say_and_no_head_or_member_rests(na
 
 
 def test_what_a_reader_cannot_see_is_noted(real, tmp_path):
-    notes = " ".join(replay.pack(real, 0, 10**7).notes)
-    assert "bold for the last 60 steps" in notes and "No members" not in notes and "later" not in notes
-    bare = invented(tmp_path / "x.h5", events=("send", "receive"), steps=5)
-    notes = " ".join(replay.pack(bare, 0, 10**6).notes)
-    assert "No members of clusters are drawn: the log names none." in notes and "bold" not in notes
+    notes = " ".join(replay.encode(real, 0, 10**7).notes)
+    assert "bold for the last 60 steps" in notes and "No cluster members" not in notes and "later" not in notes
+    bare = write_result(tmp_path / "x.h5", events=("send", "receive"), steps=5)
+    notes = " ".join(replay.encode(bare, 0, 10**6).notes)
+    assert "No cluster members are drawn: the event log has none." in notes and "bold" not in notes
     held, logged = 5 * (2.0 - 1.5), read(bare, "events").joules.sum()
-    assert f"Of {held:.4g} J that the nodes spent, the log has no time for {held - logged:.4g} J" in notes
+    assert f"Of {held:.4g} J that the nodes spent, the event log has no time for {held - logged:.4g} J" in notes
     assert [replay.ordinal(each) for each in (2, 3, 11, 21, 112)] == ["2nd", "3rd", "11th", "21st", "112th"]
 
 
 def test_how_late_estimates_were_known_is_noted(tmp_path):
-    path = invented(tmp_path / "x.h5", delay=1.25)
-    assert "heads had them up to 1.25 s later" in " ".join(replay.pack(path, 0, 10**6).notes)
+    path = write_result(tmp_path / "x.h5", delay=1.25)
+    assert "cluster heads computed it up to 1.25 s later" in " ".join(replay.encode(path, 0, 10**6).notes)
 
 
 def test_true_counts_are_kept_where_fewer_are_drawn(tmp_path, monkeypatch):
-    path = invented(tmp_path / "x.h5", events=True, steps=12, nodes=30)
-    whole = unpacked(replay.pack(path, 0, 10**6).text)[1]
-    monkeypatch.setattr(replay, "PLANS", (replay_encoding.Plan(links=3),))
-    part = unpacked(replay.pack(path, 0, 10**6).text)[1]
-    assert part["link_count"].max() == 3 and "link_all" not in whole
-    np.testing.assert_array_equal(part["link_all"], whole["link_count"])
+    path = write_result(tmp_path / "x.h5", events=True, steps=12, nodes=30)
+    whole = decoded(replay.encode(path, 0, 10**6).text)[1]
+    monkeypatch.setattr(replay, "DETAILS", (replay_encoding.DetailLevel(links=3),))
+    part = decoded(replay.encode(path, 0, 10**6).text)[1]
+    assert part["link_count"].max() == 3 and "link_total" not in whole
+    np.testing.assert_array_equal(part["link_total"], whole["link_count"])
 
 
 def test_particles_are_where_the_table_has_them(real):
-    header, at = unpacked(replay.pack(real, 1, 10**7).text)
+    header, at = decoded(replay.encode(real, 1, 10**7).text)
     cloud = read(real, "particles").query("replicate == 1 and step == 50 and weight > 0")
-    rows = rows_at(at, "cloud", 50)
+    rows = rows_at(at, "particle", 50)
     side = header["box"][2] - header["box"][0]
-    shown = header["box"][0] + side * (at["cloud_x_low"][50] + at["cloud_x"][rows] / 255 * at["cloud_x_width"][50])
+    low, width = at["particle_x_low"][50], at["particle_x_width"][50]
+    shown = header["box"][0] + side * (low + at["particle_x"][rows] / 255 * width)
     assert 0 < shown.size <= len(cloud)
     for x in shown:
-        assert np.abs(cloud.px - x).min() < 0.51 * side * at["cloud_x_width"][50] / 255 + 1e-4
+        assert np.abs(cloud.px - x).min() < 0.51 * side * width / 255 + 1e-4
 
 
 def test_what_has_no_room_is_thinned_and_said(tmp_path):
-    path = invented(tmp_path / "x.h5", events=True, steps=200, nodes=100)
-    whole = replay.pack(path, 0, 10**6)
-    part = replay.pack(path, 0, len(whole.text) // 3)
+    path = write_result(tmp_path / "x.h5", events=True, steps=200, nodes=100)
+    whole = replay.encode(path, 0, 10**6)
+    part = replay.encode(path, 0, len(whole.text) // 3)
     assert len(part.text) <= len(whole.text) // 3
     assert any("step of 200 is drawn" in note for note in part.notes)
     assert not any("step of" in note for note in whole.notes)
-    header, at = unpacked(part.text)
+    header, at = decoded(part.text)
     assert header["stride"] > 1 and header["frames"] == -(-200 // header["stride"]) + 1 == len(at["link_count"])
-    none = replay.pack(path, 0, 100)
+    none = replay.encode(path, 0, 100)
     assert none.text == "" and "left out" in none.notes[0]
 
 
@@ -224,15 +226,15 @@ def test_what_is_kept_is_spread_evenly():
 
 
 def test_a_log_without_nodes_draws_nothing_between_them(tmp_path):
-    path = invented(tmp_path / "x.h5", events=True, without=("nodes",))
-    assert not {"link_count", "join_count", "node_x"} & unpacked(replay.pack(path, 0, 10**6).text)[1].keys()
-    bare = invented(tmp_path / "y.h5", events=True, without=("nodes", "truth", "estimates"))
-    assert replay.pack(bare, 0, 10**6).text == ""
+    path = write_result(tmp_path / "x.h5", events=True, without=("nodes",))
+    assert not {"link_count", "membership_count", "node_x"} & decoded(replay.encode(path, 0, 10**6).text)[1].keys()
+    bare = write_result(tmp_path / "y.h5", events=True, without=("nodes", "truth", "estimates"))
+    assert replay.encode(bare, 0, 10**6).text == ""
 
 
 def test_a_position_on_a_line_is_drawn_over_time_with_its_sensors_at_the_edge(tmp_path):
-    path = invented(tmp_path / "x.h5", targets=2, **BY_LINE)
-    header, at = unpacked(replay.pack(path, 0, 10**6).text)
+    path = write_result(tmp_path / "x.h5", targets=2, **ON_A_LINE)
+    header, at = decoded(replay.encode(path, 0, 10**6).text)
     assert header["flat"] and header["targets"] == [0, 1] and header["axes"] == ["time [s]", "px [m]"]
     assert (np.diff(at["truth_x"].astype(int).reshape(2, -1)) > 0).all() and set(at["node_x"]) == {65534}
     shown = header["box"][1] + (header["box"][3] - header["box"][1]) * at["node_y"] / 65534

@@ -8,7 +8,8 @@ import pytest
 
 from wsnsim.report import html_page
 
-from .made import invented, no_pictures
+from .page_reader import no_figures
+from .synthetic_results import write_result
 
 
 @pytest.fixture
@@ -18,7 +19,7 @@ def wsnsim(tmp_path, monkeypatch, capsys):
     from wsnsim.cli import main
 
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(html_page, "pictures", no_pictures)
+    monkeypatch.setattr(html_page, "svg_figures", no_figures)
 
     def run(*words):
         code = main(["report", *map(str, words)])
@@ -29,7 +30,7 @@ def wsnsim(tmp_path, monkeypatch, capsys):
 
 
 def test_the_command_writes_beside_the_result_or_where_it_is_told(wsnsim, real):
-    invented(Path("x.h5"))
+    write_result(Path("x.h5"))
     code, out, err = wsnsim("x.h5")
     assert code == 0 and out.startswith("x.html: 0.0") and err == ""
     assert wsnsim("x.h5", real)[1].startswith("report.html: ")
@@ -38,13 +39,13 @@ def test_the_command_writes_beside_the_result_or_where_it_is_told(wsnsim, real):
 
 
 def test_the_command_refuses_what_it_cannot_do_in_one_line(wsnsim):
-    invented(Path("x.h5"))
+    write_result(Path("x.h5"))
     Path("text.h5").write_text("no result")
     for words, code, message in (
         (["xx.h5"], 1, "xx.h5: no such file, did you mean 'x.h5'?"),
         (["text.h5"], 1, "text.h5: is not a wsnsim result"),
         (["x.h5", "--out", "x.h5"], 2, "x.h5 is the result itself"),
-        (["x.h5", "--out", "none/x.html"], 2, "there is no folder none; make it first"),
+        (["x.h5", "--out", "none/x.html"], 2, "folder does not exist: none"),
         (["x.h5", "--replicate", "3"], 2, "there is no replicate 3; it has 0"),
         (["x.h5", "--megabytes", "0"], 2, "'--megabytes'"),
         ([], 2, "Missing argument"),
