@@ -366,7 +366,9 @@ def test_terminal_page_info_and_json_have_the_same_names_and_values(tmp_path):
     figures = summary.as_json(report, {}, summary.bounds_of_report(report))
     about, info_text = result_info.info(report.out), result_info.info_text(report.out)
     terminal = rows(report)
-    page = dict(re.findall(r'<th scope="row">([^<]*)</th><td>([^<]*)', summary_table.tally([report.out], ["x"])))
+    page = dict(
+        re.findall(r'<th scope="row">([^<]*)</th><td>([^<]*)', summary_table.summary_table([report.out], ["x"]))
+    )
     shown = [key for key, quantity in QUANTITIES.items() if quantity.name in page]
     assert {"rmse", "rmse_median", "median_error", "energy", "packet_delivery_ratio"} <= set(shown)
     json_keys = {"lost": "lost_fraction"}
