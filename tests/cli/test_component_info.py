@@ -39,7 +39,7 @@ def test_a_sheet_as_json_is_in_si_units(capsys: pytest.CaptureFixture[str]) -> N
     answer = json.loads(said(capsys, "info", "cc2420", "--json"))
     assert (answer["part"], answer["sheet"], answer["name"]) == ("cc2420", "radio", "CC2420")
     rate = answer["values"]["rate"]
-    assert (rate["value"], rate["unit"], rate["what"]) == (250e3, "bit/s", "of the air")
+    assert (rate["value"], rate["unit"], rate["what"]) == (250e3, "bit/s", "bit rate on the air")
     assert "SWRS041" in rate["source"]
     assert len(answer["values"]["levels"]["value"]) == len(answer["values"]["transmit"]["value"])
 
@@ -59,7 +59,7 @@ def test_a_bad_sheet_is_one_message_a_fault(capsys: pytest.CaptureFixture[str]) 
     assert main(["info", "mine"]) == 2
     errors = capsys.readouterr().err
     assert "mine.yaml:4:7: error: rate: expected frequency (for example '1 Hz'), got the text 'fast'" in errors
-    assert "mine.yaml:1:1: error: run: is missing: while it computes [W]" in errors
+    assert "mine.yaml:1:1: error: run: is missing: power while computing [W]" in errors
 
 
 def test_a_scenario_shows_what_its_radio_rests_on_and_what_follows(capsys: pytest.CaptureFixture[str]) -> None:
@@ -70,7 +70,7 @@ def test_a_scenario_shows_what_its_radio_rests_on_and_what_follows(capsys: pytes
     )
     lines = [" ".join(line.split()) for line in said(capsys, "info", "air.yaml").splitlines()]
     for line in (
-        "radio.sleep 0.0014 W while it is off",
+        "radio.sleep 0.0014 W power while off",
         "max_backoffs 4 macMaxCSMABackoffs: attempts after the first",
         "exponent 2.4 of the path loss: 2 in free space",
         # 12 bytes and 17 of preamble, header and checksum at 250 kbit/s

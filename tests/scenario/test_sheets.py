@@ -172,7 +172,7 @@ def test_a_profile_of_a_bad_sheet_is_its_faults() -> None:
     for text, fault in [
         (TINY.replace("radio", "rado"), "tiny.yaml:1:8: error: sheet: unknown kind of datasheet "
                                         "(did you mean 'radio'?)"),
-        (TINY, "tiny.yaml:1:1: error: receive: is missing: while it receives a frame [W]"),
+        (TINY, "tiny.yaml:1:1: error: receive: is missing: power while receiving a frame [W]"),
         ("a: 1\n", "tiny.yaml:1:1: error: sheet: is not a datasheet"),
     ]:  # fmt: skip
         with pytest.raises(ScenarioError) as caught:

@@ -17,19 +17,19 @@ class Mode(IntEnum):
     """What a node does when it neither sends, receives nor computes."""
 
     DORMANT = 0
-    """Processor asleep; sensor and receiver on, so that the target's sound or a frame wakes it."""
+    """Processor asleep; sensor and receiver on: a measurement of the target or a frame wakes the node."""
     AWAKE = 1
     """Processor and receiver on."""
     ASLEEP = 2
     """Processor and radio off."""
     DOWN = 3
-    """Crashed or dead: draws nothing."""
+    """Crashed or dead: no power."""
     SCHEDULED = 4
-    """By its schedule of sleep, now AWAKE, now ASLEEP (see `base.sleeping`)."""
+    """AWAKE or ASLEEP, by the sleep schedule of the node (see `base.sleeping`)."""
 
 
 class ModePower(NamedTuple):
-    """What a node draws all the time in a mode, in W, and whether each part of it is booked as sleep (else as idle)."""
+    """The power of a node in a mode, in W, and whether each part is booked as sleep (otherwise as idle)."""
 
     radio: float
     radio_sleeps: bool
@@ -38,7 +38,7 @@ class ModePower(NamedTuple):
 
 
 class EnergyModel(Protocol):
-    """What each act costs, in joules. `battery` is a node's charge."""
+    """The energy of each act, in joules. `battery` is the initial charge of a node in J."""
 
     @property
     def battery(self) -> float: ...
@@ -67,7 +67,7 @@ class ContinuousPower(Protocol):
         ...
 
     def switching(self, before: Mode, after: Mode) -> float:
-        """Joules of a node's change of mode."""
+        """Joules of a change of mode."""
         ...
 
     def turnaround(self) -> float:
@@ -75,7 +75,7 @@ class ContinuousPower(Protocol):
         ...
 
     def seconds(self, cycles: float) -> float:
-        """How long the processor is busy with so many cycles; 0 where that is not known."""
+        """Seconds for which the processor is busy with `cycles`; 0 where the model does not know."""
         ...
 
 
@@ -228,26 +228,26 @@ class Packing(Protocol):
 
 
 class Cpu(Protocol):
-    """How long computing takes. `cycles_per_flop`: processor cycles of one operation that a tracker states."""
+    """The time of computations. `cycles_per_flop`: processor cycles of one operation stated by a tracker."""
 
     @property
     def cycles_per_flop(self) -> float: ...
 
     def seconds(self, cycles: float) -> float:
-        """Simulated seconds that so many cycles take; 0: no time passes."""
+        """Simulated seconds that `cycles` take; 0 if computing takes no time."""
         ...
 
 
 class Clock(Protocol):
-    """How true the nodes' clocks are."""
+    """The rates of the clocks of nodes."""
 
     def rates(self, keys: Keys) -> Floats:
-        """(n,) seconds that pass on each node's clock in one true second, given a counter key a node."""
+        """(n,) seconds that pass on the clock of each node per true second, given one counter key per node."""
         ...
 
 
 class Sink(Protocol):
-    """Who is told of estimates. `point` (2,): the node nearest to it; None: nobody. `bits` of a report."""
+    """The sink of estimates: the node nearest to `point` (2,), or none if that is None. A report has `bits`."""
 
     @property
     def point(self) -> tuple[float, float] | None: ...
@@ -282,10 +282,11 @@ class BeaconWorkload(Workload, Protocol):
 
 
 class FaultEvent(Protocol):
-    """Something that goes wrong: what (`mechanism`), when (`at`, s), for how long (`duration`, None: for good).
+    """An injected fault: its `mechanism`, its beginning (`at`, s), its `duration` (s; None: until the end of the run).
 
-    Whom it hits is said by one of `nodes` (ids), `fraction` (of all, drawn), `region` (x, y, radius in m) and `head`
-    (the head of that target's track at that instant).
+    The nodes it hits are given by exactly one of `nodes` (ids), `fraction` (of all, sampled), `region` (x, y, radius in
+    m) and `head` (the cluster head of that target when the fault begins). A plug-in also offers `start`: see
+    `mechanisms.StartsFault`.
     """
 
     @property

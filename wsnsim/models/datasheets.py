@@ -1,7 +1,7 @@
-"""Datasheets: what a radio and a processor draw in each of their states, and what changing between them takes.
+"""Datasheets: the power of a radio and of a processor in each state, and the time and power of changes between states.
 
-A scenario names a sheet (`radio: cc2420`) or writes its fields. The files of those that come with wsnsim say for each
-value where it comes from.
+A scenario names a datasheet (`radio: cc2420`) or writes its fields. The files of the shipped datasheets give the
+source of each value.
 """
 
 from __future__ import annotations
@@ -18,28 +18,30 @@ LEVEL: Final = Quantity("dBm", ge=-200.0, le=60.0)
 
 @part
 class RadioSheet:
-    """A radio by its datasheet: `transmit[i]` watts at `levels[i]` dBm of output power."""
+    """The datasheet of a radio: `transmit[i]` watts at `levels[i]` dBm of output power."""
 
-    name: Annotated[str, "of the radio"]
-    source: Annotated[str, "the document that the values come from"]
-    rate: Annotated[float, Quantity("bit/s", ge=1.0, le=1e12), "of the air"]
-    receive: Annotated[float, WATTS, "while it receives a frame"]
-    listen: Annotated[float, WATTS, "while it listens and nothing comes"]
-    levels: Annotated[tuple[float, ...], LEVEL, "output powers that can be set"]
-    transmit: Annotated[tuple[float, ...], WATTS, "while it sends, at each of the output powers"]
-    sleep: Annotated[float, WATTS, "while it is off"]
-    wake: Annotated[float, SECONDS, "from off to listening"]
-    wake_power: Annotated[float, WATTS, "meanwhile"]
-    doze: Annotated[float, SECONDS, "from listening to off"]
-    doze_power: Annotated[float, WATTS, "meanwhile"]
-    turnaround: Annotated[float, SECONDS, "between receiving and sending"]
-    turnaround_power: Annotated[float, WATTS, "meanwhile"]
-    sensitivity: Annotated[float, LEVEL, "of the receiver"]
-    noise: Annotated[float, LEVEL, "noise floor of the receiver, to know: a link derives its own from the sensitivity"]
+    name: Annotated[str, "name of the radio"]
+    source: Annotated[str, "the document with the values"]
+    rate: Annotated[float, Quantity("bit/s", ge=1.0, le=1e12), "bit rate on the air"]
+    receive: Annotated[float, WATTS, "power while receiving a frame"]
+    listen: Annotated[float, WATTS, "power in idle listening"]
+    levels: Annotated[tuple[float, ...], LEVEL, "output powers that can be selected"]
+    transmit: Annotated[tuple[float, ...], WATTS, "power while sending, at each of the output powers"]
+    sleep: Annotated[float, WATTS, "power while off"]
+    wake: Annotated[float, SECONDS, "time from off to listening"]
+    wake_power: Annotated[float, WATTS, "power from off to listening"]
+    doze: Annotated[float, SECONDS, "time from listening to off"]
+    doze_power: Annotated[float, WATTS, "power from listening to off"]
+    turnaround: Annotated[float, SECONDS, "time between receiving and sending"]
+    turnaround_power: Annotated[float, WATTS, "power between receiving and sending"]
+    sensitivity: Annotated[float, LEVEL, "sensitivity of the receiver"]
+    noise: Annotated[
+        float, LEVEL, "noise floor of the receiver, for information: a link derives its own from the sensitivity"
+    ]
     modulation: Annotated[Modulation, "oqpsk: IEEE 802.15.4 at 2.4 GHz; ncfsk: non-coherent FSK"] = "oqpsk"
 
     def __post_init__(self) -> None:
-        """Refuse levels without their powers. Raises ValueError."""
+        """Raise ValueError if levels and powers do not match."""
         if not self.levels:
             raise ValueError("levels must name at least one output power, such as [0]")
         if len(self.levels) != len(self.transmit):
@@ -50,17 +52,17 @@ class RadioSheet:
 
 @part
 class ProcessorSheet:
-    """A processor by its datasheet. It computes at `rate`; a cycle costs `run / rate` where there is no figure."""
+    """The datasheet of a processor. A cycle costs `energy_per_cycle`, or `run / rate` if that is left out."""
 
-    name: Annotated[str, "of the processor"]
-    source: Annotated[str, "the document that the values come from"]
-    rate: Annotated[float, Quantity("Hz", ge=1.0, le=1e12), "of its clock"]
-    run: Annotated[float, WATTS, "while it computes"]
-    idle: Annotated[float, WATTS, "while it waits, its clock running"]
-    sleep: Annotated[float, WATTS, "while it sleeps, its memory kept"]
-    wake: Annotated[float, SECONDS, "from sleeping to computing"]
+    name: Annotated[str, "name of the processor"]
+    source: Annotated[str, "the document with the values"]
+    rate: Annotated[float, Quantity("Hz", ge=1.0, le=1e12), "clock rate"]
+    run: Annotated[float, WATTS, "power while computing"]
+    idle: Annotated[float, WATTS, "power while waiting with the clock running"]
+    sleep: Annotated[float, WATTS, "power while sleeping with its memory kept"]
+    wake: Annotated[float, SECONDS, "time from sleeping to computing"]
     energy_per_cycle: Annotated[
-        float | None, Quantity("J", ge=0.0, le=1.0), "of computing; left out: from `run` and `rate`"
+        float | None, Quantity("J", ge=0.0, le=1.0), "energy of one cycle; left out: from `run` and `rate`"
     ] = None
 
     @property

@@ -1,11 +1,10 @@
-"""What each act costs, in joules, and what time costs, in watts.
+"""Energy models: the energy of each act in joules, and the power in each mode in watts.
 
     transmit(bits, distance) -> (electronics, amplifier)    receive(bits), compute(cycles), sense() -> joules
-    draw(mode) -> Draw in watts    switching(before, after), turnaround() -> joules    seconds(cycles)
+    mode_power(mode) -> ModePower in watts    switching(before, after), turnaround() -> joules    seconds(cycles)
 
-In the first-order models idle listening, sleep and switching cost nothing unless they are given a price: as they
-stand, they allow no conclusion about sleeping. `States` rests on datasheets, where listening costs as much as
-receiving.
+In the first-order models idle listening, sleep and switching cost nothing by default: without prices for them, these
+models allow no conclusion about sleeping. `States` uses datasheets, where listening costs as much as receiving.
 """
 
 from __future__ import annotations
@@ -23,25 +22,27 @@ from wsnsim.models.datasheets import ProcessorSheet, RadioSheet
 from wsnsim.models.links import LogNormal
 
 NOTHING: Final = ModePower(0.0, False, 0.0, False)
-"""What a node draws that is down."""
+"""The power of a node that is down."""
 
 
 @part
 class Supply:
-    """What the first-order models share: a battery, a radio's electronics, a processor of switched capacitance.
+    """The fields of both first-order models: battery, electronics of the radio, processor of switched capacitance.
 
     E_rx = k E_elec, E_cpu = N_c C V² (Jiang, Song, Lin 2013, eqs. 10-11). The paper gives neither battery nor C and V:
     ours are 2 J and a StrongARM-class processor. `idle`, `sleep` and `switch` are our additions, zero in the paper.
     """
 
     electronics: Annotated[float, Quantity("J/bit", ge=0, le=1e6), "E_elec: sending or receiving a bit"] = 50e-9
-    battery: Annotated[float, Quantity("J", gt=0), "a node's charge at the start; .inf for no limit"] = 2.0
-    capacitance: Annotated[float, Quantity("F", ge=0, le=1e3), "C: capacitance switched in a cycle"] = 0.67e-9
-    voltage: Annotated[float, Quantity("V", ge=0, le=1e6), "V_dd: supply of the processor"] = 1.5
-    sensing: Annotated[float, Quantity("J", ge=0, le=1e6), "taking one reading"] = 0.0
-    idle: Annotated[float, Quantity("W", ge=0, le=1e6), "listening while nothing comes, dormant or awake"] = 0.0
+    battery: Annotated[float, Quantity("J", gt=0), "initial charge of a node; .inf for no limit"] = 2.0
+    capacitance: Annotated[float, Quantity("F", ge=0, le=1e3), "C: capacitance switched per cycle"] = 0.67e-9
+    voltage: Annotated[float, Quantity("V", ge=0, le=1e6), "V_dd: supply voltage of the processor"] = 1.5
+    sensing: Annotated[float, Quantity("J", ge=0, le=1e6), "energy of one reading"] = 0.0
+    idle: Annotated[float, Quantity("W", ge=0, le=1e6), "idle listening, dormant or awake"] = 0.0
     sleep: Annotated[float, Quantity("W", ge=0, le=1e6), "radio and processor off"] = 0.0
-    switch: Annotated[float, Quantity("J", ge=0, le=1e6), "one change between dormant, awake and asleep"] = 0.0
+    switch: Annotated[float, Quantity("J", ge=0, le=1e6), "energy of one change between dormant, awake and asleep"] = (
+        0.0
+    )
 
     def receive(self, bits: float) -> float:
         """Joules of receiving `bits` (eq. 10)."""
@@ -56,7 +57,7 @@ class Supply:
         return self.sensing
 
     def mode_power(self, mode: Mode) -> ModePower:
-        """`idle` while the receiver is on, `sleep` while it is not; nothing of a node that is down."""
+        """Return `idle` while the receiver is on, `sleep` while it is off, and zero for a node that is down."""
         if mode is Mode.DOWN:
             return NOTHING
         return (
@@ -64,7 +65,7 @@ class Supply:
         )
 
     def switching(self, before: Mode, after: Mode) -> float:
-        """Joules of a change of mode; to go down and to come back costs nothing."""
+        """Joules of a change of mode; going down and coming back cost nothing."""
         return 0.0 if before is after or Mode.DOWN in (before, after) else self.switch
 
     def turnaround(self) -> float:
@@ -72,7 +73,7 @@ class Supply:
         return 0.0
 
     def seconds(self, cycles: float) -> float:
-        """How long computing takes: not known in these models, 0."""
+        """Return 0: these models do not know how long computing takes."""
         return 0.0
 
 
@@ -99,8 +100,8 @@ class FirstOrder2002(Supply):
     E_tx = k E_elec + k ε_fs d² for d < d0, k E_elec + k ε_mp d⁴ beyond, with d0 = sqrt(ε_fs / ε_mp), where both agree.
 
     Source: Heinzelman, Chandrakasan, Balakrishnan (2002), "An application-specific protocol architecture for wireless
-    microsensor networks". Battery and processor as in `FirstOrder`; its cost of aggregating signals
-    is left out: what a tracker computes is stated in operations.
+    microsensor networks". Battery and processor are those of `FirstOrder`. The paper's energy of
+    aggregating signals is left out, since a tracker states its operations.
     """
 
     free_space: Annotated[float, Quantity("J/bit/m2", ge=1e-30, le=1e6), "ε_fs: radiating a bit over a short link"] = (
@@ -112,7 +113,7 @@ class FirstOrder2002(Supply):
 
     @property
     def crossover(self) -> float:
-        """d0 in m: where free space ends and multipath begins."""
+        """d0 in m: the distance at which multipath replaces free space."""
         return math.sqrt(self.free_space / self.multipath)
 
     def transmit(self, bits: float, distance: float) -> tuple[float, float]:
@@ -123,25 +124,25 @@ class FirstOrder2002(Supply):
 
 @part
 class States:
-    """Power by state from datasheets: sending, receiving, listening, sleeping, computing, waiting, changing over.
+    """Power by state from datasheets: sending, receiving, listening, sleeping, computing, waiting, switching.
 
-    E_tx = P_tx k / rate at the output power's level, E_rx = P_rx k / rate, E_cpu = P_run N_c / f. A datasheet does not
-    split electronics and amplifier: all of sending is booked as electronics, whatever the distance.
+    E_tx = P_tx k / rate at the level of the output power, E_rx = P_rx k / rate, E_cpu = P_run N_c / f. A datasheet does
+    not separate electronics and amplifier: sending is booked as electronics, at any distance.
 
-    A dormant node listens while its processor sleeps; asleep, both are off. A processor that wakes draws what it
-    draws when it runs (our choice); to crash and to restart costs nothing (our choice).
+    A dormant node listens while its processor sleeps; asleep, both are off. The power of a processor that wakes is that
+    of one that runs (our choice); crashing and restarting cost nothing (our choice).
 
     The battery is two AA cells: 18,720 J, as in Castalia 3.
     """
 
-    radio: Annotated[RadioSheet, "datasheet of the radio, or the name of one"]
-    processor: Annotated[ProcessorSheet, "datasheet of the processor, or the name of one"]
-    power: Annotated[float, Quantity("dBm", ge=-200.0, le=60.0), "output power: one of the radio's levels"] = 0.0
-    battery: Annotated[float, Quantity("J", gt=0), "a node's charge at the start; .inf for no limit"] = 18_720.0
-    sensing: Annotated[float, Quantity("J", ge=0, le=1e6), "taking one reading"] = 0.0
+    radio: Annotated[RadioSheet, "datasheet of the radio, or its name"]
+    processor: Annotated[ProcessorSheet, "datasheet of the processor, or its name"]
+    power: Annotated[float, Quantity("dBm", ge=-200.0, le=60.0), "output power: one of the levels of the radio"] = 0.0
+    battery: Annotated[float, Quantity("J", gt=0), "initial charge of a node; .inf for no limit"] = 18_720.0
+    sensing: Annotated[float, Quantity("J", ge=0, le=1e6), "energy of one reading"] = 0.0
 
     def transmit(self, bits: float, distance: float) -> tuple[float, float]:
-        """(electronics, amplifier) joules of sending `bits`: all of it the first, whatever the distance."""
+        """(electronics, amplifier) joules of sending `bits`: the amplifier's are zero, at any distance."""
         return bits * self._per_bit, 0.0
 
     def receive(self, bits: float) -> float:
@@ -157,7 +158,7 @@ class States:
         return self.sensing
 
     def mode_power(self, mode: Mode) -> ModePower:
-        """The sheets' powers in the mode."""
+        """Return the power of the datasheets in a mode."""
         radio, processor = self.radio, self.processor
         if mode is Mode.DORMANT:
             return ModePower(radio.listen, False, processor.sleep, True)
@@ -166,7 +167,7 @@ class States:
         return ModePower(radio.sleep, True, processor.sleep, True) if mode is Mode.ASLEEP else NOTHING
 
     def switching(self, before: Mode, after: Mode) -> float:
-        """Joules of a change of mode: the radio's start or stop, and the processor's waking."""
+        """Joules of a change of mode: starting or stopping the radio, and waking the processor."""
         if Mode.DOWN in (before, after):
             return 0.0
         radio, processor, joules = self.radio, self.processor, 0.0
@@ -183,17 +184,17 @@ class States:
         return self.radio.turnaround * self.radio.turnaround_power
 
     def seconds(self, cycles: float) -> float:
-        """How long the processor is busy with so many cycles."""
+        """Seconds for which the processor is busy with `cycles`."""
         return cycles / self.processor.rate
 
     def check(self, setup: Setup) -> Iterator[Issue]:
-        """An output power that the radio does not have, or a link or a MAC of another radio."""
+        """Yield an issue for an output power that the radio lacks, and for a link or a MAC of another radio."""
         levels = self.radio.levels
         if self.power not in levels:
             nearest = min(levels, key=lambda level: abs(level - self.power))
             yield Issue(
                 ("energy", "power"),
-                f"{self.power:g} dBm is no output power of {self.radio.name}: it has "
+                f"{self.power:g} dBm is not an output power of {self.radio.name}, which has "
                 f"{', '.join(f'{level:g}' for level in levels)} dBm (nearest: {nearest:g} dBm)",
             )
         link = setup.link if isinstance(setup, RadioSetup) else None
@@ -204,7 +205,7 @@ class States:
         yield from self._other_radio(setup)
 
     def _other_radio(self, setup: Setup) -> Iterator[Issue]:
-        """What the sheet says otherwise than the link or the MAC."""
+        """Yield an issue for each value of the link or the MAC that differs from the datasheet."""
         if not isinstance(setup, RadioSetup):
             return
         pairs: list[tuple[str, str, str, Any]] = [("mac", "turnaround", "s", self.radio.turnaround)]
@@ -221,6 +222,6 @@ class States:
 
     @cached_property
     def _per_bit(self) -> float:
-        """Joules of sending a bit at the output power, or at the nearest one that the sheet has."""
+        """Joules of sending one bit at the level nearest to the output power."""
         level = min(range(len(self.radio.levels)), key=lambda i: abs(self.radio.levels[i] - self.power))
         return self.radio.transmit[level] / self.radio.rate

@@ -1,9 +1,9 @@
-"""What goes wrong, when, for how long, and whom it hits. The network room makes it happen.
+"""Fault components: what fails, when, for how long, and which nodes it hits. `network.faults` makes it happen.
 
-    mechanism    at (s), duration (s, None: for good)    exactly one of nodes, fraction, region, head
+    mechanism    at (s), duration (s, None: until the end)    exactly one of nodes, fraction, region, head
 
-Not to be confused with `base.errors.Issue`, a finding of the validation. Paths of those name the role and the
-field, ("faults", "region"); which of the list it is, the scenario room puts between.
+An injected fault is not an `Issue`, which is a finding of validation. The paths of issues name the list and the field,
+("faults", "region"); the scenario package inserts the place in the list.
 """
 
 from __future__ import annotations
@@ -24,32 +24,32 @@ SELECTORS: Final = ("nodes", "fraction", "region", "head")
 
 @part
 class Aimed:
-    """What all of them share: when, for how long, and whom: ids, a share of all, a region, or the head of a track."""
+    """The fields of every fault: its time, its duration, and the nodes it hits. Plug-in faults may inherit them."""
 
-    at: Annotated[float, TIME, "when it happens"]
-    duration: Annotated[float | None, TIME, "how long it lasts; left out: for good"] = None
-    nodes: Annotated[tuple[int, ...] | None, Quantity("", ge=0, lt=MOST_NODES), "whom it hits: their numbers"] = None
+    at: Annotated[float, TIME, "when it begins"]
+    duration: Annotated[float | None, TIME, "how long it lasts; left out: until the end of the run"] = None
+    nodes: Annotated[tuple[int, ...] | None, Quantity("", ge=0, lt=MOST_NODES), "the nodes it hits, by number"] = None
     fraction: Annotated[
-        float | None, Quantity("", gt=0.0, le=1.0), "whom it hits: a share of all nodes, drawn at random"
+        float | None, Quantity("", gt=0.0, le=1.0), "the nodes it hits, as a share of all nodes, chosen at random"
     ] = None
     region: Annotated[
-        tuple[float, float, float] | None, PLACE, "whom it hits: all within a circle; x, y and radius"
+        tuple[float, float, float] | None, PLACE, "the nodes it hits are those within a circle: x, y and radius"
     ] = None
     head: Annotated[
-        int | None, Quantity("", ge=0, le=10_000), "whom it hits: who leads this target's cluster at that instant"
+        int | None, Quantity("", ge=0, le=10_000), "the node it hits is the cluster head of this target at that time"
     ] = None
 
     def check(self, setup: Setup) -> Iterator[Issue]:
-        """A time after the run's end; aim at nothing, at several things, or at what is not there."""
+        """Yield issues for a time after the end of the run, and for nodes not given exactly once or not there."""
         if self.at > setup.steps * setup.dt:
             yield _fault("at", f"{self.at:g} s is after the end of the run at {setup.steps * setup.dt:g} s")
         aims = [name for name in SELECTORS if getattr(self, name) is not None]
         if len(aims) != 1:
-            given = f"aimed by {' and '.join(aims)} at once" if aims else "aimed at nothing"
-            yield Issue(("faults",), f"is {given}: give exactly one of {', '.join(SELECTORS)}")
+            given = f"nodes given by {' and '.join(aims)}" if aims else "no nodes given"
+            yield Issue(("faults",), f"{given}: give exactly one of {', '.join(SELECTORS)}")
         count = getattr(setup.deploy, "nodes", None)
         if self.fraction is not None and count is not None and round(self.fraction * count) == 0:
-            yield _fault("fraction", f"{self.fraction:g} of {count} nodes is nobody")
+            yield _fault("fraction", f"{self.fraction:g} of {count} nodes is less than one node")
         yield from self._unknown_nodes(setup)
         yield from self._unknown_region(setup.deploy.field)
         yield from self._unknown_head(setup)
@@ -58,11 +58,11 @@ class Aimed:
         if self.nodes is None:
             return
         if not self.nodes:
-            yield _fault("nodes", "names no node: give at least one, such as [0]")
+            yield _fault("nodes", "is empty: give at least one node, such as [0]")
         number = _number_of_nodes(setup)
         beyond = [node for node in self.nodes if number is not None and node >= number]
         if beyond:
-            yield _fault("nodes", f"there is no node {beyond[0]}: the {number} nodes are numbered from 0")
+            yield _fault("nodes", f"no node {beyond[0]}: the {number} nodes are numbered from 0")
 
     def _unknown_region(self, field: Field) -> Iterator[Issue]:
         if self.region is None:
@@ -83,64 +83,66 @@ class Aimed:
         if self.head is None:
             return
         if isinstance(setup, BeaconSetup):
-            yield _fault("head", "nobody leads in a network without a target")
+            yield _fault("head", "no cluster head in a network without a target")
         elif isinstance(setup, TrackingSetup) and self.head >= len(setup.motions):
             number = len(setup.motions)
-            yield _fault("head", f"there is no target {self.head}: the targets are numbered from 0 to {number - 1}")
+            yield _fault("head", f"no target {self.head}: the targets are numbered from 0 to {number - 1}")
 
 
 @part
 class Crash(Aimed):
-    """A node falls silent and loses what it knew; after the duration it comes back, dormant, with its charge."""
+    """A node goes down and loses its memory; after the duration it is up again, dormant, with its charge."""
 
     mechanism: ClassVar[str] = "crash"
 
 
 @part
 class Restart(Aimed):
-    """A node starts anew: what it knew is lost, and it is back after the duration, by default at once."""
+    """A node restarts and loses its memory; it is up again after the duration, by default at once."""
 
     mechanism: ClassVar[str] = "restart"
 
-    duration: Annotated[float | None, TIME, "how long starting takes"] = 0.0
+    duration: Annotated[float | None, TIME, "how long the restart takes"] = 0.0
 
     def check(self, setup: Setup) -> Iterator[Issue]:
-        """What all of them share, and a start that never ends."""
+        """Yield the issues of every fault, and one for a restart that does not end."""
         yield from Aimed.check(self, setup)
         if self.duration is None:
-            yield _fault("duration", "a restart ends: say after how long (a crash without a duration is for good)")
+            yield _fault("duration", "a restart needs a duration (a crash without one lasts until the end)")
 
 
 @part
 class Drain(Aimed):
-    """A node loses charge at once, as through a leak: so many joules, or a share of what it still has."""
+    """A node loses charge at once, as through a leak: an amount in joules, or a share of its residual energy."""
 
     mechanism: ClassVar[str] = "drain"
 
     joules: Annotated[float | None, Quantity("J", gt=0.0, lt=inf), "charge lost"] = None
-    share: Annotated[float | None, Quantity("", gt=0.0, le=1.0), "charge lost, as a share of what is left"] = None
+    share: Annotated[float | None, Quantity("", gt=0.0, le=1.0), "charge lost, as a share of the residual energy"] = (
+        None
+    )
 
     def check(self, setup: Setup) -> Iterator[Issue]:
-        """What all of them share; an amount that is not said, or is without limit; a duration."""
+        """Yield the issues of every fault, and those of an amount that is missing or infinite, and of a duration."""
         yield from Aimed.check(self, setup)
         if (self.joules is None) == (self.share is None):
-            yield Issue(("faults",), "a drain takes either joules or a share: give exactly one of them")
+            yield Issue(("faults",), "give either joules or a share")
         if self.duration is not None:
-            yield _fault("duration", "a drain happens at once and is not undone: leave the duration out")
+            yield _fault("duration", "a drain happens at once and is not undone: leave out the duration")
         if self.share is not None and isinstance(setup, RadioSetup) and isinf(setup.energy.battery):
-            yield _fault("share", "there is no share of a battery without limit (energy.battery = .inf): give joules")
+            yield _fault("share", "an infinite battery (energy.battery = .inf) has no share: give joules")
 
 
 @part
 class Blackout(Aimed):
-    """A node's radio is jammed: it neither hears nor is heard. It senses and computes as before."""
+    """The radio of a node is jammed: it neither receives nor is received. The node senses and computes as before."""
 
     mechanism: ClassVar[str] = "blackout"
 
 
 @part
 class LinkLoss(Aimed):
-    """Frames from and to a node are lost with this probability, besides what the link loses."""
+    """Frames from and to a node are lost with a probability, in addition to the losses of the link."""
 
     mechanism: ClassVar[str] = "link_loss"
 
@@ -149,50 +151,54 @@ class LinkLoss(Aimed):
 
 @part
 class ClockStep(Aimed):
-    """A node's clock jumps, and jumps back after the duration."""
+    """The clock of a node jumps, and jumps back after the duration."""
 
     mechanism: ClassVar[str] = "clock_step"
 
-    offset: Annotated[float, Quantity("s", ge=-1e6, le=1e6), "how far it jumps; positive: the clock is ahead"]
+    offset: Annotated[float, Quantity("s", ge=-1e6, le=1e6), "size of the jump; positive: the clock is then ahead"]
 
     def check(self, setup: Setup) -> Iterator[Issue]:
-        """What all of them share, and a network that asks no clock for the time."""
+        """Yield the issues of every fault, and one for a network without a target, which does not use the time."""
         yield from Aimed.check(self, setup)
         if isinstance(setup, BeaconSetup):
-            yield _fault("kind", "without a target nobody asks a clock for the time: a jump would change nothing")
+            yield _fault("kind", "has no effect in a network without a target: nothing depends on the time of a clock")
 
 
 @part
-class OfReading(Aimed):
-    """What those share that change a node's readings."""
-
-    def check(self, setup: Setup) -> Iterator[Issue]:
-        """What all of them share, and a network in which nothing is sensed."""
-        yield from Aimed.check(self, setup)
-        if isinstance(setup, BeaconSetup):
-            yield _fault("kind", "there are no readings in a network without a target")
-
-
-@part
-class Stuck(OfReading):
-    """A node's reading freezes: at a value, or at what it was when it froze."""
+class Stuck(Aimed):
+    """The readings of a node are stuck: at a value, or at its last reading."""
 
     mechanism: ClassVar[str] = "stuck"
 
     value: Annotated[
         float | None,
         Quantity("", ge=-1e18, le=1e18),
-        "what it reads, in the reading's unit; left out: what it read last",
+        "the stuck reading, in the unit of readings; left out: the last reading",
     ] = None
+
+    def check(self, setup: Setup) -> Iterator[Issue]:
+        """Yield the issues of every fault, and one for a network without readings."""
+        yield from Aimed.check(self, setup)
+        yield from _without_readings(setup)
 
 
 @part
-class Bias(OfReading):
-    """A node's readings are off by a constant."""
+class Bias(Aimed):
+    """A constant is added to the readings of a node."""
 
     mechanism: ClassVar[str] = "bias"
 
-    offset: Annotated[float, Quantity("", ge=-1e18, le=1e18), "what is added, in the reading's unit"]
+    offset: Annotated[float, Quantity("", ge=-1e18, le=1e18), "the constant, in the unit of readings"]
+
+    def check(self, setup: Setup) -> Iterator[Issue]:
+        """Yield the issues of every fault, and one for a network without readings."""
+        yield from Aimed.check(self, setup)
+        yield from _without_readings(setup)
+
+
+def _without_readings(setup: Setup) -> Iterator[Issue]:
+    if isinstance(setup, BeaconSetup):
+        yield _fault("kind", "has no effect in a network without a target: it has no readings")
 
 
 def _fault(key: str, message: str) -> Issue:
@@ -200,6 +206,6 @@ def _fault(key: str, message: str) -> Issue:
 
 
 def _number_of_nodes(setup: Setup) -> int | None:
-    """How many nodes there are, if the deployment can tell before it is drawn."""
+    """The number of nodes, or None if the deployment does not know it before positions are sampled."""
     places = getattr(setup.deploy, "places", None)
     return getattr(setup.deploy, "nodes", None) if places is None else len(places)

@@ -1,4 +1,4 @@
-"""What a node is besides its radio: processor, clock, sensor's faithfulness; what a frame packs, and who is told.
+"""Components of a node other than the radio: processor, clock, detection; also the packing of frames, and the sink.
 
 seconds(cycles) -> s    rates(keys) -> (n,)    distort(readings, keys) -> (n,)    packets(packet_bits, most_bits) -> int
 """
@@ -22,23 +22,25 @@ from wsnsim.models.draws import truncated_normals
 
 @part
 class Processor:
-    """How long computing takes: cycles over the clock's rate, or no time at all if none is given.
+    """The time of computations: cycles divided by the clock rate, or zero without a rate.
 
-    A tracker states operations; one of them takes `cycles_per_flop` cycles (1 as in the papers; 10 is nearer to real
-    numbers in software).
+    A tracker states operations; each takes `cycles_per_flop` cycles (1 as in the papers; 10 is closer to floating point
+    in software).
     """
 
-    rate: Annotated[float | None, Quantity("Hz", ge=1.0, le=1e12), "of the clock; left out: no time passes"] = None
+    rate: Annotated[float | None, Quantity("Hz", ge=1.0, le=1e12), "clock rate; left out: computing takes no time"] = (
+        None
+    )
     cycles_per_flop: Annotated[
-        float, Quantity("", gt=0, le=1e9), "processor cycles of one operation that a tracker states"
+        float, Quantity("", gt=0, le=1e9), "processor cycles of one operation stated by a tracker"
     ] = 1.0
 
     def seconds(self, cycles: float) -> float:
-        """Simulated seconds that so many cycles take."""
+        """Simulated seconds that `cycles` take."""
         return 0.0 if self.rate is None else cycles / self.rate
 
     def check(self, setup: Setup) -> Iterator[Issue]:
-        """A rate that is not that of the processor on whose datasheet the energy model rests."""
+        """Yield an issue for a rate that differs from the processor datasheet of the energy model."""
         sheet = getattr(setup.energy, "processor", None) if isinstance(setup, RadioSetup) else None
         if sheet is not None and self.rate is not None and self.rate != sheet.rate:
             yield Issue(
@@ -49,7 +51,7 @@ class Processor:
 
 @part
 class PerfectClock:
-    """Every node's clock is true."""
+    """The clock of every node shows the true time."""
 
     def rates(self, keys: Keys) -> Floats:
         """(n,) ones."""
@@ -58,15 +60,15 @@ class PerfectClock:
 
 @part
 class DriftingClock:
-    """Each node's clock runs fast or slow by a share of its own, which stays: N(0, sd²) within three deviations.
+    """The clock of each node runs fast or slow by a constant rate error: N(0, sd²), truncated at three deviations.
 
-    30 ppm is a quartz's tolerance; the normal and where it ends are our choice.
+    30 ppm is the tolerance of a quartz; the truncated normal distribution is our choice.
     """
 
-    sd: Annotated[float, Quantity("", ge=0.0, le=0.01), "standard deviation of the rates about 1"] = 30e-6
+    sd: Annotated[float, Quantity("", ge=0.0, le=0.01), "standard deviation of the rates from 1"] = 30e-6
 
     def rates(self, keys: Keys) -> Floats:
-        """(n,) seconds that pass on each node's clock in one true second."""
+        """(n,) seconds that pass on the clock of each node per true second."""
         return 1.0 + self.sd * truncated_normals(keys)
 
 
@@ -78,74 +80,78 @@ class PerfectDetection:
     false_alarm: ClassVar[float] = 0.0
 
     def distort(self, readings: Floats, keys: Keys) -> Floats:
-        """(n,) the readings as they are."""
+        """(n,) the readings, unchanged."""
         return readings
 
 
 @part
 class ImperfectDetection:
-    """Sensors that miss the target, hear what is not there, are off by a constant, or are stuck.
+    """Sensors with missed detections, false alarms, constant biases and stuck readings.
 
-    A node's bias is N(0, bias_sd²) and lasts; a stuck node reports `stuck_at` whatever it measures (our choices). The
-    filters know nothing of it.
+    The bias of a node is N(0, bias_sd²) for the whole run; a stuck node always reports `stuck_at` (our choices). The
+    filters do not model any of this.
     """
 
-    missed: Annotated[float, Quantity("", ge=0.0, lt=1.0), "probability that a reading is not taken"] = 0.0
+    missed: Annotated[float, Quantity("", ge=0.0, lt=1.0), "probability of a missed detection"] = 0.0
     false_alarm: Annotated[
-        float, Quantity("", ge=0.0, lt=1.0), "probability a node and step that one out of range reports all the same"
+        float, Quantity("", ge=0.0, lt=1.0), "probability of a false alarm, per step and node out of range"
     ] = 0.0
     bias_sd: Annotated[
-        float, Quantity("", ge=0.0, le=1e9), "standard deviation of the nodes' biases, in the reading's unit"
+        float, Quantity("", ge=0.0, le=1e9), "standard deviation of the biases of nodes, in the unit of readings"
     ] = 0.0
     stuck: Annotated[float, Quantity("", ge=0.0, le=1.0), "probability that a node is stuck"] = 0.0
-    stuck_at: Annotated[float, Quantity("", ge=-1e18, le=1e18), "what a stuck node reports, in the reading's unit"] = (
-        0.0
-    )
+    stuck_at: Annotated[
+        float, Quantity("", ge=-1e18, le=1e18), "what a stuck node reports, in the unit of readings"
+    ] = 0.0
 
     def distort(self, readings: Floats, keys: Keys) -> Floats:
-        """(n,) the readings as reported, given a counter key a node (equal at every step)."""
+        """(n,) the readings as reported, given one counter key per node (equal at every step)."""
         reported = readings + self.bias_sd * normals(keys, 0) if self.bias_sd else readings
         return np.where(uniforms(keys, 2) < self.stuck, self.stuck_at, reported) if self.stuck else reported
 
 
 @part
 class NoPacking:
-    """Each packet of a burst travels in a frame of its own."""
+    """Each packet of a burst is sent in a frame of its own."""
 
     def packets(self, packet_bits: int, most_bits: int) -> int:
-        """One, whatever its size."""
+        """Return 1."""
         return 1
 
 
 @part
 class Frames:
-    """As many packets of a burst travel in one frame as its payload holds."""
+    """A frame carries as many packets of a burst as its payload holds."""
 
-    most: Annotated[int | None, Quantity("", ge=1, le=10_000), "packets in a frame; left out: what it holds"] = None
+    most: Annotated[
+        int | None,
+        Quantity("", ge=1, le=10_000),
+        "largest number of packets in a frame; left out: what the payload holds",
+    ] = None
 
     def packets(self, packet_bits: int, most_bits: int) -> int:
-        """Of this size, in a frame whose payload holds so many bits; at least 1."""
+        """Packets of `packet_bits` in a frame whose payload holds `most_bits`; at least 1."""
         held = max(1, most_bits // packet_bits)
         return held if self.most is None else min(held, self.most)
 
     def check(self, setup: Setup) -> Iterator[Issue]:
-        """A MAC without frames, or frames that hold fewer packets."""
+        """Yield an issue for a MAC without frames, and for frames that hold fewer packets."""
         if not isinstance(setup, RadioSetup):
             return
         payload = getattr(setup.mac, "payload_bits", None)
         if payload is None:
-            yield Issue(("packing", "kind"), f"there are no frames in mac '{setup.mac.mechanism}': use kind none")
+            yield Issue(("packing", "kind"), f"mac '{setup.mac.mechanism}' has no frames: use kind none")
         elif self.most is not None and self.most * PACKET_BITS > payload >= PACKET_BITS:
             yield Issue(
                 ("packing", "most"),
                 f"{self.most} packets of {PACKET_BITS} bits do not fit a frame, which holds {payload // PACKET_BITS}; "
-                f"left out, frames are filled",
+                f"leave it out to fill frames",
             )
 
 
 @part
 class NoSink:
-    """Nobody is told of the estimates: they stay with the heads."""
+    """No sink: the estimates stay at the cluster heads."""
 
     point: ClassVar[tuple[float, float] | None] = None
     bits: ClassVar[int] = 0
@@ -154,16 +160,16 @@ class NoSink:
 
 @part
 class NearestNode:
-    """The node nearest to a point is told of estimates, over as many hops as it takes (our choice). It never sleeps.
+    """The sink is the node nearest to a point. It receives the estimates over several hops (our choice), never sleeps.
 
-    A report is one packet of Jiang's, 12 bytes, unless it is said to be longer.
+    By default a report is one packet of Jiang et al. (2013), 12 bytes.
     """
 
     x: Annotated[float, PLACE, "the sink is the node nearest to (x, y)"] = 0.0
     y: Annotated[float, PLACE, "the sink is the node nearest to (x, y)"] = 0.0
-    bits: Annotated[int, Quantity("", ge=1, le=1_000_000), "of a report"] = PACKET_BITS
+    bits: Annotated[int, Quantity("", ge=1, le=1_000_000), "bits of a report"] = PACKET_BITS
     every: Annotated[
-        float | None, Quantity("s", gt=0.0, le=1e9), "between reports; left out: every estimate is reported"
+        float | None, Quantity("s", gt=0.0, le=1e9), "time between reports; left out: every estimate is reported"
     ] = None
 
     @property
@@ -172,7 +178,7 @@ class NearestNode:
         return self.x, self.y
 
     def check(self, setup: Setup) -> Iterator[Issue]:
-        """Reports at other instants than steps."""
+        """Yield an issue for reports at times that are not steps."""
         if self.every is not None:
             steps = self.every / setup.dt
             if abs(steps - round(steps)) > 1e-9 * steps or round(steps) < 1:

@@ -5,7 +5,7 @@ import math
 
 import pytest
 
-from wsnsim.base.radio import ContinuousPower, Mode
+from wsnsim.base.radio import ContinuousPower, Mode, continuous_power
 from wsnsim.base.setups import BeaconSetup, TrackingSetup
 from wsnsim.models.datasheets import ProcessorSheet, RadioSheet
 from wsnsim.models.energy import FirstOrder, FirstOrder2002, States
@@ -97,17 +97,17 @@ def test_free_space_falls_with_the_square_and_multipath_with_the_fourth_power():
 def test_in_the_papers_world_time_and_switching_cost_nothing(kind):
     model = kind()
     assert isinstance(model, ContinuousPower)
-    assert all(model.draw(mode).radio == model.draw(mode).processor == 0.0 for mode in MODES)
+    assert all(model.mode_power(mode).radio == model.mode_power(mode).processor == 0.0 for mode in MODES)
     assert all(model.switching(a, b) == 0.0 for a in MODES for b in MODES)
     assert model.turnaround() == model.seconds(1e9) == 0.0
 
 
 def test_a_first_order_node_may_be_given_a_price_for_time():
     model = FirstOrder(idle=10e-3, sleep=1e-3, switch=1e-6)
-    drawn = {mode: model.draw(mode) for mode in MODES}
-    assert drawn[Mode.DORMANT] == drawn[Mode.AWAKE] == (10e-3, False, 0.0, False)
-    assert drawn[Mode.ASLEEP] == (1e-3, True, 0.0, True)
-    assert drawn[Mode.DOWN].radio == 0.0
+    powers = {mode: model.mode_power(mode) for mode in MODES}
+    assert powers[Mode.DORMANT] == powers[Mode.AWAKE] == (10e-3, False, 0.0, False)
+    assert powers[Mode.ASLEEP] == (1e-3, True, 0.0, True)
+    assert powers[Mode.DOWN].radio == 0.0
     assert model.switching(Mode.ASLEEP, Mode.AWAKE) == model.switching(Mode.AWAKE, Mode.DORMANT) == 1e-6
     assert model.switching(Mode.AWAKE, Mode.AWAKE) == 0.0
     assert model.switching(Mode.AWAKE, Mode.DOWN) == model.switching(Mode.DOWN, Mode.DORMANT) == 0.0
@@ -131,16 +131,16 @@ def test_computing_takes_time_and_the_power_of_a_running_processor():
 def test_a_dormant_node_listens_at_the_cost_of_receiving():
     """Two AA cells hold for 84 hours of listening, and for 3673 hours of sleep."""
     model = states()
-    dormant, asleep, awake = (model.draw(mode) for mode in (Mode.DORMANT, Mode.ASLEEP, Mode.AWAKE))
+    dormant, asleep, awake = (model.mode_power(mode) for mode in (Mode.DORMANT, Mode.ASLEEP, Mode.AWAKE))
     assert dormant == (62e-3, False, 15.3e-6, True)
     assert awake == (62e-3, False, 163.5e-6, False)
     assert asleep == (1.4e-3, True, 15.3e-6, True)
     assert model.battery / (dormant.radio + dormant.processor) / 3600 == pytest.approx(83.9, abs=0.1)
     assert model.battery / (asleep.radio + asleep.processor) / 3600 == pytest.approx(3674, abs=1)
-    assert sum((model.draw(Mode.DOWN).radio, model.draw(Mode.DOWN).processor)) == 0.0
+    assert sum((model.mode_power(Mode.DOWN).radio, model.mode_power(Mode.DOWN).processor)) == 0.0
 
 
-def test_changes_of_mode_cost_what_their_transitions_draw():
+def test_changes_of_mode_cost_what_their_transitions_consume():
     model = states()
     radio_on, radio_off, processor_on = 0.194e-3 * 62e-3, 0.05e-3 * 1.4e-3, 6e-6 * 5.4e-3
     assert model.switching(Mode.ASLEEP, Mode.DORMANT) == pytest.approx(radio_on)
@@ -180,3 +180,17 @@ def test_the_energy_models_output_power_is_the_links():
 def test_a_sheet_whose_levels_and_powers_do_not_match_is_refused(given, words):
     with pytest.raises(ValueError, match=words):
         radio_of(**given)
+
+
+def test_a_plugin_model_with_the_former_name_of_mode_power_works_and_is_warned_of():
+    class Former:
+        draw = staticmethod(FirstOrder(idle=0.5).mode_power)
+        switching, turnaround, seconds = FirstOrder.switching, FirstOrder.turnaround, FirstOrder.seconds
+
+    with pytest.warns(DeprecationWarning, match=r"Former.draw.*mode_power"):
+        power = continuous_power(Former())
+    assert power.mode_power(Mode.AWAKE).radio == 0.5
+
+
+def test_a_model_without_power_over_time_has_none():
+    assert continuous_power(object()) is None

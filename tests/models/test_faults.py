@@ -1,4 +1,4 @@
-"""What a scenario may say of what goes wrong, and what it may not."""
+"""Fault components: which fields they accept, and which issues they find in a setup."""
 
 import dataclasses
 
@@ -22,7 +22,7 @@ EACH = {
 
 
 def company(kind=NetworkSetup, **given):
-    """Ten seconds of 256 nodes on 400 m x 400 m and two targets; of the rest nothing matters."""
+    """A setup of 10 s with 256 nodes on 400 m x 400 m and two targets; all other roles are None."""
     roles = {"steps": 100, "dt": 0.1, "deploy": Uniform(), "energy": FirstOrder(), "motions": (None, None)}
     names = [field.name for field in dataclasses.fields(kind)]
     return kind(**dict.fromkeys(names) | {name: value for name, value in roles.items() if name in names} | given)
@@ -48,21 +48,21 @@ def test_they_last_for_good_unless_they_say_how_long_and_a_restart_no_time():
 @pytest.mark.parametrize(
     ("part", "path", "words"),
     [
-        (Crash(at=1.0), "faults", "aimed at nothing: give exactly one of nodes, fraction, region, head"),
-        (Crash(at=1.0, head=0, nodes=(1,)), "faults", "aimed by nodes and head at once"),
+        (Crash(at=1.0), "faults", "no nodes given: give exactly one of nodes, fraction, region, head"),
+        (Crash(at=1.0, head=0, nodes=(1,)), "faults", "nodes given by nodes and head"),
         (Crash(at=10.1, head=0), "faults.at", "after the end of the run at 10 s"),
-        (Crash(at=1.0, nodes=()), "faults.nodes", "names no node"),
+        (Crash(at=1.0, nodes=()), "faults.nodes", "at least one node"),
         (Crash(at=1.0, nodes=(0, 256)), "faults.nodes", "no node 256: the 256 nodes are numbered from 0"),
         (Blackout(at=1.0, region=(0.0, 0.0, 0.0)), "faults.region", "greater than 0"),
         (Blackout(at=1.0, region=(300.0, 0.0, 99.0)), "faults.region", "does not touch the field"),
         (Crash(at=1.0, head=2), "faults.head", "no target 2: the targets are numbered from 0 to 1"),
-        (Restart(at=1.0, head=0, duration=None), "faults.duration", "a restart ends"),
+        (Restart(at=1.0, head=0, duration=None), "faults.duration", "needs a duration"),
         (Drain(at=1.0, head=0), "faults", "either joules or a share"),
         (Drain(at=1.0, head=0, joules=1.0, share=0.5), "faults", "either joules or a share"),
         (Drain(at=1.0, head=0, joules=1.0, duration=1.0), "faults.duration", "at once"),
     ],
 )
-def test_what_cannot_be_is_a_fault(part, path, words):
+def test_an_impossible_fault_is_an_issue(part, path, words):
     ((found, message),) = issues(part)
     assert found == path
     assert words in message
