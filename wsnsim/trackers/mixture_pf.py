@@ -21,11 +21,10 @@ from wsnsim.base.ports import Estimate, Scene
 from wsnsim.base.requests import Compute, Flow, Parcel, Send
 from wsnsim.base.rng import derive, derive_all, uniforms
 from wsnsim.base.setups import TrackingSetup
-from wsnsim.trackers.shared.fixes import gather_ranges
 from wsnsim.trackers.shared.heads import HeadFilter
 from wsnsim.trackers.shared.localising import fix_cycles, fixed, usable
 from wsnsim.trackers.shared.moments import symmetric
-from wsnsim.trackers.shared.readings import Evidence
+from wsnsim.trackers.shared.readings import Evidence, gather_readings
 
 COLUMNS: Final = ("px", "vx", "py", "vy")
 PLACE: Final = np.array([0, 2])
@@ -125,7 +124,7 @@ class MixturePf(HeadFilter):
 
     def step(self, belief: Mixture, scene: Scene) -> Flow[Mixture]:
         """One step: N_act - 1 readings reach the head, which draws, predicts, updates, weighs and resamples."""
-        seen = yield from gather_ranges(scene, self.reading_bits)
+        seen = yield from gather_readings(scene, self.reading_bits)
         predicted = belief
         for number in range(scene.steps):
             predicted = self._predicted(predicted, scene, number)

@@ -33,6 +33,7 @@ from wsnsim.trackers.shared.dealing import (
     resampled,
     up_to_date,
 )
+from wsnsim.trackers.shared.local_estimates import LOCAL, LocalEstimate, cycles_of
 from wsnsim.trackers.shared.moments import forecast
 from wsnsim.trackers.shared.parcels import (
     UNKNOWN,
@@ -58,7 +59,7 @@ from wsnsim.trackers.shared.stacks import (
     stacked,
 )
 
-LOCAL, COUNTS = "local", "counts"
+COUNTS = "counts"
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,15 +69,7 @@ class ParallelBelief(Spread):
     weights: Mapping[int, Floats] = field(default_factory=dict)
 
 
-class LocalResult(NamedTuple):
-    """A member's own moments (mean (D,), covariance (D, D)) and the cycles that they took."""
-
-    mean: Floats
-    cov: Floats
-    cycles: float
-
-
-class Report(NamedTuple):
+class WeightReport(NamedTuple):
     """Log-weights (n,) and local mean on their way up; only the head's own, which crosses nothing, has a covariance."""
 
     log_weights: Floats
@@ -137,7 +130,7 @@ class ParallelPf:
         def work_all(members: list[Member]) -> None:
             self._weigh(members, scene)
 
-        yield Local(lambda member: work_all([member]), lambda member: member.memory[LOCAL].cycles, work_all)
+        yield Local(lambda member: work_all([member]), cycles_of, work_all)
         answer = yield Gather(lambda member: _report(member, scene.head))
         tally = _tallied(answer, deal)
         after = self._fused(belief, deal, scene, tally, answer)
@@ -177,7 +170,7 @@ class ParallelPf:
         stack.store(members)
         cycles = stack.counts * (PREDICT_CYCLES * scene.steps + 30.0 * np.array(likelihood.sensors))
         for member, mean, cov, taken in zip(members, means, covs, cycles.tolist(), strict=True):
-            member.memory[LOCAL] = LocalResult(mean, cov, taken)
+            member.memory[LOCAL] = LocalEstimate(mean, cov, taken)
 
     def _fused(
         self,
@@ -185,7 +178,7 @@ class ParallelPf:
         deal: Deal,
         scene: Scene,
         tally: Tally,
-        answer: dict[int, tuple[Report, Bools]],
+        answer: dict[int, tuple[WeightReport, Bools]],
     ) -> ParallelBelief:
         """Local means by the sums of their weights; the covariance is their spread and that of one cloud.
 
@@ -236,14 +229,14 @@ def _report(member: Member, head: int) -> Parcel | None:
     log_weights = member.memory.get(LOG_WEIGHTS)
     if log_weights is None or not log_weights.size:
         return None
-    result: LocalResult = member.memory[LOCAL]
+    result: LocalEstimate = member.memory[LOCAL]
     packets = weight_packets(log_weights.size) + state_packets(result.mean.size)
     return parcel(
-        Report(log_weights.copy(), result.mean, result.cov if member.id == head else None), packets, "weights"
+        WeightReport(log_weights.copy(), result.mean, result.cov if member.id == head else None), packets, "weights"
     )
 
 
-def _tallied(answer: dict[int, tuple[Report, Bools]], deal: Deal) -> Tally:
+def _tallied(answer: dict[int, tuple[WeightReport, Bools]], deal: Deal) -> Tally:
     """What arrived, with the mean of all others for each weight that did not; a holder unheard of counts as it was."""
     weights = {node: np.full(count, UNKNOWN) for node, count in deal.held.items() if count}
     means = {}

@@ -17,7 +17,7 @@ from wsnsim.base.arrays import Bools, Floats
 from wsnsim.base.errors import Issue
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Estimate, Scene
-from wsnsim.base.requests import PACKET_BITS, Broadcast, Flow, Gather, Local, Member, Parcel
+from wsnsim.base.requests import PACKET_BITS, Flow, Gather, Local, Member, Parcel
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.kernels.gaussian import fit, fuse, log_density
 from wsnsim.kernels.particles import moments, weigh
@@ -33,8 +33,9 @@ from wsnsim.trackers.shared.dealing import (
     resampled,
     up_to_date,
 )
+from wsnsim.trackers.shared.local_estimates import LOCAL, LocalEstimate, cycles_of, feed_back
 from wsnsim.trackers.shared.moments import forecast, fused_by_variance, noise_issues, symmetric
-from wsnsim.trackers.shared.parcels import arrived_particles, is_whole, parcel, state_packets
+from wsnsim.trackers.shared.parcels import arrived_particles, is_whole, state_packets
 from wsnsim.trackers.shared.readings import share_readings
 from wsnsim.trackers.shared.spread import Spread, begin, hand_on, look, only_predicted, within_predicted
 from wsnsim.trackers.shared.stacks import (
@@ -50,26 +51,16 @@ from wsnsim.trackers.shared.stacks import (
 )
 from wsnsim.trackers.shared.swarms import Pull, move, resampled_columns
 
-LOCAL = "local"
 RIDGE = 1e-3
 """m², (m/s)²: added to the diagonal of a fitted covariance, which fewer than five particles leave singular."""
 
 
-class LocalResult(NamedTuple):
-    """What a member makes of its share in a step: moments, the effective number before the move, and the cycles."""
-
-    mean: Floats
-    cov: Floats
-    effective: float
-    cycles: float
-
-
-class Report(NamedTuple):
+class EstimateReport(NamedTuple):
     """A local estimate on its way to the head; only the head's own, which crosses nothing, carries a covariance."""
 
     mean: Floats
     variances: Floats | None
-    own: LocalResult | None
+    own: LocalEstimate | None
 
 
 @part
@@ -152,11 +143,11 @@ class PsoMhpf:
         def work_all(members: list[Member]) -> None:
             self._filter(members, scene)
 
-        yield Local(lambda member: work_all([member]), _cycles_taken, work_all)
+        yield Local(lambda member: work_all([member]), cycles_of, work_all)
         answer = yield Gather(self._reporter(scene.head, belief.mean.size))
         after = self._fused(belief, deal, scene, answer)
         if self.feedback:
-            yield from _feed_back(after, scene)
+            yield from feed_back(after, scene)
         return after
 
     def hand_over(self, belief: Spread, scene: Scene, successor: int) -> Flow[Spread | None]:
@@ -198,7 +189,7 @@ class PsoMhpf:
             means, covs = moments(stack.cloud, stack.log_weights, stack.offsets)  # eq. 16
         stack.store(members)
         cycles = self._cycles(stack.counts.tolist(), likelihood.sensors, moving.tolist(), scene.steps)
-        results = map(LocalResult, means, covs, effective.tolist(), cycles)
+        results = map(LocalEstimate, means, covs, cycles, effective.tolist())
         for member, result in zip(members, results, strict=True):
             member.memory[LOCAL] = result
 
@@ -244,17 +235,19 @@ class PsoMhpf:
         packets = state_packets(columns)
 
         def report(member: Member) -> Parcel | None:
-            result: LocalResult | None = member.memory.get(LOCAL)
+            result: LocalEstimate | None = member.memory.get(LOCAL)
             if result is None or not member.memory[LOG_WEIGHTS].size:
                 return None
             own = result if member.id == head else None
             if self.fusion == "share":
-                return Parcel(Report(result.mean, None, own), packets, PACKET_BITS, "estimate")
-            return Parcel(Report(result.mean, np.diag(result.cov), own), 2 * packets, PACKET_BITS, "estimate")
+                return Parcel(EstimateReport(result.mean, None, own), packets, PACKET_BITS, "estimate")
+            return Parcel(EstimateReport(result.mean, np.diag(result.cov), own), 2 * packets, PACKET_BITS, "estimate")
 
         return report
 
-    def _fused(self, belief: Spread, deal: Deal, scene: Scene, answer: dict[int, tuple[Report, Bools]]) -> Spread:
+    def _fused(
+        self, belief: Spread, deal: Deal, scene: Scene, answer: dict[int, tuple[EstimateReport, Bools]]
+    ) -> Spread:
         """Local estimates by their share of the particles, the shares renormalised over those that arrived.
 
         The covariance is the spread of the local means plus that of one cloud: the head's own, or where it has none,
@@ -279,11 +272,6 @@ class PsoMhpf:
         return Spread(mean, cov, within, deal, scene.head, own.effective if own else math.nan)
 
 
-def _cycles_taken(member: Member) -> float:
-    result: LocalResult = member.memory[LOCAL]
-    return result.cycles
-
-
 def _collected(belief: Spread) -> Flow[Pool | None]:
     """All that the members hold, n packets each."""
     answer = yield Gather(_give_all, tuple(belief.deal.held))
@@ -300,7 +288,7 @@ def _give_all(member: Member) -> Parcel | None:
     return give(member, log_weights.size, common=0.0)
 
 
-def _reported_variances(reports: list[tuple[Report, Bools]], packets: int) -> Floats | None:
+def _reported_variances(reports: list[tuple[EstimateReport, Bools]], packets: int) -> Floats | None:
     """(M, D) the variances sent, a lost one taken to be the mean of the others'; None where all are lost."""
     known = np.array([is_whole(mask[packets:]) for _, mask in reports])
     if not known.any():
@@ -308,17 +296,3 @@ def _reported_variances(reports: list[tuple[Report, Bools]], packets: int) -> Fl
     variances = np.array([report.variances for report, _ in reports])
     variances[~known] = variances[known].mean(axis=0)
     return variances
-
-
-def _feed_back(belief: Spread, scene: Scene) -> Flow[None]:
-    """One broadcast of the fused estimate; whoever hears it shifts its particles by what its own mean is off."""
-    yield Broadcast(parcel(belief.mean, state_packets(belief.mean.size), "feedback"))
-
-    def shift(member: Member) -> None:
-        heard = [news.payload for news in settle(member) if news.what == "feedback" and news.mask.all()]
-        target = belief.mean if member.id == scene.head else heard[-1] if heard else None
-        if target is not None and LOCAL in member.memory and CLOUD in member.memory:
-            offset = target - member.memory[LOCAL].mean
-            keep(member, member.memory[CLOUD] + offset[:, None], member.memory[LOG_WEIGHTS])
-
-    yield Local(shift, lambda member: float(member.memory[CLOUD].size if CLOUD in member.memory else 0))

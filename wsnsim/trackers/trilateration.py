@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Annotated, ClassVar, Final, NamedTuple, Protocol, cast
+from typing import Annotated, ClassVar, Final, NamedTuple
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from wsnsim.base.requests import Compute, Flow
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.trackers.shared.dealing import PREDICT_CYCLES
 from wsnsim.trackers.shared.heads import GaussianBelief, HeadFilter, only_predicted
-from wsnsim.trackers.shared.readings import Evidence, gather_readings
+from wsnsim.trackers.shared.readings import Evidence, gather_readings, ranges_of
 
 PAIR_CYCLES = 40.0
 """To cross two circles (our count)."""
@@ -34,14 +34,6 @@ SHORTEST: Final = 1e-6
 """m: two radii count as no less, so that no pair's weight is infinite; nodes nearer are in one place (our choice)."""
 ALIKE: Final = 1e-9
 """Relative: crossings whose misfits differ by less fit equally well (our choice)."""
-
-
-class TellsRanges(Protocol):
-    """What a sensor must be able to do."""
-
-    def ranges(self, readings: Floats) -> Floats:
-        """(S,) the distance in m at which each reading is expected."""
-        ...
 
 
 class Circles(NamedTuple):
@@ -120,7 +112,7 @@ def located(circles: Circles, expected: Floats) -> tuple[Floats, Floats] | None:
 
 def _circles(seen: Evidence, scene: Scene) -> Circles:
     """A circle a reading, but for distances that are no number or beyond measure."""
-    radii = cast(TellsRanges, scene.sensor).ranges(seen.readings)
+    radii = ranges_of(seen.readings, scene.sensor)
     known = (radii >= 0.0) & (radii < FARTHEST)
     return Circles(seen.positions[known], radii[known])
 

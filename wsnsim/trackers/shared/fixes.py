@@ -18,12 +18,12 @@ from wsnsim.base.arrays import Floats, Ints
 from wsnsim.base.errors import Issue
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Estimate, Scene
-from wsnsim.base.requests import Compute, Flow, Gather, Member, Parcel, Send
+from wsnsim.base.requests import Compute, Flow, Parcel, Send
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.trackers.shared.heads import HeadFilter
 from wsnsim.trackers.shared.localising import Fix, Point, Ranged, fix_cycles, fixed, usable
 from wsnsim.trackers.shared.moments import forecast, predicted
-from wsnsim.trackers.shared.readings import Evidence
+from wsnsim.trackers.shared.readings import gather_readings
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +70,7 @@ class RangeFix(HeadFilter):
 
     def step(self, belief: Fixes, scene: Scene) -> Flow[Fixes]:
         """One step: N_act - 1 readings reach the head, which fixes the target. Without any it goes on as predicted."""
-        ranged = usable((yield from gather_ranges(scene, self.reading_bits)), scene)
+        ranged = usable((yield from gather_readings(scene, self.reading_bits)), scene)
         expected = self._placed(Estimate(*predicted(belief.mean, belief.cov, scene)), belief, scene.time, scene)
         count = ranged.ranges.size
         if not count:
@@ -153,20 +153,6 @@ class RangeFix(HeadFilter):
 def _block(rows: list[int], columns: list[int] | None = None) -> tuple[Ints, Ints]:
     """What indexes these rows and columns of a matrix; the same ones if only rows are given."""
     return np.array(rows)[:, None], np.array(rows if columns is None else columns)
-
-
-def gather_ranges(scene: Scene, bits: int) -> Flow[Evidence]:
-    """The readings that reached the head, its own for nothing: one packet of so many bits a member."""
-
-    def parcel_of(member: Member) -> Parcel | None:
-        if member.reading is None or not math.isfinite(member.reading):
-            return None
-        return Parcel(member.reading, 1, bits, "reading")
-
-    answer = yield Gather(parcel_of)
-    rows = [row for row, node in enumerate(scene.ids) if node in answer]
-    values = np.array([answer[scene.ids[row]][0] for row in rows], dtype=np.float64)
-    return Evidence(tuple(scene.ids[row] for row in rows), values, scene.positions[rows], scene.traits[rows])
 
 
 def _state(

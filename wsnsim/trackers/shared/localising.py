@@ -10,14 +10,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Final, NamedTuple, Protocol, cast
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from wsnsim.base.arrays import Floats
 from wsnsim.base.ports import Scene
 from wsnsim.trackers.shared.moments import symmetric
-from wsnsim.trackers.shared.readings import Evidence
+from wsnsim.trackers.shared.readings import Evidence, ranges_of
 
 ITERATIONS: Final = 30
 """At most (our choice): most fixes take five or six."""
@@ -40,14 +40,6 @@ Circle = tuple[float, float, float]
 Point = tuple[float, float]
 
 
-class TellsRanges(Protocol):
-    """What a sensor must be able to do."""
-
-    def ranges(self, readings: Floats) -> Floats:
-        """(S,) the distance in m at which each reading is expected."""
-        ...
-
-
 class Ranged(NamedTuple):
     """Readings that are of use, and the distances (S,) in m that they stand for."""
 
@@ -65,7 +57,7 @@ class Fix(NamedTuple):
 
 def usable(seen: Evidence, scene: Scene) -> Ranged:
     """The readings whose distances are numbers, and not beyond measure."""
-    ranges = cast(TellsRanges, scene.sensor).ranges(seen.readings)
+    ranges = ranges_of(seen.readings, scene.sensor)
     known = (ranges >= 0.0) & (ranges < FARTHEST)
     if known.all():
         return Ranged(seen, ranges)

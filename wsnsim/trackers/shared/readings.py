@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from functools import partial
+from typing import Protocol, cast
 
 import numpy as np
 
 from wsnsim.base.arrays import Floats
 from wsnsim.base.ports import Scene
-from wsnsim.base.requests import Broadcast, Delivery, Flow, Gather, Member, Parcel, Scatter
+from wsnsim.base.requests import PACKET_BITS, Broadcast, Delivery, Flow, Gather, Member, Parcel, Scatter
 from wsnsim.trackers.shared.parcels import is_whole, parcel, weight_packets
 
 READINGS = "readings"
@@ -24,16 +27,32 @@ class Evidence:
     traits: Floats
 
 
-def reading_parcel(member: Member) -> Parcel | None:
-    """A member's own reading, in one packet; nothing if it does not sense or its sensor gives no number."""
-    if member.reading is None or not np.isfinite(member.reading):
+class RangeSensor(Protocol):
+    """A sensor whose measurements stand for distances: what trackers with `needs = ("ranges",)` require."""
+
+    def ranges(self, readings: Floats) -> Floats:
+        """(S,) the distance in m at which each measurement is expected."""
+        ...
+
+
+def ranges_of(readings: Floats, sensor: object) -> Floats:
+    """(S,) the distance in m at which each measurement is expected; the scenario's check has seen that it can be."""
+    return cast(RangeSensor, sensor).ranges(readings)
+
+
+def reading_parcel(member: Member, bits: int = PACKET_BITS) -> Parcel | None:
+    """A member's own measurement in one packet of `bits`; None if it has none, or it is not finite."""
+    if member.reading is None or not math.isfinite(member.reading):
         return None
-    return parcel(member.reading, 1, "reading")
+    return Parcel(member.reading, 1, bits, "reading")
 
 
-def gather_readings(scene: Scene) -> Flow[Evidence]:
-    """The readings that reached the head, its own for nothing: one packet a member. Positions and traits are known."""
-    answer = yield Gather(reading_parcel)
+def gather_readings(scene: Scene, bits: int = PACKET_BITS) -> Flow[Evidence]:
+    """The measurements that reached the head, in one packet of `bits` per member; the head's own costs nothing.
+
+    Positions and traits of the members are known to the head.
+    """
+    answer = yield Gather(partial(reading_parcel, bits=bits))
     rows = [row for row, node in enumerate(scene.ids) if node in answer]
     values = np.array([answer[scene.ids[row]][0] for row in rows], dtype=np.float64)
     return Evidence(tuple(scene.ids[row] for row in rows), values, scene.positions[rows], scene.traits[rows])
