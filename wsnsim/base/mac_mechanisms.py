@@ -11,7 +11,7 @@ from typing import Protocol, runtime_checkable
 from wsnsim.base.arrays import Ints
 from wsnsim.base.counters import Counters
 from wsnsim.base.frames import Burst, MacFrame, Received
-from wsnsim.base.radio import FramedMac
+from wsnsim.base.medium_access import FramedMac
 
 
 class Signal(Protocol):
@@ -23,19 +23,27 @@ class Signal(Protocol):
 
 
 class OnAir(Protocol):
-    """One MAC frame on the air, from `start` to `end` (s)."""
+    """One MAC frame on the air."""
 
     @property
-    def source(self) -> int: ...
+    def source(self) -> int:
+        """The sender."""
+        ...
 
     @property
-    def frame(self) -> MacFrame: ...
+    def frame(self) -> MacFrame:
+        """What is sent."""
+        ...
 
     @property
-    def start(self) -> float: ...
+    def start(self) -> float:
+        """When its first bit is sent, in s."""
+        ...
 
     @property
-    def end(self) -> float: ...
+    def end(self) -> float:
+        """When its last bit is sent, in s."""
+        ...
 
     @property
     def cut(self) -> bool:
@@ -89,16 +97,22 @@ class Fragmenter(Protocol):
 
 
 class MacServices(Protocol):
-    """What a MAC may use of the network. `now` is the simulated time in s, `step` the number of the present step."""
+    """What a MAC may use of the network."""
 
     @property
-    def now(self) -> float: ...
+    def now(self) -> float:
+        """The simulated time in s."""
+        ...
 
     @property
-    def step(self) -> int: ...
+    def step(self) -> int:
+        """The number of the present step."""
+        ...
 
     @property
-    def counters(self) -> Counters: ...
+    def counters(self) -> Counters:
+        """The counters of the run. The channel counts frames; the MAC counts `access_failures` and `retries`."""
+        ...
 
     def key(self, stream: str) -> int:
         """Return the key of a random stream (see `base.rng`)."""

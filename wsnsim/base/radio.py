@@ -1,7 +1,9 @@
-"""The ports of a radio: what energy, links, channel access, clocks and faults must be able to do.
+"""The ports of energy models, links, clocks, processors, sinks, workloads, faults and routing.
 
-Behind each stands one or more frozen `@part` classes. SI units throughout; powers in the air in dBm. `keys` are counter
-keys (see `base.rng`): equal keys, equal draws.
+The ports of MACs are in `base.medium_access`, and can be imported from here too.
+
+Each port is implemented by frozen `@part` classes. Quantities are in SI units, received powers in dBm. `keys` are
+counter keys (see `base.rng`): equal keys give equal random numbers.
 """
 
 from __future__ import annotations
@@ -11,6 +13,12 @@ from enum import IntEnum
 from typing import NamedTuple, Protocol, runtime_checkable
 
 from wsnsim.base.arrays import Bools, Floats, Keys
+from wsnsim.base.medium_access import ContendingMac as ContendingMac
+from wsnsim.base.medium_access import FramedMac as FramedMac
+from wsnsim.base.medium_access import IdealAccess as IdealAccess
+from wsnsim.base.medium_access import Mac as Mac
+from wsnsim.base.medium_access import Packing as Packing
+from wsnsim.base.medium_access import SlottedMac as SlottedMac
 
 
 class Mode(IntEnum):
@@ -114,116 +122,50 @@ def continuous_power(energy: EnergyModel) -> ContinuousPower | None:
 
 
 class LinkModel(Protocol):
-    """Who hears whom, and how well. `reach` is the nominal range in m, `audible` the distance beyond which nobody
-    hears anything. `perfect`: every frame that nothing disturbs arrives. `captures`: a frame may survive another that
-    overlaps it; otherwise neither arrives where both are heard.
-    """
+    """Which nodes receive each other's frames, with which power and probability."""
 
     @property
-    def reach(self) -> float: ...
+    def reach(self) -> float:
+        """The nominal communication range in m."""
+        ...
 
     @property
-    def audible(self) -> float: ...
+    def audible(self) -> float:
+        """The distance in m beyond which no node hears another."""
+        ...
 
     @property
-    def perfect(self) -> bool: ...
+    def perfect(self) -> bool:
+        """Whether every undisturbed frame within range arrives."""
+        ...
 
     @property
-    def captures(self) -> bool: ...
+    def captures(self) -> bool:
+        """Whether a frame may survive an overlapping one; otherwise both are lost where both are heard."""
+        ...
 
     def powers(self, distances: Floats, pairs: Keys, directions: Keys) -> Floats:
         """(n,) received power in dBm over links of these lengths; -inf where nothing is heard.
 
-        `pairs` are counter keys equal for both directions of a link, `directions` differ.
+        Args:
+            distances: (n,) lengths in m.
+            pairs: (n,) counter keys, equal for both directions of a link.
+            directions: (n,) counter keys of the directions.
         """
         ...
 
     def reception(self, powers: Floats, bits: float, interference: Floats | float) -> Floats:
-        """(n,) probability that a frame of so many bits on the air arrives, given what disturbs it (mW, 0: nothing)."""
+        """(n,) probability that a frame arrives.
+
+        Args:
+            powers: (n,) received power in dBm.
+            bits: Length of the frame on the air.
+            interference: Power of overlapping frames in mW; 0 for none.
+        """
         ...
 
     def senses(self, powers: Floats) -> Bools:
-        """(n,) whether a node takes the channel for busy when it hears so much (clear channel assessment)."""
-        ...
-
-
-class Mac(Protocol):
-    """When a frame gets the channel. `mechanism` names what the network room performs; fields are its parameters."""
-
-    @property
-    def mechanism(self) -> str: ...
-
-
-class IdealAccess(Mac, Protocol):
-    """An ideal channel. `rate` in bit/s; None: sending takes no time."""
-
-    @property
-    def rate(self) -> float | None: ...
-
-
-class FramedMac(Mac, Protocol):
-    """A MAC whose frames take time: `rate` bit/s, `turnaround` s between receiving and sending, whether unicasts are
-    acknowledged (`acks`, by `ack_bits` on the air, awaited for `ack_wait` s, repeated `max_retries` times).
-
-    `payload_bits`: what a frame can carry.
-    """
-
-    rate: float
-    turnaround: float
-    acks: bool
-    ack_wait: float
-    max_retries: int
-
-    @property
-    def ack_bits(self) -> int: ...
-
-    @property
-    def payload_bits(self) -> int: ...
-
-    def bits(self, payload_bits: int) -> int:
-        """Bits on the air of a frame with such a payload, preamble and headers included."""
-        ...
-
-    def airtime(self, bits: float) -> float:
-        """Seconds that so many bits on the air take."""
-        ...
-
-    def spacing(self, bits: int) -> float:
-        """Seconds that a sender leaves after a frame of so many bits on the air."""
-        ...
-
-
-class ContendingMac(FramedMac, Protocol):
-    """Carrier sense with collision avoidance: slots of `backoff` s, 2^BE of them, BE from `min_be` to `max_be`; given
-    up after `max_backoffs` further attempts; a channel is assessed for `cca` s.
-    """
-
-    backoff: float
-    min_be: int
-    max_be: int
-    max_backoffs: int
-    cca: float
-
-
-class SlottedMac(ContendingMac, Protocol):
-    """Slots inside a cluster, contention outside. `guard` s at either end of a slot; `slot` s, None: as long as needed;
-    `schedule_bits` an entry of the schedule that the head broadcasts.
-    """
-
-    guard: float
-    slot: float | None
-    schedule_bits: int
-
-    def slot_needed(self, bits: int) -> float:
-        """Seconds that a frame of so many bits on the air needs: turnaround, acknowledgement and guards included."""
-        ...
-
-
-class Packing(Protocol):
-    """How many packets of a burst travel in one frame."""
-
-    def packets(self, packet_bits: int, most_bits: int) -> int:
-        """Of this size, in a frame whose payload holds so many bits; at least 1."""
+        """(n,) whether a node that receives these powers takes the channel for busy (clear channel assessment)."""
         ...
 
 
@@ -247,17 +189,21 @@ class Clock(Protocol):
 
 
 class Sink(Protocol):
-    """The sink of estimates: the node nearest to `point` (2,), or none if that is None. A report has `bits`."""
+    """The node that collects the estimates."""
 
     @property
-    def point(self) -> tuple[float, float] | None: ...
+    def point(self) -> tuple[float, float] | None:
+        """A point in m; the sink is the node nearest to it. None: there is no sink."""
+        ...
 
     @property
-    def bits(self) -> int: ...
+    def bits(self) -> int:
+        """Bits of a report."""
+        ...
 
     @property
     def every(self) -> float | None:
-        """Seconds between reports; None: every estimate is reported."""
+        """Seconds between reports; None: each estimate is reported."""
         ...
 
 
@@ -312,7 +258,9 @@ class FaultEvent(Protocol):
 
 
 class Routing(Protocol):
-    """What a relayed message minimises: `weight` is 'energy' or 'hop'; 'greedy': each hop goes nearest to the goal."""
+    """The path of a relayed datagram."""
 
     @property
-    def weight(self) -> str: ...
+    def weight(self) -> str:
+        """What it minimises: 'energy' or 'hop'; or 'greedy': each hop goes nearest to the destination."""
+        ...

@@ -12,6 +12,7 @@ from functools import cached_property
 from typing import Any
 
 from wsnsim.base.clustering import ClusterPolicy, head_protocol
+from wsnsim.base.medium_access import Mac, Packing
 from wsnsim.base.metrics import LOST_ERROR, LOST_WINDOW
 from wsnsim.base.ports import (
     Acquire,
@@ -22,7 +23,7 @@ from wsnsim.base.ports import (
     SensorModel,
     Tracker,
 )
-from wsnsim.base.radio import Clock, Cpu, EnergyModel, FaultEvent, LinkModel, Mac, Packing, Routing, Sink, Workload
+from wsnsim.base.radio import Clock, Cpu, EnergyModel, FaultEvent, LinkModel, Routing, Sink, Workload
 from wsnsim.base.requests import PACKET_BITS
 from wsnsim.base.sleeping import SleepSchedule, WakeUp
 

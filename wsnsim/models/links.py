@@ -1,9 +1,9 @@
-"""Who hears whom and how well, and which path a relayed message takes.
+"""Link models and routing: which nodes receive each other with which probability, and the path of relayed datagrams.
 
     powers(distances, pairs, directions) -> dBm (n,)    reception(powers, bits, interference) -> probability (n,)
     senses(powers) -> bool (n,)                         reach, audible: m
 
-Routing is performed by the network room; its parts carry the name of what a path minimises.
+The routing components only name what a path minimises; `network.radio.routing` finds it.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ from wsnsim.models.draws import MOST_DEVIATIONS, truncated_normals
 from wsnsim.models.modulation import Modulation, bit_error, snr_at_sensitivity, snr_for, success
 
 SHORTEST_BITS: Final = 88
-"""On the air, of the shortest frame that there is: an acknowledgement."""
+"""Bits on the air of the shortest frame, an acknowledgement."""
 LEAST_SUCCESS: Final = 1e-3
-"""A power at which the shortest frame arrives less often is not heard at all (our choice)."""
+"""A power at which the shortest frame arrives with a lower probability is not heard at all (our choice)."""
 LEAST_DISTURBANCE: Final = 0.1
-"""An interferer that raises the noise by a smaller share does not count (our choice)."""
+"""An interferer that raises the noise by a smaller share is neglected (our choice)."""
 PER_DECIBEL: Final = math.log(10.0) / 10.0
 LEVEL: Final = Quantity("dBm", ge=-200.0, le=60.0)
 SPREAD: Final = Quantity("dB", ge=0.0, le=30.0)
@@ -36,57 +36,57 @@ SPREAD: Final = Quantity("dB", ge=0.0, le=30.0)
 
 @part
 class Disk:
-    """Two nodes hear each other within a fixed reach, and not beyond; two frames heard at once destroy each other.
+    """Two nodes receive each other within a fixed range, and not beyond it; overlapping frames are both lost.
 
-    Source: Jiang, Song, Lin (2013), table 2 (R_c). `loss` is our addition: each frame is lost independently, at each
+    Source: Jiang, Song, Lin (2013), table 2 (R_c). `loss` is our addition: each frame is lost independently at each
     receiver.
     """
 
     captures: ClassVar[bool] = False
 
-    reach: Annotated[float, LENGTH, "R_c: nominal range of a link"] = 75.0
-    loss: Annotated[float, Quantity("", ge=0, lt=1), "probability that a packet within reach does not arrive"] = 0.0
+    reach: Annotated[float, LENGTH, "R_c: communication range"] = 75.0
+    loss: Annotated[float, Quantity("", ge=0, lt=1), "probability that a packet within range does not arrive"] = 0.0
 
     @property
     def audible(self) -> float:
-        """The distance in m beyond which nobody hears anything: the reach."""
+        """The distance in m beyond which no node hears another: the range."""
         return self.reach
 
     @property
     def perfect(self) -> bool:
-        """Whether every packet within reach arrives."""
+        """Whether every undisturbed packet within range arrives."""
         return self.loss == 0.0
 
     def powers(self, distances: Floats, pairs: Keys, directions: Keys) -> Floats:
-        """(n,) 0 within reach, where no power is known, and -inf beyond."""
+        """(n,) 0 within range, where the model knows no power, and -inf beyond."""
         return np.where(distances <= self.reach, 0.0, -np.inf)
 
     def reception(self, powers: Floats, bits: float, interference: Floats | float) -> Floats:
-        """(n,) 1 - loss, whatever the frame's length, where it is heard and nothing disturbs it; else 0."""
+        """(n,) 1 - loss for a frame of any length that is heard undisturbed; else 0."""
         return np.where(np.isfinite(powers) & (np.asarray(interference) <= 0.0), 1.0 - self.loss, 0.0)
 
     def senses(self, powers: Floats) -> Bools:
-        """(n,) whether a node takes the channel for busy: wherever it hears something."""
+        """(n,) whether a node takes the channel for busy: it does if it hears anything."""
         return np.isfinite(powers)
 
 
 @part
 class LogNormal:
-    """Power falls with the logarithm of the distance and differs from link to link; weak frames arrive seldom.
+    """Log-normal shadowing: power falls with the logarithm of the distance, and differs from link to link.
 
-    P = power - loss_at_1m - 10 exponent log10(d / 1 m) + N(0, shadowing²) per link + N(0, asymmetry²) per direction;
-    distances below 1 m count as 1 m, both normals end at three standard deviations (our choices). The draws last: a
-    link is what it is for the whole run.
+    P = power - loss_at_1m - 10 exponent log10(d / 1 m) + N(0, shadowing²) per link + N(0, asymmetry²) per direction.
+    Distances below 1 m count as 1 m, and both normal variables are truncated at three standard deviations (our
+    choices). They are sampled once per run.
 
-    A frame arrives with the probability that no bit of it is wrong, by the modulation's bit error rate at its ratio of
-    signal to noise and interference. The noise is such that the receiver has its `sensitivity` by the standard's
-    definition: 1 % of frames with a PSDU of 20 bytes are lost.
+    A frame arrives if none of its bits is wrong. The bit error rate is that of the modulation at the ratio of signal to
+    noise and interference. The noise follows from the receiver's `sensitivity`, as the standard defines it: 1 % of the
+    frames with a PSDU of 20 bytes are lost.
 
-    `interference: overlap`: two frames that overlap are both lost where both are heard. `sinr`: what overlaps adds to
-    the noise, and the stronger frame may survive (capture).
+    With `interference: overlap`, overlapping frames are both lost where both are heard. With `sinr`, overlapping frames
+    add to the noise, and the stronger one may survive (capture).
 
-    A power is heard (else -inf) from where the shortest frame arrives once in a thousand times, or the channel is
-    sensed busy; with `sinr` also from where it raises the noise by a tenth (our choices).
+    A power is heard (otherwise it is -inf) if the shortest frame arrives once in a thousand times, or if the channel is
+    sensed busy; with `sinr` also if it raises the noise by a tenth (our choices).
 
     Source: Zuniga, Krishnamachari (2004), "Analyzing the transitional region in low power wireless links", for path
     loss and reception; IEEE 802.15.4-2006, 6.1.7 (sensitivity), annex E.4.1.8 (bit error rate). Defaults of the path:
@@ -95,12 +95,12 @@ class LogNormal:
 
     power: Annotated[float, LEVEL, "transmit power"] = 0.0
     loss_at_1m: Annotated[float, Quantity("dB", ge=0.0, le=200.0), "path loss at 1 m"] = 55.0
-    exponent: Annotated[float, Quantity("", ge=1.0, le=10.0), "of the path loss: 2 in free space"] = 2.4
-    shadowing: Annotated[float, SPREAD, "standard deviation of a link's path loss"] = 4.0
-    asymmetry: Annotated[float, SPREAD, "standard deviation between its two directions"] = 1.0
-    sensitivity: Annotated[float, LEVEL, "power at which 1 % of frames of 20 bytes are lost"] = -95.0
-    carrier_sense: Annotated[float, LEVEL, "power from which the channel is taken for busy"] = -95.0
-    interference: Annotated[Literal["overlap", "sinr"], "what frames do to each other that overlap"] = "overlap"
+    exponent: Annotated[float, Quantity("", ge=1.0, le=10.0), "path-loss exponent: 2 in free space"] = 2.4
+    shadowing: Annotated[float, SPREAD, "standard deviation of the path loss from link to link"] = 4.0
+    asymmetry: Annotated[float, SPREAD, "standard deviation between the two directions of a link"] = 1.0
+    sensitivity: Annotated[float, LEVEL, "received power at which 1 % of frames of 20 bytes are lost"] = -95.0
+    carrier_sense: Annotated[float, LEVEL, "received power from which the channel is busy"] = -95.0
+    interference: Annotated[Literal["overlap", "sinr"], "effect of overlapping frames on each other"] = "overlap"
     modulation: Annotated[Modulation, "oqpsk: IEEE 802.15.4 at 2.4 GHz; ncfsk: non-coherent FSK"] = "oqpsk"
 
     perfect: ClassVar[bool] = False
@@ -117,17 +117,17 @@ class LogNormal:
 
     @property
     def audible(self) -> float:
-        """The distance in m beyond which nobody hears anything, not over the luckiest link."""
+        """The distance in m beyond which no node hears another, even over the strongest link."""
         return self._distance(self.floor - MOST_DEVIATIONS * (self.shadowing + self.asymmetry))
 
     @cached_property
     def noise(self) -> float:
-        """The receiver's noise in mW, which follows from its sensitivity."""
+        """The noise of the receiver in mW, by its sensitivity."""
         return _milliwatts(self.sensitivity) / snr_at_sensitivity(self.modulation)
 
     @cached_property
     def floor(self) -> float:
-        """The power in dBm below which a frame is neither received nor felt."""
+        """The power in dBm below which a frame is neither received nor sensed."""
         least = self.noise * snr_for(LEAST_SUCCESS, SHORTEST_BITS, self.modulation)
         if self.captures:
             least = min(least, self.noise * LEAST_DISTURBANCE)
@@ -143,7 +143,7 @@ class LogNormal:
         return np.where(powers >= self.floor, powers, -np.inf)
 
     def reception(self, powers: Floats, bits: float, interference: Floats | float) -> Floats:
-        """(n,) probability that a frame of so many bits on the air arrives; `interference` in mW."""
+        """(n,) probability that a frame of this length on the air arrives; `interference` in mW."""
         disturbed = np.asarray(interference)
         ratio = np.exp(np.asarray(powers) * PER_DECIBEL) / (self.noise + disturbed)
         arrives = success(bit_error(ratio, self.modulation), bits)
@@ -151,29 +151,29 @@ class LogNormal:
         return np.where(heard, arrives, 0.0)
 
     def senses(self, powers: Floats) -> Bools:
-        """(n,) whether a node takes the channel for busy when it hears so much."""
+        """(n,) whether a node that receives these powers takes the channel for busy."""
         return np.asarray(powers) >= self.carrier_sense
 
     def check(self, setup: Setup) -> Iterator[Issue]:
-        """A radio so weak that the mean link is dead at 1 m already."""
+        """Yield an issue if the mean power at 1 m is below the sensitivity."""
         if self.reach < 1.0:
             yield Issue(
                 ("link", "power"),
                 f"{self.power:g} dBm arrives with {float(self._mean(np.ones(1))[0]):g} dBm at 1 m, which is below "
-                f"link.sensitivity = {self.sensitivity:g} dBm: nobody hears anybody",
+                f"link.sensitivity = {self.sensitivity:g} dBm: no node receives another",
             )
 
     def _mean(self, distances: Floats) -> Floats:
         return self.power - self.loss_at_1m - 10.0 * self.exponent * np.log10(distances)
 
     def _distance(self, level: float) -> float:
-        """Where the mean power is `level` dBm, in m."""
+        """The distance in m at which the mean power is `level` dBm."""
         return float(10.0 ** ((self.power - self.loss_at_1m - level) / (10.0 * self.exponent)))
 
 
 @part
 class MinimumEnergy:
-    """Relay along the path that costs the fewest joules to send and to receive (our choice: the paper names none)."""
+    """Relay along the path with the least energy for sending and receiving (our choice: the paper names none)."""
 
     weight: ClassVar[str] = "energy"
 
@@ -187,10 +187,10 @@ class MinimumHop:
 
 @part
 class GreedyGeographic:
-    """Relay to the neighbour nearest to the goal; where none is nearer than the node itself, the message is lost.
+    """Relay to the neighbour nearest to the destination; a datagram is lost if none is nearer than the node itself.
 
-    Needs no map of the network. Source: Karp, Kung (2000), "GPSR: greedy perimeter stateless routing for wireless
-    networks", its greedy mode; the walk around a void, its perimeter mode, is left out.
+    It needs no map of the network. Source: Karp, Kung (2000), "GPSR: greedy perimeter stateless routing for wireless
+    networks", greedy mode. The perimeter mode, which leads around voids, is not implemented.
     """
 
     weight: ClassVar[str] = "greedy"

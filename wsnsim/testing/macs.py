@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from wsnsim.base.frames import EVERYONE, Burst, full_burst
-from wsnsim.base.radio import Mac
+from wsnsim.base.medium_access import Mac
 from wsnsim.base.requests import PACKET_BITS, Parcel
 from wsnsim.base.rng import Streams
 from wsnsim.base.setups import RadioSetup

@@ -16,7 +16,8 @@ import simpy
 
 from wsnsim.base.arrays import Ints
 from wsnsim.base.frames import EVERYONE, MacFrame
-from wsnsim.base.radio import FramedMac, continuous_power
+from wsnsim.base.medium_access import FramedMac
+from wsnsim.base.radio import continuous_power
 from wsnsim.base.tables import CAUSE, EVENT_CAUSE
 from wsnsim.network.event_log import event
 from wsnsim.network.radio.link_counters import LinkCounters, NoLinkCounters

@@ -14,7 +14,7 @@ from typing import Any
 import simpy
 
 from wsnsim.base.frames import EVERYONE, SEND, Burst, MacFrame, OfferedFrame, Received
-from wsnsim.base.radio import ContendingMac
+from wsnsim.base.medium_access import ContendingMac
 from wsnsim.base.rng import GOLDEN, MASK, derive, mix
 from wsnsim.network.radio.mac_services import NetworkMacServices
 from wsnsim.network.radio.transmission import Transmission

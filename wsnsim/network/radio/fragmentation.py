@@ -8,7 +8,7 @@ import numpy as np
 
 from wsnsim.base.arrays import Bools
 from wsnsim.base.frames import EVERYONE, SEND, Burst, MacFrame, Received
-from wsnsim.base.radio import FramedMac, Packing
+from wsnsim.base.medium_access import FramedMac, Packing
 from wsnsim.base.tables import KIND
 from wsnsim.network.event_log import EventLog
 

@@ -14,7 +14,7 @@ import simpy
 from wsnsim.base.errors import RunError
 from wsnsim.base.frames import EVERYONE, Burst, Received, full_burst
 from wsnsim.base.mac_mechanisms import MacMechanism, StartsMac
-from wsnsim.base.radio import IdealAccess, Mac
+from wsnsim.base.medium_access import IdealAccess, Mac
 from wsnsim.base.requests import Parcel
 from wsnsim.network.radio.csma import CsmaMechanism
 from wsnsim.network.radio.ideal_medium import IdealMedium

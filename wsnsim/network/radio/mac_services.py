@@ -10,7 +10,7 @@ import simpy
 from wsnsim.base.arrays import Ints
 from wsnsim.base.counters import Counters
 from wsnsim.base.frames import Burst, MacFrame
-from wsnsim.base.radio import FramedMac, Packing
+from wsnsim.base.medium_access import FramedMac, Packing
 from wsnsim.base.rng import Streams
 from wsnsim.base.tables import KIND
 from wsnsim.network.clocks import Clocks

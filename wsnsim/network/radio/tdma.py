@@ -20,7 +20,7 @@ import simpy
 
 from wsnsim.base.arrays import Ints
 from wsnsim.base.frames import EVERYONE, SEND, Burst, MacFrame, Received, full_burst
-from wsnsim.base.radio import SlottedMac
+from wsnsim.base.medium_access import SlottedMac
 from wsnsim.base.requests import Parcel
 from wsnsim.network.radio.csma import CsmaMechanism
 from wsnsim.network.radio.mac_services import NetworkMacServices
