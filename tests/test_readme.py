@@ -11,7 +11,7 @@ import pytest
 import wsnsim
 from wsnsim.base.errors import ScenarioError
 from wsnsim.cli.shared import group
-from wsnsim.papers import digest, reproduce
+from wsnsim.papers.paper import PAPERS, paper
 from wsnsim.scenario import resolved
 from wsnsim.scenario.sweep import load_sweep
 from wsnsim.testing import check_tracker
@@ -119,20 +119,18 @@ def test_the_table_of_the_papers_has_a_row_for_each_main_claim_with_what_was_pub
     lines = [line.strip("|").split(" | ") for line in text.splitlines() if re.match(r"\| [a-z]+\d{4}, ", line)]
     shown = {tuple(cell.strip().replace("\\", "") for cell in line[:4]) for line in lines}
     claimed = set()
-    for main in digest.MAIN:
-        (experiment,) = (each for each in reproduce.experiments(main.paper) if each.name == main.experiment)
-        for claim in experiment.claims:
-            if reproduce.quantity(claim) == main.quantity and (not main.variants or claim.variant in main.variants):
-                number = getattr(claim, "published", None)
-                told = "-" if number is None else ("about " if claim.read else "") + f"{number:.4g}"
-                claimed.add((f"{main.paper}, {main.experiment}", main.quantity, claim.variant, told))
+    for name in PAPERS:
+        for experiment, claim in paper(name).main:
+            number = getattr(claim, "published", None)
+            published = "-" if number is None else ("about " if claim.read else "") + f"{number:.4g}"
+            claimed.add((f"{name}, {experiment.name}", claim.label, claim.variant, published))
     assert shown == claimed and len(lines) == len(claimed) > 50
 
 
-def test_the_frontier_says_who_is_cheapest_and_who_is_beaten_by_none_on_either_radio():
+def test_the_frontier_says_who_is_cheapest_and_what_is_on_the_pareto_front_on_either_radio():
     lines = block("frontier").splitlines()
     assert [re.match(r"- (\w+) radio, (\w+)", line).groups() for line in lines] == [
-        (radio, word) for radio in ("ideal", "realistic") for word in ("cheapest", "beaten")
+        (radio, word) for radio in ("ideal", "realistic") for word in ("cheapest", "Pareto")
     ]
 
 

@@ -203,7 +203,7 @@ def test_a_step_is_a_whole_number_of_looks_for_a_lost_target_where_heads_move(po
     names = dict.fromkeys(field.name for field in dataclasses.fields(NetworkSetup))
     company = NetworkSetup(**names | {"sensor": SENSOR, "clusters": policy, "dt": step, "steps": 100})
     found = list(FromReadings(poll=poll).check(company))
-    assert [issue.path for issue in found] == ([] if whole or not company.nodes_search else [("acquire", "poll")])
+    assert [issue.path for issue in found] == ([] if whole or not policy.moves else [("acquire", "poll")])
 
 
 def test_a_run_has_no_more_looks_than_it_could_bear():

@@ -1,4 +1,3 @@
-import importlib
 import json
 from dataclasses import replace
 from types import SimpleNamespace
@@ -13,18 +12,13 @@ from wsnsim.base.initial_conditions import sample_initial_conditions
 from wsnsim.base.tables import Memory
 from wsnsim.experiment import simulate
 from wsnsim.papers import measures, reproduce
+from wsnsim.papers.jiang2013 import figures
 from wsnsim.papers.jiang2013 import measures as jiang2013_measures
-from wsnsim.papers.jiang2013 import pictures as pictures
-from wsnsim.papers.jiang2013.experiments import EXPERIMENTS, FIRST_CLUSTER, LITERAL
+from wsnsim.papers.paper import paper
 from wsnsim.papers.reproduction import Order
 
-NEEDS = {
-    "rmse": {"estimates"},
-    "clusters": {"clusters"},
-    "least_level": {"clusters", "energy_steps"},
-    "largest_level": {"clusters", "energy_steps"},
-    "on_level": {"clusters", "energy_steps"},
-}
+EXPERIMENTS = paper("jiang2013").experiments
+
 PRINTED = {
     "rmse": {"pso_mhpf": 2.5347, "ipf": 3.3710, "ppf": 4.5519},
     "mean:energy": {"pso_mhpf": 1.82, "ipf": 2.33, "ppf": 2.45},
@@ -37,43 +31,12 @@ PRINTED = {
 
 
 def short(measure):
-    return measure.rpartition(":")[2] if "_of:" in measure else measure
+    name = measure.partition(":")[2]
+    return name if name in paper("jiang2013").measures else measure
 
 
 def claims():
     return [(experiment, claim) for experiment in EXPERIMENTS for claim in experiment.claims]
-
-
-@pytest.mark.parametrize("experiment", EXPERIMENTS, ids=lambda experiment: experiment.name)
-def test_every_variant_is_a_scenario_that_builds_and_no_two_are_the_same(experiment):
-    plan = reproduce.plan("jiang2013", experiment)
-    assert [point.settings["variant"] for point in plan.points] == list(experiment.variants)
-    assert plan.replicates == experiment.quick >= 5
-    for point in plan.points:
-        scenario.build(scenario.load(json.loads(point.resolved)))
-    full = reproduce.plan("jiang2013", experiment, full=True)
-    assert full.replicates == experiment.full > experiment.quick
-    assert [point.id for point in full.points] == [point.id for point in plan.points]
-
-
-def test_every_claim_is_of_a_variant_that_is_run_and_of_tables_that_are_recorded():
-    for experiment, claim in claims():
-        others = (claim.other,) if isinstance(claim, Order) else ()
-        assert {claim.variant, *others} <= set(experiment.variants)
-        name = short(claim.measure)
-        if claim.measure.startswith(("mean_of:", "median_of:")):
-            assert callable(getattr(jiang2013_measures, name))
-        known = {"rmse", "mean:energy", "share:lost", "median:rmse"} | set(NEEDS)
-        assert name in known or (claim.measure.startswith("over:") and claim.measure[5:] in experiment.variants)
-        assert NEEDS.get(name, set()) <= set(experiment.record)
-        assert not isinstance(claim, Order) or name in ("rmse", "mean:energy")
-
-
-def test_every_claim_that_has_a_verdict_gives_its_reason_in_a_line():
-    for _, claim in claims():
-        assert "\n" not in claim.reason and len(claim.reason) < 200
-        if isinstance(claim, Order) or claim.published is not None:
-            assert claim.reason, f"{claim.quantity} of {claim.variant}"
 
 
 def test_published_figures_are_those_of_the_page_and_every_one_of_them_is_claimed():
@@ -90,21 +53,16 @@ def test_published_figures_are_those_of_the_page_and_every_one_of_them_is_claime
 def test_every_order_of_the_three_trackers_that_is_published_is_claimed():
     orders = {(claim.measure, claim.variant, claim.other) for _, claim in claims() if isinstance(claim, Order)}
     for measure in ("rmse", "mean:energy"):
-        printed = sorted(LITERAL, key=PRINTED[measure].__getitem__)
+        printed = sorted(figures.PRINTED, key=PRINTED[measure].__getitem__)
         for i, one in enumerate(printed):
             for other in printed[i + 1 :]:
                 assert (measure, one, other) in orders
 
 
-def test_every_picture_has_a_function_that_draws_it_and_the_figures_of_the_paper_are_all_there():
-    found = [picture for experiment in EXPERIMENTS for picture in experiment.pictures]
-    for picture in found:
-        module, _, name = picture.draw.partition(":")
-        assert callable(getattr(importlib.import_module(module), name))
-    assert {picture.name for picture in found} == {f"figure_{number}" for number in range(2, 10)}
-
-
 def test_figure_3_is_run_on_the_first_cluster_of_the_network_that_figure_2_shows():
+    (convergence,) = (each for each in EXPERIMENTS if each.name == "figure_3")
+    first = reproduce.plan("jiang2013", convergence).points[0]
+    anchors = json.loads(first.resolved)["deploy"]["places"]
     draw = sample_initial_conditions(scenario.build(scenario.load("pso_mhpf")), 0)
     target, places = draw.truths[0][0][[0, 2]], draw.positions
     memory = Memory({"clusters": True})
@@ -114,9 +72,9 @@ def test_figure_3_is_run_on_the_first_cluster_of_the_network_that_figure_2_shows
     near = np.hypot(*(places - target).T) <= 60.0
     heard = np.hypot(*(places - places[head]).T) <= 75.0
     members = np.flatnonzero(near & heard)
-    assert first["members"] == len(members) == len(FIRST_CLUSTER)
+    assert first["members"] == len(members) == len(anchors)
     wanted = np.round(places[[head, *members[members != head]]], 2)
-    np.testing.assert_allclose(wanted, FIRST_CLUSTER, atol=1e-9)
+    np.testing.assert_allclose(wanted, anchors, atol=1e-9)
 
 
 def fake(**tables):
@@ -155,15 +113,17 @@ def test_members_that_a_map_shows_are_as_many_as_the_cluster_counted(tracked):
     rows = list(frame[frame["replicate"] == 0].itertuples())
     assert len(rows) >= 2
     for row in rows:
-        assert len(pictures._members_of(data, places, row)) + 1 == row.members
+        assert len(figures._members_of(data, places, row)) + 1 == row.members
 
 
 @pytest.fixture(scope="module")
 def tracked(tmp_path_factory):
     """Two runs of 60 steps of the variants of the first experiment that are drawn, and its folder."""
     where, whole = tmp_path_factory.mktemp("jiang2013"), EXPERIMENTS[0]
-    variants = {name: whole.variants[name] for name in (*LITERAL, *pictures.REPAIRED)}
-    claims = tuple(claim for claim in whole.claims if claim.variant in LITERAL)
+    variants = {name: whole.variants[name] for name in (*figures.PRINTED, *figures.REPAIRED)}
+    claims = tuple(
+        replace(claim, reason="") for claim in whole.claims if claim.shown and claim.variant in figures.PRINTED
+    )
     small = replace(whole, quick=2, sets=("duration=2.4 s",), variants=variants, claims=claims)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(reproduce, "LocalEngine", InlineEngine)
@@ -179,5 +139,5 @@ def test_a_small_run_gives_a_row_a_claim_and_a_picture_a_figure(tracked, tmp_pat
     energy = next(row for row in rows if row.quantity.startswith("network energy") and row.variant == "pso_mhpf")
     assert 0.0 < energy.measured < 1.82 and energy.published == 1.82 and energy.replicates == 2
     files = reproduce.draw("jiang2013", small, folder, tmp_path)
-    assert [file.name for file in files] == [f"jiang2013_{picture.name}.png" for picture in small.pictures]
+    assert [file.name for file in files] == [f"jiang2013_{figure.name}.png" for figure in small.figures]
     assert all(file.stat().st_size > 10_000 for file in files)

@@ -40,7 +40,11 @@ def _series(values: np.ndarray, words: tuple[str, ...]) -> Any:
 
 
 def _joined(pieces: list[pd.Series]) -> Any:
-    """One column below the other. Categories that grew in different orders are brought together by their words."""
-    if isinstance(pieces[0].dtype, pd.CategoricalDtype):
-        return union_categoricals(pieces)
+    """One column below the other. Categories that grew in different orders are brought together by their words.
+
+    A file without rows of a table may have no categories for it.
+    """
+    categories = [piece for piece in pieces if isinstance(piece.dtype, pd.CategoricalDtype)]
+    if categories:
+        return union_categoricals(categories)
     return np.concatenate([piece.to_numpy() for piece in pieces])

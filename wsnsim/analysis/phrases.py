@@ -1,6 +1,6 @@
-"""The phrases of a step's description: events, quantities and nodes in words.
+"""Events, numbers and nodes in words.
 
-row_in_words(row);   energy_in_words(joules);   counted(3, 'packet');   named(nodes);   StepContext
+row_in_words(row);   energy_in_words(joules);   counted(3, 'packet');   named(nodes);   StepContext: how a step is told
 """
 
 from __future__ import annotations
@@ -12,62 +12,59 @@ from typing import Final, NamedTuple
 from wsnsim.analysis.event_groups import LoggedEvent
 
 NAMES: Final = 24
-"""Most nodes that a sentence lists (our choice)."""
+"""How many nodes a sentence names (our choice)."""
 PARCELS: Final = {
     "announce": ("its announcement", "their announcements"),
-    "join": ("its join request", "their join requests"),
+    "join": ("its request to join", "their requests to join"),
     "strength": ("the strength of its reading", "the strengths of their readings"),
-    "wake": ("a request to wake", "requests to wake"),
-    "track": ("its wake-up message", "their wake-up messages"),
+    "wake": ("a call to wake", "calls to wake"),
+    "track": ("its call to track", "their calls to track"),
     "request": ("its request for readings", "their requests for readings"),
-    "detection": ("its detection of a target", "their detections of a target"),
+    "detection": ("that it had detected a target", "that they had detected a target"),
     "": ("a message", "messages"),
 }
-"""The name of a parcel of one sender and of several; others have the tracker's name for them."""
-REASONS: Final = {"no_path": "no path exists", "no_channel": "channel access failed"}
+"""What a parcel is called of one sender and of several; others are called what the tracker calls them."""
+REASONS: Final = {"no_path": "there is no path", "no_channel": "the channel was never free"}
 LOSSES: Final = {
-    "empty_region": "no node is near the predicted position",
-    "nobody_woken": "no node was woken near the predicted position",
-    "no_readings": "no readings arrived",
-    "no_successor": "there was no successor to hand over to",
-    "handover_lost": "the belief was lost on its way to the next cluster head",
-    "head_died": "the cluster head died",
-    "expired": "the wake-up message expired on its way",
+    "empty_region": "no node stands where the target is expected",
+    "nobody_woken": "nobody was woken where the target was expected",
+    "no_readings": "no readings came",
+    "no_successor": "there was nobody to hand over to",
+    "handover_lost": "the belief was lost on its way to the next head",
+    "head_died": "the head died",
+    "expired": "the message that was to wake nodes expired on its way",
 }
-"""The reasons for a track loss."""
+"""Why a track was lost."""
 SPEECH: Final = {
     "wake": (
         "woke",
         {
-            "frame": ", by a message",
-            "target": ", because the target came into range",
-            "call": ", by a wake-up call",
-            "schedule": ", by its schedule",
+            "frame": ", called by a frame",
+            "target": ", as the target came into range",
+            "call": ", called on the wake-up radio",
+            "schedule": ", as scheduled",
         },
     ),
     "sleep": (
         "went to sleep",
-        {"frame": ", dismissed", "target": ", because the target had left its range", "schedule": ", by its schedule"},
+        {"frame": ", dismissed", "target": ", as the target had left", "schedule": ", as scheduled"},
     ),
-    "stay": (
-        "stayed awake",
-        {"frame": ", because it had something to do", "target": ", because the target is in range"},
-    ),
-    "resume": ("returned to its schedule, awake", {}),
+    "stay": ("stayed awake", {"frame": ", having something to do", "target": ", as the target is in range"}),
+    "resume": ("went back to the schedule, awake", {}),
     "compute": ("computed", {}),
-    "sense": ("sensed", {"nothing": " nothing, although it was woken for the target"}),
+    "sense": ("sensed", {"nothing": " nothing, though told to"}),
     "drop": ("dropped a message", {"expired": " that had expired"}),
     "crash": ("crashed", {}),
     "restart": ("restarted", {}),
-    "death": ("died: its battery is empty", {}),
+    "death": ("died: the charge is gone", {}),
 }
-"""The verb of an action without another node, and its continuation by the event's column `what`."""
+"""Verbs of acts without another node, and what follows them for a word of the event."""
 OF_NODES: Final = ("join", "strength", "wake", "handover", "report")
-"""Parcels that not only members send to a cluster head."""
+"""Parcels that not only members send to a head."""
 
 
 class Sentence(NamedTuple):
-    """A sentence with the start and end of what it describes, in s of simulated time."""
+    """A sentence, and from when to when it holds, in s of simulated time."""
 
     time: float
     until: float
@@ -76,13 +73,9 @@ class Sentence(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class StepContext:
-    """What the description of a step needs to know.
+    """How it is told: who is called a head, and how many similar messages are told one by one before they are summed.
 
-    Attributes:
-        heads: the cluster heads of the step.
-        limit: most similar messages that are described one by one; more are summed up.
-        issued: the name of each issued estimate by (target, time).
-        several: whether there are several targets, so that sentences name theirs.
+    `issued`: what to say of the estimates issued, by (target, time). `several`: whether targets need their numbers.
     """
 
     heads: frozenset[int]
@@ -91,16 +84,16 @@ class StepContext:
     several: bool = False
 
     def node(self, number: int) -> str:
-        """A node with its role."""
-        return f"{'cluster head' if number in self.heads else 'node'} {number}"
+        """A node by its role."""
+        return f"{'head' if number in self.heads else 'node'} {number}"
 
     def of(self, target: int) -> str:
-        """The target of a sentence, if there are several targets."""
+        """Which target a sentence is about, where there are several."""
         return f" (target {target})" if self.several and target >= 0 else ""
 
 
 def row_in_words(row: LoggedEvent) -> str:
-    """One event with all of its columns."""
+    """One event, with all that it says."""
     joules = f"{energy_in_words(row.joules)} ({row.cause})" if row.joules else ""
     facts = [
         f"'{row.what}'" if row.what else "",
@@ -116,7 +109,7 @@ def row_in_words(row: LoggedEvent) -> str:
 
 
 def energy_in_words(joules: float) -> str:
-    """An energy with three digits and a fitting prefix."""
+    """Joules with three digits and the fitting prefix."""
     if joules == 0:
         return "0 J"
     for factor, unit in ((1.0, "J"), (1e-3, "mJ"), (1e-6, "uJ")):
@@ -131,6 +124,6 @@ def counted(count: int, word: str) -> str:
 
 
 def named(nodes: Sequence[int]) -> str:
-    """The nodes as a list, at most `NAMES` of them."""
+    """The nodes one by one, as long as there are not too many."""
     shown = ", ".join(str(node) for node in nodes[:NAMES])
     return shown + (f" and {len(nodes) - NAMES:,} more" if len(nodes) > NAMES else "")

@@ -20,7 +20,7 @@ from wsnsim.cli.shared import PATH, echo_json, group, jobs_option, json_option, 
 
 if TYPE_CHECKING:
     from wsnsim.campaign import CampaignOutcome
-    from wsnsim.papers.reproduction import Experiment, Row
+    from wsnsim.papers.reproduction import ClaimRow, Experiment
 
 MAX_REASONS: Final = 3
 """Reasons of an incomplete campaign that are printed."""
@@ -72,7 +72,7 @@ class _ReproductionSession:
     quiet: bool
     progress: str
     figures: Path | None
-    rows: list[Row] = field(default_factory=list)
+    rows: list[ClaimRow] = field(default_factory=list)
     lines: list[str] = field(default_factory=list)
 
     def run_all(self, chosen: Sequence[tuple[str, Experiment]], interrupts: Interrupts) -> int:
@@ -113,14 +113,14 @@ class _ReproductionSession:
 
         folder = reproducing.place(self.where, paper, experiment)
         try:
-            rows, lines = reproducing.rows(paper, experiment, folder), reproducing.lines(experiment, folder)
+            rows, lines = reproducing.rows(paper, experiment, folder), reproducing.lines(paper, experiment, folder)
         except ResultError:
             damaged = reproducing.set_aside(folder)
             for path in damaged:
                 click.echo(f"wsnsim: {path}: is damaged and was set aside; its runs are repeated", err=True)
             if not damaged or not self.run(paper, experiment, should_stop).complete:
                 raise
-            rows, lines = reproducing.rows(paper, experiment, folder), reproducing.lines(experiment, folder)
+            rows, lines = reproducing.rows(paper, experiment, folder), reproducing.lines(paper, experiment, folder)
         self.rows.extend(rows)
         self.lines.extend(lines)
         if self.figures:

@@ -1,1 +1,1 @@
-"""One file a source paper: its published numbers, and which set-up they belong to. Imports nothing heavy."""
+"""The source papers: what each prints and claims (a YAML file), its own measures and its figures (a package)."""

@@ -1,9 +1,10 @@
-"""What a reproduction is made of: experiments of variants, and claims about them with a verdict each.
+"""Experiments of a paper, claims about them, and the rule that gives each claim its verdict.
 
-    Experiment: variants that are run side by side;  Claim: a published figure of one of them
-    Order: a published order of two of them;  Picture: a figure of the paper;  Row: what `wsnsim reproduce` prints
+    Experiment: variants that run side by side as one campaign       Variant: one scenario of an experiment
+    Claim: a published value of one variant                          Order: a published order of two variants
+    PaperFigure: a figure of the paper, drawn from our results       ClaimRow: one line of `wsnsim reproduce`
 
-A paper's package holds EXPERIMENTS in experiments.py, which imports nothing heavy. The rule of the verdicts is RULE.
+`wsnsim.papers.paper` reads experiments from a paper's YAML file. RULE states the rule of the verdicts.
 """
 
 from __future__ import annotations
@@ -18,15 +19,15 @@ Verdict = Literal[
     "not published",
 ]  # fmt: skip
 CLOSE: Final = 0.1
-"""Share of a published figure by which ours may differ and still be the same."""
+"""Relative difference up to which a measured value reproduces the published one."""
 FACTOR: Final = 2.0
-"""Ratio up to which two figures are of the same order."""
+"""Ratio up to which two values are of the same order."""
 NAN: Final = float("nan")
 
 
 @dataclass(frozen=True)
 class Variant:
-    """One scenario of an experiment: a shipped scenario's name, and what is set in it, as `--set` takes it."""
+    """The name of a shipped scenario, and the settings laid on it (as `--set` takes them)."""
 
     scenario: str
     sets: tuple[str, ...] = ()
@@ -34,14 +35,19 @@ class Variant:
 
 @dataclass(frozen=True)
 class Claim:
-    """A figure that a paper prints (or, with None, that it should have printed) of one variant.
+    """A value that a paper prints for one variant; `published` is None for a value that it does not print.
 
-    `measure` names what is measured, `bound` the kind of bound to put beside it, '' for none: see `measures`.
-    `reason` says in a line why it comes out as it does, `where` the table or figure that prints it.
-
-    `read`: what is published is our reading of a curve or of words, no printed number. `judged`: False where the two
-    cannot be compared, as seconds of two machines. `factor`: up to which ratio the two are of one order; nearer to one
-    for shares. `literal`: False for what the paper does not claim, repairs and other readings; these are not counted.
+    Attributes:
+        measure: what is measured, see `wsnsim.papers.measures`.
+        bound: the kind of bound beside it, '' for none; see `measures.bound_beside`.
+        where: the table or figure that prints the value.
+        reason: one line on why the result is as it is: a format string over rows, see `wsnsim.papers.reasons`.
+        read: True if the value is our reading of a curve or of words, not a printed number.
+        judged: False if the two values cannot be compared, such as seconds on two machines.
+        factor: the ratio up to which the two are of the same order; nearer to one for fractions.
+        literal: False for repairs and other readings, which are not counted among the paper's claims.
+        id: the name under which reasons and the list of main rows refer to the claim.
+        shown: False for a value that only reasons use.
     """
 
     quantity: str
@@ -55,13 +61,25 @@ class Claim:
     judged: bool = True
     factor: float = FACTOR
     literal: bool = True
+    id: str = ""
+    shown: bool = True
+
+    @property
+    def label(self) -> str:
+        """The row's quantity, and where the paper prints it."""
+        return self.quantity + (f" ({self.where})" if self.where else "")
+
+    @property
+    def key(self) -> str:
+        """The claim's name among those with the same id."""
+        return self.variant
 
 
 @dataclass(frozen=True)
 class Order:
-    """A published order: the measure of `variant` is below that of `other`, replicate by replicate.
+    """A published order: in each run, the measure of `variant` is below that of `other`.
 
-    `literal` as in Claim.
+    The other attributes are those of Claim.
     """
 
     quantity: str
@@ -71,26 +89,43 @@ class Order:
     where: str = ""
     reason: str = ""
     literal: bool = True
+    id: str = ""
+    shown: bool = True
+
+    @property
+    def label(self) -> str:
+        """The row's quantity with the variant it is compared to, and where the paper states the order."""
+        return f"{self.quantity} below that of {self.other}" + (f" ({self.where})" if self.where else "")
+
+    @property
+    def key(self) -> str:
+        """The claim's name among those with the same id."""
+        return f"{self.variant} < {self.other}"
 
 
 @dataclass(frozen=True)
-class Picture:
-    """A figure of the paper, ours: `draw` names a function as 'module:function' that takes (figure, data=Data)."""
+class PaperFigure:
+    """A figure of the paper, drawn from our results by the function `draw` of the paper's FIGURES."""
 
     name: str
-    title: str
+    caption: str
     draw: str
     size: tuple[float, float] = (7.0, 4.5)
 
 
 @dataclass(frozen=True)
 class Experiment:
-    """Variants that are run side by side, on the same truths, as one campaign.
+    """Variants that run side by side on the same ground truths, as one campaign.
 
-    `quick` and `full` are replicates a variant, `record` the tables that measures and pictures need beside `runs` and
-    `tracks`. `sets` are laid on every variant, `quick_sets` in a quick run in addition. `says` names a function
-    as 'module:function' that takes the data and gives lines to stand beneath the rows. `literal`: False where all of it
-    is another reading than the paper's text, so that no claim is counted.
+    Attributes:
+        quick: Monte Carlo runs of each variant in a quick reproduction.
+        full: the same in a full one.
+        record: the tables that measures and figures need in addition to `runs` and `tracks`.
+        sets: settings laid on every variant.
+        quick_sets: further settings in a quick reproduction.
+        block: runs in one task of the campaign.
+        summary: the function of the paper's SUMMARIES that gives lines beneath the rows, '' for none.
+        literal: False if the whole experiment is another reading of the paper, so that no claim is counted.
     """
 
     name: str
@@ -99,17 +134,17 @@ class Experiment:
     quick: int
     full: int
     claims: tuple[Claim | Order, ...] = ()
-    pictures: tuple[Picture, ...] = ()
+    figures: tuple[PaperFigure, ...] = ()
     record: tuple[str, ...] = ()
     sets: tuple[str, ...] = ()
     quick_sets: tuple[str, ...] = ()
     block: int = 5
-    says: str = ""
+    summary: str = ""
     literal: bool = True
 
 
 class Measured(NamedTuple):
-    """A figure with its 95 % interval, the replicates behind it, and the share of them that lost the target."""
+    """A value with its 95 % interval, the number of runs behind it, and the fraction of them that lost the target."""
 
     value: float
     low: float
@@ -118,10 +153,10 @@ class Measured(NamedTuple):
     lost_fraction: float
 
 
-class Limit(NamedTuple):
-    """A bound beside a figure, and its kind.
+class BoundBeside(NamedTuple):
+    """A bound beside a value, and its kind.
 
-    `strict`: below which nothing can be measured, not a number where the bound is not that; `caution` says why not.
+    `strict` is the limit below which no filter is on average; NaN for a bound that is not strict. `caution` says why.
     """
 
     value: float = NAN
@@ -131,8 +166,8 @@ class Limit(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Row:
-    """One line of a reproduction."""
+class ClaimRow:
+    """One line of a reproduction: a claim with its measured value, bound and verdict."""
 
     paper: str
     experiment: str
@@ -152,23 +187,31 @@ class Row:
     read: bool = False
     literal: bool = True
     title: str = ""
+    id: str = ""
+    key: str = ""
+
+    @property
+    def lost(self) -> float:
+        """The number of runs that lost the target."""
+        return self.lost_fraction * self.replicates
 
 
 RULE: Final[Mapping[Verdict, str]] = {
-    "reproduces": "ours is within 10 % of what is published; or that is in our 95 % interval, which is between "
-    "half and twice of it; of an order: the whole interval of the paired difference has the published sign",
-    "same order": "ours is between half and twice what is published (shares: within a fifth)",
+    "reproduces": "the measured value is within 10 % of the published one; or the published value is in the measured "
+    "95 % interval, and that interval lies between half and twice the published value; of an order: the whole "
+    "interval of the paired difference has the published sign",
+    "same order": "the measured value is between half and twice the published one (fractions: within a fifth)",
     "does not reproduce": "neither; of an order: the whole interval has the other sign, or there is no difference",
-    "cannot: beyond the bound": "what is published is below a strict bound: "
-    "no filter is so good on average over truths",
-    "undecided": "what is published is in the interval, which is wider than that; of an order: it holds zero",
-    "not judged": "the two cannot be compared, as seconds on two machines",
+    "cannot: beyond the bound": "the published value is below a strict bound, "
+    "which no filter is on average over ground truths",
+    "undecided": "the published value is in the interval, which is wider than that; of an order: it contains zero",
+    "not judged": "the two cannot be compared, such as seconds on two machines",
 }
-"""How a verdict comes about."""
+"""How a verdict is reached."""
 
 
-def judged(claim: Claim, found: Measured, strict: float = NAN) -> Verdict:
-    """The verdict on a figure, by RULE; `strict` is the bound that no filter is below on average, if there is one."""
+def verdict_on_value(claim: Claim, found: Measured, strict: float = NAN) -> Verdict:
+    """The verdict on a value, by RULE; `strict` is the bound that no filter is below on average, NaN without one."""
     published = claim.published
     if published is None:
         return "not published"
@@ -186,8 +229,8 @@ def judged(claim: Claim, found: Measured, strict: float = NAN) -> Verdict:
     return "same order" if low <= found.value <= high else "does not reproduce"
 
 
-def ordered(found: Measured) -> Verdict:
-    """The verdict on an order, by RULE, from the paired difference, which should be below zero."""
+def verdict_on_order(found: Measured) -> Verdict:
+    """The verdict on an order, by RULE, from the paired difference: below zero as published."""
     if found.high < 0.0:
         return "reproduces"
     return "does not reproduce" if found.low > 0.0 or found.low == found.high == 0.0 else "undecided"

@@ -1,6 +1,6 @@
 """The rows of a reproduction as a table for a terminal.
 
-text(rows) -> str         cells(row) -> a line's cells, by HEADS         legend(rows) -> what words and marks mean
+text(rows) -> str         cells(row) -> cells by HEADS         legend(rows) -> the meaning of words and marks
 """
 
 from __future__ import annotations
@@ -11,22 +11,22 @@ from collections.abc import Iterator, Sequence
 from itertools import groupby
 from typing import Final
 
-from wsnsim.papers.reproduction import RULE, Row
+from wsnsim.papers.reproduction import RULE, ClaimRow
 
 KINDS: Final = {"unconditional": "u", "per_trajectory": "t", "active": "active", "arrived": "arrived"}
 MARKS: Final = (
-    "u unconditional, over all truths; t along each truth, which a filter may beat on some; "
-    "other, of another variant or as its reason says; ~ not strict here"
+    "u posterior (over all trajectories); t conditional on each trajectory, which a filter may beat on some; "
+    "other: of another variant, or as the reason says; ~ not strict here"
 )
 UNCOUNTED: Final = " *"
 READ: Final = "about"
-WORDS_READ: Final = "no printed number, but our reading of a curve, or of words"
+WORDS_READ: Final = "our reading of a curve or of words, not a printed number"
 FEW: Final = 30
 HEADS: Final = ("quantity", "variant", "published", "measured [95 %]", "bound", "runs", "lost", "verdict")
 
 
-def text(rows: Sequence[Row]) -> str:
-    """A block an experiment: a line a claim, its reason beneath; then the verdicts of each kind; '' without rows."""
+def text(rows: Sequence[ClaimRow]) -> str:
+    """The rows by experiment, each with its reason beneath, and the verdicts counted by kind; '' without rows."""
     lines: list[str] = []
     for (paper, experiment), block in groupby(rows, key=lambda row: (row.paper, row.experiment)):
         these = list(block)
@@ -34,7 +34,7 @@ def text(rows: Sequence[Row]) -> str:
     return "\n".join([*lines[1:], "", *_verdicts(rows)]) if rows else ""
 
 
-def _block(rows: Sequence[Row]) -> Iterator[str]:
+def _block(rows: Sequence[ClaimRow]) -> Iterator[str]:
     """The lines of an experiment."""
     lines = [cells(row) for row in rows]
     widths = [max(len(line[i]) for line in [HEADS, *lines]) for i in range(len(HEADS))]
@@ -47,17 +47,17 @@ def _block(rows: Sequence[Row]) -> Iterator[str]:
         yield f"  of the bound: {caution}"
 
 
-def _verdicts(rows: Sequence[Row]) -> list[str]:
-    """How many verdicts of each kind there are on what each paper claims, and how they come about."""
+def _verdicts(rows: Sequence[ClaimRow]) -> list[str]:
+    """The number of verdicts of each kind on the claims of each paper, and the legend."""
     papers = list(dict.fromkeys(row.paper for row in rows))
     lines = [line for paper in papers for line in _counted(paper, [row for row in rows if row.paper == paper])]
     return [*lines, *(_counted("all", rows) if len(papers) > 1 else []), *legend(rows)]
 
 
-def _counted(name: str, rows: Sequence[Row]) -> Iterator[str]:
+def _counted(name: str, rows: Sequence[ClaimRow]) -> Iterator[str]:
     judged = [row for row in rows if row.verdict in RULE and row.verdict != "not judged"]
     kinds = {"claims": [row for row in judged if row.literal]}
-    kinds["more on repairs and other readings"] = [row for row in judged if not row.literal]
+    kinds["rows on repairs and other readings"] = [row for row in judged if not row.literal]
     for words, some in kinds.items():
         counts = Counter(row.verdict for row in some)
         if some:
@@ -65,8 +65,8 @@ def _counted(name: str, rows: Sequence[Row]) -> Iterator[str]:
             yield f"{name}: {len(some)} {words}: {said}"
 
 
-def legend(rows: Sequence[Row]) -> list[str]:
-    """How verdicts come about, and what the marks at a bound mean; only what is among the rows."""
+def legend(rows: Sequence[ClaimRow]) -> list[str]:
+    """The rule of the verdicts and the marks of bounds, as far as the rows have them."""
     lines = [f"  {verdict}: {words}" for verdict, words in RULE.items() if any(row.verdict == verdict for row in rows)]
     if any(math.isfinite(row.bound) for row in rows):
         lines.append(f"  bound: {MARKS}")
@@ -74,13 +74,11 @@ def legend(rows: Sequence[Row]) -> list[str]:
         lines.append(f"  {READ}: {WORDS_READ}")
     if any(row.verdict in RULE and not row.literal for row in rows):
         lines.append(
-            f"  {UNCOUNTED.strip()}: on a repair or another reading of the paper; not counted among its claims"
+            f"  {UNCOUNTED.strip()}: on a repair or on another reading of the paper; not counted among its claims"
         )
-    if any(row.reason for row in rows):
-        lines.append("  reasons: figures within them are of quick runs, unless they say otherwise")
     if any(row.replicates < FEW and math.isfinite(row.low) for row in rows):
         lines.append(
-            f"  runs: from fewer than {FEW}, the interval of a mean or an RMSE misses that single runs go astray"
+            f"  runs: with fewer than {FEW}, the interval of a mean or an RMSE may miss that single runs diverge"
         )
     return lines
 
@@ -89,8 +87,8 @@ def _line(cells: Sequence[str], widths: Sequence[int]) -> str:
     return "  " + "  ".join(cell.ljust(width) for cell, width in zip(cells, widths, strict=True)).rstrip()
 
 
-def cells(row: Row) -> tuple[str, ...]:
-    """A row in words, by HEADS."""
+def cells(row: ClaimRow) -> tuple[str, ...]:
+    """The cells of a row, by HEADS."""
     interval = f" [{_number(row.low)}, {_number(row.high)}]" if math.isfinite(row.low) else ""
     return (
         row.quantity,
@@ -104,8 +102,8 @@ def cells(row: Row) -> tuple[str, ...]:
     )
 
 
-def _bound(row: Row) -> str:
-    """The bound and its kind in a word, with a '~' where it is not strict."""
+def _bound(row: ClaimRow) -> str:
+    """The bound and its kind, with a '~' where it is not strict."""
     if not math.isfinite(row.bound):
         return "-"
     kind, _, more = row.bound_kind.partition(", ")

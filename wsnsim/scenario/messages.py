@@ -100,11 +100,12 @@ def _annotation(model: Any, path: Keys) -> Any:
     here: Any = model
     for key in path:
         inside = here if _is_model(here) else _first_model(here)
-        if inside is not None and isinstance(key, str):
+        if inside is not None and key in inside.model_fields:
             here = inside.model_fields[key].annotation
         else:
             arguments = [argument for argument in get_args(_unwrapped(here)) if argument is not ...]
-            here = arguments[min(int(key), len(arguments) - 1)] if arguments else here
+            index = min(key, len(arguments) - 1) if isinstance(key, int) else -1
+            here = arguments[index] if arguments else here
     return _first_model(here) or here
 
 

@@ -1,1 +1,1 @@
-"""A page of our own: error against joules, of every tracker on one field."""
+"""A comparison of our own: error against energy of every tracker on one field."""

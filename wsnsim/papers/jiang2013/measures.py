@@ -1,9 +1,7 @@
-"""What figure 6 of Jiang (2013) shows, a figure a run.
+"""Measures of figures 6 and 8 of Jiang (2013): number and level of clusters, energy of steps.
 
-measure(data, variant) -> a Series by replicate          as `measures` takes them: 'mean_of:<this module>:<name>'
-
-They need the tables `clusters` and `energy_steps`. A cluster's level is the median of what the network
-spends in a step, over the steps between the one in which it formed and the one in which it hands over [our choice].
+They need the tables `clusters` and `energy_steps`. The level of a cluster is the median energy of the network in a
+step, over the steps between the one in which it formed and the one in which it hands over [our choice].
 """
 
 from __future__ import annotations
@@ -12,17 +10,16 @@ from typing import Final
 
 import pandas as pd
 
-from wsnsim.papers.measures import Data
+from wsnsim.papers.measures import Data, OwnMeasure
 
 NEAR: Final = 0.01
-"""Share of its cluster's level by which a step may differ and still be on it [our choice]."""
-
+"""Relative difference from its cluster's level up to which a step is on it [our choice]."""
 ROUNDING: Final = 1e-6
-"""Seconds: a cluster acts at the step at whose time it forms."""
+"""Seconds subtracted from formation times, as a cluster acts at the step at whose time it forms."""
 
 
 def clusters(data: Data, variant: str) -> pd.Series:
-    """How many clusters there were."""
+    """The number of clusters."""
     return data.of(variant, "clusters").groupby("replicate").size()
 
 
@@ -37,16 +34,28 @@ def largest_level(data: Data, variant: str) -> pd.Series:
 
 
 def on_level(data: Data, variant: str) -> pd.Series:
-    """The share of all steps, those of handovers included, that are on the level of their cluster."""
+    """The fraction of all steps, handovers included, that are on the level of their cluster."""
     steps = leveled(data, variant)
     near = (steps["joules"] - steps["level"]).abs() <= NEAR * steps["level"]
     return near.groupby(steps["replicate"]).mean()
 
 
-def leveled(data: Data, variant: str) -> pd.DataFrame:
-    """A row a step from 1 on: replicate, step, time, joules, the cluster that acts, and that cluster's level.
+def above_level(data: Data, variant: str) -> pd.Series:
+    """The energy (J) spent above the clusters' levels, over the steps that are above them."""
+    steps = leveled(data, variant)
+    above = steps["joules"] - steps["level"]
+    return above.where(above > NEAR * steps["level"], 0.0).groupby(steps["replicate"]).sum()
 
-    A cluster that is too short to have a step of its own between its first and its last has none.
+
+def step_energy(data: Data, variant: str) -> pd.Series:
+    """The mean energy of the network in a step (J)."""
+    return leveled(data, variant).groupby("replicate")["joules"].mean()
+
+
+def leveled(data: Data, variant: str) -> pd.DataFrame:
+    """One row for each step from 1 on: replicate, step, time, joules, the acting cluster and its level.
+
+    A cluster without a step between its first and its last has no level.
     """
     spent = data.of(variant, "energy_steps").groupby(["replicate", "step"], as_index=False)
     steps = spent.agg({"time": "first", "joules": "sum"})
@@ -64,3 +73,13 @@ def leveled(data: Data, variant: str) -> pd.DataFrame:
 def _levels(data: Data, variant: str) -> pd.Series:
     """The level of each cluster, by replicate and cluster."""
     return leveled(data, variant).dropna(subset="level").groupby(["replicate", "cluster"])["level"].first()
+
+
+MEASURES: Final[dict[str, OwnMeasure]] = {
+    "clusters": clusters,
+    "least_level": least_level,
+    "largest_level": largest_level,
+    "on_level": on_level,
+    "above_level": above_level,
+    "step_energy": step_energy,
+}

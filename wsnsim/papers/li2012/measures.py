@@ -1,9 +1,7 @@
-"""What figures 4 and 5 of Li (2012) show, a figure a run: of the first 20 steps, or of the first 20 reports.
+"""Measures of figures 4 and 5 of Li (2012), over the first 20 steps of a run, or its first 20 reports.
 
-measure(data, variant) -> a Series by replicate          as `measures` takes them: 'mean_of:<this module>:<name>'
-
-They need the table `estimates`; what is possible for a fix needs `truth` and `nodes`. The first five steps are those in
-which the grey model's window of five fixes is not full.
+They need the table `estimates`; the bound on a fix needs `truth` and `nodes`. In the first five steps the window of the
+grey model is not full.
 """
 
 from __future__ import annotations
@@ -16,12 +14,13 @@ import pandas as pd
 
 from wsnsim.base import metrics
 from wsnsim.base.arrays import Floats
-from wsnsim.papers.li2012.experiments import HIGH, LOW
-from wsnsim.papers.measures import Data
+from wsnsim.papers.measures import Data, OwnMeasure, computing
 
+LOW, MIDDLE, HIGH = 200, 300, 400
+"""Numbers of nodes."""
 STEPS: Final = 20
 WINDOW: Final = 5
-DRAWS: Final = 500
+SAMPLES: Final = 500
 
 
 def mean_error(data: Data, variant: str) -> pd.Series:
@@ -45,17 +44,17 @@ def later_median(data: Data, variant: str) -> pd.Series:
 
 
 def start_excess(data: Data, variant: str) -> pd.Series:
-    """By how much the median error of the steps 1 to 5 is above that of the steps 6 to 20 (m)."""
+    """The median error of the steps 1 to 5, less that of the steps 6 to 20 (m)."""
     return errors(data, variant).iloc[:, :WINDOW].median(axis=1) - later_median(data, variant)
 
 
 def ranges(data: Data, variant: str) -> pd.Series:
-    """The mean number of ranges that a step's estimate is of, over the first 20 steps."""
+    """The mean number of ranges behind the estimate of a step, over the first 20 steps."""
     return _first(data.of(variant, "estimates"), "readings").mean(axis=1)
 
 
 def vain_growth(data: Data, variant: str) -> pd.Series:
-    """How many more nodes its tracker tells in vain in 20 steps at the highest density than at the lowest."""
+    """The unnecessary wake-ups of a tracker in 20 steps at the highest density, less those at the lowest."""
     tracker = variant.rpartition(", ")[0]
     low, high = (data.of(f"{tracker}, {nodes}", "tracks").set_index("replicate") for nodes in (LOW, HIGH))
     return high["ineffective_twenty"].astype(np.float64) - low["ineffective_twenty"].astype(np.float64)
@@ -82,9 +81,9 @@ def greatest_report_delay(data: Data, variant: str) -> pd.Series:
 
 
 def fix_bound(data: Data, variant: str) -> pd.Series:
-    """The least root mean square error of fixes from the ranges of all nodes in reach alone (m): Cramér-Rao.
+    """The Cramér-Rao bound (m) on a fix from one step's ranges of all nodes in reach, as root mean square over steps.
 
-    Over the steps that have three nodes in reach. A filter that knows more than one step's ranges may do better.
+    Steps with fewer than three nodes in reach do not count. A filter that uses earlier ranges may do better.
     """
     return pd.Series(
         {number: np.sqrt(np.nanmean(np.trace(found, axis1=1, axis2=2))) for number, found in _fixes(data, variant)}
@@ -92,8 +91,8 @@ def fix_bound(data: Data, variant: str) -> pd.Series:
 
 
 def efficient_errors(data: Data, variant: str) -> Floats:
-    """(20,) the median error of such fixes at the first steps, over runs, if their errors are Gaussian (m)."""
-    normal = np.random.Generator(np.random.Philox(STEPS)).standard_normal((DRAWS, 2))
+    """(20,) the median error (m) over runs, at the first steps, of Gaussian fixes that attain that bound."""
+    normal = np.random.Generator(np.random.Philox(STEPS)).standard_normal((SAMPLES, 2))
     found = np.array([covariances[:STEPS] for _, covariances in _fixes(data, variant)])
     spreads = np.sqrt(np.linalg.eigvalsh(np.nan_to_num(found)))
     drawn = np.linalg.norm(spreads[:, :, None, :] * normal, axis=-1)
@@ -102,18 +101,18 @@ def efficient_errors(data: Data, variant: str) -> Floats:
 
 
 def errors(data: Data, variant: str) -> pd.DataFrame:
-    """(replicates, 20) position errors of the first steps; NaN for a step without an estimate."""
+    """(replicates, 20) the position errors of the first steps; NaN for a step without an estimate."""
     return _first(data.of(variant, "estimates"), "error")
 
 
 def delays(data: Data, variant: str) -> pd.DataFrame:
-    """(replicates, 20) from a step to its estimate at the main node, of the first steps."""
+    """(replicates, 20) the times from the first steps to their estimates at the main node (s)."""
     frame = data.of(variant, "estimates")
     return _first(frame.assign(delay=frame["issued"] - frame["time"]), "delay")
 
 
 def report_delays(data: Data, variant: str) -> pd.DataFrame:
-    """(replicates, up to 20) from a step to its estimate at the sink, of the first steps whose estimate is reported."""
+    """(replicates, up to 20) the times from a step to its estimate at the sink (s), of the first reported steps."""
     frame = data.of(variant, "estimates")
     every = data.scenario(variant)["sink"]["every"] / data.scenario(variant)["step"]
     due = frame[frame["step"] % round(every) == 0]
@@ -121,9 +120,9 @@ def report_delays(data: Data, variant: str) -> pd.DataFrame:
 
 
 def _fixes(data: Data, variant: str) -> Iterator[tuple[int, Floats]]:
-    """(replicate, (steps, 2, 2) the inverse Fisher information on the place of the ranges of all nodes in reach).
+    """(replicate, (steps, 2, 2) the inverse Fisher information on the position from the ranges of all nodes in reach).
 
-    NaN at a step at which fewer than three are in reach.
+    NaN at a step with fewer than three nodes in reach.
     """
     sensor = data.scenario(variant)["sensor"]
     nodes = data.of(variant, "nodes").groupby("replicate")
@@ -144,5 +143,22 @@ def _covariance(offsets: Floats, reach: float, sd: float) -> Floats:
 
 
 def _first(frame: pd.DataFrame, column: str) -> pd.DataFrame:
-    """(replicates, 20) a column at its first steps, in their order."""
+    """(replicates, 20) a column at the first steps, in their order."""
     return frame.pivot(index="replicate", columns="step", values=column).iloc[:, :STEPS]
+
+
+MEASURES: Final[dict[str, OwnMeasure]] = {
+    "mean_error": mean_error,
+    "median_error": median_error,
+    "later_mean": later_mean,
+    "later_median": later_median,
+    "start_excess": start_excess,
+    "ranges": ranges,
+    "vain_growth": vain_growth,
+    "least_delay": least_delay,
+    "greatest_delay": greatest_delay,
+    "least_report_delay": least_report_delay,
+    "greatest_report_delay": greatest_report_delay,
+    "fix_bound": fix_bound,
+    "computing": computing,
+}

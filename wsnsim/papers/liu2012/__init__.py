@@ -1,1 +1,1 @@
-"""Liu, Wang (2012): RKF and IMSF along a line; it prints no number but two run times."""
+"""Liu, Wang (2012): RKF and IMSF along a line."""

@@ -1,19 +1,18 @@
-"""What figures 5 to 7 and 9 to 10 of Wei (2022) show, a figure a run.
+"""Measures of Wei (2022): velocities, operations and the particles of single steps.
 
-measure(data, variant) -> a Series by replicate          as `measures` takes them: 'mean_of:<this module>:<name>'
-
-Velocities need the tables `truth` and `estimates`, clouds need `particles`.
+Velocities need the tables `truth` and `estimates`, particles need `particles`.
 """
 
 from __future__ import annotations
 
 from functools import partial
+from typing import Final
 
 import numpy as np
 import pandas as pd
 
 from wsnsim.base import metrics
-from wsnsim.papers.measures import Data
+from wsnsim.papers.measures import Data, OwnMeasure
 
 
 def cloud(data: Data, variant: str, step: int) -> pd.DataFrame:
@@ -23,7 +22,7 @@ def cloud(data: Data, variant: str, step: int) -> pd.DataFrame:
 
 
 def _distinct(data: Data, variant: str, step: int) -> pd.Series:
-    """Distinct places among the particles, as a share of them."""
+    """The fraction of the particles at distinct positions."""
     places = cloud(data, variant, step).groupby("replicate")["x"]
     return places.nunique() / places.size()
 
@@ -45,25 +44,21 @@ def _column(data: Data, variant: str, column: str) -> pd.Series:
 
 
 def _operations(data: Data, variant: str, other: str) -> pd.Series:
-    """The operations that the tracker stated, over those of another variant."""
-    one, two = (_of_runs(data, name, "cycles") for name in (variant, other))
-    return one / two
+    """The operations that the tracker states, divided by those of another variant."""
+    return data.of_runs(variant, "cycles") / data.of_runs(other, "cycles")
 
 
-def gain_over_cs_pf(data: Data, variant: str) -> pd.Series:
-    """By how much the RMSE of a run is below that of CS-PF with as many particles."""
-    one, two = (_of_runs(data, name, "rmse") for name in (variant, variant.replace("ics_pf", "cs_pf")))
-    return two - one
+def _gain_over_cs_pf(data: Data, variant: str) -> pd.Series:
+    """The RMSE of a run of CS-PF with as many particles, less that of the variant."""
+    return data.of_runs(variant.replace("ics_pf", "cs_pf"), "rmse") - data.of_runs(variant, "rmse")
 
 
-def _of_runs(data: Data, variant: str, column: str) -> pd.Series:
-    return data.of(variant, "runs").set_index("replicate")[column].astype(np.float64)
-
-
-distinct_10, distinct_30, distinct_90 = (partial(_distinct, step=step) for step in (10, 30, 90))
-spread_10, spread_30, spread_90 = (partial(_spread, step=step) for step in (10, 30, 90))
-operations_over_pf, operations_over_cs_pf = (partial(_operations, other=other) for other in ("pf", "cs_pf"))
-operations_over_cs_pf_30, operations_over_cs_pf_100 = (
-    partial(_operations, other=f"cs_pf, {count}") for count in (30, 100)
-)
-vx, vy = (partial(_column, column=column) for column in ("vx", "vy"))
+MEASURES: Final[dict[str, OwnMeasure]] = {
+    **{f"distinct_{step}": partial(_distinct, step=step) for step in (10, 30, 90)},
+    **{f"spread_{step}": partial(_spread, step=step) for step in (10, 30, 90)},
+    **{f"operations_over_{other}": partial(_operations, other=other) for other in ("pf", "cs_pf")},
+    **{f"operations_over_cs_pf_{count}": partial(_operations, other=f"cs_pf, {count}") for count in (30, 100)},
+    "gain_over_cs_pf": _gain_over_cs_pf,
+    "vx": partial(_column, column="vx"),
+    "vy": partial(_column, column="vy"),
+}

@@ -7,8 +7,8 @@ from matplotlib.figure import Figure
 
 from wsnsim.analysis import figure_style
 from wsnsim.base import metrics
-from wsnsim.papers.liu2012 import pictures as liu2012
-from wsnsim.papers.ruan2020 import pictures as ruan2020
+from wsnsim.papers.liu2012 import figures as liu2012
+from wsnsim.papers.plotting import plain_numbers
 
 
 def errors_of(runs, steps, seed=1):
@@ -93,11 +93,14 @@ class Made:
     """Six variants' errors and a bound, in place of a campaign's."""
 
     def __init__(self, runs):
-        self.rows = {name: errors_of(runs, 6, seed) for seed, name in enumerate(liu2012.NAMES | liu2012.BESIDE)}
+        self.rows = {name: errors_of(runs, 6, seed) for seed, name in enumerate(liu2012.PRINTED | liu2012.OTHERS)}
         self.runs = runs
 
     def errors(self, variant):
         return self.rows[variant]
+
+    def scenario(self, variant):
+        return {"step": 1.0}
 
     def lost(self, variant):
         return np.zeros(self.runs, dtype=bool)
@@ -109,7 +112,7 @@ class Made:
 @pytest.mark.parametrize(("runs", "said"), [(20, "RMSE over 20 runs (bands: 95 %)"), (2, "RMSE over 2 runs")])
 def test_a_title_tells_of_bands_where_each_curve_over_runs_has_one_in_its_colour(runs, said):
     figure = Figure()
-    liu2012.figure_1(figure, Made(runs))
+    liu2012.FIGURES["figure_1"](figure, Made(runs))
     left = figure.axes[0]
     assert left.get_title(loc="left") == f"{said}, lost ones included"
     curves = [line for line in left.get_lines() if not line.get_label().startswith("bound")]
@@ -123,7 +126,7 @@ def test_a_title_tells_of_bands_where_each_curve_over_runs_has_one_in_its_colour
 def test_a_logarithmic_axis_of_errors_has_plain_numbers_at_three_places_a_decade(ends, expected):
     axes = axes_of()
     axes.set_ylim(*ends)
-    ruan2020._ticks(axes)
+    plain_numbers(axes)
     axes.figure.draw_without_rendering()
     said = [label.get_text() for label in axes.get_yticklabels() if ends[0] <= label.get_position()[1] <= ends[1]]
     assert said == expected.split()

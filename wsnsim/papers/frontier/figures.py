@@ -1,7 +1,4 @@
-"""Error against energy, of every tracker on one field: a panel a radio.
-
-frontier(figure, data) puts axes on a figure and draws
-"""
+"""Error against energy of every tracker on one field, one panel for each radio."""
 
 from __future__ import annotations
 
@@ -33,6 +30,7 @@ from wsnsim.papers.frontier.measures import (
     strategies,
 )
 from wsnsim.papers.measures import Data
+from wsnsim.papers.plotting import GREY, Drawings
 
 SHORT: Final = {
     "noise x100": "×100",
@@ -44,33 +42,32 @@ SHORT: Final = {
     "nearest": "nearest",
 }
 KEY: Final = (
-    "×100: a filter that assumes 100 times the process noise;  all, own, nearest: whose readings weigh;  "
-    "G: Gaussian handover;  100: particles, 400 else"
+    "×100: a filter that assumes 100 times the process noise;  all, own, nearest: whose measurements weigh;  "
+    "G: Gaussian handover;  100: particles, otherwise 400"
 )
 MATCHED, INFLATED = "true process noise in the filter", "100 times the process noise"
-AIRS: Final = {
-    "CSMA": "CSMA, a frame a packet",
-    "CSMA packed": "CSMA, nine packets a frame",
-    "slots": "slots, nine packets a frame",
+RADIO_NAMES: Final = {
+    "CSMA": "CSMA, one packet in a frame",
+    "CSMA packed": "CSMA, nine packets in a frame",
+    "slots": "slots, nine packets in a frame",
     "10 % awake": "slots, 10 % of the nodes awake",
     "3 % awake": "slots, 3 % of the nodes awake",
 }
-GREY: Final = "#8C8C8C"
 WIDTH: Final = 105
-"""Letters of a title in a line."""
+"""Characters in a line of a title."""
 SIDE: Final = 6.0
-"""Points: of a marker."""
+"""Size of a marker (points)."""
 DISTANCES: Final = (7.0, 12.0, 18.0, 26.0, 36.0, 48.0, 62.0, 78.0, 96.0, 116.0, 140.0, 170.0, 205.0, 245.0)
-"""Points: from a marker to its label, the first that is free."""
+"""Distances (points) from a marker to its label; the first free place is used."""
 LETTERS: Final = 7.5
-"""Points: a label's letters."""
+"""Font size of a label (points)."""
 PAD: Final = 1.0
-"""Points: of a label, above and beneath its letters; twice as much at either side."""
+"""Margin (points) above and below a label; twice as much on either side."""
 LEADING: Final = 8.0
-"""Points: from here on a line leads to the label."""
+"""Distance (points) above which a line leads to the label."""
 
 
-def frontier(figure: Figure, data: Data) -> None:
+def _frontier(figure: Figure, data: Data) -> None:
     """Median RMSE of a run against the network's energy, on the ideal and on a realistic radio."""
     found, bound = strategies(data), limit(data)
     runs = data.manifest.points[0].replicates
@@ -81,7 +78,7 @@ def frontier(figure: Figure, data: Data) -> None:
         _panel(axes, here, bound)
         axes.set_title(f"{radio} radio, {runs} runs of {float(data.scenario(data.variants[0])['duration']):g} s each\n"
                        f"{textwrap.fill(conclusion.partition(', ')[2], WIDTH)}", loc="left")  # fmt: skip
-    panels[-1].set_xlabel(f"energy that the network spends in a run [J], mean of the runs\n\n{KEY}")
+    panels[-1].set_xlabel(f"energy of the network in a run [J], mean of the runs\n\n{KEY}")
     figure.draw_without_rendering()
     for axes, radio in zip(panels, RADIOS, strict=True):
         here = [one for one in found if one.radio == radio]
@@ -111,14 +108,14 @@ def _panel(axes: Axes, found: Sequence[Strategy], bound: float) -> None:
 
 
 def _group(one: Strategy) -> str:
-    """What colour says: the filter's noise on the ideal radio, what the frames go through on a realistic one."""
+    """The group of a colour: the filter's noise on the ideal radio, the kind of radio on a realistic one."""
     if one.radio == RADIOS[0]:
         return INFLATED if "noise x100" in one.variant else MATCHED
-    return AIRS[one.air]
+    return RADIO_NAMES[one.air]
 
 
 def _colours(found: Sequence[Strategy]) -> dict[str, str]:
-    """A colour a group, in the order of their first strategies."""
+    """The colour of each group, in the order of their first strategies."""
     return dict(zip(dict.fromkeys(map(_group, found)), COLOURS, strict=False))
 
 
@@ -131,7 +128,7 @@ def _look(one: Strategy, colour: str) -> dict[str, Any]:
 
 
 def _scale(axes: Axes, found: Sequence[Strategy], bound: float) -> None:
-    """Logarithmic axes with room for labels at either side; intervals may be cut."""
+    """Logarithmic axes with room for labels on either side; intervals may be cut."""
     energies, errors = (np.array([getattr(one, name) for one in found]) for name in ("energy", "rmse"))
     errors = errors[np.isfinite(errors)]
     axes.set_xscale("log")
@@ -145,7 +142,7 @@ def _scale(axes: Axes, found: Sequence[Strategy], bound: float) -> None:
 
 
 def _front(axes: Axes, found: Sequence[Strategy]) -> None:
-    """A line through those that are not beaten."""
+    """The Pareto front."""
     best = sorted(itertools.compress(((one.energy, one.rmse) for one in found), front(found)))
     if best:
         axes.step(*np.array(best).T, where="post", color=GREY, linewidth=1.4, zorder=1)
@@ -159,20 +156,22 @@ def _legend(colours: dict[str, str]) -> Iterator[Line2D]:
     for text, colour in colours.items():
         yield mark(text, color=colour)
     lost, late = f"{100 * MOST_LOST:.0f} %", f"{100 * LEAST_IN_TIME:.0f} %"
-    yield mark(f"hollow: more than {lost} of the runs\nlose the target, or are far off", markerfacecolor="white")
+    yield mark(f"hollow: more than {lost} of the runs\nlose the target, or diverge", markerfacecolor="white")
     yield mark(f"diamond: fewer than {late} of the steps\nhave an estimate in time", marker="D")
-    yield mark("ring and line: not beaten (Pareto), of\nthose that are neither", markersize=SIDE + 4,
+    yield mark("ring and line: Pareto front of\nthose that are neither", markersize=SIDE + 4,
                markerfacecolor="none", linestyle="-")  # fmt: skip
-    yield Line2D([], [], **BOUND, label="bound along each truth, all readings\nin range, median of the truths")
+    yield Line2D(
+        [], [], **BOUND, label="trajectory-conditional bound, all measurements\nin range, median over trajectories"
+    )
     yield Line2D([], [], **{**BOUND, "linestyle": "-."}, label=f"{NEAR:g} times the bound")
 
 
 def label(
     axes: Axes, points: Sequence[tuple[float, float]], words: Sequence[str], colours: Sequence[str]
 ) -> list[Annotation]:
-    """Names beside their points, none on another name or on a marker, as near as there is room.
+    """Write names beside their points, as near as possible, none on another name or on a marker.
 
-    The figure must have been laid out. A point that is not finite has no name; nor has one for which there is no room.
+    The figure must have been laid out. A point that is not finite has no name, nor one without free space around it.
     """
     figure: Any = axes.get_figure()
     points_a_pixel = 72.0 / figure.dpi
@@ -196,7 +195,7 @@ def label(
 
 
 def _size(axes: Axes, word: str) -> tuple[float, float]:
-    """(width, height) of a name in pixels, with a little room about it."""
+    """(width, height) of a name in pixels, with its margin."""
     figure: Any = axes.get_figure()
     text = axes.text(0.5, 0.5, word, transform=axes.transAxes, fontsize=LETTERS)
     extent = text.get_window_extent(figure.canvas.get_renderer())
@@ -205,7 +204,7 @@ def _size(axes: Axes, word: str) -> tuple[float, float]:
 
 
 def _offsets(width: float, height: float) -> Iterator[tuple[float, float]]:
-    """(dx, dy) in points from a marker to a label's middle: near ones first, to the right before the left."""
+    """(dx, dy) in points from a marker to a label's middle: near ones first, right before left."""
     turns = [0, 25, -25, 50, -50, 180, 155, -155, 90, -90, 130, -130]
     for distance, turn in itertools.product(DISTANCES, turns):
         across, up = (round(part(math.radians(turn)), 6) for part in (math.cos, math.sin))
@@ -250,3 +249,6 @@ def _written(axes: Axes, word: str, pixel: tuple[float, float], offset: tuple[fl
     )
     text.set_in_layout(False)
     return text
+
+
+FIGURES: Final[Drawings] = {"frontier": _frontier}

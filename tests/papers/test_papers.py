@@ -1,0 +1,133 @@
+"""The YAML file of every paper: what it says can be run, measured and drawn, and what is wrong in it has its place."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import replace
+
+import pytest
+
+from wsnsim import scenario
+from wsnsim.base.errors import ScenarioError
+from wsnsim.papers import paper as papers
+from wsnsim.papers import reproduce
+from wsnsim.papers.paper import FOLDER, PAGES, Paper, paper
+from wsnsim.papers.reasons import rendered
+from wsnsim.papers.reproduction import ClaimRow, Order
+
+EXPERIMENTS = [(name, experiment) for name in PAGES for experiment in paper(name).experiments]
+TABLES = {"rmse": {"estimates"}, "rmse_of_kept": {"estimates"}, "over": {"estimates"}, "less_than": {"estimates"},
+          "column": {"estimates", "truth"}, "column_of_kept": {"estimates", "truth"}}  # fmt: skip
+OWN = {
+    "clusters": {"clusters"}, "least_level": {"clusters", "energy_steps"},
+    "largest_level": {"clusters", "energy_steps"},
+    "on_level": {"clusters", "energy_steps"}, "above_level": {"clusters", "energy_steps"},
+    "step_energy": {"clusters", "energy_steps"}, "velocity_over_rkf": {"estimates", "truth"},
+    "in_turn": {"truth", "tracker_state"}, "to_neighbours": {"tracker_state"}, "taking_part": {"tracker_state"},
+    "distinct": {"particles"}, "spread": {"particles"}, "vx": {"estimates", "truth"}, "vy": {"estimates", "truth"},
+    "growth": {"estimates"}, "end": {"truth"}, "mean_error": {"estimates"}, "median_error": {"estimates"},
+    "later_mean": {"estimates"}, "later_median": {"estimates"}, "start_excess": {"estimates"}, "ranges": {"estimates"},
+    "least_delay": {"estimates"}, "greatest_delay": {"estimates"}, "least_report_delay": {"estimates"},
+    "greatest_report_delay": {"estimates"}, "fix_bound": {"truth", "nodes"},
+}  # fmt: skip
+"""The tables that measures read, by name without a number, in addition to `runs` and `tracks`."""
+
+
+def named(pair):
+    return f"{pair[0]} {pair[1].name}"
+
+
+@pytest.mark.parametrize("full", [False, True])
+@pytest.mark.parametrize("pair", EXPERIMENTS, ids=named)
+def test_every_experiment_is_a_campaign_of_scenarios_that_load(pair, full):
+    name, experiment = pair
+    plan = reproduce.plan(name, experiment, full)
+    assert [point.settings["variant"] for point in plan.points] == list(experiment.variants)
+    assert plan.replicates == (experiment.full if full else experiment.quick) >= 5
+    for point in plan.points:
+        scenario.build(scenario.load(json.loads(point.resolved)))
+
+
+@pytest.mark.parametrize("pair", EXPERIMENTS, ids=named)
+def test_what_a_claim_measures_is_recorded(pair):
+    _, experiment = pair
+    for claim in experiment.claims:
+        family, _, rest = claim.measure.partition(":")
+        own = rest if rest in OWN else re.sub(r"_\d+$", "", rest)
+        needed = TABLES.get(family, OWN.get(own, set()))
+        recorded = {*experiment.record, *(["events", "estimates", "clusters"] if rest == "arrived" else ())}
+        assert needed <= recorded, claim
+
+
+@pytest.mark.parametrize("pair", EXPERIMENTS, ids=named)
+def test_every_verdict_has_its_reason_in_a_line(pair):
+    for claim in pair[1].claims:
+        assert "\n" not in claim.reason
+        if claim.shown and (isinstance(claim, Order) or claim.published is not None):
+            assert claim.reason, claim
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_every_figure_has_its_function_and_every_function_a_figure(name):
+    from importlib import import_module
+
+    drawn = {figure.draw for experiment in paper(name).experiments for figure in experiment.figures}
+    assert drawn == set(import_module(f"wsnsim.papers.{name}.figures").FIGURES)
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_every_measure_of_a_paper_is_claimed_and_every_row_that_is_not_shown_is_used_by_a_reason(name):
+    claims = [claim for experiment in paper(name).experiments for claim in experiment.claims]
+    used = {part for claim in claims for part in (claim.measure, getattr(claim, "bound", "")) if ":" in part}
+    assert set(paper(name).measures) <= {part.partition(":")[2] for part in used}
+    reasons = " ".join(claim.reason for claim in claims)
+    hidden = {claim.id for claim in claims if not claim.shown}
+    assert all(f"{{{one}[" in reasons for one in hidden), hidden
+
+
+def test_a_number_in_a_reason_is_that_of_the_row_it_names():
+    nan = float("nan")
+    one = ClaimRow("p", "e", "RMSE", "pf, 50", 1.0, 0.25, nan, nan, 50, 0.3, nan, "", "reproduces",
+                   "{rmse[gpf: 5 %].measured:.2f} m, {row.lost:.0f} of {row.replicates} lost")  # fmt: skip
+    other = replace(one, variant="gpf: 5 %", measured=1.234)
+    assert rendered(one.reason, one, {"rmse": {"gpf: 5 %": other}}) == "1.23 m, 15 of 50 lost"
+
+
+@pytest.fixture
+def edited(tmp_path, monkeypatch):
+    """The paper whose file is that of Liu (2012) with a text replaced."""
+
+    def edit(before, after):
+        text = (FOLDER / "liu2012.yaml").read_text(encoding="utf-8")
+        assert before in text
+        (tmp_path / "liu2012.yaml").write_text(text.replace(before, after, 1), encoding="utf-8")
+        return Paper("liu2012", papers.read_document(tmp_path / "liu2012.yaml", papers.PaperDocument))
+
+    return edit
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "words"),
+    [
+        ("quick: 20", "quik: 20", r"experiments.0.quik: unknown key, did you mean 'quick'"),
+        ("quick: 20", "quick: many", r"experiments.0.quick"),
+        ("order: imsf < rkf,", "order: imsf < rfk,", r"'rfk'.*did you mean 'rkf'"),
+        ("variants: [rkf, imsf,", "variants: [rkf, imfs,", r"'imfs'.*did you mean 'imsf'"),
+        ("measure: rmse_of_kept", "measure: rmse_of_kep", r"did you mean 'rmse_of_kept'"),
+        ("mean:in_turn", "mean:inturn", r"did you mean 'in_turn'"),
+        ("{median_rmse[imsf].measured", "{median_rmse[imfs].measured", r"'median_rmse\[imfs\]'"),
+        ("{median_rmse[imsf].measured", "{median_rms[imsf].measured", r"did you mean 'median_rmse'"),
+        ("{median_rmse[imsf].measured", "{median_rmse[imsf].mesured", r"did you mean 'measured'"),
+        ("{median_rmse[imsf].measured", "{1 + 1", r"is not of the form"),
+        ("reason: <below>", "reason: <belw>", r"'<belw>' is not defined .did you mean 'below'"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_in_a_papers_file_is_said_with_its_place_and_the_nearest_name(edited, before, after, words):
+    with pytest.raises(ScenarioError, match=r"^liu2012.yaml:\d+:\d+: error: .*" + words):
+        edited(before, after).experiments  # noqa: B018
+
+
+def test_a_main_row_that_is_no_claim_is_said_with_its_place(edited):
+    with pytest.raises(ScenarioError, match=r"error: main.0.figures_1_to_4.velcity"):
+        edited("      velocity: all", "      velcity: all").main  # noqa: B018

@@ -1,0 +1,107 @@
+"""The keys of a paper's YAML file.
+
+Any text may contain `<name>`: an entry of `published` or `texts`, or a variable of `each`. A text that is nothing else
+takes the entry's value. A mapping in place of a value is a table. It gives the first entry it has for: the variant or
+the order ('a < b'), the value of a variable, the experiment, a word of the variant's name (the last one first), `else`.
+A value that is missing in its table keeps its default.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from wsnsim.scenario.documents import DocumentModel
+
+
+class ClaimTemplate(DocumentModel):
+    """One claim, or several that differ in a variant, an order or the variables of `each`. See reproduction.Claim.
+
+    `claims` and `use` (a name of the file's shared claims) hold claims that inherit every key given beside them.
+    `among` lists the only variants for which the claims hold.
+    """
+
+    each: dict[str, Any] | None = None
+    claims: list[ClaimTemplate] | None = None
+    use: str | None = None
+    among: Any = None
+    id: str | None = None
+    quantity: str | None = None
+    variant: Any = None
+    order: str | list[str] | None = None
+    measure: str | None = None
+    published: Any = None
+    where: Any = None
+    bound: Any = None
+    reason: Any = None
+    read: bool | None = None
+    judged: bool | None = None
+    factor: Any = None
+    literal: Any = None
+    shown: bool | None = None
+
+
+class FigureTemplate(DocumentModel):
+    """A figure of the paper. `draw` names a function of the paper's FIGURES; by default it is the figure's name."""
+
+    name: str
+    caption: str
+    draw: str = ""
+    size: tuple[float, float] = (7.0, 4.5)
+
+
+class ExperimentTemplate(DocumentModel):
+    """An experiment. See reproduction.Experiment.
+
+    A variant's name consists of words that `words` explains: the name of a scenario, or settings. `[[a, b], [c, d]]`
+    stands for all combinations: 'a, c', 'a, d', 'b, c', 'b, d'. `also` has further settings of single variants. Claims
+    on variants with one of the words in `repairs` are not counted among the paper's. `like` names another experiment,
+    whose keys hold where this one has none.
+    """
+
+    name: str
+    title: str
+    like: str | None = None
+    words: dict[str, str | list[str]] | None = None
+    variants: list[Any] | None = None
+    also: dict[str, list[str]] | None = None
+    quick: int | None = None
+    full: int | None = None
+    claims: list[ClaimTemplate] | None = None
+    figures: list[FigureTemplate] | None = None
+    record: list[str] | None = None
+    sets: list[str] | None = None
+    quick_sets: list[str] | None = None
+    block: int | None = None
+    repairs: list[str] | None = None
+    summary: str | None = None
+    literal: bool | None = None
+
+
+class SetUp(DocumentModel):
+    """A simulation set-up of the paper, and the published values of the tracker that runs in it.
+
+    `values` names, for each value, a table of `published` by the tracker's kind, and by its number of particles where
+    that matters. `equal` is what a resolved scenario has to have (null: nothing). `default` is what it has to have
+    wherever it says anything.
+    """
+
+    values: dict[str, str]
+    equal: dict[str, Any]
+    default: dict[str, Any]
+
+
+class PaperDocument(DocumentModel):
+    """A paper: what it prints, what is run for it, and what is claimed about the results.
+
+    `words` holds for every experiment. `main` lists the rows of the README's table: for an experiment, the ids of
+    claims and the variants or orders shown, or `all`.
+    """
+
+    source: str
+    published: dict[str, Any]
+    texts: dict[str, Any]
+    words: dict[str, str | list[str]]
+    shared: dict[str, list[ClaimTemplate]] | None = None
+    experiments: list[ExperimentTemplate]
+    main: tuple[dict[str, dict[str, Any]], ...] = ()
+    set_ups: tuple[SetUp, ...] = ()

@@ -1,0 +1,270 @@
+"""Figures 2 to 9 of Jiang, Song, Lin (2013). Maps show replicate 0."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Final
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle
+from matplotlib.patheffects import withStroke
+
+from wsnsim.analysis.figure_style import COLOURS, band, with_bands
+from wsnsim.base import metrics
+from wsnsim.base.arrays import Floats
+from wsnsim.papers.jiang2013.measures import leveled
+from wsnsim.papers.measures import Data, measured
+from wsnsim.papers.plotting import (
+    Drawings,
+    Look,
+    bound_curve,
+    first_run,
+    legend_below,
+    legend_beside,
+    plain_numbers,
+    points,
+    published_level,
+    rmse_curves,
+    tracks,
+    whole_run,
+)
+
+MAIN: Final = "pso_mhpf"
+PRINTED: Final = {
+    "pso_mhpf": Look("PSO-MHPF", COLOURS[0], 1.1),
+    "ipf": Look("IPF", COLOURS[1], 1.1),
+    "ppf": Look("PPF", COLOURS[2], 1.1),
+}
+REPAIRED: Final = {
+    "pso_mhpf, all readings": Look("PSO-MHPF, all measurements", COLOURS[0], 1.1),
+    "ipf, noise x100": Look("IPF, noise ×100", COLOURS[1], 1.1, banded=False),
+    "ppf, noise x100": Look("PPF, noise ×100", COLOURS[2], 1.1),
+    "ekf": Look("EKF", COLOURS[3], 1.1, banded=False),
+}
+"""Without a band are those of which one diverged run would widen it over the whole figure."""
+PARTICLES: Final = (100, 200, 400, 800, 1600)
+ITERATIONS: Final = (1, 2, 4, 8)
+FIELD: Final = 205.0
+"""Distance from the centre of a map to its edges (m)."""
+LIGHT: Final = "#B0B0B0"
+
+
+def _first_cluster(figure: Figure, data: Data) -> None:
+    """The first cluster: the nodes that sense the target within the communication range of the head."""
+    axes = figure.subplots()
+    places = _places(data)
+    target = first_run(data, MAIN, "truth")[["px", "py"]].to_numpy()[0]
+    head = int(first_run(data, MAIN, "clusters")["head"].iloc[0])
+    members = _members(data, places, target, head)
+    others = np.setdiff1d(np.arange(len(places)), [*members, head])
+    points(axes, places[others], "o", 3, "nodes asleep", LIGHT)
+    points(axes, places[members], "P", 6, f"{len(members)} members", COLOURS[0])
+    points(axes, places[head], "s", 7, "cluster head", COLOURS[1])
+    points(axes, target, "*", 11, "target", COLOURS[6])
+    sensing, radio = _ranges(data)
+    axes.add_patch(Circle(tuple(target), sensing, fill=False, linestyle=":", label=f"sensing range, {sensing:g} m"))
+    words = f"the head's communication range, {radio:g} m"
+    axes.add_patch(Circle(tuple(places[head]), radio, fill=False, color=COLOURS[1], label=words))
+    _map(axes)
+    legend_below(figure, (axes,))
+
+
+def cell(readings: str, particles: int, iterations: int) -> str:
+    """The name of a variant of figure 3."""
+    return f"{readings} readings, {particles} particles, {iterations} iteration{'s' if iterations > 1 else ''}"
+
+
+def _convergence(figure: Figure, data: Data) -> None:
+    """Error against iterations, one curve for each number of particles; own measurements, and all of the cluster's."""
+    panels = figure.subplots(1, 2, sharey=True)
+    words = {"own": "own measurements, as in the text", "all": "all measurements of the cluster"}
+    for axes, readings in zip(panels, words, strict=True):
+        for colour, particles in zip(COLOURS, PARTICLES, strict=False):
+            found = [measured(data, cell(readings, particles, count), "rmse") for count in ITERATIONS]
+            value, low, high, numbers, _ = (np.array(column) for column in zip(*found, strict=True))
+            axes.fill_between(ITERATIONS, low, high, color=colour, alpha=0.12, linewidth=0)
+            axes.plot(ITERATIONS, value, "o-", color=colour, markersize=4, linewidth=1.2, label=f"{particles}")
+        bound = data.bound(cell(readings, 400, 2), "unconditional").time_mean
+        published_level(axes, bound, "bound, all measurements", "#000000")
+        axes.set_title(words[readings], loc="left")
+        axes.set_yscale("log")
+        axes.set_xscale("log", base=2)
+        axes.set_xticks(ITERATIONS, [str(count) for count in ITERATIONS])
+        axes.minorticks_off()
+        plain_numbers(axes, (0.2, 0.5, 1, 2, 5, 10))
+        axes.set_xlabel("iterations in each step")
+    panels[0].set_ylabel(f"RMSE over the first cluster [m], {numbers.max()} runs and 95 %")
+    legend_below(figure, panels[:1], 6, "particles")
+
+
+def _heads_and_members(figure: Figure, data: Data) -> None:
+    """The cluster heads in order, and their members."""
+    axes = figure.subplots()
+    places, clusters = _places(data), first_run(data, MAIN, "clusters")
+    points(axes, places, "o", 3, "nodes", LIGHT)
+    everybody = sorted({node for row in clusters.itertuples() for node in _members_of(data, places, row)})
+    points(axes, places[everybody], "P", 5, "members of a cluster", COLOURS[0])
+    _heads(axes, places, clusters, numbered=True)
+    _map(axes)
+    legend_below(figure, (axes,))
+
+
+def _heads_and_target(figure: Figure, data: Data) -> None:
+    """The cluster heads in order, and the ground-truth trajectory."""
+    axes = figure.subplots()
+    truth = first_run(data, MAIN, "truth")[["px", "py"]].to_numpy()
+    axes.plot(*truth.T, "--", color=COLOURS[6], linewidth=1.6, label="target")
+    points(axes, truth[0], "*", 10, "its start", COLOURS[6])
+    _heads(axes, _places(data), first_run(data, MAIN, "clusters"), numbered=False)
+    _map(axes)
+    legend_below(figure, (axes,))
+
+
+def _step_energy(figure: Figure, data: Data) -> None:
+    """The energy of the network in each step, and the level of each cluster."""
+    axes = figure.subplots()
+    steps = leveled(data, MAIN)
+    steps = steps[steps["replicate"] == 0]
+    axes.plot(steps["time"], steps["joules"], color=COLOURS[5], linewidth=0.6, label="a step, handovers included")
+    for number, (_, rows) in enumerate(steps.groupby("cluster")):
+        label = None if number else "level of a cluster (its median step)"
+        axes.plot(rows["time"], rows["level"], color=COLOURS[1], linewidth=2.4, label=label)
+    levels = data.published["step_energy"]
+    published_level(axes, levels["least"], "published least and largest level")
+    published_level(axes, levels["largest"])
+    axes.set(yscale="log", ylabel="energy of the network in a step of 40 ms [J]")
+    printed = data.published["clusters"][MAIN]
+    axes.set_title(f"one run, {steps['cluster'].nunique()} clusters (published: {printed})", loc="left")
+    whole_run(axes, steps)
+    legend_below(figure, (axes,))
+
+
+def _trajectories(figure: Figure, data: Data) -> None:
+    """The ground-truth trajectory and the estimates, as printed and repaired."""
+    left, right = figure.subplots(1, 2, sharex=True, sharey=True)
+    truth = first_run(data, MAIN, "truth")
+    for axes, looks, title in ((left, PRINTED, "as printed"), (right, REPAIRED, "repaired, and EKF")):
+        axes.plot(truth["px"], truth["py"], color=COLOURS[6], linewidth=3.0, alpha=0.35, label="target")
+        tracks(axes, data, looks)
+        _map(axes)
+        axes.set_title(f"{title}, one run", loc="left")
+    figure.legend(*left.get_legend_handles_labels(), loc="outside lower left", ncols=2, frameon=False)
+    figure.legend(*right.get_legend_handles_labels(), loc="outside lower right", ncols=2, frameon=False)
+    right.set_ylabel("")
+
+
+def _energy(figure: Figure, data: Data) -> None:
+    """The cumulative energy of the network against time, and what it was spent on."""
+    left, right = figure.subplots(1, 2, width_ratios=(3, 2))
+    for kind, look in PRINTED.items():
+        time, rows = _spent(data, kind)
+        band(left, time, rows, look.name, look.colour)
+        left.plot(time[-1], data.published["energy"][kind], "D", color=look.colour, markersize=6,
+                  markeredgecolor="black", clip_on=False, zorder=5)  # fmt: skip
+    left.plot([], [], "D", color="white", markeredgecolor="black", label="published, at the end")
+    left.set(xlabel="time [s]", ylabel="energy spent [J]", xlim=(0.0, float(time[-1])), ylim=(0.0, None))
+    left.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, frameon=False, columnspacing=1.0)
+    _by_cause(right, data)
+
+
+def _errors(figure: Figure, data: Data) -> None:
+    """The RMSE over runs at each step (eq. 26): as printed with the published means, repaired with the bounds."""
+    panels, step = figure.subplots(2, 1, sharex=True), float(data.scenario(MAIN)["step"])
+    for axes, looks, title, whose in zip(
+        panels, (PRINTED, REPAIRED), ("as printed", "repaired, and EKF"), ("", "PSO-MHPF and PPF"), strict=True
+    ):
+        runs = rmse_curves(axes, data, looks, lambda _, rows: f", mean {metrics.per_step_rmse(rows).mean():.2f} m")
+        axes.set_title(f"{title}, RMSE of {with_bands(runs, whose)}", loc="left")
+    for kind, look in PRINTED.items():
+        published_level(panels[0], data.published["rmse"][kind], colour=look.colour)
+    panels[0].plot([], [], "--", color="#666666", linewidth=1.0, label="published mean, in the same colour")
+    for axes in panels:
+        bound_curve(axes, data.bound(MAIN, "unconditional").rmse, step, "bound, all measurements")
+        bound_curve(axes, data.bound(MAIN, "per_trajectory").rmse, step, "trajectory-conditional bound", "-")
+        axes.set_ylabel("RMSE [m]")
+        legend_beside(axes)
+    panels[0].set_xlabel("")
+    panels[1].set_xlim(0.0, step * data.errors(MAIN).shape[1])
+
+
+def _places(data: Data) -> Floats:
+    """(nodes, 2) the positions of the nodes of replicate 0."""
+    return np.asarray(first_run(data, MAIN, "nodes")[["x", "y"]], dtype=np.float64)
+
+
+def _ranges(data: Data) -> tuple[float, float]:
+    """The sensing range and the communication range (m)."""
+    scenario = data.scenario(MAIN)
+    return float(scenario["sensor"]["reach"]), float(scenario["link"]["reach"])
+
+
+def _members(data: Data, places: Floats, target: Floats, head: int) -> list[int]:
+    """The nodes that sense the target within the head's communication range when a cluster forms, without the head."""
+    sensing, radio = _ranges(data)
+    near = np.hypot(*(places - target).T) <= sensing
+    heard = np.hypot(*(places - places[head]).T) <= radio
+    return [int(node) for node in np.flatnonzero(near & heard) if node != head]
+
+
+def _members_of(data: Data, places: Floats, cluster: Any) -> list[int]:
+    """The members of a row of the table `clusters`, given the target's position when it formed."""
+    truth = first_run(data, MAIN, "truth")
+    step = int((truth["time"] - cluster.formed).abs().to_numpy().argmin())
+    return _members(data, places, truth[["px", "py"]].to_numpy()[step], int(cluster.head))
+
+
+def _heads(axes: Axes, places: Floats, clusters: pd.DataFrame, numbered: bool) -> None:
+    """The path of the cluster heads."""
+    path = places[clusters["head"].to_numpy().astype(int)]
+    axes.plot(*path.T, "s-", color=COLOURS[1], markersize=6, linewidth=1.3, label=f"heads of {len(path)} clusters")
+    for number, place in enumerate(path if numbered else (), start=1):
+        axes.annotate(str(number), tuple(place), xytext=(5, 5), textcoords="offset points", fontsize=8, zorder=6,
+                      path_effects=[withStroke(linewidth=2.0, foreground="white")])  # fmt: skip
+
+
+def _map(axes: Axes) -> None:
+    """Axes in metres over the whole field."""
+    axes.set(xlim=(-FIELD, FIELD), ylim=(-FIELD, FIELD), aspect="equal", xlabel="x [m]", ylabel="y [m]")
+
+
+def _spent(data: Data, variant: str) -> tuple[Floats, Floats]:
+    """(times, (runs, times)) the cumulative energy of the network (J)."""
+    table = data.of(variant, "energy_steps").pivot_table("joules", "replicate", "time", "sum", fill_value=0.0)
+    return table.columns.to_numpy(dtype=np.float64), np.cumsum(table.to_numpy(dtype=np.float64), axis=1)
+
+
+def _by_cause(axes: Axes, data: Data) -> None:
+    """The energy by cause, one bar for each variant, means over runs."""
+    looks = PRINTED | REPAIRED
+    frames = [data.of(name, "energy_steps") for name in looks]
+    causes = sorted({str(cause) for frame in frames for cause in frame["cause"].unique()})
+    left = np.zeros(len(looks))
+    for colour, cause in zip(COLOURS, causes, strict=False):
+        joules = _means_of_cause(frames, cause)
+        axes.barh(range(len(looks)), joules, left=left, color=colour, label=cause.replace("_", " "), height=0.7)
+        left += joules
+    axes.set_yticks(range(len(looks)), [look.name for look in looks.values()])
+    axes.invert_yaxis()
+    axes.grid(False, axis="y")
+    axes.set_xlabel("energy spent [J], mean of the runs")
+    axes.legend(loc="lower center", bbox_to_anchor=(0.4, 1.0), ncols=4, frameon=False, columnspacing=1.0)
+
+
+def _means_of_cause(frames: Sequence[pd.DataFrame], cause: str) -> Floats:
+    sums = [frame.loc[frame["cause"] == cause, "joules"].sum() / frame["replicate"].nunique() for frame in frames]
+    return np.array(sums, dtype=np.float64)
+
+
+FIGURES: Final[Drawings] = {
+    "figure_2": _first_cluster,
+    "figure_3": _convergence,
+    "figure_4": _heads_and_members,
+    "figure_5": _heads_and_target,
+    "figure_6": _step_energy,
+    "figure_7": _trajectories,
+    "figure_8": _energy,
+    "figure_9": _errors,
+}
