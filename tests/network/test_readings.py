@@ -12,7 +12,7 @@ from wsnsim.models.ranging import Range
 from wsnsim.models.sensing import AcousticEnergy
 from wsnsim.network.clocks import Clocks
 from wsnsim.network.imperfect_readings import Imperfections, ImperfectReadings, _sampled
-from wsnsim.network.readings import Readings, Sensors
+from wsnsim.network.readings import Readings, SensorArray
 
 DT = 0.5
 RULER = Range(sd=1e-6, reach=60.0)
@@ -20,7 +20,7 @@ RULER = Range(sd=1e-6, reach=60.0)
 
 
 def sensors(positions, model, key=5):
-    return Sensors(positions, np.ones((len(positions), 1)), model, KDTree(positions), key)
+    return SensorArray(positions, np.ones((len(positions), 1)), model, KDTree(positions), key)
 
 
 def sensed(points, positions, key=5, target=0):

@@ -33,19 +33,22 @@ class SensorDefect:
 
 
 class FaultServices(Protocol):
-    """What one fault may reach in the network. Overlapping faults are combined by the network.
-
-    `now` is the simulated time in s; `positions` (N, 2) in m; `key` is the random key of this fault (see `base.rng`).
-    """
+    """What one fault may reach in the network. Overlapping faults are combined by the network."""
 
     @property
-    def now(self) -> float: ...
+    def now(self) -> float:
+        """The simulated time in s."""
+        ...
 
     @property
-    def positions(self) -> Floats: ...
+    def positions(self) -> Floats:
+        """(N, 2) positions of the nodes in m."""
+        ...
 
     @property
-    def key(self) -> int: ...
+    def key(self) -> int:
+        """The random key of this fault (see `base.rng`)."""
+        ...
 
     def is_up(self, node: int) -> bool:
         """Whether a node is neither dead nor crashed."""

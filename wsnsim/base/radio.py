@@ -8,7 +8,6 @@ counter keys (see `base.rng`): equal keys give equal random numbers.
 
 from __future__ import annotations
 
-import warnings
 from enum import IntEnum
 from typing import NamedTuple, Protocol, runtime_checkable
 
@@ -49,17 +48,20 @@ class EnergyModel(Protocol):
     """The energy of each act, in joules. `battery` is the initial charge of a node in J."""
 
     @property
-    def battery(self) -> float: ...
+    def battery(self) -> float:
+        """Initial charge of a node in J."""
 
     def transmit(self, bits: float, distance: float) -> tuple[float, float]:
         """(electronics, amplifier) joules."""
-        ...
 
-    def receive(self, bits: float) -> float: ...
+    def receive(self, bits: float) -> float:
+        """Joules of receiving bits."""
 
-    def compute(self, cycles: float) -> float: ...
+    def compute(self, cycles: float) -> float:
+        """Joules of processor cycles."""
 
-    def sense(self) -> float: ...
+    def sense(self) -> float:
+        """Joules of one reading."""
 
 
 @runtime_checkable
@@ -72,53 +74,15 @@ class ContinuousPower(Protocol):
 
     def mode_power(self, mode: Mode) -> ModePower:
         """Power in a mode; zero where the model knows no such cost."""
-        ...
 
     def switching(self, before: Mode, after: Mode) -> float:
         """Joules of a change of mode."""
-        ...
 
     def turnaround(self) -> float:
         """Joules of one change of the radio between receiving and sending."""
-        ...
 
     def seconds(self, cycles: float) -> float:
         """Seconds for which the processor is busy with `cycles`; 0 where the model does not know."""
-        ...
-
-
-@runtime_checkable
-class DrawsPower(Protocol):
-    """`ContinuousPower` under the former name of its first method."""
-
-    def draw(self, mode: Mode) -> ModePower: ...
-
-    def switching(self, before: Mode, after: Mode) -> float: ...
-
-    def turnaround(self) -> float: ...
-
-    def seconds(self, cycles: float) -> float: ...
-
-
-class RenamedPower:
-    """The `ContinuousPower` of a model that has the former names."""
-
-    def __init__(self, model: DrawsPower) -> None:
-        self.mode_power = model.draw
-        self.switching = model.switching
-        self.turnaround = model.turnaround
-        self.seconds = model.seconds
-
-
-def continuous_power(energy: EnergyModel) -> ContinuousPower | None:
-    """Return the part of an energy model that costs over time, or None if it has none."""
-    if isinstance(energy, ContinuousPower):
-        return energy
-    if isinstance(energy, DrawsPower):
-        message = f"{type(energy).__name__}.draw(mode) was renamed to mode_power(mode)"
-        warnings.warn(message, DeprecationWarning, stacklevel=2)
-        return RenamedPower(energy)
-    return None
 
 
 class LinkModel(Protocol):
@@ -173,11 +137,11 @@ class Cpu(Protocol):
     """The time of computations. `cycles_per_flop`: processor cycles of one operation stated by a tracker."""
 
     @property
-    def cycles_per_flop(self) -> float: ...
+    def cycles_per_flop(self) -> float:
+        """Processor cycles of one operation stated by a tracker."""
 
     def seconds(self, cycles: float) -> float:
         """Simulated seconds that `cycles` take; 0 if computing takes no time."""
-        ...
 
 
 class Clock(Protocol):
@@ -185,7 +149,6 @@ class Clock(Protocol):
 
     def rates(self, keys: Keys) -> Floats:
         """(n,) seconds that pass on the clock of each node per true second, given one counter key per node."""
-        ...
 
 
 class Sink(Protocol):
@@ -193,18 +156,15 @@ class Sink(Protocol):
 
     @property
     def point(self) -> tuple[float, float] | None:
-        """A point in m; the sink is the node nearest to it. None: there is no sink."""
-        ...
+        """(x, y) in m; the sink is the node nearest to it. None: no sink."""
 
     @property
     def bits(self) -> int:
         """Bits of a report."""
-        ...
 
     @property
     def every(self) -> float | None:
-        """Seconds between reports; None: each estimate is reported."""
-        ...
+        """Seconds between reports; None: every estimate is reported."""
 
 
 class Workload(Protocol):
@@ -236,25 +196,32 @@ class FaultEvent(Protocol):
     """
 
     @property
-    def mechanism(self) -> str: ...
+    def mechanism(self) -> str:
+        """Name of the mechanism, used in the log."""
 
     @property
-    def at(self) -> float: ...
+    def at(self) -> float:
+        """Beginning in s."""
 
     @property
-    def duration(self) -> float | None: ...
+    def duration(self) -> float | None:
+        """Duration in s; None: until the end of the run."""
 
     @property
-    def nodes(self) -> tuple[int, ...] | None: ...
+    def nodes(self) -> tuple[int, ...] | None:
+        """The nodes it hits."""
 
     @property
-    def fraction(self) -> float | None: ...
+    def fraction(self) -> float | None:
+        """The share of all nodes that it hits."""
 
     @property
-    def region(self) -> tuple[float, float, float] | None: ...
+    def region(self) -> tuple[float, float, float] | None:
+        """The circle (x, y, radius) in m whose nodes it hits."""
 
     @property
-    def head(self) -> int | None: ...
+    def head(self) -> int | None:
+        """The target whose cluster head it hits."""
 
 
 class Routing(Protocol):

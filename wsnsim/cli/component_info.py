@@ -12,8 +12,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
+from wsnsim.base.continuous_power import continuous_power
 from wsnsim.base.errors import UsageError, did_you_mean
-from wsnsim.base.radio import Mode, continuous_power
+from wsnsim.base.radio import Mode
 from wsnsim.base.requests import PACKET_BITS
 from wsnsim.cli.listing import table
 from wsnsim.scenario import datasheets

@@ -21,7 +21,7 @@ from wsnsim.base.setups import NetworkSetup
 from wsnsim.network.clocks import Clocks
 from wsnsim.network.faults import change_readings
 from wsnsim.network.nodes import Nodes
-from wsnsim.network.readings import Readings, Sensors
+from wsnsim.network.readings import Readings, SensorArray
 
 DISTORTION: Final = HEAD_KEY
 """In a random key, stands for a target: for what distorts a node's readings at every step."""
@@ -58,7 +58,7 @@ class ImperfectReadings(Readings):
         imperfections: What makes readings wrong.
     """
 
-    def __init__(self, sensors: Sensors, target: int, points: Floats, imperfections: Imperfections) -> None:
+    def __init__(self, sensors: SensorArray, target: int, points: Floats, imperfections: Imperfections) -> None:
         self._points, self._positions, self._traits = points, sensors.positions, sensors.traits
         self._sensor = sensors.model
         self._tree = sensors.tree
@@ -200,7 +200,7 @@ def make_search_readings(
 def _readings(
     setup: NetworkSetup, trajectories: Sequence[Floats], nodes: Nodes, imperfections: Imperfections, key: int
 ) -> list[Readings]:
-    sensors = Sensors(nodes.positions, nodes.traits, setup.sensor, nodes.tree, key)
+    sensors = SensorArray(nodes.positions, nodes.traits, setup.sensor, nodes.tree, key)
     faithful = not imperfections.matter() and not change_readings(setup.faults)
     result: list[Readings] = []
     for target, (trajectory, motion) in enumerate(zip(trajectories, setup.motions, strict=True)):

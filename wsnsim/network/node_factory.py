@@ -6,7 +6,8 @@ import numpy as np
 import simpy
 
 from wsnsim.base.arrays import Floats
-from wsnsim.base.radio import ContinuousPower, Mode, continuous_power
+from wsnsim.base.continuous_power import continuous_power
+from wsnsim.base.radio import ContinuousPower, Mode
 from wsnsim.base.rng import derive_all
 from wsnsim.base.setups import NetworkSetup, RadioSetup
 from wsnsim.network.energy.background_consumption import BackgroundConsumption

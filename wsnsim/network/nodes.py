@@ -1,7 +1,7 @@
 """The nodes of a network as arrays: positions, which are up, which listen, and what they spend.
 
-What is *spent* is stored in the energy ledger; what is left is derived from it. Reading energy changes nothing.
-Background consumption (idle listening, sleep) is settled when a node next spends: see `energy.background_consumption`.
+What is *spent* is in the energy ledger; what is left is derived from it. Reading energy changes nothing. Background
+consumption is settled when a node next spends: see `energy.background_consumption`.
 """
 
 from __future__ import annotations
@@ -31,34 +31,23 @@ class Nodes:
     Attributes:
         positions: (N, 2) in m; `x` and `y` give single coordinates fast, `tree` finds neighbours.
         traits: (N, T) constants of the sensors.
-        size: Number of nodes.
-        battery: Initial charge of a node in J.
-        reach: Communication range in m.
+        battery, reach: Initial charge of a node in J, and communication range in m.
         living: (N,) which nodes are up, that is neither dead nor crashed; `alive[i]` is the same for single nodes.
         all_listen: Whether all nodes are up and listen.
-        died_at: {node: time of its death in s}.
-        jammed: (N,) radios that neither receive nor are received, by a fault.
-        loss: (N,) probability that a frame from or to a node is lost, by faults.
+        jammed, loss: (N,) radios that faults jam, and the probability that faults lose a frame from or to a node.
         disturbed: Whether any node is jammed or loses frames.
-        ledger: What nodes have spent.
-        on_death: Called with a node at the instant at which its battery is empty.
+        on_death: Called with a node at the instant at which its battery is empty; `died_at` holds that time.
     """
 
     def __init__(
-        self,
-        positions: Floats,
-        traits: Floats,
-        battery: float,
-        reach: float,
-        duty_cycles: DutyCycles | None = None,
-        consumption: Consumption | None = None,
-    ) -> None:
+        self, positions: Floats, traits: Floats, battery: float, reach: float,
+        duty_cycles: DutyCycles | None = None, consumption: Consumption | None = None,
+    ) -> None:  # fmt: skip
         self.positions = positions
         self.traits = traits
         self.size = size = len(positions)
         self.x, self.y = (scalars(np.ascontiguousarray(positions[:, i], dtype=np.float64)) for i in range(2))
-        self.battery = battery
-        self.reach = reach
+        self.battery, self.reach = battery, reach
         self.tree = KDTree(positions)
         self.living = np.ones(size, dtype=np.bool_)
         self.alive = scalars(self.living)
@@ -122,13 +111,12 @@ class Nodes:
     def _change_mode(self, node: int, mode: Mode) -> None:
         joules = self.consumption.switching(node, mode)
         self._settle(node)
-        if not self.alive[node]:
-            return
-        self._enter(node, mode)
-        if joules:
-            self.spend(node, SWITCH, joules)
-        else:
-            self._watch(node)
+        if self.alive[node]:
+            self._enter(node, mode)
+            if joules:
+                self.spend(node, SWITCH, joules)
+            else:
+                self._watch(node)
 
     def _enter(self, node: int, mode: Mode) -> None:
         """A settled node is in another mode from now on."""
@@ -143,13 +131,12 @@ class Nodes:
 
     def restart(self, node: int) -> None:
         """A node that crashed comes back, with nothing to do."""
-        if node in self.died_at or self.alive[node]:
-            return
-        self.living[node] = True
-        self.all_listen = not self.follows_schedules and bool(self.living.all())
-        self._settle(node)
-        self._enter(node, self.rest_of(node))
-        self._watch(node)
+        if node not in self.died_at and not self.alive[node]:
+            self.living[node] = True
+            self.all_listen = not self.follows_schedules and bool(self.living.all())
+            self._settle(node)
+            self._enter(node, self.rest_of(node))
+            self._watch(node)
 
     def _go_down(self, node: int) -> None:
         self.living[node] = False
@@ -172,17 +159,9 @@ class Nodes:
         return joules
 
     def spend_transmit(self, node: int, electronics: float, amplifier: float, bits: int, seconds: float = 0.0) -> int:
-        """Book a transmission on its two causes.
+        """Book the joules of a transmission of `seconds`, during which the radio is not idle.
 
-        Args:
-            node: The sender.
-            electronics: Joules of the electronics.
-            amplifier: Joules of the amplifier.
-            bits: Bits sent.
-            seconds: Time for which the radio sends, and is not idle.
-
-        Returns:
-            The whole bits that were paid for: fewer than `bits` if the node died of it.
+        Returns the whole bits that were paid for: fewer than `bits` if the node died of it.
         """
         self.consumption.mark_radio_busy(node, seconds)
         if self.battery - self._spent[node] <= self._tight:
@@ -222,9 +201,8 @@ class Nodes:
         """Whether no node, given as an array and as a list, could die of a reception: `receive_all` may book it."""
         limit = self.battery * BELOW_BATTERY - joules - self._reserve
         ledger = self.ledger
-        if ledger.ceiling < limit or ledger.lower_ceiling(self.living) < limit:
-            return True
-        return ledger.all_below(limit, nodes, listed)
+        below = ledger.ceiling < limit or ledger.lower_ceiling(self.living) < limit
+        return below or ledger.all_below(limit, nodes, listed)
 
     def receive_all(self, nodes: Ints, listed: list[int], joules: float, cause: int, seconds: float) -> None:
         """Book a reception that kills none of the different nodes, given as an array and as a list."""
@@ -245,8 +223,7 @@ class Nodes:
         tight = self.battery - self.ledger.spent[living] <= self._reserve
         for node in living[tight].tolist():
             self._settle(node)
-        others = living[~tight]
-        for nodes, cause, joules in self.consumption.pending_charges(others):
+        for nodes, cause, joules in self.consumption.pending_charges(living[~tight]):
             self.ledger.book_each(nodes, cause, np.maximum(joules, 0.0))
         self.consumption = Consumption()
         self._reserve = self._tight = 0.0
@@ -288,11 +265,9 @@ class Nodes:
             return
         if self.alive[node]:
             self._settle(node)
-        if not self.alive[node]:
-            return
-        if self.consumption.runs_out(node, self.battery - self._spent[node]):
+        if self.alive[node] and self.consumption.runs_out(node, self.battery - self._spent[node]):
             self._die(node, ())
-        else:
+        elif self.alive[node]:
             self._watch(node)
 
     def residual_energy(self, node: int) -> float:
@@ -324,7 +299,3 @@ class Nodes:
     def scheduled_totals(self, times: Floats) -> Floats:
         """(T, causes) joules that all nodes would have consumed by each time, had they only followed schedules."""
         return self.consumption.scheduled_totals(times)
-
-    def awake_fraction(self, until: float) -> float:
-        """Share of the time of all nodes from 0 to `until`, which is now, that they were awake; 1 without schedules."""
-        return self.duty_cycles.awake_fraction(until)

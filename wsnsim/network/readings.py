@@ -20,7 +20,7 @@ from wsnsim.base.rng import derive, reading_noise
 
 
 @dataclass(frozen=True, slots=True)
-class Sensors:
+class SensorArray:
     """The sensors of all nodes: positions (N, 2), traits (N, T), the sensor model, and the random key of readings."""
 
     positions: Floats
@@ -39,7 +39,7 @@ class Readings:
         points: (steps, P) its positions.
     """
 
-    def __init__(self, sensors: Sensors, target: int, points: Floats) -> None:
+    def __init__(self, sensors: SensorArray, target: int, points: Floats) -> None:
         model, positions = sensors.model, sensors.positions
         found = sensors.tree.query_ball_point(planar(points), model.reach, return_sorted=True)
         if isinstance(model, Detects):

@@ -106,7 +106,7 @@ class WorkloadWorld:
         self.workload.begin()
         steps = self._env.process(self._run_steps(progress))
         run_until(self._env, steps, setup.seed, self._replicate)
-        awake = nodes.awake_fraction(self._env.now)
+        awake = nodes.duty_cycles.awake_fraction(self._env.now)
         self._energy_steps.end(setup.steps - 1)
         self._energy_steps.write(self._replicate, setup.dt, self._recorder)
         self._write_links()

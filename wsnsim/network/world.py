@@ -143,7 +143,7 @@ class World:
         steps = self._env.process(self._run_steps(progress))
         ended = self._env.any_of([steps, self._coordination.ended])
         run_until(self._env, ended, self._setup.seed, self._replicate)
-        awake = self._nodes.awake_fraction(self._env.now)
+        awake = self._nodes.duty_cycles.awake_fraction(self._env.now)
         self._energy_steps.end(self._clock.step)
         self._energy_steps.write(self._replicate, self._setup.dt, self._recorder)
         return NetworkOutcome(

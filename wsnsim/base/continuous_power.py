@@ -1,0 +1,50 @@
+"""The continuous power of an energy model, whether its method has the present name or the former one."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Protocol, runtime_checkable
+
+from wsnsim.base.radio import ContinuousPower, EnergyModel, Mode, ModePower
+
+
+@runtime_checkable
+class DrawsPower(Protocol):
+    """`ContinuousPower` under the former name of its first method."""
+
+    def draw(self, mode: Mode) -> ModePower:
+        """See `ContinuousPower`."""
+        ...
+
+    def switching(self, before: Mode, after: Mode) -> float:
+        """See `ContinuousPower`."""
+        ...
+
+    def turnaround(self) -> float:
+        """See `ContinuousPower`."""
+        ...
+
+    def seconds(self, cycles: float) -> float:
+        """See `ContinuousPower`."""
+        ...
+
+
+class RenamedPower:
+    """The `ContinuousPower` of a model that has the former names."""
+
+    def __init__(self, model: DrawsPower) -> None:
+        self.mode_power = model.draw
+        self.switching = model.switching
+        self.turnaround = model.turnaround
+        self.seconds = model.seconds
+
+
+def continuous_power(energy: EnergyModel) -> ContinuousPower | None:
+    """Return the part of an energy model that costs over time, or None if it has none."""
+    if isinstance(energy, ContinuousPower):
+        return energy
+    if isinstance(energy, DrawsPower):
+        message = f"{type(energy).__name__}.draw(mode) was renamed to mode_power(mode)"
+        warnings.warn(message, DeprecationWarning, stacklevel=2)
+        return RenamedPower(energy)
+    return None
