@@ -67,7 +67,8 @@ def info_text(path: str | Path) -> str:
 def _json(path: str | Path, name: str) -> dict[str, Any]:
     """One of the file's JSON texts; empty if the file holds none, as a run killed early leaves it."""
     try:
-        return json.loads(read_text(path, name))
+        result: dict[str, Any] = json.loads(read_text(path, name))
+        return result
     except ResultError:
         return {}
 

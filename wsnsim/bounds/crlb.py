@@ -80,21 +80,24 @@ class Bound:
     def each(self) -> Floats:
         """The least position error of each recursion, (R, targets, steps)."""
         variances = np.diagonal(self.covariances, axis1=-2, axis2=-1)
-        return np.sqrt(variances[..., list(self.place)].sum(axis=-1))
+        result: Floats = np.sqrt(variances[..., list(self.place)].sum(axis=-1))
+        return result
 
     @property
     def rmse(self) -> Floats:
         """The root mean square over recursions and targets at each step, (steps,); empty if there is no bound."""
         if self.reason:
             return np.empty(0)
-        return np.sqrt((self.each**2).mean(axis=(0, 1)))
+        result: Floats = np.sqrt((self.each**2).mean(axis=(0, 1)))
+        return result
 
     @property
     def columns(self) -> Floats:
         """The bound of each state column at each step, (steps, D); empty if there is no bound."""
         if self.reason:
             return np.empty((0, self.covariances.shape[-1]))
-        return np.sqrt(np.diagonal(self.covariances, axis1=-2, axis2=-1).mean(axis=(0, 1)))
+        result: Floats = np.sqrt(np.diagonal(self.covariances, axis1=-2, axis2=-1).mean(axis=(0, 1)))
+        return result
 
     @property
     def time_mean(self) -> float:
@@ -117,7 +120,8 @@ class Bound:
     @property
     def of_replicates(self) -> Floats:
         """The root mean square over steps and targets of each recursion, (R,)."""
-        return np.sqrt((self.each**2).mean(axis=(1, 2)))
+        result: Floats = np.sqrt((self.each**2).mean(axis=(1, 2)))
+        return result
 
 
 def bound(

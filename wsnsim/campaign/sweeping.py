@@ -13,7 +13,7 @@ from wsnsim.campaign.runner import run_campaign
 from wsnsim.campaign.status import CampaignOutcome, CampaignProgress
 
 
-def sweep(
+def sweep(  # noqa: PLR0913
     source: str | Path | Mapping[str, Any] | Sequence[str],
     *,
     out: str | Path,

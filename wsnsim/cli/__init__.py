@@ -60,10 +60,10 @@ def _perform(arguments: list[str], interrupts: Interrupts) -> int:
         return _failed(error)
 
 
-def _failed(error: BaseException) -> int:
+def _failed(raised: BaseException) -> int:
     """Print the message of an error; the exit code."""
     try:
-        raise error
+        raise raised
     except click.ClickException as error:
         return _print_error(f"{error.format_message()}{_hint(error)}", 2)
     except ScenarioError as error:

@@ -45,10 +45,9 @@ def normal(key: np.uint64, draw: int) -> float:
 
 @kernel
 def particle_keys(keys: Keys, offsets: Ints, tag: int) -> Keys:
-    """(N,) keys: particle j of member m gets derive(keys[m], tag, j - offsets[m]). `offsets` is (members + 1,), ends
-    at N.
+    """(N,) keys: particle j of member m gets derive(keys[m], tag, j - offsets[m]).
 
-    `tag` separates the purposes that one member's key serves within a step.
+    `offsets` is (members + 1,) and ends at N. `tag` separates the purposes that one member's key serves within a step.
     """
     result = np.empty(offsets[-1], np.uint64)
     for m in range(keys.size):

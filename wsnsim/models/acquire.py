@@ -148,7 +148,9 @@ class FromReadings:
         means, _, variances = sensor.linearise(points, positions, traits)
         limit = self.outlier**2
         squares = limit * np.log1p((readings[:, None] - means) ** 2 / (limit * variances))
-        return -0.5 * (squares + np.log(variances)).sum(axis=0)
+        total: Floats = -0.5 * (squares + np.log(variances)).sum(axis=0)
+
+        return total
 
 
 def _box(positions: Floats, reach: float) -> tuple[Floats, Floats]:
@@ -195,4 +197,5 @@ def _moments(points: Floats, weights: Floats) -> tuple[Floats, Floats]:
 def _bounded(cov: Floats, floor: float, cap: float) -> Floats:
     """The covariance, its standard deviations along its own axes limited to [floor, cap]."""
     values, vectors = np.linalg.eigh((cov + cov.T) / 2)
-    return (vectors * np.clip(values, floor**2, cap**2)) @ vectors.T
+    result: Floats = (vectors * np.clip(values, floor**2, cap**2)) @ vectors.T
+    return result

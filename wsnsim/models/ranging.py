@@ -163,7 +163,8 @@ class RangeFromOrigin(_OfDistance):
 
     def measure(self, points: Floats, positions: Floats, traits: Floats, noise: Floats) -> Floats:
         """(n,) readings in m of targets at points[i] (n, P), with standard normals."""
-        return np.sqrt((points**2).sum(axis=1)) + self.sd * noise
+        result: Floats = np.sqrt((points**2).sum(axis=1)) + self.sd * noise
+        return result
 
     def _places(self, positions: Floats) -> Floats:
         return np.zeros((len(positions), 2))
@@ -219,4 +220,5 @@ def _too_long_a_reach(reach: float) -> Iterator[Issue]:
 def _squared(points: Floats, positions: Floats) -> Floats:
     """(n,) squared distances between points (n, P) and positions (n, 2)."""
     apart: Floats = planar(points) - positions
-    return (apart**2).sum(axis=1)
+    result: Floats = (apart**2).sum(axis=1)
+    return result

@@ -50,7 +50,8 @@ class AcousticEnergy:
         """(n,) readings (eqs. 6-8): pair i is a target at points[i], a sensor at positions[i], its traits, a normal."""
         squared = np.maximum(((planar(points) - positions) ** 2).sum(axis=1), FLOOR**2)
         mean = self.noise + traits[:, 0] * self.intensity * squared ** (-self.decay / 2)
-        return mean * (1.0 + np.sqrt(2.0 * self.nonlinearity / self.samples) * noise)
+        result: Floats = mean * (1.0 + np.sqrt(2.0 * self.nonlinearity / self.samples) * noise)
+        return result
 
     def log_likelihood(
         self, points: Floats, readings: Floats, positions: Floats, traits: Floats, owners: Ints | None = None

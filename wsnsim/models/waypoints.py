@@ -171,10 +171,10 @@ class RandomWaypoint(_Straight):
 
 @part
 class Waypoints(_Straight):
-    """Straight between points that are given with their times, at constant speed; still before the first and after the
-    last. Equal places are a stop; places outside the field, a target that leaves and returns.
+    """Straight legs at constant speed between given points with times; at rest before the first and after the last.
 
-    `points` in the scenario, [t, x, y] each in s and m; or `path`, a CSV with the columns t, x and y.
+    Equal points are a stop; a target may leave the field and return. `points` in the scenario, [t, x, y] each in s and
+    m; or `path`, a CSV with the columns t, x and y.
     """
 
     points: Annotated[

@@ -33,7 +33,7 @@ NONE: Final = EVENT_CAUSE["none"]
 Event = tuple[float, int, int, int, int, int, int, int, int, int, int, float, int]
 
 
-def event(
+def event(  # noqa: PLR0913
     time: float, step: int, target: int, node: int, kind: int, what: int = 0, frame: int = 0, sequence: int = 0,
     peer: int = -1, packets: int = 0, bits: int = 0, joules: float = 0.0, cause: int = NONE,
 ) -> Event:  # fmt: skip

@@ -73,7 +73,8 @@ def read_text(path: str | Path, name: str) -> str:
         held = text_names(file)
         if name not in held:
             raise ResultError(f"{path}: holds no text '{name}' ({did_you_mean(name, held)})")
-        return file[name].asstr()[()]
+        result: str = file[name].asstr()[()]
+        return result
 
 
 def attributes(path: str | Path) -> dict[str, Any]:

@@ -73,7 +73,8 @@ def _whole_rows(group: h5py.Group) -> int:
     columns = [group.get(name) for name in column_names(group)]
     if any(column is None for column in columns):
         return 0
-    return CHUNK * min(min(column.shape[0] // CHUNK, column.id.get_num_chunks()) for column in columns)
+    result: int = CHUNK * min(min(column.shape[0] // CHUNK, column.id.get_num_chunks()) for column in columns)
+    return result
 
 
 def _whole_chunks(group: h5py.Group) -> Iterator[dict[str, np.ndarray]]:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import warnings
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from wsnsim.base.errors import Issue, ScenarioError
@@ -149,14 +149,13 @@ def _issues(scenario: Scenario, setup: TrackingSetup | BeaconSetup, components: 
         yield from _other_columns(scenario, setup)
 
 
-def _checked(part: Any, setup: Setup) -> Iterable[Issue]:
-    """Return what a component finds wrong with the setup; `faults` is the old name of a plug-in's `check`."""
+def _checked(part: Any, setup: Setup) -> Iterator[Issue]:
+    """Yield what a component finds wrong with the setup; `faults` is the old name of a plug-in's `check`."""
     if hasattr(part, "check"):
-        return part.check(setup)
-    if hasattr(part, "faults"):
+        yield from part.check(setup)
+    elif hasattr(part, "faults"):
         warnings.warn(f"{type(part).__name__}.faults is now named check", DeprecationWarning, stacklevel=2)
-        return part.faults(setup)
-    return ()
+        yield from part.faults(setup)
 
 
 def _within(path: Keys, named: Keys) -> Keys:

@@ -72,7 +72,7 @@ class Number:
         return {"anyOf": [number, {"type": "string", "description": wanted(self.quantity.unit)}]}
 
     def read(self, value: Any) -> float | int:
-        """The SI value of what a scenario writes."""
+        """Return the SI value of what a scenario writes."""
         if isinstance(value, bool) or not isinstance(value, int | float | str):
             raise refusal(f"expected {self._wanted()}, got {described(value)}")
         number = self._si(value)
@@ -124,6 +124,7 @@ class Items:
     count: int | None
 
     def __call__(self, value: Any) -> Any:
+        """Return the list as it is, or refuse the value."""
         several = "a list" if self.count is None else f"a list of {self.count} items"
         if not isinstance(value, list | tuple):
             raise refusal(f"expected {several}, got {described(value)}")

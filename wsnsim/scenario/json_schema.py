@@ -38,7 +38,8 @@ def json_schema() -> dict[str, Any]:
         "description": "the scenario, a file or shipped, that this changes",
     }
     whole = {"$schema": DIALECT, **schema, "if": {"required": ["extends"]}, "then": {}, "else": strict}
-    return plain_json(whole)
+    plain: dict[str, Any] = plain_json(whole)
+    return plain
 
 
 def _alternatives(role: str) -> list[type[PartModel]]:

@@ -124,7 +124,8 @@ def spot_of(root: LocatedValue, path: Keys, of_key: bool = False) -> Spot:
         if inner is None:
             return node.spot
         if of_key and depth == len(path) - 1 and isinstance(node.value, dict):
-            return node.value[key].spot
+            entry: Entry = node.value[key]
+            return entry.spot
         node = inner
     return node.spot
 

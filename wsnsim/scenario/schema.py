@@ -143,7 +143,7 @@ Record: Final[type[BaseModel]] = create_model(
 )  # type: ignore[call-overload]
 
 
-class Scenario(BaseModel):
+class Scenario(BaseModel):  # noqa: PLW1641 - pydantic gives frozen models their hash
     """A scenario, every key checked: one model a role (`scenario.deploy.nodes`), numbers in SI units, frozen.
 
     The roles' fields come with the kinds chosen: see `scenario_model`. Two scenarios are equal if they say the same,

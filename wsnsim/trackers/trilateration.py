@@ -1,4 +1,6 @@
-"""The position that distances say, step by step anew: a baseline without memory. What a step asks:
+"""A position from the measured distances of each step alone: a baseline without memory.
+
+Requests of a step:
 
     Gather: readings  Compute
 

@@ -91,7 +91,8 @@ class WakeUpService:
 
     def is_up(self, node: int) -> bool:
         """Whether a node is neither dead nor crashed."""
-        return self._nodes.alive[node]
+        result: bool = self._nodes.alive[node]
+        return result
 
     def place(self, node: int) -> Point:
         """The position of a node."""
@@ -195,7 +196,7 @@ class WakeUpService:
                 woken.append(one)
         return woken
 
-    def _log(
+    def _log(  # noqa: PLR0913
         self, kind: int, node: int, target: int, peer: int = -1, what: int = 0, sequence: int = 0, bits: int = 0,
         joules: float = 0.0, cause: int = NONE,
     ) -> None:  # fmt: skip

@@ -14,11 +14,17 @@ from wsnsim.base.ports import Recorder
 class Spenders(Protocol):
     """The nodes, as far as the table needs them: see `network.nodes.Nodes`."""
 
-    def totals_now(self) -> list[float]: ...
+    def totals_now(self) -> list[float]:
+        """Joules by cause, summed over the nodes, now."""
+        ...
 
-    def scheduled_totals(self, times: Floats) -> Floats: ...
+    def scheduled_totals(self, times: Floats) -> Floats:
+        """Joules that follow from the schedules alone, at these times."""
+        ...
 
-    def close(self) -> None: ...
+    def close(self) -> None:
+        """Book what is pending."""
+        ...
 
 
 class EnergySteps:

@@ -73,7 +73,8 @@ class _Reassembly:
         for counts, spans in ((got, received), (sent, self._spans)):
             for first, last in spans:
                 counts[first:last] += 1
-        return self.burst.mask & (got == sent)
+        result: Bools = self.burst.mask & (got == sent)
+        return result
 
 
 class Fragmentation:

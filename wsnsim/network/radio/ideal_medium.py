@@ -109,7 +109,8 @@ class IdealMedium:
             joules *= burst.sent / bits
         kind = RELAY if burst.relayed else SEND
         self._add(burst, source, kind, code, number, burst.to, burst.packets, burst.sent, joules, TX)
-        return nodes.alive[source]
+        result: bool = nodes.alive[source]
+        return result
 
     def _receive(self, burst: Burst, number: int, code: int, node: int, expected: bool = True) -> tuple[Bools, int]:
         """Charge and log one receiver; returns the mask and the number of the packets that it received."""
@@ -151,7 +152,7 @@ class IdealMedium:
     def _drop(self, burst: Burst, number: int, code: int, node: int) -> None:
         self._add(burst, node, DROP, code, number, burst.source, burst.packets, 0, 0.0, NONE)
 
-    def _add(
+    def _add(  # noqa: PLR0913
         self, burst: Burst, node: int, kind: int, code: int, number: int, peer: int, packets: int, bits: int,
         joules: float, cause: int,
     ) -> None:  # fmt: skip

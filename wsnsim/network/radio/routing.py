@@ -266,4 +266,5 @@ def _cheapest_of(links: Links, source: int, to: int) -> tuple[float, list[int]] 
 
 def _lengths(apart: Floats) -> Floats:
     """(n,) lengths of vectors (n, 2)."""
-    return np.sqrt((apart**2).sum(axis=1))
+    result: Floats = np.sqrt((apart**2).sum(axis=1))
+    return result

@@ -65,8 +65,8 @@ def in_turn(data: Data, variant: str) -> pd.Series:
     truth, found = data.of(variant, "truth").sort_values("step"), {}
     for number, chances in probabilities(data, variant).items():
         places = truth[(truth["replicate"] == number) & (truth["step"] > 0)]["px"].to_numpy()
-        chances = chances[:, (chances >= TAKES_PART).any(axis=0)]
-        means = (chances * places[:, None]).sum(axis=0) / chances.sum(axis=0)
+        taking = chances[:, (chances >= TAKES_PART).any(axis=0)]
+        means = (taking * places[:, None]).sum(axis=0) / taking.sum(axis=0)
         found[number] = float((np.diff(means) > 0.0).mean()) if means.size > 1 else float("nan")
     return pd.Series(found)
 
