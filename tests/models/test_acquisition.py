@@ -1,4 +1,4 @@
-"""Starting a track: around the truth, and anew from readings."""
+"""Track initiation: around the true start, and from readings."""
 
 import dataclasses
 from types import SimpleNamespace
@@ -55,7 +55,7 @@ def test_the_error_is_as_large_as_the_covariance_says():
 
 
 def test_many_noisy_readings_give_the_inverse_of_fishers_information():
-    """With a floor that does not bind, far nodes, and the variance's own information small beside the mean's."""
+    """Far nodes, a floor that is not reached, and little information in the variance compared with the mean."""
     ring = TARGET + 40.0 * np.array([[np.cos(a), np.sin(a)] for a in np.linspace(0, 2 * np.pi, 6, endpoint=False)])
     sensor = AcousticEnergy(samples=100)
     readings = sensor.measure(np.tile(TARGET, (6, 1)), ring, np.ones((6, 1)), np.zeros(6))
@@ -66,7 +66,7 @@ def test_many_noisy_readings_give_the_inverse_of_fishers_information():
 
 
 def test_one_reading_gives_a_ring_about_its_node():
-    """A ring of radius r has the variance r²/2 on each axis."""
+    """A ring of radius r has variance r²/2 on each axis."""
     node = TARGET + np.array([[0.0, 25.0]])
     _, position, spread = start(*readings_of(node))
     assert np.allclose(position, node[0], atol=1e-6)
@@ -89,7 +89,7 @@ def test_two_readings_span_both_places_where_their_rings_cross():
 
 
 @pytest.mark.parametrize("false_reading", [1e4, 1e-3, 500.0, 0.0, -50.0])
-def test_a_false_reading_among_many_is_outvoted(false_reading):
+def test_a_false_reading_among_many_has_little_effect(false_reading):
     for seed in range(5):
         readings, positions, traits = readings_of(around(16, seed))
         readings[3] = false_reading
@@ -97,7 +97,7 @@ def test_a_false_reading_among_many_is_outvoted(false_reading):
         assert np.hypot(*(position - TARGET)) < 5.0
 
 
-def test_readings_that_are_no_numbers_are_left_out():
+def test_readings_that_are_not_finite_are_ignored():
     readings, positions, traits = readings_of(around(9, 2))
     readings[[0, 4]] = np.nan, np.inf
     _, position, _ = start(readings, positions, traits)
@@ -107,7 +107,7 @@ def test_readings_that_are_no_numbers_are_left_out():
     assert np.all(np.linalg.eigvalsh(spread) <= SENSOR.reach**2 + 1e-6)
 
 
-def test_nothing_but_the_position_is_learnt():
+def test_only_the_position_is_estimated_from_readings():
     estimate, _, _ = start(*readings_of(around(8, 1)))
     assert estimate.mean[1] == estimate.mean[3] == 0.0
     assert estimate.cov[1, 1] == pytest.approx(20.0**2 + 9.0)
@@ -135,7 +135,7 @@ def test_a_prior_may_be_given():
     assert np.array_equal(given.mean, [0.0, 1.0, 2.0, 3.0])
 
 
-def test_a_prior_of_another_dimension_is_a_fault():
+def test_a_prior_of_another_dimension_is_an_issue():
     parts = SimpleNamespace(motions=(MOTION,))
     [issue] = AroundTruth(sd=(5.0, 3.0)).check(parts)
     assert issue.path == ("prior", "sd")
@@ -182,7 +182,7 @@ def test_on_a_line_one_range_spans_the_places_on_both_sides_of_its_node():
     assert estimate.cov[0, 0] == pytest.approx(30.0**2, rel=0.1)
 
 
-def test_a_sensor_that_reaches_everywhere_leaves_nothing_to_search():
+def test_an_infinite_sensing_range_is_an_issue():
     for sensor, count in ((Range(reach=np.inf), 1), (RangeFromOrigin(), 1), (Range(), 0), (SENSOR, 0)):
         found = [issue.path for issue in FromReadings().check(SimpleNamespace(sensor=sensor))]
         assert found == [("sensor",)] * count
@@ -199,24 +199,24 @@ def test_the_prior_of_a_line_is_drawn_in_its_own_dimension():
     (3.0, 2.0, False), (0.7, 2.0, False), (0.9999, 2.0, False), (4.0, 2.0, False),
 ])  # fmt: skip
 @pytest.mark.parametrize("policy", [MovingHead(), StrongestSignal()], ids=["moves", "stands"])
-def test_a_step_is_a_whole_number_of_looks_for_a_lost_target_where_heads_move(poll, step, whole, policy):
+def test_with_moving_heads_a_step_is_a_whole_number_of_search_intervals(poll, step, whole, policy):
     names = dict.fromkeys(field.name for field in dataclasses.fields(NetworkSetup))
     company = NetworkSetup(**names | {"sensor": SENSOR, "clusters": policy, "dt": step, "steps": 100})
     found = list(FromReadings(poll=poll).check(company))
     assert [issue.path for issue in found] == ([] if whole or not policy.moves else [("acquire", "poll")])
 
 
-def test_a_run_has_no_more_looks_than_it_could_bear():
+def test_a_run_with_too_many_searches_is_an_issue():
     names = dict.fromkeys(field.name for field in dataclasses.fields(NetworkSetup))
     for steps, faults in ((10_000, 0), (10_001, 1)):
         company = NetworkSetup(**names | {"sensor": SENSOR, "clusters": MovingHead(), "dt": 1.0, "steps": steps})
         assert len(list(FromReadings(poll=0.01).check(company))) == faults
 
 
-def test_without_a_network_nobody_minds_how_often_a_target_is_looked_for():
+def test_without_a_network_the_search_interval_is_not_checked():
     names = dict.fromkeys(field.name for field in dataclasses.fields(TrackingSetup))
     assert not list(FromReadings(poll=0.7).check(TrackingSetup(**names | {"sensor": SENSOR, "dt": 2.0})))
 
 
-def test_words_of_acquisition_are_packets_unless_said_otherwise():
+def test_messages_of_track_initiation_have_one_packet_by_default():
     assert (FromReadings().poll, FromReadings().detection_bits, FromReadings().answer_bits) == (None, 96, 96)

@@ -17,19 +17,19 @@ from wsnsim.models.wakeup import DirectedFlood, ExperienceZones, NoWakeUp, Regio
 POSITIONS = np.array([[0.0, 0.0], [10.0, 0.0], [0.0, 20.0], [0.0, -20.0]])
 
 
-def test_the_loudest_of_those_able_leads():
+def test_the_able_candidate_with_the_strongest_reading_leads():
     policy = StrongestSignal()
     assert policy.elect([4, 7, 9], [3.0, 8.0, 5.0], [True, True, True]) == 7
     assert policy.elect([4, 7, 9], [3.0, 8.0, 5.0], [True, False, True]) == 9
 
 
-def test_of_equally_loud_nodes_the_lowest_id_leads():
+def test_of_equal_readings_the_lowest_id_leads():
     policy = StrongestSignal()
     assert policy.elect([9, 4, 7], [8.0, 8.0, 8.0], [True, True, True]) == 4
     assert policy.elect([9, 4, 7], [8.0, 8.0, 8.0], [True, False, True]) == 7
 
 
-def test_without_anyone_able_nobody_leads():
+def test_without_an_able_candidate_no_node_leads():
     assert StrongestSignal().elect([4, 7], [3.0, 8.0], [False, False]) is None
     assert StrongestSignal().elect([], [], []) is None
 
@@ -47,7 +47,7 @@ def test_a_cluster_hands_over_below_three_or_below_a_quarter(active, members, ha
 
 @pytest.mark.parametrize("members", range(1, 100))
 def test_an_exact_fraction_does_not_hand_over(members):
-    """active / members is compared as the same quotient is written, free of the rounding of a product."""
+    """active / members is compared as a quotient, which is exact here, unlike a product."""
     for active in range(1, members + 1):
         policy = StrongestSignal(minimum_active=1, handover_fraction=active / members)
         assert not policy.must_hand_over(active, members)
@@ -69,8 +69,8 @@ def test_of_equally_near_nodes_the_lowest_id_succeeds():
 
 
 @pytest.mark.parametrize("seed", range(30))
-def test_among_many_nodes_the_successor_is_the_one_that_a_look_at_each_finds(seed):
-    """Positions on a coarse lattice, so that many are equally near; in some draws hardly anybody is able."""
+def test_among_many_nodes_the_successor_is_the_one_that_an_exhaustive_search_finds(seed):
+    """Positions lie on a coarse lattice, so that many are equally near; in some cases few nodes are able."""
     draw = np.random.default_rng(seed)
     positions = draw.integers(-20, 20, (1000, 2)).astype(np.float64)
     able, point = draw.random(1000) < draw.choice([0.9, 0.01, 0.002]), draw.uniform(-25.0, 25.0, 2).round()
@@ -98,7 +98,7 @@ def test_a_policy_with_the_flags_of_earlier_versions_gets_its_head_protocol_with
         assert head_protocol(policy) == protocol
 
 
-def test_the_central_cluster_has_one_head_for_good_near_its_place():
+def test_the_open_cluster_has_one_fixed_head_near_its_point():
     policy, able = Central(x=9.0, y=0.0), np.ones(4, bool)
     assert policy.elect([2, 3], [1.0, 2.0], [True, True]) is None
     assert policy.successor(np.array([0.0, 20.0]), POSITIONS, able) == 1
@@ -114,7 +114,7 @@ def test_the_moving_head_has_the_times_of_its_documentation():
     assert (head.main, head.sampling, head.quiet, head.cap, head.patience) == ("prediction", 2e-3, 12e-3, 50e-3, 3.0)
 
 
-def test_the_moving_head_never_hands_over_and_is_the_nearest_or_the_loudest():
+def test_the_moving_head_never_hands_over_and_is_the_nearest_or_the_strongest():
     head, able = MovingHead(), np.ones(4, bool)
     assert not any(head.must_hand_over(active, 17) for active in range(18))
     assert head.successor(np.array([9.0, 1.0]), POSITIONS, able) == 1
@@ -126,7 +126,7 @@ def test_the_moving_head_never_hands_over_and_is_the_nearest_or_the_loudest():
 
 
 def moving(head, wakeup, tracker=None, dt=2.0):
-    """Where the faults of a moving head are that keeps such company."""
+    """The paths of the issues that a moving head yields with these components."""
     names = dict.fromkeys(field.name for field in fields(NetworkSetup))
     company = NetworkSetup(**names | {
         "energy": FirstOrder(), "link": Disk(), "clusters": head, "wakeup": wakeup, "dt": dt,
@@ -136,13 +136,13 @@ def moving(head, wakeup, tracker=None, dt=2.0):
 
 
 class Spread:
-    """A tracker whose members compute: its belief lives on them."""
+    """A tracker whose members compute: its belief is distributed over them."""
 
     member_cycles = 100.0
 
 
 class Gathered:
-    """A tracker that says that its members compute nothing."""
+    """A tracker whose members compute nothing."""
 
     member_cycles = 0.0
 
@@ -155,7 +155,7 @@ class Gathered:
         ("detection", ExperienceZones(), True), ("detection", Region(), False), ("detection", NoWakeUp(), True),
     ],
 )  # fmt: skip
-def test_who_leads_must_go_with_how_nodes_are_woken(main, wakeup, goes):
+def test_the_rule_for_the_head_must_fit_the_wake_up_protocol(main, wakeup, goes):
     found = moving(MovingHead(main=main), wakeup)
     assert [path for path, _ in found] == ([] if goes else [("clusters", "main")])
     other = {"prediction": "detection", "detection": "prediction"}[main]
@@ -174,7 +174,7 @@ def test_a_step_must_outlast_the_wait_for_readings_and_the_quiet_must_fit_into_i
     assert not moving(MovingHead(quiet=0.05), DirectedFlood())
 
 
-def test_a_tracker_whose_belief_lives_on_the_members_cannot_follow_a_moving_head():
+def test_a_tracker_with_its_belief_on_the_members_cannot_be_combined_with_a_moving_head():
     [(path, message)] = moving(MovingHead(), DirectedFlood(), Spread())
     assert path == ("clusters", "kind")
     assert "keep its belief in the head (gmtt, tsstp, cluster, ris" in message
@@ -182,8 +182,8 @@ def test_a_tracker_whose_belief_lives_on_the_members_cannot_follow_a_moving_head
 
 
 @pytest.mark.parametrize("policy", [StrongestSignal, Central, MovingHead])
-def test_a_battery_that_does_not_exceed_what_a_head_must_hold_is_a_fault(policy):
-    """96 bits: 4.8 uJ to send and 54 uJ to radiate over 75 m, 4.8 uJ to receive; then a tracker's computing."""
+def test_a_battery_below_the_threshold_of_heads_is_an_issue(policy):
+    """96 bits take 4.8 uJ to send, 54 uJ to radiate over 75 m and 4.8 uJ to receive; computing is added."""
 
     def found(battery, operations=0.0, per_flop=1.0, **given):
         names = dict.fromkeys(field.name for field in fields(NetworkSetup))

@@ -1,4 +1,4 @@
-"""Schedules of sleep, against a slow look at each instant, and against what theory says of random independent ones."""
+"""Sleep schedules, against a slow scan of all periods and against the theory of random independent sleeping."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def one(node):
 
 @functools.cache
 def spans(schedule, key):
-    """The slow truth: (begin, end, awake) of one node's periods until 100 s, one after the other, in plain floats."""
+    """The reference: (begin, end, awake) of one node's periods until 100 s, one after the other, in plain floats."""
     phase, period = 0.0, schedule.period
     if not isinstance(schedule, DutyCycle) or schedule.phases == "staggered":
         phase = period * float(uniforms(np.array([key]), 0)[0])
@@ -59,8 +59,8 @@ def spans(schedule, key):
     return [span for span in found if span[1] > span[0]]
 
 
-def told(schedule, key, since, until):
-    """Seconds awake in [since, until), and changes in (since, until], by the slow truth."""
+def reference_sums(schedule, key, since, until):
+    """Seconds awake in [since, until) and changes in (since, until], by the reference."""
     history = spans(schedule, key)
     seconds = sum(max(0.0, min(end, until) - max(begin, since)) for begin, end, on in history if on)
     changes = sum(
@@ -70,7 +70,7 @@ def told(schedule, key, since, until):
 
 
 @schedules
-def test_who_is_awake_is_what_a_walk_from_period_to_period_finds(schedule):
+def test_awake_nodes_are_those_that_a_period_by_period_scan_finds(schedule):
     for time in np.random.default_rng(1).uniform(0.0, 80.0, 30):
         truth = [next(on for begin, end, on in spans(schedule, key) if begin <= time < end) for key in KEYS]
         assert np.array_equal(schedule.awake(KEYS, time), truth)
@@ -78,7 +78,7 @@ def test_who_is_awake_is_what_a_walk_from_period_to_period_finds(schedule):
 
 @schedules
 @pytest.mark.parametrize("time", [0.0, 4.4, 1e3 / 3, 1e6, 1e9 / 7])
-def test_nothing_changes_in_the_span_about_a_time_and_the_next_span_begins_where_it_ends(schedule, time):
+def test_no_change_falls_into_the_span_around_a_time_and_the_next_span_begins_at_its_end(schedule, time):
     awake, since, until = schedule.state(KEYS, time)
     assert np.all((since <= time) & (time < until))
     for node in range(30):
@@ -89,30 +89,30 @@ def test_nothing_changes_in_the_span_about_a_time_and_the_next_span_begins_where
 
 
 @schedules
-def test_the_past_of_each_node_is_what_a_walk_from_period_to_period_adds_up(schedule):
+def test_the_sums_of_each_node_are_those_of_a_period_by_period_scan(schedule):
     draw, until = np.random.default_rng(2), 43.21
     since = np.where(draw.random(len(KEYS)) < 0.2, 0.0, draw.uniform(0.0, until, len(KEYS)))
     seconds, changes = schedule.tally(KEYS, since, until)
-    truth = np.array([told(schedule, key, begin, until) for key, begin in zip(KEYS, since, strict=True)])
+    truth = np.array([reference_sums(schedule, key, begin, until) for key, begin in zip(KEYS, since, strict=True)])
     assert seconds == pytest.approx(truth[:, 0], abs=1e-9)
     assert np.array_equal(changes, truth[:, 1])
 
 
 @schedules
 @pytest.mark.parametrize("until", [0.0, 1.5, 7.0, 43.21])
-def test_the_profile_is_the_sum_over_all_nodes_of_their_past(schedule, until):
-    """At the multiples of the period, too, where a synchronous network changes as one."""
+def test_the_profile_is_the_sum_over_all_nodes(schedule, until):
+    """Also at multiples of the period, where all nodes of a synchronous network change."""
     times = np.unique(np.concatenate((np.linspace(0.0, until, 9), np.arange(0.0, until, schedule.period))))
     awake, switches = schedule.profile(KEYS[:20], times)
     for time, seconds, changes in zip(times, awake, switches, strict=True):
-        truth = np.array([told(schedule, key, 0.0, float(time)) for key in KEYS[:20]])
+        truth = np.array([reference_sums(schedule, key, 0.0, float(time)) for key in KEYS[:20]])
         assert seconds == pytest.approx(truth[:, 0].sum(), abs=1e-8)
         assert changes == truth[:, 1].sum()
 
 
 @schedules
 def test_two_spans_that_meet_at_a_change_add_up_to_one(schedule):
-    """No change is lost or counted twice there, though its instant is rounded."""
+    """No change is lost or counted twice, although its time is rounded."""
     for time in (0.3, 1e3 / 3, 1e5 / 7):
         meet = schedule.state(KEYS, time)[2]
         for node in range(30):
@@ -126,8 +126,8 @@ def test_two_spans_that_meet_at_a_change_add_up_to_one(schedule):
             assert first[1] == changed
 
 
-def test_a_spell_that_was_over_before_the_run_began_counts_for_nothing():
-    """Nodes whose first period began 2 s to 8 s before time 0, and let them be awake for its first second only."""
+def test_an_awake_spell_that_ended_before_the_run_counts_zero():
+    """Nodes whose first period began 2 s to 8 s before time 0 and is awake in its first second only."""
     schedule = DutyCycle(period=10.0, awake_share=0.1)
     early = derive_all(3, np.arange(2000))
     early = early[(uniforms(early, 0) > 0.2) & (uniforms(early, 0) < 0.8)]
@@ -137,14 +137,14 @@ def test_a_spell_that_was_over_before_the_run_began_counts_for_nothing():
 
 
 @schedules
-def test_no_time_at_all_has_no_past(schedule):
+def test_an_empty_span_sums_to_zero(schedule):
     since = np.full(len(KEYS), 12.3)
     assert np.array_equal(schedule.tally(KEYS, since, 12.3), np.zeros((2, len(KEYS))))
     assert np.array_equal(schedule.profile(KEYS, np.zeros(3)), np.zeros((2, 3)))
 
 
 @schedules
-def test_nobody_and_no_times_are_allowed(schedule):
+def test_empty_arrays_of_nodes_and_times_are_allowed(schedule):
     nobody = KEYS[:0]
     assert schedule.awake(nobody, 5.0).shape == (0,)
     assert [part.shape for part in schedule.tally(nobody, np.zeros(0), 5.0)] == [(0,), (0,)]
@@ -153,7 +153,7 @@ def test_nobody_and_no_times_are_allowed(schedule):
 
 
 @pytest.mark.parametrize("schedule", AWAKE_THROUGHOUT, ids=repr)
-def test_who_never_sleeps_is_awake_all_of_the_time_and_never_changes(schedule):
+def test_nodes_that_never_sleep_are_always_awake_and_never_change(schedule):
     since = np.linspace(0.0, 50.0, len(KEYS))
     seconds, changes = schedule.tally(KEYS, since, 50.0)
     assert seconds == pytest.approx(50.0 - since, abs=1e-9)
@@ -175,7 +175,7 @@ def test_schedules_say_how_nodes_rest_and_whether_they_always_listen():
     assert {(schedule.rest, schedule.always_listening) for schedule in PERIODIC} == {(Mode.SCHEDULED, False)}
 
 
-def test_who_never_wakes_is_never_awake():
+def test_nodes_with_probability_zero_are_never_awake():
     schedule = RandomIndependent(probability=0.0)
     assert not schedule.awake(KEYS, 123.4).any()
     assert np.array_equal(schedule.tally(KEYS, np.zeros(len(KEYS)), 123.4), np.zeros((2, len(KEYS))))
@@ -191,12 +191,12 @@ def test_a_nodes_schedule_depends_on_its_own_key_alone(schedule):
 
 
 MANY, PERIODS, P = derive_all(11, np.arange(20_000)), 40, 0.3
-"""Nodes and periods that theory is asked about; tests allow a probability of 1e-6 each of being wrong by chance."""
+"""Numbers of nodes and periods for tests of theory; each test fails by chance with probability 1e-6."""
 RIS = RandomIndependent(probability=P)
 
 
 def draws():
-    """(nodes, periods) whether nodes are awake in successive periods of their own, seen from outside."""
+    """(nodes, periods) whether nodes are awake in successive periods of their own, by the public interface."""
     middle = RIS.state(MANY, 0.0)[2] + RIS.period / 2
     rows = [[RIS.awake(MANY[i : i + 1], float(middle[i] + k * RIS.period))[0] for k in range(PERIODS)] for i in (0, 1)]
     table = np.column_stack([_at_own(middle + k * RIS.period) for k in range(PERIODS)])
@@ -205,7 +205,7 @@ def draws():
 
 
 def _at_own(times):
-    """(nodes,) who is awake, each at a time of its own: whole networks at instants, of which each node has its own."""
+    """(nodes,) which nodes are awake, each at a time of its own."""
     awake = np.zeros(len(MANY), dtype=bool)
     step = RIS.period / 8
     for tick in np.unique(np.floor(times / step)):
@@ -238,7 +238,7 @@ def test_over_time_each_node_is_awake_a_share_p_of_its_periods():
 
 
 def test_how_many_periods_nodes_are_awake_in_is_binomial(table):
-    """Chi-square over the counts of 40 periods: neither nodes nor periods hang together."""
+    """Chi-square over the counts of 40 periods: neither nodes nor periods are correlated."""
     counts = np.bincount(table.sum(axis=1), minlength=PERIODS + 1)
     expected = len(MANY) * stats.binom(PERIODS, P).pmf(np.arange(PERIODS + 1))
     low, high = 4, 20
@@ -268,7 +268,7 @@ def test_how_many_of_a_hundred_neighbours_are_awake_scatters_as_independent_node
 
 
 @pytest.mark.parametrize("schedule", [RIS, DutyCycle()], ids=repr)
-def test_phases_are_uniform_over_a_period_and_say_nothing_of_who_is_awake(schedule):
+def test_phases_are_uniform_over_a_period_and_independent_of_being_awake(schedule):
     until = schedule.state(MANY, 0.0)[2] % schedule.period
     if schedule is RIS:
         phases, awake = until, RIS.awake(MANY, 0.0)
@@ -289,8 +289,8 @@ def test_a_synchronous_network_wakes_and_sleeps_as_one_and_a_staggered_one_never
 
 
 @pytest.mark.parametrize("schedule", [RandomIndependent(period=0.5), DutyCycle(period=0.5)], ids=repr)
-def test_a_past_of_more_periods_than_are_looked_at_together_is_told_as_well(schedule):
-    """In pieces: cut by hand into spans that are short enough, it is the same."""
+def test_sums_over_more_periods_than_one_chunk_are_exact(schedule):
+    """The sums over short spans add up to the sum over the whole."""
     edges = np.linspace(0.0, 2.5 * CHUNK * 0.5, 8)
     assert edges[1] < CHUNK * 0.5 < edges[-1]
     since, keys = np.zeros(3), KEYS[:3]
@@ -311,33 +311,33 @@ def test_a_duty_cycles_seconds_are_exact_fractions():
     assert changes[0] == 200_001
 
 
-def company(schedule, mac, steps=100, dt=2.0):
+def setup_with(schedule, mac, steps=100, dt=2.0):
     names = dict.fromkeys(field.name for field in dataclasses.fields(BeaconSetup))
     return BeaconSetup(**names | {"sleep": schedule, "mac": mac, "steps": steps, "dt": dt})
 
 
-def found(schedule, mac=None, **times):
-    parts = company(schedule, mac or Csma(), **times)
+def issues_of(schedule, mac=None, **times):
+    parts = setup_with(schedule, mac or Csma(), **times)
     return [(issue.path, issue.message) for issue in schedule.check(parts)]
 
 
-def test_the_papers_schedule_has_no_fault():
-    assert not found(RandomIndependent())
-    assert not found(DutyCycle())
-    assert not found(DutyCycle(), IdealMac())
+def test_the_papers_schedule_has_no_issue():
+    assert not issues_of(RandomIndependent())
+    assert not issues_of(DutyCycle())
+    assert not issues_of(DutyCycle(), IdealMac())
 
 
-def test_being_awake_for_less_than_two_of_the_longest_frames_is_a_fault():
-    """133 bytes at 250 kbit/s take 4.256 ms: 8.512 ms must be had."""
-    [(path, message)] = found(DutyCycle(period=0.085, awake_share=0.1))
+def test_being_awake_for_less_than_two_of_the_longest_frames_is_an_issue():
+    """133 bytes at 250 kbit/s take 4.256 ms: at least 8.512 ms are needed."""
+    [(path, message)] = issues_of(DutyCycle(period=0.085, awake_share=0.1))
     assert path == ("sleep", "period")
     assert "8.5 ms" in message and "4.26 ms" in message
-    assert not found(DutyCycle(period=0.086, awake_share=0.1))
-    assert not found(RandomIndependent(period=0.01, probability=0.1))
+    assert not issues_of(DutyCycle(period=0.086, awake_share=0.1))
+    assert not issues_of(RandomIndependent(period=0.01, probability=0.1))
 
 
-def test_a_run_of_more_periods_than_can_be_told_is_a_fault():
-    [(path, message)] = found(RandomIndependent(period=0.01), steps=1000, dt=1e6)
+def test_a_run_of_too_many_periods_is_an_issue():
+    [(path, message)] = issues_of(RandomIndependent(period=0.01), steps=1000, dt=1e6)
     assert path == ("sleep", "period")
     assert "1e+11 periods" in message and "10,000,000" in message
-    assert not found(RandomIndependent(), steps=1000, dt=1e5)
+    assert not issues_of(RandomIndependent(), steps=1000, dt=1e5)

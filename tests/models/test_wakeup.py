@@ -1,4 +1,4 @@
-"""Waking nodes ahead of the target: the rules of ordinary nodes, case by case, and what messages say."""
+"""Wake-up protocols: the decisions of nodes, case by case, and the contents of messages."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def test_invitations_have_17_bytes_and_announcements_13_whatever_the_belief():
 
 
 @pytest.mark.parametrize("protocol", WAKES, ids=repr)
-def test_a_message_says_what_its_main_node_planned(protocol):
+def test_a_message_says_what_its_head_planned(protocol):
     message = protocol.compose(PLAN, "belief")
     assert (message.target, message.step, message.sender, message.place) == (1, 7, 12, (0.0, 0.0))
     assert (message.fix, message.heading, message.due) == ((5.0, 0.0), (3.0, 0.0), 14.0)
@@ -61,7 +61,7 @@ def test_protocols_name_their_mechanism_and_their_times():
 
 
 @pytest.mark.parametrize("protocol", [DirectedFlood(), Region()], ids=repr)
-def test_before_there_is_a_prediction_the_region_is_about_the_last_fix_and_as_wide_as_the_target_may_have_gone(
+def test_without_a_prediction_the_region_is_around_the_last_fix_and_as_wide_as_the_target_may_have_moved(
     protocol,
 ):
     """min(R, r + v_max dt): 40 m and 8 m/s for 2 s, at most 80 m."""
@@ -98,15 +98,15 @@ def test_a_node_that_hears_the_flood_drops_tracks_forwards_or_stops(place, seen,
     assert flooded(place, seen, now) is decision
 
 
-def test_the_sender_of_the_copy_is_what_a_node_compares_itself_with():
-    """Whoever forwards puts its own place into its copy."""
+def test_a_node_compares_its_distance_with_that_of_the_sender_of_the_copy():
+    """A forwarding node puts its own position into its copy."""
     assert flooded((30.0, 0.0), sender=(20.0, 0.0)) is FORWARD
     assert flooded((30.0, 0.0), sender=(30.0, 0.0)) is STOP
     assert flooded((30.0, 0.0), sender=(50.0, 0.0)) is STOP
 
 
 def test_a_flood_over_any_network_ends_and_each_hop_is_nearer_to_the_prediction_than_the_one_before():
-    """Played by hand over random networks, without a clock: who forwards puts its place into its copy."""
+    """A flood over random networks without a clock: a forwarding node puts its position into its copy."""
     protocol, hops = DirectedFlood(), 0
     for seed in range(20):
         nodes = np.random.default_rng(seed).uniform(-150.0, 150.0, (150, 2))
@@ -143,7 +143,7 @@ def test_a_node_that_is_called_into_a_region_tracks_if_it_is_in_it(place, seen, 
 
 
 def at(distance, degrees):
-    """A place so far from the last fix, at an angle to the heading, which is along x."""
+    """A position at a distance from the last fix, at an angle to the heading, which is along x."""
     return 5.0 + distance * math.cos(math.radians(degrees)), distance * math.sin(math.radians(degrees))
 
 
@@ -178,7 +178,7 @@ def test_the_heading_turns_the_zones_and_its_length_does_not_matter():
         assert protocol.probability((5.0, -60.0), up) == 0.2
 
 
-def test_without_a_heading_nobody_is_ahead():
+def test_without_a_heading_no_node_is_ahead():
     protocol = ExperienceZones()
     message = protocol.compose(PLAN._replace(heading=(0.0, 0.0)), None)
     assert {protocol.probability(at(20.0, degrees), message) for degrees in range(0, 360, 30)} == {0.5}
@@ -186,7 +186,7 @@ def test_without_a_heading_nobody_is_ahead():
     assert protocol.probability((5.0, 0.0), message) == 0.5
 
 
-def test_an_invited_node_tracks_if_its_draw_is_below_its_zones_probability():
+def test_an_invited_node_tracks_if_its_random_number_is_below_the_probability_of_its_zone():
     protocol = ExperienceZones()
     message, place = protocol.compose(PLAN, None), at(20.0, 0)
     draws = np.linspace(0.0, 1.0, 1000, endpoint=False)
@@ -196,7 +196,7 @@ def test_an_invited_node_tracks_if_its_draw_is_below_its_zones_probability():
     assert protocol.decide(place, message, False, 15.001, 0.0) is DROP
 
 
-def test_a_probability_of_one_lets_everybody_track_and_of_zero_nobody():
+def test_all_nodes_track_with_probability_one_and_none_with_zero():
     protocol = ExperienceZones(probabilities=(1.0, 0.0, 0.0, 0.0))
     message = protocol.compose(PLAN, None)
     assert protocol.decide(at(20.0, 0), message, False, 13.0, 1.0 - 2.0**-53) is TRACK
@@ -206,7 +206,7 @@ def test_a_probability_of_one_lets_everybody_track_and_of_zero_nobody():
 STEPS_OF_TWO: Any = SimpleNamespace(dt=2.0)
 
 
-def test_probabilities_that_are_all_zero_are_a_fault():
+def test_probabilities_that_are_all_zero_are_an_issue():
     [issue] = ExperienceZones(probabilities=(0.0, 0.0, 0.0, 0.0)).check(STEPS_OF_TWO)
     assert issue.path == ("wakeup", "probabilities")
     assert "no node would ever track" in issue.message
@@ -215,13 +215,13 @@ def test_probabilities_that_are_all_zero_are_a_fault():
 
 
 @pytest.mark.parametrize("protocol", [DirectedFlood, Region, ExperienceZones])
-def test_a_message_is_not_heeded_until_its_number_comes_again(protocol):
+def test_a_message_expires_before_its_sequence_number_is_used_again(protocol):
     [issue] = protocol(expiry=256.0).check(STEPS_OF_TWO)
     assert issue.path == ("wakeup", "expiry") and "less than 256 s" in issue.message
     assert not list(protocol(expiry=255.0).check(STEPS_OF_TWO))
 
 
-def test_where_nobody_is_woken_there_is_no_message_and_nothing_to_decide():
+def test_without_a_wake_up_protocol_there_is_no_message_and_no_decision():
     protocol = NoWakeUp()
     assert (protocol.mechanism, protocol.carries_belief) == ("none", False)
     assert protocol.decide((0.0, 0.0), DirectedFlood().compose(PLAN, None), False, 0.0, 0.0) is STOP
@@ -231,7 +231,7 @@ def test_where_nobody_is_woken_there_is_no_message_and_nothing_to_decide():
 
 @pytest.mark.parametrize("protocol", WAKES, ids=repr)
 def test_decisions_are_pure(protocol):
-    """The same question twice has the same answer, and the message is as it was."""
+    """Equal arguments give equal decisions, and the message is unchanged."""
     message, draw = protocol.compose(PLAN, "belief"), np.random.default_rng(4)
     before = repr(message)
     asked = [

@@ -1,4 +1,4 @@
-"""A network without a target: what it counts is what its log says, and what its log says is what the air allows."""
+"""Networks without targets: the counters agree with the event log, and the log with the radio model."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ RADIO = RadioSheet(
 PROCESSOR = ProcessorSheet(name="X", source="none", rate=8e6, run=5.4e-3, idle=0.0, sleep=0.0, wake=0.0)
 
 
-def problem(**changes):
-    """The cross-check of simulators: 12 bytes a second for 20 s, in an 800 m square; `changes` replace parts."""
+def beacon_setup(**changes):
+    """The set-up of the comparison of simulators: 12 bytes per second for 20 s in an 800 m square."""
     values = {
         "name": "beacons",
         "seed": 3,
@@ -53,14 +53,14 @@ def problem(**changes):
     return BeaconSetup(**{**values, **changes})
 
 
-def play(made):
-    """A run: its outcome, its log, its tables, where its nodes stand."""
+def run_of(made):
+    """One run: its outcome, event log, tables and node positions."""
     streams, memory = Streams(made.seed, 0), Memory({**RECORDED_BY_DEFAULT, "links": True})
     positions = made.deploy.draw(REACH, streams("deploy"))
     world = WorkloadWorld(made, 0, positions, streams, memory)
     outcome = world.run()
     return SimpleNamespace(
-        problem=made,
+        setup=made,
         outcome=outcome,
         beacons=world.workload.sent,
         memory=memory,
@@ -71,56 +71,56 @@ def play(made):
 
 @cache
 def cross_check():
-    return play(problem())
+    return run_of(beacon_setup())
 
 
-def few(**changes):
-    """The same with 40 nodes, as dense."""
-    return problem(**{"deploy": Uniform(nodes=40, width=250.0, height=250.0), **changes})
+def small_network(**changes):
+    """The same with 40 nodes at the same density."""
+    return beacon_setup(**{"deploy": Uniform(nodes=40, width=250.0, height=250.0), **changes})
 
 
-def within_reach(run):
-    """(N, N) whether two nodes are within reach of each other, every pair looked at."""
+def in_range(run):
+    """(N, N) whether two nodes are within communication range of each other."""
     apart = run.positions[:, None] - run.positions[None]
     near = (apart**2).sum(axis=2) <= REACH**2
     np.fill_diagonal(near, False)
     return near
 
 
-def of_kind(run, kind):
+def events_of_kind(run, kind):
     chosen = run.log["kind"] == kind
     return {name: column[chosen] for name, column in run.log.items()}
 
 
-def test_of_what_is_in_range_the_share_arrives_that_other_simulators_find():
-    """97 to 99.5 %: ns-3.37 98.5, Castalia 3.3 98.8, wsnsimpy 97.0 % of the same network (other draws of it)."""
+def test_the_packet_delivery_ratio_is_that_of_other_simulators():
+    """97 to 99.5 %: ns-3.37 98.5, Castalia 3.3 98.8, wsnsimpy 97.0 %, for other samples of the same network."""
     counts = cross_check().outcome.counts
     assert 0.97 < counts.delivered / counts.in_range < 0.995
-    near = within_reach(cross_check())
+    near = in_range(cross_check())
     assert counts.in_range == pytest.approx(20 * near.sum(), rel=2e-3)
 
 
 def test_the_counts_are_those_of_the_event_log():
     run = cross_check()
-    counts, sends = run.outcome.counts, of_kind(run, SEND)
-    neighbours = within_reach(run).sum(axis=1)
-    received, collided = (len(of_kind(run, kind)["time"]) for kind in (RECEIVE, COLLIDE))
+    counts, sends = run.outcome.counts, events_of_kind(run, SEND)
+    neighbours = in_range(run).sum(axis=1)
+    received, collided = (len(events_of_kind(run, kind)["time"]) for kind in (RECEIVE, COLLIDE))
     assert counts.in_range == neighbours[sends["node"]].sum() == received + collided
     assert (counts.delivered, counts.collided) == (received, collided)
     assert counts.frames_sent == counts.packets_sent == counts.transmissions == len(sends["time"])
-    given_up = of_kind(run, DROP)
+    given_up = events_of_kind(run, DROP)
     assert set(given_up["what"].tolist()) <= {run.memory.words.code("no_channel")}
     assert counts.access_failures == len(given_up["time"])
     under_way = run.beacons - counts.frames_sent - counts.access_failures
     assert run.beacons == 8000 and 0 <= under_way < 20
-    spoilt = set(of_kind(run, COLLIDE)["frame"].tolist())
+    spoilt = set(events_of_kind(run, COLLIDE)["frame"].tolist())
     assert counts.frames_lost == len(spoilt)
 
 
 def test_a_beacon_arrives_where_no_other_frame_is_heard_meanwhile():
-    """Every frame at every neighbour, from the times of sending alone."""
+    """Check every frame at every neighbour, from the times of sending alone."""
     run = cross_check()
-    near, sends = within_reach(run), of_kind(run, SEND)
+    near, sends = in_range(run), events_of_kind(run, SEND)
     ends, sources = sends["time"], sends["node"]
     expected = 0
     for i, (end, source) in enumerate(zip(ends, sources, strict=True)):
@@ -138,49 +138,49 @@ def test_the_links_add_up_to_the_counts():
     run = cross_check()
     links, counts = run.memory.table("links"), run.outcome.counts
     assert (links["sent"].sum(), links["received"].sum()) == (counts.in_range, counts.delivered)
-    near = within_reach(run)
+    near = in_range(run)
     pairs = set(zip(links["source"].tolist(), links["node"].tolist(), strict=True))
     assert pairs == {(int(a), int(b)) for a, b in np.argwhere(near)}
     assert (links["chance"] == 1.0).all() and (links["received"] <= links["sent"]).all()
-    sent = np.bincount(of_kind(run, SEND)["node"], minlength=len(near))
+    sent = np.bincount(events_of_kind(run, SEND)["node"], minlength=len(near))
     assert np.array_equal(links["sent"], sent[links["source"]])
     apart = run.positions[links["source"]] - run.positions[links["node"]]
     assert links["distance"] == pytest.approx(np.hypot(*apart.T))
 
 
-def test_the_books_close_and_are_a_count_of_bits():
+def test_the_ledger_closes_and_follows_from_the_bits_sent():
     run = cross_check()
-    fleet, sends = run.outcome.nodes, of_kind(run, SEND)
+    fleet, sends = run.outcome.nodes, events_of_kind(run, SEND)
     sent = np.bincount(sends["node"], minlength=fleet.size)
     assert fleet.ledger.joules.sum(axis=0) == pytest.approx(fleet.ledger.spent, rel=1e-9)
     assert fleet.ledger.joules[CAUSE["tx_electronics"]] == pytest.approx(sent * 232 * 50e-9, rel=1e-9)
     assert fleet.ledger.joules[CAUSE["tx_amplifier"]] == pytest.approx(sent * 232 * 100e-12 * REACH**2, rel=1e-9)
-    received = np.bincount(of_kind(run, RECEIVE)["node"], minlength=fleet.size) * 232 * 50e-9
+    received = np.bincount(events_of_kind(run, RECEIVE)["node"], minlength=fleet.size) * 232 * 50e-9
     heard = fleet.ledger.joules[CAUSE["rx"]]
-    collided = np.bincount(of_kind(run, COLLIDE)["node"], minlength=fleet.size) * 232 * 50e-9
+    collided = np.bincount(events_of_kind(run, COLLIDE)["node"], minlength=fleet.size) * 232 * 50e-9
     assert (heard >= received * (1 - 1e-9)).all() and (heard <= (received + collided) * (1 + 1e-9)).all()
     assert run.log["joules"].sum() == pytest.approx(fleet.ledger.spent.sum(), rel=1e-9)
     assert run.memory.table("energy_steps")["joules"].sum() == pytest.approx(fleet.ledger.spent.sum(), rel=1e-9)
 
 
-def test_a_radio_by_its_data_sheet_is_paid_for_every_second_of_the_run():
-    """Listening and receiving draw 62 mW, sending 57.42 mW, and nothing else costs anything."""
-    run = play(few(energy=States(radio=RADIO, processor=PROCESSOR)))
-    sent = np.bincount(of_kind(run, SEND)["node"], minlength=40)
+def test_a_radio_with_a_datasheet_consumes_its_power_in_every_second():
+    """Listening and receiving take 62 mW, sending 57.42 mW, and everything else nothing."""
+    run = run_of(small_network(energy=States(radio=RADIO, processor=PROCESSOR)))
+    sent = np.bincount(events_of_kind(run, SEND)["node"], minlength=40)
     assert run.outcome.nodes.ledger.spent == pytest.approx(62e-3 * 20 - sent * AIRTIME * (62e-3 - 57.42e-3), rel=1e-9)
 
 
-def test_where_nothing_contends_every_beacon_reaches_everybody_in_range():
-    run = play(problem(mac=IdealMac(), steps=5))
+def test_without_contention_every_beacon_reaches_all_nodes_in_range():
+    run = run_of(beacon_setup(mac=IdealMac(), steps=5))
     counts = run.outcome.counts
-    assert counts.delivered == counts.in_range == 5 * within_reach(run).sum()
+    assert counts.delivered == counts.in_range == 5 * in_range(run).sum()
     assert counts.collided == counts.access_failures == counts.frames_lost == 0
     assert counts.frames_sent == run.beacons == 5 * 400
 
 
-def test_a_node_that_is_down_sends_no_beacons_and_comes_back_in_its_rhythm():
-    calm = play(few())
-    run = play(few(faults=(Crash(at=5.0, duration=7.0, nodes=(3, 4)),)))
+def test_a_node_that_is_down_sends_no_beacons_and_keeps_its_phase():
+    calm = run_of(small_network())
+    run = run_of(small_network(faults=(Crash(at=5.0, duration=7.0, nodes=(3, 4)),)))
     times = {node: run.log["time"][(run.log["kind"] == SEND) & (run.log["node"] == node)] for node in (3, 4)}
     for node, own in times.items():
         assert not ((own > 5.0) & (own < 12.0)).any() and len(own) == 13, f"node {node}"
@@ -192,14 +192,14 @@ def test_a_node_that_is_down_sends_no_beacons_and_comes_back_in_its_rhythm():
 
 
 def test_a_crash_and_a_restart_are_one_row_each():
-    run = play(few(steps=5, faults=(Crash(at=1.0, duration=2.0, nodes=(3, 4)),)))
+    run = run_of(small_network(steps=5, faults=(Crash(at=1.0, duration=2.0, nodes=(3, 4)),)))
     for kind, time in (("crash", 1.0), ("restart", 3.0)):
-        rows = of_kind(run, KIND[kind])
+        rows = events_of_kind(run, KIND[kind])
         assert (rows["time"].tolist(), rows["node"].tolist()) == ([time, time], [3, 4])
 
 
-def test_before_a_fault_strikes_a_run_is_the_run_without_it():
-    calm, run = play(few()), play(few(faults=(Crash(at=5.0, nodes=(3,)),)))
+def test_a_run_equals_the_run_without_the_fault_until_the_fault_begins():
+    calm, run = run_of(small_network()), run_of(small_network(faults=(Crash(at=5.0, nodes=(3,)),)))
     before = [{name: column[one.log["time"] < 5.0] for name, column in one.log.items()} for one in (calm, run)]
     assert len(before[0]["time"]) > 500
     for name in ("time", "node", "kind", "peer", "bits", "joules"):
@@ -207,16 +207,18 @@ def test_before_a_fault_strikes_a_run_is_the_run_without_it():
     assert run.outcome.counts.delivered < calm.outcome.counts.delivered
 
 
-def test_in_a_blackout_of_everybody_nothing_is_sent_and_every_beacon_gives_up():
-    run = play(few(faults=(Blackout(at=4.0, duration=10.0, fraction=1.0),)))
-    sends = of_kind(run, SEND)["time"]
+def test_in_a_blackout_of_all_nodes_every_beacon_fails_to_get_the_channel():
+    run = run_of(small_network(faults=(Blackout(at=4.0, duration=10.0, fraction=1.0),)))
+    sends = events_of_kind(run, SEND)["time"]
     assert not ((sends > 4.0 + TURNAROUND + AIRTIME) & (sends < 14.0)).any() and (sends > 14.0).any()
     assert run.outcome.counts.access_failures == pytest.approx(10 * 40, abs=8)
     assert run.outcome.nodes.ledger.joules.sum(axis=0) == pytest.approx(run.outcome.nodes.ledger.spent, rel=1e-9)
 
 
-def test_a_fast_clock_beats_faster_by_its_rate():
-    true, off = (play(few(mac=IdealMac(), clock=clock)) for clock in (PerfectClock(), DriftingClock(sd=0.01)))
+def test_a_fast_clock_sends_beacons_faster_by_its_rate():
+    true, off = (
+        run_of(small_network(mac=IdealMac(), clock=clock)) for clock in (PerfectClock(), DriftingClock(sd=0.01))
+    )
     rates = np.empty(40)
     for node in range(40):
         own, there = (run.log["time"][(run.log["kind"] == SEND) & (run.log["node"] == node)] for run in (true, off))

@@ -1,4 +1,4 @@
-"""Every tracker of the catalogue lives in a network: it hands over, loses packets, pays, and its books balance."""
+"""Every tracker of the catalogue runs in a network: with handovers, lost packets and a ledger that closes."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ PLANE = [row.kind for row in ROLES["tracker"].kinds if row.kind not in OTHERS]
 LINE = [kind for kind in PLANE if kind != "ipf"] + ["grid"]
 
 
-def ran(name: str, *changes: str) -> tuple[Memory, experiment.Summary]:
+def simulated(name: str, *changes: str) -> tuple[Memory, experiment.Summary]:
     memory = Memory()
     return memory, experiment.simulate(scenario.load(name, changes), 0, memory)
 
 
-def assert_sound(memory: Memory, summary: experiment.Summary) -> None:
-    """The ledger is closed, somebody computed, and what was estimated is a number."""
+def assert_valid_run(memory: Memory, summary: experiment.Summary) -> None:
+    """Assert that the ledger closes, that operations were computed, and that estimates are finite."""
     run, nodes = summary.run, memory.table("nodes")
     spent = nodes["energy_initial"] - nodes["energy_left"]
     assert run["energy"] == pytest.approx(spent.sum(), rel=1e-9)
@@ -36,19 +36,19 @@ def assert_sound(memory: Memory, summary: experiment.Summary) -> None:
 def test_on_jiangs_field_with_a_lossy_radio(kind: str) -> None:
     fewer = [] if kind in ("ekf", "rkf", "imsf") else ["tracker.particles=60"]
     changes = f"tracker.kind={kind}", "duration=6 s", "link.loss=0.2", *fewer
-    assert_sound(*ran("jiang_field", *changes))
+    assert_valid_run(*simulated("jiang_field", *changes))
 
 
 @pytest.mark.parametrize("kind", [kind for kind in LINE if kind != "grid"])
 def test_along_a_line_whose_state_has_one_position_and_three_columns(kind: str) -> None:
     fewer = [] if kind in ("ekf", "rkf", "imsf") else ["tracker.particles=60"]
     moving = "motion.start=[1, 4, 0]", "prior.sd=[1, 1, 0.01]", "duration=100 s"
-    memory, summary = ran("liu_network", f"tracker.kind={kind}", "link.loss=0.1", *moving, *fewer)
-    assert_sound(memory, summary)
+    memory, summary = simulated("liu_network", f"tracker.kind={kind}", "link.loss=0.1", *moving, *fewer)
+    assert_valid_run(memory, summary)
     assert "sd_y" not in memory.table("estimates") and "ax" in memory.table("truth")
 
 
 def test_the_same_truth_and_network_whatever_the_tracker() -> None:
-    runs = [ran("jiang_field", f"tracker.kind={kind}", "duration=1 s")[0] for kind in ("ekf", "imsf", "gpf")]
+    runs = [simulated("jiang_field", f"tracker.kind={kind}", "duration=1 s")[0] for kind in ("ekf", "imsf", "gpf")]
     for table, column in (("truth", "px"), ("nodes", "gain")):
         assert all(np.array_equal(run.table(table)[column], runs[0].table(table)[column]) for run in runs[1:])

@@ -1,4 +1,4 @@
-"""Whole scenarios on a radio that can fail: the books close, results repeat, time is real, the sink is told."""
+"""Whole scenarios on a lossy radio: the ledger closes, runs repeat, computing takes time, the sink gets reports."""
 
 import concurrent.futures
 import itertools
@@ -21,7 +21,7 @@ FAULTY = [
 ]
 
 
-def played(name, *overrides, wanted=None):
+def simulated(name, *overrides, wanted=None):
     memory = Memory(wanted)
     summary = simulate(scenario.load(name, overrides), recorder=memory)
     return summary, memory
@@ -33,13 +33,13 @@ def fingerprint(name, overrides):
 
 @pytest.mark.parametrize("mac", ["ideal", "csma", "tdma"])
 @pytest.mark.parametrize("energy", ["first_order", "first_order_2002", "states"])
-def test_the_books_close_with_every_mac_and_energy_model_and_the_events_are_the_ledgers(mac, energy):
+def test_the_ledger_closes_and_equals_the_events_for_every_mac_and_energy_model(mac, energy):
     changes = [*FAULTY, f"mac.kind={mac}", "packing.kind=none"]
     if energy != "states":
         changes += [f"energy.kind={energy}", "energy.battery=0.05 J", "energy.idle=1 mW", "energy.sleep=0.1 mW"]
     if mac == "ideal":
         changes.append("mac.rate=250 kbit/s")
-    run, memory = played("ekf_real", *[change for change in changes if change != "energy.kind=states"])
+    run, memory = simulated("ekf_real", *[change for change in changes if change != "energy.kind=states"])
     ledger, nodes, events = memory.table("energy"), memory.table("nodes"), memory.table("events")
     spent = np.zeros(len(nodes["node"]))
     np.add.at(spent, ledger["node"].astype(int), ledger["joules"])
@@ -59,8 +59,8 @@ def test_the_books_close_with_every_mac_and_energy_model_and_the_events_are_the_
 def test_the_fingerprint_depends_neither_on_the_log_nor_on_workers_nor_on_reading_energy(monkeypatch):
     name, changes = "pso_mhpf_packed", [*FAULTY, "duration=1.24 s"]
     plain = fingerprint(name, changes)
-    assert int(played(name, *changes, wanted={})[0].run["fingerprint"]) == plain
-    assert int(played(name, *changes, wanted={"events": True, "links": True})[0].run["fingerprint"]) == plain
+    assert int(simulated(name, *changes, wanted={})[0].run["fingerprint"]) == plain
+    assert int(simulated(name, *changes, wanted={"events": True, "links": True})[0].run["fingerprint"]) == plain
     context = multiprocessing.get_context("spawn")
     with concurrent.futures.ProcessPoolExecutor(2, mp_context=context) as pool:
         assert set(pool.map(fingerprint, [name] * 2, [changes] * 2)) == {plain}
@@ -85,8 +85,8 @@ def test_the_fingerprint_depends_neither_on_the_log_nor_on_workers_nor_on_readin
 
 
 @pytest.mark.parametrize("name", ["pso_mhpf_real", "ipf_real", "ppf_real", "central_pf_real", "pso_mhpf_packed"])
-def test_a_real_radio_misses_steps_and_says_how_late_the_others_were(name):
-    run, memory = played(name, "duration=3 s")
+def test_estimates_on_a_contended_radio_are_late_or_missing_and_the_delay_is_reported(name):
+    run, memory = simulated(name, "duration=3 s")
     estimates, (track,) = memory.table("estimates"), run.tracks
     issued = np.isfinite(estimates["issued"])
     assert len(issued) == 75 and track["reports"] == issued.sum()
@@ -98,14 +98,14 @@ def test_a_real_radio_misses_steps_and_says_how_late_the_others_were(name):
     assert run.run["collided"] > 0 and run.run["retries"] > 0
 
 
-def test_packing_and_a_gaussian_handover_bring_back_what_the_plain_radio_loses():
-    plain, packed = played("pso_mhpf_real", "duration=4 s")[0], played("pso_mhpf_packed", "duration=4 s")[0]
+def test_packing_and_a_gaussian_handover_give_more_estimates_than_the_plain_radio():
+    plain, packed = simulated("pso_mhpf_real", "duration=4 s")[0], simulated("pso_mhpf_packed", "duration=4 s")[0]
     assert packed.tracks[0]["reports"] > 3 * plain.tracks[0]["reports"]
 
 
-def test_computing_takes_time_and_delays_the_estimate_by_just_that():
-    quick = played("ekf_real", *SHORT, "mac.kind=ideal", "packing.kind=none", "sink.kind=none")[1].table("estimates")
-    slow, memory = played(
+def test_computing_delays_the_estimate_by_its_duration():
+    quick = simulated("ekf_real", *SHORT, "mac.kind=ideal", "packing.kind=none", "sink.kind=none")[1].table("estimates")
+    slow, memory = simulated(
         "ekf_real", *SHORT, "mac.kind=ideal", "packing.kind=none", "sink.kind=none", "cpu.cycles_per_flop=1000"
     )
     late = memory.table("estimates")
@@ -114,8 +114,8 @@ def test_computing_takes_time_and_delays_the_estimate_by_just_that():
     assert np.nanmedian(late["issued"] - late["time"]) == pytest.approx(cycles / 64e6, rel=0.3)
 
 
-def test_every_report_that_the_sink_has_was_issued_before_and_one_beyond_all_paths_never_comes():
-    _, memory = played("ekf_real", *SHORT)
+def test_the_sink_receives_only_issued_estimates_and_none_without_a_path():
+    _, memory = simulated("ekf_real", *SHORT)
     estimates, events = memory.table("estimates"), memory.table("events")
     told = np.isfinite(estimates["received"])
     assert told.sum() > 30 and (estimates["received"] >= estimates["issued"])[told].all()
@@ -123,7 +123,7 @@ def test_every_report_that_the_sink_has_was_issued_before_and_one_beyond_all_pat
     places = [[-60, -60], [-40, -60], [-60, -40], [-45, -50], [-30, -70], [190, 190]]
     alone = [*SHORT, "deploy.kind=anchors", f"deploy.places={places}", "deploy.width=400 m", "deploy.height=400 m",
              "deploy.centre=[0, 0]", "sink.x=195 m", "sink.y=195 m", "mac.kind=csma"]  # fmt: skip
-    run, memory = played("ekf_real", *alone)
+    run, memory = simulated("ekf_real", *alone)
     assert run.tracks[0]["reports"] > 0 and run.tracks[0]["received"] == 0
     words, events = memory.words.all(), memory.table("events")
     lost = events["what"][events["kind"] == KIND["drop"]]
@@ -131,7 +131,7 @@ def test_every_report_that_the_sink_has_was_issued_before_and_one_beyond_all_pat
 
 
 def test_two_targets_have_a_track_each_and_readings_of_their_own():
-    run, memory = played("two_targets", "duration=2 s")
+    run, memory = simulated("two_targets", "duration=2 s")
     truth, estimates = memory.table("truth"), memory.table("estimates")
     assert sorted(set(estimates["target"].tolist())) == [0, 1] and len(run.tracks) == 2
     for target in (0, 1):
@@ -145,7 +145,7 @@ def test_two_targets_have_a_track_each_and_readings_of_their_own():
 
 def test_one_node_may_lead_the_tracks_of_two_targets_that_meet():
     one = "{kind: bounded_velocity, bound: 180 m, start: [-45, -20, -50, -35]}"
-    run, memory = played("two_targets", "duration=1 s", f"targets=[{one}, {one}]")
+    run, memory = simulated("two_targets", "duration=1 s", f"targets=[{one}, {one}]")
     heads = memory.table("estimates")
     pairs = zip(heads["head"][heads["target"] == 0], heads["head"][heads["target"] == 1], strict=True)
     assert sum(a == b for a, b in pairs) > 10 and len(run.tracks) == 2
@@ -154,8 +154,8 @@ def test_one_node_may_lead_the_tracks_of_two_targets_that_meet():
 def test_the_same_seed_gives_the_same_bytes_on_every_radio_and_the_same_truth_on_all():
     runs = {}
     for name, again in itertools.product(("pso_mhpf_packed", "ekf_real", "pso_mhpf"), range(2)):
-        runs[name, again] = played(name, *SHORT)[1].table("events" if again else "truth")
-        events = played(name, *SHORT)[1].table("events")
+        runs[name, again] = simulated(name, *SHORT)[1].table("events" if again else "truth")
+        events = simulated(name, *SHORT)[1].table("events")
         if again:
             assert all(np.array_equal(events[key], runs[name, again][key]) for key in events)
     truths = [runs[name, 0]["px"] for name in ("pso_mhpf_packed", "ekf_real", "pso_mhpf")]

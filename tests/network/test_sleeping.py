@@ -1,4 +1,4 @@
-"""Networks that sleep: who is awake, what it costs, whom a flood reaches, and how a target is lost and found."""
+"""Sleeping networks: which nodes are awake, what that costs, whom wake-up messages reach, and reacquisition."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from wsnsim.trackers.ekf import ExtendedKalman
 
 @pytest.fixture(scope="module")
 def floods() -> list[Run]:
-    """Steps so long that the message has to be handed on."""
+    """Runs with steps so long that wake-up messages must be forwarded."""
     said = scenario(step=10.0, duration=200.0, motion={"kind": "random_waypoint", "width": 300.0, "height": 300.0,
                                                       "speed": [4.0, 8.0]})  # fmt: skip
     return [Run(said, replicate) for replicate in range(4)]
@@ -36,7 +36,7 @@ def places(run: Run) -> np.ndarray:
     return np.column_stack([nodes["x"], nodes["y"]])
 
 
-def test_whoever_hands_a_message_on_is_nearer_to_the_prediction_than_who_sent_it(floods):
+def test_a_node_that_forwards_a_message_is_nearer_to_the_prediction_than_its_sender(floods):
     checked = 0
     for run in floods:
         wakeups, where = run.table("wakeups"), places(run)
@@ -52,14 +52,14 @@ def test_whoever_hands_a_message_on_is_nearer_to_the_prediction_than_who_sent_it
     assert checked > 20
 
 
-def test_no_node_hands_the_same_message_on_twice(floods):
+def test_no_node_forwards_a_message_twice(floods):
     for run in floods:
         forwards = [(row["node"], row["sequence"]) for row in run.events("relay", what="track")]
         assert len(forwards) == len(set(forwards))
     assert sum(len(run.events("relay", what="track")) for run in floods) > 20
 
 
-def test_who_tracks_stands_in_the_region_and_who_forwards_does_not(floods):
+def test_tracking_nodes_are_in_the_region_and_forwarding_nodes_are_not(floods):
     for run in floods:
         wakeups, where = run.table("wakeups"), places(run)
         for row in run.events("relay", what="track"):
@@ -122,7 +122,7 @@ def test_standing_clusters_sleep_and_wake_nodes_ahead_too(wakeup):
     assert bool(run.table("wakeups")) == (wakeup != "none")
 
 
-def test_the_awake_share_is_that_of_the_schedules_and_of_what_the_events_say():
+def test_the_awake_share_is_that_of_the_schedules_and_events():
     """An independent account: every node's awake time from its schedule, scanned, and from its wake and sleep rows."""
     run, steps, dt = Run(scenario(duration=20.0)), 10, 2.0
     parts = scenarios.build(scenarios.load(scenario(duration=20.0)))
@@ -147,8 +147,8 @@ def test_the_awake_share_is_that_of_the_schedules_and_of_what_the_events_say():
     assert any(len(spells) for node, spells in held.items() if node != sink)
 
 
-def test_a_network_that_never_wakes_anybody_draws_what_its_schedules_say():
-    """Nobody detects a target that is far away: the whole bill is that of the schedules, summed by hand."""
+def test_a_network_that_wakes_no_node_consumes_what_its_schedules_say():
+    """No node detects a target that is far away: all energy is that of the schedules, summed by hand."""
     far = {"kind": "waypoints", "points": [[0, 5000, 5000], [60, 5000, 5000]]}
     run = Run(scenario("ris", motion=far, sink={"kind": "none"}))
     keys = derive_all(Streams(5, 0).key("sleep"), np.arange(200))
@@ -164,7 +164,7 @@ def test_a_network_that_never_wakes_anybody_draws_what_its_schedules_say():
     run.books()
 
 
-def test_all_four_chase_the_same_target_over_the_same_nodes_that_sleep_the_same_sleep():
+def test_all_four_methods_get_the_same_target_nodes_and_schedules():
     runs = [Run(scenario(tracker, duration=20.0)) for tracker in PAIRS]
     for run in runs[1:]:
         for table in ("truth",):
@@ -181,7 +181,7 @@ def test_a_log_changes_nothing():
     assert quiet.run["fingerprint"] == Run(said).summary.run["fingerprint"]
 
 
-def test_who_is_called_pays_for_the_call_and_sleeps_again_when_nothing_comes():
+def test_a_called_node_pays_for_the_call_and_sleeps_again_when_no_target_comes():
     run = Run(scenario(duration=40.0))
     calls, called = run.events("call"), run.events("called")
     assert len(called) >= len(calls) > 0
@@ -204,7 +204,7 @@ def test_who_is_called_pays_for_the_call_and_sleeps_again_when_nothing_comes():
     assert spells > 5
 
 
-def test_nodes_look_for_a_lost_target_once_a_second_and_only_those_who_are_awake_find_it():
+def test_only_awake_nodes_search_for_a_lost_target_once_a_second():
     found = [Run(scenario("ris", duration=20.0), replicate) for replicate in range(6)]
     for run in found:
         schedule = scenarios.build(scenarios.load(scenario("ris"))).sleep
@@ -218,7 +218,7 @@ def test_nodes_look_for_a_lost_target_once_a_second_and_only_those_who_are_awake
     assert any(run.events("acquire") for run in found)
 
 
-def test_a_sink_that_nobody_can_reach_is_told_of():
+def test_an_unreachable_sink_is_reported():
     island = {"kind": "anchors", "width": 2000.0, "height": 2000.0, "places": [
         *([x, y] for x in range(-60, 61, 30) for y in range(-60, 61, 30)), [900.0, 900.0]]}  # fmt: skip
     still = {"kind": "waypoints", "points": [[0, 5, 5], [60, 20, 5]]}
@@ -232,8 +232,8 @@ def test_a_sink_that_nobody_can_reach_is_told_of():
 
 
 @pytest.mark.parametrize(("tracker", "word"), [("cluster", "empty_region"), ("gmtt", "nobody_woken")])
-def test_a_region_without_nodes_loses_the_track_and_says_so(tracker, word):
-    """A row of nodes, and a target that leaves it for good at a right angle."""
+def test_a_region_without_nodes_loses_the_track_and_logs_why(tracker, word):
+    """A row of nodes, and a target that leaves it at a right angle."""
     row = {"kind": "anchors", "width": 400.0, "height": 2000.0, "places": [[x, 0.0] for x in range(-200, 201, 10)]}
     away = {"kind": "waypoints", "points": [[0, 0, -40], [400, 0, 2000]]}
     run = Run(scenario(tracker, deploy=row, motion=away, sleep={"kind": "always_on"}, duration=40.0))
@@ -257,7 +257,7 @@ def test_a_target_that_leaves_the_field_and_returns_is_lost_and_found(tracker):
 
 
 def test_a_message_that_expires_on_the_way_is_dropped_and_counted():
-    """Calling sleepers takes longer than is left until the step."""
+    """Calling sleeping nodes takes longer than the time until the step."""
     said = scenario(step=1.0, duration=20.0, wakeup={"kind": "directed_flood", "expiry": 0.0, "call": 1.2})
     run = Run(said)
     dropped = run.events("drop", what="expired")
@@ -266,7 +266,7 @@ def test_a_message_that_expires_on_the_way_is_dropped_and_counted():
     assert {(row["node"], row["time"]) for row in dropped} <= called
 
 
-def test_a_main_node_that_crashes_at_any_time_leaves_a_run_that_goes_on():
+def test_a_run_continues_after_a_moving_head_crashes_at_any_time():
     for at in (10.0, 10.001, 10.004, 10.01, 10.02, 10.03, 10.05, 11.0, 11.999):
         run = Run(scenario(duration=40.0, sleep={"kind": "ris", "probability": 0.7},
                            faults=[{"kind": "crash", "at": at, "head": 0, "duration": 5.0}]))  # fmt: skip
@@ -276,7 +276,7 @@ def test_a_main_node_that_crashes_at_any_time_leaves_a_run_that_goes_on():
         assert np.nanmax(later) > 20.0
 
 
-def test_a_network_that_runs_dry_dies_in_its_sleep_and_its_books_close():
+def test_nodes_that_run_out_of_charge_die_while_asleep_and_the_ledger_closes():
     """Half a joule: 8 s of listening, 350 s of sleep."""
     energy = {"kind": "states", "radio": "cc2420", "processor": "msp430f1611", "sensing": 11e-6, "battery": 0.5}
     run = Run(scenario(duration=60.0, energy=energy))
@@ -297,7 +297,7 @@ def test_a_network_that_runs_dry_dies_in_its_sleep_and_its_books_close():
     assert np.allclose(spent + nodes["energy_left"], 0.5, rtol=1e-9)
 
 
-def test_two_targets_are_followed_by_two_main_nodes():
+def test_two_targets_are_tracked_by_two_moving_heads():
     targets = [{"kind": "waypoints", "points": [[0, -120, -100], [60, 0, -100]]},
                {"kind": "waypoints", "points": [[0, 120, 100], [60, 0, 100]]}]  # fmt: skip
     said = scenario(sleep={"kind": "ris", "probability": 0.5})
@@ -309,7 +309,7 @@ def test_two_targets_are_followed_by_two_main_nodes():
         assert np.nanmedian(errors) < 10.0
 
 
-def test_beacons_are_heard_by_whoever_is_awake():
+def test_beacons_are_received_by_awake_nodes():
     said = {
         "name": "dozing", "duration": 20.0, "workload": {"kind": "beacons", "period": 1.0, "bits": 96},
         "deploy": {"kind": "uniform", "nodes": 60, "width": 200.0, "height": 200.0, "cover": False},
@@ -324,7 +324,7 @@ def test_beacons_are_heard_by_whoever_is_awake():
 
 
 def test_no_node_sends_in_its_sleep(monkeypatch):
-    """Half a second awake at a time: frames are often still waiting when the schedule ends."""
+    """Awake spells are short, so that frames often still wait when a spell ends."""
     asleep, sent = [], []
     transmit = Channel.transmit
 
@@ -341,7 +341,7 @@ def test_no_node_sends_in_its_sleep(monkeypatch):
 
 
 @pytest.mark.parametrize("motion", [{"kind": "gauss_markov"}, {"kind": "random_waypoint"}])
-def test_how_often_nodes_look_for_a_target_changes_nothing_about_it(motion):
+def test_the_search_interval_does_not_change_the_trajectory(motion):
     def truth(tracker="gmtt", **changes):
         return Run(scenario(tracker, motion=motion, duration=12.0, sink={"kind": "none"}, **changes)).table("truth")
 
@@ -351,7 +351,7 @@ def test_how_often_nodes_look_for_a_target_changes_nothing_about_it(motion):
         assert all(np.array_equal(column, other[name]) for name, column in once.items())
 
 
-def test_all_four_are_given_the_same_readings_and_the_same_nodes_are_awake(monkeypatch):
+def test_all_four_methods_get_the_same_readings_from_the_same_awake_nodes(monkeypatch):
     seen: dict[str, list] = {}
     update, first = ContinuousSensing.update, TargetSearch.first_detection
 
@@ -382,14 +382,14 @@ def test_all_four_are_given_the_same_readings_and_the_same_nodes_are_awake(monke
         assert searches.setdefault(at, readings) == readings
 
 
-def test_looking_for_a_target_costs_a_reading_each_time_whether_or_not_a_poll_is_named():
+def test_each_search_costs_a_reading_with_or_without_an_explicit_interval():
     named, unnamed = (Run(scenario("ris", acquire=acquire)).summary.joules["sense"] for acquire in ({"poll": 2.0}, {}))
     assert named == pytest.approx(unnamed, rel=1e-12) and named > 0
     twice = Run(scenario("ris", acquire={"poll": 1.0})).summary.joules["sense"]
     assert twice == pytest.approx(2.0 * named, rel=0.05), "but for who is held awake"
 
 
-def test_a_node_that_only_its_switching_drains_dies_when_that_has_used_its_charge_up():
+def test_a_node_whose_only_cost_is_switching_dies_when_its_charge_is_used():
     energy = {"kind": "first_order", "battery": 10.5e-3, "switch": 1e-3, "idle": 0.0, "sleep": 0.0}
     far = {"kind": "waypoints", "points": [[0, 5000, 5000], [60, 5000, 5000]]}
     sleep = {"kind": "duty_cycle", "period": 1.0, "awake_share": 0.5, "phases": "synchronous"}
@@ -401,7 +401,7 @@ def test_a_node_that_only_its_switching_drains_dies_when_that_has_used_its_charg
     assert steps["joules"][steps["time"] < 5.0].sum() == pytest.approx(200 * 10e-3, rel=0.1)
 
 
-def test_costs_of_a_step_are_never_negative_and_never_of_the_dead():
+def test_the_energy_of_a_step_is_never_negative_and_zero_after_all_nodes_died():
     energy = {"kind": "first_order", "battery": 0.03, "switch": 4e-3, "idle": 1e-3, "sleep": 1e-5, "sensing": 1e-5}
     sleep = {"kind": "ris", "period": 1.0, "probability": 0.5}
     run = Run(scenario(energy=energy, sleep=sleep, duration=40.0))
@@ -417,7 +417,7 @@ def test_a_call_that_takes_no_time_still_wakes():
     assert run.events("called") and run.summary.run["tracked"] > 0.5
 
 
-def test_nodes_woken_by_a_main_node_that_died_are_counted_too():
+def test_nodes_woken_by_a_head_that_died_are_counted_too():
     said = scenario(step=5.0, duration=60.0, sleep={"kind": "ris", "probability": 0.6},
                     faults=[{"kind": "crash", "at": 30.5, "head": 0, "duration": 1.0}])  # fmt: skip
     wakeups = Run(said).table("wakeups")
@@ -427,7 +427,7 @@ def test_nodes_woken_by_a_main_node_that_died_are_counted_too():
         assert (wakeups["woken"][wakeups["step"] == step] > 0).all()
 
 
-def test_a_cluster_that_has_just_found_its_target_looks_about_it_as_far_as_it_may_have_come():
+def test_without_a_prediction_the_region_covers_where_the_target_may_be():
     wakeups = Run(scenario("cluster")).table("wakeups")
     early = wakeups["foreseen"] == 0
     assert early.sum() >= 3 and (wakeups["radius"][~early] == 40.0).all()
@@ -436,8 +436,8 @@ def test_a_cluster_that_has_just_found_its_target_looks_about_it_as_far_as_it_ma
     assert (slow["radius"] == 40.0).all()
 
 
-def test_a_target_found_between_two_steps_is_predicted_for_the_time_that_has_passed():
-    """A tracker that keeps what it was given as its step: the first after half a second, the others after two."""
+def test_the_first_step_after_a_detection_between_steps_is_as_long_as_the_time_passed():
+    """The first step is 0.5 s long, the others 2 s."""
     asked: list[float] = []
 
     class Curious(ExtendedKalman):

@@ -1,4 +1,4 @@
-"""Worlds small enough to be counted by hand, and accidents in the middle of whatever a head does."""
+"""Networks small enough to be counted by hand, and failures at any point of a head's lead."""
 
 import math
 
@@ -21,7 +21,7 @@ TRIANGLE = [(0.0, 0.0), (30.0, 0.0), (0.0, 40.0), (150.0, 150.0)]
 
 
 def cluster_of_three(**changes):
-    """Nodes 0, 1, 2 sense a target that stands at (5, 5); node 3 is far away from everything."""
+    """Nodes 0, 1, 2 sense a target at rest at (5, 5); node 3 is out of range of all others."""
     steps = changes.pop("steps", 4)
     made = parts(steps=steps, energy=changes.pop("energy", FirstOrder(battery=2.0)), **changes)
     return Run(made, TRIANGLE, [standing((5.0, 5.0), steps)])
@@ -43,7 +43,7 @@ def test_the_energy_of_a_cluster_is_what_a_hand_count_gives():
     assert 3 not in books(fleet)
 
 
-def test_the_loudest_leads_the_others_join_and_everybody_is_asleep_but_those_who_sense():
+def test_the_node_with_the_strongest_reading_leads_the_others_join_and_only_sensing_nodes_wake():
     run = cluster_of_three()
     assert run.outcome.tracks[0].clusters[0].head == 0
     assert run.outcome.tracks[0].clusters[0].members == 3
@@ -67,7 +67,7 @@ def test_the_ledger_closes_for_every_node():
         assert sum(book[:SPENT]) == pytest.approx(book[SPENT], rel=1e-9)
 
 
-def test_the_events_alone_reproduce_the_energy_of_the_air():
+def test_the_events_alone_reproduce_the_transmit_energy():
     run = Run(parts())
     table = run.memory.table("events")
     sent = np.isin(table["kind"], [7, 14])
@@ -110,7 +110,7 @@ def test_without_a_path_the_track_is_lost_and_found_again_from_readings():
     assert run.errors[0, -1] < 15
 
 
-def test_a_head_that_dies_in_the_middle_of_a_step_takes_its_belief_along_and_the_track_is_taken_up_from_readings():
+def test_a_head_that_dies_during_a_step_loses_its_belief_and_the_track_is_initiated_again_from_readings():
     tracker = Centroid(cycles=1e3)
     # The head pays 1.5 mJ a step to compute, and has enough for two.
     energy = FirstOrder(battery=4e-3, capacitance=0.67e-6)
@@ -125,7 +125,7 @@ def test_a_head_that_dies_in_the_middle_of_a_step_takes_its_belief_along_and_the
     assert np.isnan(table["error"]).any() and np.isfinite(table["error"]).any()
 
 
-def test_when_nobody_is_left_who_could_lead_nothing_hangs_and_every_step_has_its_row():
+def test_when_no_node_can_lead_the_run_ends_and_every_step_has_its_row():
     energy = FirstOrder(battery=1e-3, capacitance=0.67e-6)
     run = cluster_of_three(energy=energy, steps=300, tracker=Centroid(cycles=100.0))
     assert {1, 2} <= set(run.outcome.nodes.died_at)
@@ -136,7 +136,7 @@ def test_when_nobody_is_left_who_could_lead_nothing_hangs_and_every_step_has_its
     assert (table["late"][-10:] == 1).all()
 
 
-def test_a_network_of_ten_thousandths_of_a_joule_ends_without_hanging_whatever_the_moment_of_death():
+def test_a_run_ends_whenever_its_nodes_die():
     for battery in np.linspace(5e-6, 4e-4, 40):
         run = cluster_of_three(energy=FirstOrder(battery=float(battery)), steps=30)
         for node, book in books(run.outcome.nodes).items():
@@ -192,7 +192,7 @@ def test_a_cluster_that_stays_too_small_does_not_hand_over_at_every_step():
     assert len(run.outcome.tracks[0].estimates) == 20
 
 
-def test_an_open_cluster_follows_whoever_senses_over_as_many_hops_as_it_takes_and_never_hands_over():
+def test_an_open_cluster_takes_readings_of_all_sensing_nodes_over_several_hops_and_never_hands_over():
     run = Run(parts(clusters=Central(), steps=100))
     assert len(run.outcome.tracks[0].clusters) == 1
     assert run.events("relay")
@@ -211,7 +211,7 @@ def test_the_successor_may_call_an_election():
     assert len(run.events("elect")) >= len(run.outcome.tracks[0].clusters) - 1
 
 
-def test_a_run_until_so_many_clusters_ends_when_the_last_would_hand_over():
+def test_a_run_until_a_number_of_clusters_ends_when_the_last_would_hand_over():
     whole = Run(parts(steps=400))
     count = len(whole.outcome.tracks[0].clusters)
     assert count >= 3
@@ -222,7 +222,7 @@ def test_a_run_until_so_many_clusters_ends_when_the_last_would_hand_over():
     assert cut.errors[0].tolist() == again.tolist()
 
 
-def test_a_target_that_appears_late_is_acquired_from_readings_and_one_that_leaves_is_only_predicted():
+def test_a_track_of_a_late_target_is_initiated_from_readings_and_a_target_out_of_range_is_only_predicted():
     run = Run(parts(steps=400), TRIANGLE[:3], [passing((-150.0, 5.0), (20.0, 0.0), 400)])
     table = run.memory.table("estimates")
     issued = np.isfinite(table["issued"])
@@ -234,7 +234,7 @@ def test_a_target_that_appears_late_is_acquired_from_readings_and_one_that_leave
     assert table["active"][-1] == 0 and table["readings"][-1] == 0 and issued[-1], "predicted, of nothing"
 
 
-def test_the_same_replicate_gives_the_same_rows_after_any_number_of_others():
+def test_a_run_gives_the_same_rows_whatever_ran_before():
     once = Run(parts(), replicate=3)
     Run(parts(), replicate=1)
     again = Run(parts(), replicate=3)
@@ -256,8 +256,8 @@ def gone_at(start: tuple[float, float], steps: int) -> np.ndarray:
     return passing(start, (30.0, 12.0), steps)
 
 
-def nobody_waits_for_the_dead(run: Run) -> None:
-    """No track is left with a dead head, nor one without a head though somebody able senses its target."""
+def assert_no_track_waits_for_a_dead_node(run: Run) -> None:
+    """Assert that no track has a dead head, or no head although a node that can lead senses its target."""
     fleet = run.outcome.nodes
     for track in run.outcome.tracks:
         assert track.head is None or fleet.alive[track.head]
@@ -265,8 +265,8 @@ def nobody_waits_for_the_dead(run: Run) -> None:
         assert sum(book[:SPENT]) == pytest.approx(book[SPENT], rel=1e-9, abs=1e-15)
 
 
-def air_energy_is_in_the_events(run: Run) -> None:
-    """Equations (9)-(10) over the logged bits give the booked joules, whoever died in mid-burst."""
+def assert_radio_energy_is_in_the_events(run: Run) -> None:
+    """Assert that equations (9)-(10) over the logged bits give the booked joules, deaths during bursts included."""
     table, totals = run.memory.table("events"), run.outcome.nodes.ledger.totals
     sent = np.isin(table["kind"], [7, 14])
     starts, ends = table["node"][sent].astype(int), table["peer"][sent].astype(int)
@@ -278,19 +278,19 @@ def air_energy_is_in_the_events(run: Run) -> None:
 
 
 @pytest.mark.parametrize("rule", ["nearest", "elect"])
-def test_deaths_in_mid_handover_and_mid_election_leave_every_track_led_or_open_to_election(rule):
+def test_deaths_during_handovers_and_elections_leave_every_track_with_a_head_or_open_to_election(rule):
     lost, died = set(), 0
     for battery in np.geomspace(7e-5, 2e-2, 40):
         energy, policy = FirstOrder(battery=float(battery)), StrongestSignal(successor_rule=rule, threshold=0.0)
         run = Run(parts(steps=150, energy=energy, clusters=policy), truths=[gone_at((-60.0, -30.0), 150)])
-        nobody_waits_for_the_dead(run)
-        air_energy_is_in_the_events(run)
+        assert_no_track_waits_for_a_dead_node(run)
+        assert_radio_energy_is_in_the_events(run)
         lost |= {run.memory.words.all()[int(row["what"])] for row in run.events("lost")}
         died += len(run.outcome.nodes.died_at)
     assert died > 100 and "head_died" in lost
 
 
-def test_two_targets_that_cross_on_failing_nodes_leave_every_track_led_or_open_to_election():
+def test_two_targets_that_cross_on_failing_nodes_leave_every_track_with_a_head_or_open_to_election():
     made = parts(steps=100)
     for battery in np.geomspace(2e-4, 5e-3, 30):
         both = parts(
@@ -301,19 +301,19 @@ def test_two_targets_that_cross_on_failing_nodes_leave_every_track_led_or_open_t
         )
         truths = [passing((-60.0, 0.0), (30.0, 0.0), 100), passing((60.0, 0.0), (-30.0, 0.0), 100)]
         run = Run(both, truths=truths)
-        nobody_waits_for_the_dead(run)
-        air_energy_is_in_the_events(run)
+        assert_no_track_waits_for_a_dead_node(run)
+        assert_radio_energy_is_in_the_events(run)
 
 
-def test_whoever_dies_in_its_own_broadcast_wins_no_election():
+def test_a_candidate_that_dies_during_its_broadcast_wins_no_election():
     for battery in np.linspace(6.0e-5, 7.5e-5, 40):
         run = Run(parts(steps=20, energy=FirstOrder(battery=float(battery)), clusters=StrongestSignal(threshold=0.0)))
         died = run.outcome.nodes.died_at
         assert not any(row["node"] in died and died[row["node"]] < row["time"] for row in run.events("elect"))
-        nobody_waits_for_the_dead(run)
+        assert_no_track_waits_for_a_dead_node(run)
 
 
-def test_a_late_handover_hands_over_a_belief_of_the_step_that_it_is_of():
+def test_a_late_handover_carries_the_step_of_its_belief():
     tracker = Centroid()
     run = Run(parts(steps=300, mac=IdealMac(rate=30_000.0), tracker=tracker), truths=[gone_at((-100.0, -60.0), 300)])
     assert len(run.outcome.tracks[0].clusters) > 3
@@ -322,16 +322,16 @@ def test_a_late_handover_hands_over_a_belief_of_the_step_that_it_is_of():
     assert [scene.step - scene.steps for scene in scenes[1:]] == [scene.step for scene in scenes[:-1]]
 
 
-def test_on_a_lossy_air_a_track_survives_its_handovers_or_starts_anew_and_the_books_close():
+def test_on_a_lossy_channel_a_track_survives_its_handovers_or_is_reacquired_and_the_ledger_closes():
     run = Run(parts(steps=400, link=Disk(reach=75.0, loss=0.4)), truths=[gone_at((-100.0, -60.0), 400)])
     assert len(run.outcome.tracks[0].clusters) > 2
     drops = {int(row["frame"]) for row in run.events("drop")} - {0}
     assert run.outcome.counts.frames_lost >= len(drops) > 0
-    air_energy_is_in_the_events(run)
-    nobody_waits_for_the_dead(run)
+    assert_radio_energy_is_in_the_events(run)
+    assert_no_track_waits_for_a_dead_node(run)
 
 
-def test_a_wake_that_never_arrives_wakes_nobody_and_no_election_is_held():
+def test_without_the_wake_packet_no_election_is_held():
     islands = [(0.0, 0.0), (10.0, 0.0), (0.0, 10.0), (190.0, 0.0), (180.0, 0.0), (190.0, 10.0)]
     truth = standing((2.0, 2.0), 10)
     truth[4:] = [188.0, 0.0, 2.0, 0.0]
@@ -343,7 +343,7 @@ def test_a_wake_that_never_arrives_wakes_nobody_and_no_election_is_held():
     assert [row["step"] for row in run.events("elect")] == [0, step_of_loss + 1], "the vacancy is filled a step later"
 
 
-def test_woken_counts_the_wakes_that_are_logged_and_those_in_vain():
+def test_woken_counts_the_logged_wake_ups_and_the_unnecessary_ones():
     run = Run(parts(steps=300), truths=[gone_at((-100.0, -60.0), 300)])
     table = run.memory.table("estimates")
     wakes = [row for row in run.events("wake") if row["step"] > 0]
@@ -352,7 +352,7 @@ def test_woken_counts_the_wakes_that_are_logged_and_those_in_vain():
     assert 0 <= table["ineffective"].sum() <= len(by_frame)
 
 
-def test_nobody_sends_while_it_is_asleep():
+def test_no_node_sends_while_it_is_asleep():
     run = Run(parts(steps=300), truths=[gone_at((-100.0, -60.0), 300)])
     table = run.memory.table("events")
     awake: set[int] = set()
@@ -365,7 +365,7 @@ def test_nobody_sends_while_it_is_asleep():
             assert node in awake
 
 
-def test_parts_that_this_network_cannot_perform_are_refused_rather_than_ignored():
+def test_a_component_without_a_mechanism_is_refused():
     class Drum(NoWakeUp):
         mechanism = "drum"
 
