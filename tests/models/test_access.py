@@ -1,4 +1,4 @@
-"""Frames and their times by hand, in symbols of 16 µs; and what cannot be asked of a MAC."""
+"""MAC parameters: frames and their durations by hand, in symbols of 16 µs; and the issues of impossible values."""
 
 import dataclasses
 
@@ -24,7 +24,7 @@ SLOW = States(
 
 
 def company(kind=NetworkSetup, **given):
-    """A scenario of which only what is given matters."""
+    """A setup whose other components are None."""
     nothing = dict.fromkeys(field.name for field in dataclasses.fields(kind))
     roles = {"energy": FirstOrder(), "sink": NoSink(), "workload": Periodic(), "packing": NoPacking()}
     return kind(**nothing | {role: part for role, part in roles.items() if role in nothing} | given)
@@ -44,7 +44,7 @@ def test_a_packet_of_twelve_bytes_is_on_the_air_for_58_symbols():
 
 
 def test_an_acknowledgement_comes_within_the_wait_for_it():
-    """12 symbols of turnaround and 22 of acknowledgement, of 54 that the standard waits."""
+    """12 symbols of turnaround and 22 of acknowledgement; the standard waits for 54."""
     mac = Csma()
     assert mac.turnaround + mac.airtime(mac.ack_bits) == pytest.approx((12 + 22) * SYMBOL)
     assert mac.ack_wait == pytest.approx((20 + 12 + 10 + 12) * SYMBOL)
@@ -74,7 +74,7 @@ def test_a_slot_holds_its_frame_between_two_guards_and_the_acknowledgement_if_th
 
 
 @pytest.mark.parametrize("mac", [IdealMac(), IdealMac(rate=250e3), Csma(), Tdma(), Tdma(slot=1.5e-3)])
-def test_the_defaults_are_in_good_company(mac):
+def test_the_defaults_have_no_issues(mac):
     for parts in (company(mac=mac), company(BeaconSetup, mac=mac), company(TrackingSetup)):
         assert issues(mac, parts) == []
 
@@ -90,19 +90,19 @@ def test_the_defaults_are_in_good_company(mac):
         (Tdma(max_be=2), "mac.max_be", "less than mac.min_be = 3"),
     ],
 )
-def test_contradictions_in_a_mac_are_faults(mac, path, words):
+def test_contradictions_in_a_mac_are_issues(mac, path, words):
     ((found, message),) = issues(mac)
     assert found == path
     assert words in message
 
 
-def test_no_acknowledgement_needs_no_wait():
+def test_without_acknowledgements_no_wait_is_needed():
     assert issues(Csma(ack_wait=500e-6, acks=False)) == []
     assert issues(Tdma(ack_wait=500e-6)) == []
 
 
 @pytest.mark.parametrize("mac", [IdealMac(rate=250e3), Csma()])
-def test_the_air_has_the_rate_of_the_data_sheets_radio(mac):
+def test_the_rate_is_that_of_the_datasheets_radio(mac):
     ((path, message),) = issues(mac, company(energy=SLOW))
     assert path == "mac.rate"
     assert "19200 bit/s" in message
@@ -118,7 +118,7 @@ def test_reports_and_beacons_fit_a_frame():
     assert (path, "a beacon of 1000 bits" in message) == ("workload.bits", True)
 
 
-def test_beacons_are_not_due_faster_than_they_can_be_sent():
+def test_beacons_are_not_due_before_they_can_be_sent():
     assert Tracking().mechanism == "tracking"
     assert Periodic().mechanism == "beacons"
     for mac in (IdealMac(), IdealMac(rate=250e3), Csma()):
@@ -137,7 +137,7 @@ def test_frames_are_filled_as_far_as_they_hold():
     assert Frames().packets(1000, 928) == 1
 
 
-def test_packing_needs_frames_that_hold_as_much():
+def test_packing_needs_frames_with_enough_room():
     assert issues(Frames(), company(mac=Csma())) == issues(Frames(most=9), company(mac=Csma())) == []
     ((path, message),) = issues(Frames(most=10), company(mac=Csma()))
     assert (path, "which holds 9" in message) == ("packing.most", True)

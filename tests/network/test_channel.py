@@ -1,4 +1,4 @@
-"""The air when it takes time: every figure here is counted by hand from the lengths of frames."""
+"""The shared channel: all numbers are computed by hand from the lengths of frames."""
 
 import numpy as np
 import pytest
@@ -43,7 +43,7 @@ def play(network, *frames, until=1.0):
 LINE = [(0, 0), (50, 0), (100, 0), (150, 0)]
 
 
-def test_a_frame_takes_turnaround_and_airtime_and_is_heard_within_reach():
+def test_a_frame_takes_turnaround_and_airtime_and_is_received_within_range():
     network = RadioNetwork(LINE)
     sent = play(network, (0.5, 1, EVERYONE))
     assert sent.received == {0: [0, 2]}
@@ -54,7 +54,7 @@ def test_a_frame_takes_turnaround_and_airtime_and_is_heard_within_reach():
     assert network.ledger_adds_up()
 
 
-def test_hidden_senders_collide_where_both_are_heard_and_only_there():
+def test_hidden_senders_collide_only_where_both_are_heard():
     network = RadioNetwork(LINE)
     sent = play(network, (0.1, 0, EVERYONE), (0.1 + AIRTIME / 2, 2, EVERYONE))
     assert sent.received == {0: [], 1: [3]}, "node 1 hears both and gets neither; node 3 hears node 2 alone"
@@ -75,7 +75,7 @@ def test_frames_that_do_not_overlap_in_time_do_not_collide():
     assert sent.received == {0: [1], 1: [1, 3]}
 
 
-def test_who_sends_hears_nothing():
+def test_a_sending_node_receives_nothing():
     network = RadioNetwork(LINE)
     sent = play(network, (0.1, 0, EVERYONE), (0.1 + AIRTIME / 2, 1, EVERYONE))
     assert sent.received == {0: [], 1: [2]}, "node 1 was sending while node 0 was; node 0 hears node 1 but sends too"
@@ -88,7 +88,7 @@ def test_far_frames_do_not_disturb_each_other():
     assert sent.received == {0: [1], 1: [3]}
 
 
-def test_a_unicast_is_overheard_at_a_price_by_everyone_in_range():
+def test_a_unicast_is_overheard_by_all_nodes_in_range_which_pay_for_it():
     network = RadioNetwork(LINE)
     sent = play(network, (0.1, 1, 2))
     assert sent.received == {0: True}
@@ -99,7 +99,7 @@ def test_a_unicast_is_overheard_at_a_price_by_everyone_in_range():
     assert sum(row["joules"] for row in network.rows()) == pytest.approx(network.nodes.ledger.spent.sum(), rel=1e-12)
 
 
-def test_of_two_overlapping_frames_the_much_stronger_is_captured_and_the_weaker_lost():
+def test_with_capture_the_much_stronger_of_two_overlapping_frames_arrives_and_the_weaker_is_lost():
     link = LogNormal(shadowing=0.0, asymmetry=0.0, interference="sinr")
     network = RadioNetwork([(0, 0), (5, 0), (40, 0)], link=link)
     sent = play(network, (0.1, 0, 1), (0.1, 2, 1))
@@ -108,7 +108,7 @@ def test_of_two_overlapping_frames_the_much_stronger_is_captured_and_the_weaker_
     assert play(network, (0.1, 0, 1), (0.1, 2, 1)).received == {0: False, 1: False}, "without capture neither arrives"
 
 
-def test_the_channel_is_busy_in_the_window_of_a_frame_and_of_the_own_sending():
+def test_the_channel_is_busy_during_a_transmission_of_another_node_or_of_the_node_itself():
     network = RadioNetwork(LINE)
     channel = network.mac.channel
     play(network, (0.1, 0, EVERYONE), until=0.1001)
@@ -121,21 +121,21 @@ def test_the_channel_is_busy_in_the_window_of_a_frame_and_of_the_own_sending():
     assert not channel.is_busy(1)
 
 
-def test_a_jammed_node_finds_the_channel_busy_and_gets_nothing():
+def test_a_jammed_node_finds_the_channel_busy_and_receives_nothing():
     network = RadioNetwork(LINE)
     network.nodes.jammed[1] = network.nodes.disturbed = True
     sent = play(network, (0.1, 0, EVERYONE), (0.2, 2, EVERYONE))
     assert sent.received == {0: [], 1: [3]} and network.mac.channel.is_busy(1)
 
 
-def test_a_loss_at_a_node_thins_what_it_gets_and_what_it_sends():
+def test_a_loss_at_a_node_applies_to_what_it_receives_and_to_what_it_sends():
     network = RadioNetwork(LINE)
     network.nodes.loss[1], network.nodes.disturbed = 0.5, True
     sent = play(network, *((0.01 * i, 0, 1) for i in range(1, 401)), until=10.0)
     assert 150 < sum(sent.received.values()) < 250, "400 frames at one half: 200 with a deviation of 10"
 
 
-def test_a_sender_whose_charge_ends_in_mid_frame_dies_at_that_instant_and_is_not_heard():
+def test_a_sender_whose_battery_runs_out_during_a_frame_dies_at_that_instant_and_is_not_received():
     cost = BITS * (50e-9 + 100e-12 * 75**2)
     network = RadioNetwork(LINE, energy=FirstOrder(battery=cost / 4))
     sent = play(network, (0.1, 1, EVERYONE))
@@ -146,7 +146,7 @@ def test_a_sender_whose_charge_ends_in_mid_frame_dies_at_that_instant_and_is_not
     assert network.ledger_adds_up()
 
 
-def test_a_receiver_whose_charge_does_not_suffice_dies_and_has_not_received():
+def test_a_receiver_whose_battery_does_not_suffice_dies_without_receiving():
     network = RadioNetwork(LINE, energy=FirstOrder(battery=RX * 0.6, amplifier=0.0, electronics=50e-9))
     network.nodes.ledger.spent[1], network.nodes.ledger.joules[CAUSE["cpu"], 1] = RX * 0.2, RX * 0.2
     network.nodes.ledger.totals[CAUSE["cpu"]] += RX * 0.2
@@ -156,7 +156,7 @@ def test_a_receiver_whose_charge_does_not_suffice_dies_and_has_not_received():
     assert network.ledger_adds_up()
 
 
-def test_what_a_node_sent_before_it_fell_silent_is_paid_in_part():
+def test_a_node_pays_for_what_it_sent_before_it_was_silenced():
     network = RadioNetwork(LINE)
     network.at(0.1 + TURNAROUND + AIRTIME / 2, lambda: network.mac.silence(1))
     sent = play(network, (0.1, 1, EVERYONE))
@@ -164,14 +164,14 @@ def test_what_a_node_sent_before_it_fell_silent_is_paid_in_part():
     assert network.nodes.ledger.spent[1] == pytest.approx(BITS / 2 * (50e-9 + 100e-12 * 75**2), rel=1e-9)
 
 
-def test_nodes_with_the_radio_off_hear_nothing_and_pay_nothing():
+def test_nodes_with_the_radio_off_receive_nothing_and_pay_nothing():
     network = RadioNetwork(LINE)
     network.nodes.living[2] = network.nodes.all_listen = False
     assert play(network, (0.1, 1, EVERYONE)).received == {0: [0]}
     assert network.nodes.ledger.spent[2] == 0.0
 
 
-def test_links_are_counted_frame_by_frame():
+def test_broadcasts_are_counted_per_link():
     network = RadioNetwork(LINE, count_links=True)
     play(network, (0.1, 0, EVERYONE), (0.1 + AIRTIME / 2, 2, EVERYONE), (0.2, 0, EVERYONE))
     rows = network.links.rows()
@@ -185,11 +185,11 @@ def test_a_lossy_disk_loses_its_share_of_frames():
     network = RadioNetwork([(0, 0), (50, 0)], link=Disk(reach=75.0, loss=0.25))
     sent = play(network, *((0.01 * i, 0, EVERYONE) for i in range(1, 801)), until=10.0)
     assert np.mean([len(heard) for heard in sent.received.values()]) == pytest.approx(0.75, abs=0.05)
-    assert len(network.rows("drop")) == sum(not heard for heard in sent.received.values())
+    assert len(network.rows("drop")) == sum(not received for received in sent.received.values())
 
 
 @pytest.mark.parametrize("link", [Disk(reach=75.0), LogNormal(shadowing=0.0, asymmetry=0.0, exponent=2.0)])
-def test_a_broadcast_counts_as_lost_only_where_a_living_node_in_range_did_not_get_it(link):
+def test_a_broadcast_counts_as_lost_only_if_a_living_node_in_range_did_not_receive_it(link):
     network = RadioNetwork([(0, 0), (30, 0), (40, 0), (138, 0)], link=link)
     network.nodes.crash(2)
     assert sorted(network.broadcast(0).received) == [1], "one is down, one nearly out of range"
@@ -200,7 +200,7 @@ def test_a_broadcast_counts_as_lost_only_where_a_living_node_in_range_did_not_ge
     assert network.counters.frames_lost == 1
 
 
-def test_a_crash_in_mid_frame_pays_for_what_was_sent_and_frees_the_air():
+def test_a_node_that_crashes_during_a_frame_pays_for_what_it_sent_and_frees_the_channel():
     network = RadioNetwork(LINE)
     network.at(0.1 + TURNAROUND + AIRTIME / 2, lambda: (network.mac.silence(0), network.nodes.crash(0)))
     sent = play(network, (0.1, 0, EVERYONE), (0.1 + AIRTIME * 0.6, 2, EVERYONE))
@@ -208,14 +208,14 @@ def test_a_crash_in_mid_frame_pays_for_what_was_sent_and_frees_the_air():
     assert sent.received == {0: [], 1: [1, 3]}, "the broken frame is off the air when the other begins"
 
 
-def test_a_crash_during_the_turnaround_leaves_no_trace_on_the_air():
+def test_a_node_that_crashes_during_the_turnaround_sends_nothing():
     network = RadioNetwork(LINE)
     network.at(0.1 + TURNAROUND / 2, lambda: (network.mac.silence(0), network.nodes.crash(0)))
     sent = play(network, (0.1, 0, EVERYONE), (0.1 + AIRTIME / 2, 2, EVERYONE))
     assert sent.received[1] == [1, 3] and network.nodes.ledger.spent[0] == 0.0 and not network.mac.channel.is_busy(1)
 
 
-def test_a_node_that_came_back_hears_again_at_full_speed():
+def test_after_a_restart_all_nodes_listen_again():
     network = RadioNetwork(LINE)
     network.nodes.crash(3)
     assert not network.nodes.all_listen and play(network, (0.1, 2, EVERYONE)).received == {0: [1]}
@@ -235,12 +235,12 @@ def test_whether_a_frame_arrives_does_not_depend_on_what_was_sent_in_other_steps
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_the_quick_ways_and_the_general_way_find_the_same(seed):
+def test_the_fast_paths_of_reception_agree_with_the_general_one(seed):
     points = np.random.default_rng(seed).uniform(0, 200, (25, 2))
     ledgers = []
-    for quick in (True, False):
+    for fast in (True, False):
         network = RadioNetwork(points, seed=seed)
-        if not quick:
+        if not fast:
             reception = network.mac.channel._reception
             reception._broadcast_alone = reception._broadcast_overlapped = lambda sent: None
         times = np.random.default_rng(seed + 9).uniform(0, 0.2, 120)

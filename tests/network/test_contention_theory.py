@@ -1,29 +1,29 @@
-"""The radio against what can be counted by hand, against a renewal analysis, and against a second simulation.
+"""CSMA/CA compared with a renewal analysis, with an independent simulation, and with numbers computed by hand.
 
-n nodes all within reach of each other, each with a frame to broadcast at all times, of b payload bytes.
+All n nodes are within range of each other. Each always has a frame with b bytes of payload to broadcast.
 
-The analysis joins two published halves. The channel is a renewal process, as in Kleinrock and Tobagi (1975), "Packet
+The analysis joins two published parts. The channel is a renewal process, as in Kleinrock and Tobagi (1975), "Packet
 switching in radio channels, part I", IEEE Trans. Communications 23(12), nonpersistent CSMA: an idle period, a first
-frame, those of other nodes that begin before they can sense it, and what the channel is busy after the last. The node
-is a chain of backoff stages that meets a busy channel with one probability at every stage, as in Bianchi (2000), IEEE
-JSAC 18(3), here with the stages of IEEE 802.15.4-2006, 7.5.1.4. Putting them together for the unslotted access is ours:
+frame, the frames of other nodes that begin before they can sense it, and the busy time after the last one. The node
+is a chain of backoff stages that finds the channel busy with the same probability at every stage, as in Bianchi
+(2000), IEEE JSAC 18(3), here with the stages of IEEE 802.15.4-2006, 7.5.1.4. Their combination is ours:
 
-    mean assessments a frame   M(α) = 1 + α + ... + α⁴
-    their rate a waiting node  λ = M / (S + Σ αⁱ (E[Wᵢ] B + C))
-    found within a turnaround  last = T − (1 − e^(−gT)) / g,  g = (n − 1) λ       the last to begin after the first
-    frames of a busy period    1 + K,  K = (n − 1)(1 − e^(−λT))
+    mean assessments per frame M(α) = 1 + α + ... + α⁴
+    rate of a waiting node     λ = M / (S + Σ αⁱ (E[Wᵢ] B + C))
+    start of the last frame    last = T − (1 − e^(−gT)) / g,  g = (n − 1) λ       after that of the first
+    frames per busy period     1 + K,  K = (n − 1)(1 − e^(−λT))
     channel cycle              Z = 1 / (nλ) + T + last + A + C
     assessments found busy     β = λ (A + C + last) (n − 1 − K),  α = β / (β + 1 + K)
 
-with slot B, assessment C, turnaround T, airtime A, spacing S. Frames that arrive whole: e^(−gT) / Z a second; all
-frames: (1 + K) / Z; given up: α⁵ of all. The channel is blind for T because a node that found it free is on the air
-only T later; and it is busy for C after a frame has ended because the assessment looks back so far.
+with slot B, assessment C, turnaround T, airtime A, spacing S. Frames without collision: e^(−gT) / Z per second; all
+frames: (1 + K) / Z; dropped: α⁵ of all. A transmission cannot be sensed for T, because a node that found the channel
+free starts to send only T later. The channel is busy for C after the end of a frame, because an assessment takes C.
 
-It approximates: attempts are a Poisson process (they are on a lattice of 320 µs), and one rate serves every node at any
-time, whatever its stage. Where few frames collide that costs a few per cent. With 20 nodes gT is near 1 and its spread
-counts: nodes wait in stages of 8 to 32 slots, and by Jensen's inequality the chance that nobody else begins is higher
-than at the mean rate, so that the analysis is too low, by 3 to 10 %. Hence the tolerances: 5 % to 10 nodes, 15 % at 20.
-The second simulation has no such excuse: it does the same by other means and must agree within Monte Carlo error.
+Approximations: attempts are a Poisson process (in truth they lie on a lattice of 320 µs), and all nodes have the same
+rate at all times, whatever their stage. If few frames collide, the error is a few per cent. With 20 nodes gT is near 1
+and its spread matters: nodes wait in stages of 8 to 32 periods, and by Jensen's inequality the probability that no
+other node begins is higher than at the mean rate. The analysis is then too low, by 3 to 10 %. The tolerances are 5 %
+up to 10 nodes and 15 % at 20. The independent simulation must agree within the Monte Carlo error.
 """
 
 from __future__ import annotations
@@ -64,31 +64,31 @@ def airtime(payload):
 
 
 def ring(nodes):
-    """Nodes on a circle of 30 m: everybody hears everybody."""
+    """Nodes on a circle of 30 m: all of them hear each other."""
     angles = 2 * np.pi * np.arange(nodes) / nodes
     return 30 * np.column_stack([np.cos(angles), np.sin(angles)])
 
 
 def phases(nodes):
-    """When nodes begin: never a multiple of 32 µs apart, as all their waits are, so that rounding decides no tie."""
+    """When nodes begin, in s: at random, since waits are multiples of 32 µs, and rounding would decide ties."""
     return np.random.default_rng(nodes).uniform(0.0, 0.01, nodes).tolist()
 
 
-def endless(nodes, seconds):
-    """Nodes on a circle whose charge never ends."""
+def saturated_network(nodes, seconds):
+    """Nodes on a circle, with infinite batteries."""
     return RadioNetwork(ring(nodes), energy=FirstOrder(battery=float("inf")), horizon=seconds)
 
 
 def saturate(network, nodes, payload, seconds):
-    """(time, clean, spoilt, given up) of every frame, where each node always has a next one."""
+    """(time, clean, collided, dropped) of every frame; each node always has another frame to send."""
     fates = []
 
     def offer(node):
-        network.mac.offer(node, 8 * payload, lambda heard: ended(node, heard))
+        network.mac.offer(node, 8 * payload, lambda received: ended(node, received))
 
-    def ended(node, heard):
-        clean = heard is not None and len(heard) == nodes - 1
-        fates.append((network.env.now, clean, heard is not None and not clean, heard is None))
+    def ended(node, received):
+        clean = received is not None and len(received) == nodes - 1
+        fates.append((network.env.now, clean, received is not None and not clean, received is None))
         offer(node)
 
     for node, phase in enumerate(phases(nodes)):
@@ -98,19 +98,19 @@ def saturate(network, nodes, payload, seconds):
 
 
 def per_second(fates, seconds):
-    """(seconds - 1, 3) how many frames were clean, spoilt, given up in each second after the first."""
+    """(seconds - 1, 3) frames that were clean, collided or dropped in each second after the first."""
     edges = np.arange(1, seconds + 1)
     return np.column_stack([np.histogram(fates[:, 0], edges, weights=fates[:, 1 + i])[0] for i in range(3)])
 
 
 @cache
 def ours(nodes, payload):
-    network = endless(nodes, SECONDS[nodes])
+    network = saturated_network(nodes, SECONDS[nodes])
     return per_second(saturate(network, nodes, payload, SECONDS[nodes]), SECONDS[nodes])
 
 
-def plain(nodes, payload, seconds, rng):
-    """The same protocol once more, in a heap and a list: (time, clean, spoilt, given up) of every frame."""
+def independent_simulation(nodes, payload, seconds, rng):
+    """The protocol implemented independently, with a heap: (time, clean, collided, dropped) of every frame."""
     fates, air, stage = [], [], [0] * nodes
     assessments = [(at + CCA + SLOT * int(rng.integers(STAGES[0])), node) for node, at in enumerate(phases(nodes))]
     heapq.heapify(assessments)
@@ -138,7 +138,7 @@ def plain(nodes, payload, seconds, rng):
 
 
 def cycle(nodes, rate, frame, assessment):
-    """Of a channel that n nodes assess at a rate each: (clean frames a second, frames a busy period, its `last`, Z)."""
+    """(frames/s without collision, frames per busy period, `last`, Z) of a channel that n nodes assess at a rate."""
     others = (nodes - 1) * rate
     last = TURNAROUND + np.expm1(-others * TURNAROUND) / others
     frames = 1 - (nodes - 1) * np.expm1(-rate * TURNAROUND)
@@ -147,7 +147,7 @@ def cycle(nodes, rate, frame, assessment):
 
 
 def analysis(nodes, payload):
-    """(clean frames, all frames a second, share given up): the fixed point of the page above."""
+    """(frames/s without collision, all frames/s, share dropped): the fixed point of the analysis."""
     frame, means = airtime(payload), (np.array(STAGES) - 1) / 2
 
     def at(busy):
@@ -166,7 +166,7 @@ def analysis(nodes, payload):
 
 
 def test_the_analysis_is_kleinrock_and_tobagis_for_many_nodes_that_assess_in_no_time():
-    """S = G e^(-aG) / (G (1 + 2a) + e^(-aG)), time in frames, a the time for which the channel is blind."""
+    """S = G e^(-aG) / (G (1 + 2a) + e^(-aG)), time in frames; a transmission cannot be sensed for the time a."""
     frame = airtime(12)
     a = TURNAROUND / frame
     for offered in (0.1, 1.0, 5.0):
@@ -186,10 +186,10 @@ def test_saturated_throughput_is_what_the_renewal_analysis_says(nodes, payload):
 
 @pytest.mark.parametrize(("nodes", "payload"), CELLS)
 def test_saturated_throughput_is_that_of_a_second_simulation_within_monte_carlo_error(nodes, payload):
-    """Means over seconds differ by less than 4 standard errors; seconds are long against a frame, so nearly apart."""
+    """Means over seconds differ by less than 4 standard errors; seconds are almost independent of each other."""
     seconds = SECONDS[nodes]
     found = ours(nodes, payload)
-    again = per_second(plain(nodes, payload, seconds, np.random.default_rng(nodes * payload)), seconds)
+    again = per_second(independent_simulation(nodes, payload, seconds, np.random.default_rng(nodes * payload)), seconds)
     for one, other in zip(found.T, again.T, strict=True):
         error = np.sqrt((one.var(ddof=1) + other.var(ddof=1)) / (seconds - 1))
         assert abs(one.mean() - other.mean()) < 4 * error
@@ -204,8 +204,8 @@ def test_payload_throughput_rises_with_neither_nodes_nor_beyond_one_frame_at_a_t
 
 
 @pytest.mark.parametrize("payload", [12, 100])
-def test_a_lone_sender_that_always_has_a_frame_sends_one_a_mean_backoff(payload):
-    network = endless(1, 30.0)
+def test_a_lone_saturated_sender_sends_one_frame_per_mean_backoff(payload):
+    network = saturated_network(1, 30.0)
     sent = len(saturate(network, 1, payload, 30.0))
     mean = 3.5 * SLOT + CCA + TURNAROUND + airtime(payload) + LIFS
     spread = SLOT * np.sqrt((64 - 1) / 12)
@@ -214,7 +214,7 @@ def test_a_lone_sender_that_always_has_a_frame_sends_one_a_mean_backoff(payload)
 
 def test_frames_on_the_air_begin_after_a_free_channel_or_together_and_are_lost_when_they_overlap():
     nodes, payload = 8, 12
-    network = endless(nodes, 5.0)
+    network = saturated_network(nodes, 5.0)
     fates = saturate(network, nodes, payload, 5.0)
     ends = np.array([row["time"] for row in network.rows("send")])
     starts = ends - airtime(payload)
@@ -233,8 +233,8 @@ def test_frames_on_the_air_begin_after_a_free_channel_or_together_and_are_lost_w
     assert taken + sum(silences) <= 5.0 and len(ends) * airtime(payload) > taken
 
 
-def test_the_first_backoff_is_uniform_over_eight_slots():
-    network = endless(1, 12.0)
+def test_the_first_backoff_is_uniform_over_eight_periods():
+    network = saturated_network(1, 12.0)
     saturate(network, 1, 12, 12.0)
     gaps = np.diff([row["time"] for row in network.rows("send")]) - (LIFS + CCA + TURNAROUND + airtime(12))
     slots = np.round(gaps / SLOT)
@@ -243,8 +243,8 @@ def test_the_first_backoff_is_uniform_over_eight_slots():
     assert len(counts) == 8 and chisquare(counts).pvalue > 1e-3
 
 
-def test_the_range_of_the_backoff_doubles_to_thirty_two_slots_while_the_channel_is_busy():
-    network, times = endless(1, 60.0), []
+def test_the_range_of_the_backoff_doubles_to_thirty_two_periods_while_the_channel_is_busy():
+    network, times = saturated_network(1, 60.0), []
     network.mac.channel.is_busy = lambda node: bool(times.append(network.env.now)) or True
     fates = saturate(network, 1, 12, 60.0)
     frames = len(fates)
@@ -272,7 +272,7 @@ def test_without_backoff_frames_follow_each_other_by_the_clock(payload, spacing,
 
 
 def exchange(energy):
-    """A frame of 12 bytes and its acknowledgement over 50 m, in one second: the network after it."""
+    """The nodes after one second, in which a frame of 12 bytes and its acknowledgement crossed 50 m."""
     network = RadioNetwork(PAIR, mac=AT_ONCE, energy=energy, horizon=1.0)
     assert network.unicast(0, 1).packets == 1
     network.env.run(until=1.0)
@@ -287,7 +287,7 @@ def test_an_acknowledged_frame_costs_both_its_nodes_what_the_first_order_model_s
     assert nodes.ledger.spent == pytest.approx([232 * send + 88 * receive, 232 * receive + 88 * send], rel=1e-12)
 
 
-def test_an_acknowledged_frame_costs_both_its_nodes_what_the_data_sheet_says():
+def test_an_acknowledged_frame_costs_both_its_nodes_what_the_datasheet_says():
     nodes = exchange(States(radio=CC2420, processor=PROCESSOR))
     frame = airtime(12)
     expected = {
@@ -302,7 +302,7 @@ def test_an_acknowledged_frame_costs_both_its_nodes_what_the_data_sheet_says():
     assert rest == pytest.approx([1 - frame - ACK] * 2, abs=3 * TURNAROUND)
 
 
-def test_a_radio_that_turns_round_does_not_listen_meanwhile():
+def test_a_radio_does_not_listen_during_its_turnaround():
     nodes = exchange(States(radio=CC2420, processor=PROCESSOR))
     rest = 1 - airtime(12) - ACK - 2 * TURNAROUND
     assert nodes.ledger.joules[CAUSE["idle"]] == pytest.approx([62e-3 * rest] * 2, rel=1e-12)

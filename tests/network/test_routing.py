@@ -1,4 +1,4 @@
-"""Paths against a whole graph of all pairs; corridors that must find the same; greedy paths by hand; who goes down."""
+"""Routing: paths compared with a graph of all pairs, corridors with whole networks, greedy paths by hand; crashes."""
 
 import itertools
 
@@ -24,7 +24,7 @@ class Routes:
         self.nodes, self.topology, self.router = network.nodes, network.topology, network.router
 
     def cost(self, a, b):
-        """What a link costs, told from the definition."""
+        """The cost of a link, by its definition."""
         if self.weight == "hop":
             return 1.0
         distance = float(np.hypot(*(self.nodes.positions[a] - self.nodes.positions[b])))
@@ -62,7 +62,7 @@ def true_cost(graph, a, b):
 
 
 def disagreements(net, pairs):
-    """Pairs for which the router's path is none of the cheapest, or is one where there is none."""
+    """Pairs for which the router finds no cheapest path, or finds a path although none exists."""
     graph, wrong = net.everything(), []
     for a, b in pairs:
         found, truth = net.router.path(a, b), true_cost(graph, a, b)
@@ -81,8 +81,8 @@ ENERGIES = {"first": FirstOrder(), "2002": FirstOrder2002(), "cheap": FirstOrder
 @pytest.mark.parametrize("corridor", [False, True])
 @pytest.mark.parametrize("weight", ["energy", "hop"])
 @pytest.mark.parametrize("link", LINKS)
-def test_a_path_is_the_cheapest_of_all_in_a_corridor_as_in_the_whole(link, weight, corridor, monkeypatch):
-    """In fields so sparse that some nodes are cut off, and paths take long ways round; any proof is sought."""
+def test_a_path_is_the_cheapest_in_a_corridor_and_in_the_whole_network(link, weight, corridor, monkeypatch):
+    """Sparse fields, where some nodes are cut off and paths make long detours; every proof is carried out."""
     if corridor:
         monkeypatch.setattr(routing, "SMALL", 3)
         monkeypatch.setattr(routing, "WIDEST", 1e9)
@@ -93,8 +93,8 @@ def test_a_path_is_the_cheapest_of_all_in_a_corridor_as_in_the_whole(link, weigh
 
 
 @pytest.mark.parametrize("energy", ENERGIES)
-def test_a_corridor_is_widened_until_its_path_is_surely_the_cheapest(energy, monkeypatch):
-    """With cheap electronics short hops pay, on a long way round: the first corridor is too narrow for it."""
+def test_a_corridor_is_widened_until_its_path_is_proved_the_cheapest(energy, monkeypatch):
+    """With cheap electronics a detour with short hops is the cheapest path; the first corridor is too narrow for it."""
     monkeypatch.setattr(routing, "WIDEST", 1e9)
     net = Routes(uniform(5, 150, 400.0), energy=ENERGIES[energy])
     pairs = np.random.default_rng(2).integers(0, 150, (40, 2)).tolist()
@@ -102,8 +102,8 @@ def test_a_corridor_is_widened_until_its_path_is_surely_the_cheapest(energy, mon
     assert disagreements(net, pairs) == []
 
 
-def test_fewest_hops_over_drawn_links_are_those_of_a_corridor_and_seldom_beaten_from_outside(monkeypatch):
-    """The one case without proof: a lucky link spans several reaches, so a corridor that surely holds it is huge."""
+def test_the_fewest_hops_over_random_links_are_seldom_outside_the_corridor(monkeypatch):
+    """The one case without proof: a strong link spans several ranges, and only a huge corridor is sure to hold it."""
     net = Routes(uniform(20, 200, 350.0), LINKS["log_normal"], "hop")
     pairs = np.random.default_rng(0).integers(0, 200, (150, 2)).tolist()
     monkeypatch.setattr(routing, "SMALL", 3)
@@ -112,7 +112,7 @@ def test_fewest_hops_over_drawn_links_are_those_of_a_corridor_and_seldom_beaten_
     assert all(cost == truth + 1 for _, _, cost, truth in wrong)
 
 
-def test_a_way_round_a_void_is_found_though_the_first_corridor_has_none(monkeypatch):
+def test_a_path_around_a_void_is_found_outside_the_first_corridor(monkeypatch):
     monkeypatch.setattr(routing, "SMALL", 2)
     angles = np.linspace(0.0, np.pi, 13)
     ring = np.column_stack([200.0 * np.cos(angles), 200.0 * np.sin(angles)])
@@ -121,8 +121,8 @@ def test_a_way_round_a_void_is_found_though_the_first_corridor_has_none(monkeypa
     assert net.router.path(0, 13) is None
 
 
-def test_an_island_is_known_without_a_look_at_the_rest(monkeypatch):
-    """Two nodes apart from 3,000: nobody asks for links at the other end of the field."""
+def test_an_isolated_component_is_found_without_searching_the_whole_network(monkeypatch):
+    """Two nodes apart from 3,000 others: links at the other end of the field are not computed."""
     others = uniform(3, 3000, 2000.0)
     others = others[np.hypot(*(others - [400.0, 400.0]).T) > 200.0]
     net = Routes(np.vstack([others, [[400.0, 400.0], [410.0, 400.0]]]))
@@ -134,7 +134,7 @@ def test_an_island_is_known_without_a_look_at_the_rest(monkeypatch):
 
 
 @pytest.mark.parametrize("weight", ["energy", "hop"])
-def test_a_corridor_of_many_nodes_is_searched_as_one_of_few(weight, monkeypatch):
+def test_a_corridor_of_many_nodes_gives_the_same_paths_as_one_of_few(weight, monkeypatch):
     positions = uniform(8, 400, 600.0)
     whole, corridor, sparse = (Routes(positions, weight=weight) for _ in range(3))
     pairs = np.random.default_rng(3).integers(0, 400, (20, 2)).tolist()
@@ -168,20 +168,20 @@ def test_a_node_that_is_down_relays_nothing_and_relays_again_when_it_is_back(wei
     assert net.router.path(3, 0) == [3, 1, 0]
 
 
-def test_a_greedy_path_goes_nearest_to_the_goal_at_each_hop():
-    """From 0 at the origin to 4 at 200 m: 2 is nearer to the goal than 1, then 3; 1 is never used."""
+def test_a_greedy_path_goes_nearest_to_the_destination_at_each_hop():
+    """From 0 at the origin to 4 at 200 m: 2 is nearer to the destination than 1, then 3; 1 is never used."""
     net = Routes([(0, 0), (50, 0), (70, 10), (135, 0), (200, 0)], weight="greedy")
     assert net.router.path(0, 4) == [0, 2, 3, 4]
 
 
-def test_a_greedy_path_gets_stuck_where_there_is_a_way_round():
-    """All neighbours of 0 lie farther from the goal than 0 does, though a path goes by way of them."""
+def test_a_greedy_path_ends_at_a_void_though_another_path_exists():
+    """All neighbours of 0 are farther from the destination than 0 is, though a path leads over them."""
     round_it = [(0, 0), (-20, 60), (30, 110), (90, 110), (140, 60), (150, 0)]
     assert Routes(round_it, weight="hop").router.path(0, 5) == [0, 1, 2, 3, 4, 5]
     assert Routes(round_it, weight="greedy").router.path(0, 5) is None
 
 
-def test_a_greedy_path_between_nodes_in_one_place_does_not_go_astray():
+def test_a_greedy_path_between_nodes_at_one_point_is_direct():
     net = Routes([(0, 0), (100, 0), (60, 0), (100, 0), (60, 0)], weight="greedy")
     assert net.router.path(0, 3) == [0, 2, 3]
     assert net.router.path(0, 1) == [0, 2, 1]
@@ -205,7 +205,7 @@ def test_every_hop_of_a_greedy_path_is_usable_alive_and_nearer(link):
 
 
 def test_a_link_that_loses_packets_is_avoided_where_a_good_one_costs_less():
-    """Expected joules are a bit's over the chance that it arrives, so the same metres cost more over a bad link."""
+    """The expected energy of a bit is divided by its probability of arrival: a bad link costs more per metre."""
     net = Routes(uniform(9, 80, 220.0), LogNormal())
     graph = net.everything()
     bad = [(a, b) for a, b in graph.edges if net.topology.probability(a, b) < 0.9]
@@ -214,8 +214,8 @@ def test_a_link_that_loses_packets_is_avoided_where_a_good_one_costs_less():
     assert sum(net.topology.probability(*hop) > 0.99 for hop in used) > len(used) / 2
 
 
-def test_the_least_cost_of_a_metre_is_that_of_the_best_length_of_a_hop():
-    """First order: (e + a d²) / d is least at d = sqrt(e / a), 2 sqrt(e a); a hop over the reach is 1 / reach."""
+def test_the_least_cost_of_a_metre_belongs_to_the_best_length_of_a_hop():
+    """First order: (e + a d²) / d is least at d = sqrt(e / a), 2 sqrt(e a); with hops it is 1 / range."""
     bound = Routes([(0, 0)]).router._cost_of_a_metre()
     assert 0.99 < bound / (2.0 * np.sqrt(100e-9 * 100e-12)) <= 1.0
     assert Routes([(0, 0)], weight="hop").router._cost_of_a_metre() == pytest.approx(1 / 75.0)

@@ -1,4 +1,4 @@
-"""Who hears whom: symmetric where it must be, the same whoever asks and in whatever order."""
+"""Topology: symmetric where it must be, and independent of the order in which neighbours are found."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from wsnsim.models.links import Disk, LogNormal
 FIELD = np.random.default_rng(3).uniform(0, 200, (60, 2))
 
 
-def test_links_do_not_depend_on_who_asks_first_nor_on_asking_for_all_at_once():
+def test_links_do_not_depend_on_the_order_in_which_they_are_found():
     one, all_at_once = RadioNetwork(FIELD, link=LogNormal()).topology, RadioNetwork(FIELD, link=LogNormal()).topology
     all_at_once.find_all()
     for node in reversed(range(60)):
@@ -32,7 +32,7 @@ def test_a_disk_is_symmetric_and_a_shadowed_link_nearly_so():
     assert np.std(gaps) == pytest.approx(np.sqrt(2.0), rel=0.15), "two independent directions of 1 dB"
 
 
-def test_nodes_are_connected_where_a_packet_more_often_arrives_than_not_both_ways():
+def test_nodes_are_connected_if_a_packet_arrives_more_often_than_not_in_both_directions():
     topology = RadioNetwork(FIELD, link=LogNormal()).topology
     pairs = [(a, b) for a in range(60) for b in range(60) if a != b]
     for a, b in pairs:
@@ -47,7 +47,7 @@ def test_a_disk_that_loses_most_packets_still_connects():
     assert topology.probability(0, 1) == pytest.approx(0.1) and topology.probability(0, 2) == 0.0
 
 
-def test_an_audience_knows_where_a_node_stands_in_it():
+def test_neighbours_know_the_index_of_a_node():
     neighbours = RadioNetwork([(0, 0), (30, 0), (90, 0), (35, 0)], link=Disk(reach=40.0)).topology.neighbours(0)
     assert neighbours.id_list == [1, 3]
     assert [neighbours.index(node) for node in range(4)] == [-1, 0, -1, 1]

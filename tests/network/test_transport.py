@@ -39,17 +39,17 @@ def test_a_unicast_costs_its_distance_to_the_sender_and_its_bits_to_the_receiver
     assert 2 not in books(network.nodes), "overheard unicasts cost nothing on an ideal channel"
 
 
-def test_a_broadcast_is_paid_at_reach_and_heard_by_every_living_node_within():
+def test_a_broadcast_is_sent_with_the_power_for_the_range_and_received_by_every_living_node_within_it():
     network = ideal_network([(0, 0), (30, 0), (74, 0), (76, 0), (0, 50)])
     network.nodes.alive[4] = False
-    event, (frame,) = network.transport.broadcast([0], [parcel()], 0)
+    event, (burst,) = network.transport.broadcast([0], [parcel()], 0)
     network.env.run(until=event)
-    assert sorted(frame.received) == [1, 2]
+    assert sorted(burst.received) == [1, 2]
     assert books(network.nodes)[0][SPENT] == pytest.approx(96 * (50e-9 + 100e-12 * 75**2), rel=1e-12)
     assert network.nodes.ledger.totals[CAUSE["rx"]] == pytest.approx(2 * 96 * 50e-9, rel=1e-12)
 
 
-def test_a_broadcast_is_one_event_of_the_engine():
+def test_a_broadcast_is_one_simpy_event():
     network = ideal_network([(0, 0)] + [(i, 1) for i in range(30)])
     before = network.env._eid
     next(before)
@@ -57,7 +57,7 @@ def test_a_broadcast_is_one_event_of_the_engine():
     assert next(network.env._eid) == 2
 
 
-def test_what_is_sent_to_oneself_costs_nothing_and_arrives():
+def test_a_datagram_to_its_own_source_costs_nothing_and_arrives():
     network = ideal_network([(0, 0), (10, 0)])
     (sent,) = network.carry(Datagram(0, 0, parcel(5)))
     assert sent.arrived and sent.mask.all() and books(network.nodes) == {}
@@ -80,7 +80,7 @@ def test_paths_are_the_cheapest_by_energy_or_by_hops():
             assert sum(graph[a][b]["w"] for a, b in itertools.pairwise(found)) == pytest.approx(truth)
 
 
-def test_the_dead_relay_nothing():
+def test_dead_nodes_relay_nothing():
     network = ideal_network([(0, 0), (60, 0), (60, 30), (120, 0)], weight="hop")
     network.router.path(0, 3)
     network.nodes.spend(1, CAUSE["cpu"], 10.0)
@@ -104,7 +104,7 @@ def test_packets_lost_on_a_hop_are_not_forwarded_and_hops_share_one_sequence():
     assert 0.4 < sent.mask.mean() < 0.58
 
 
-def test_a_sender_whose_charge_ends_in_mid_burst_delivers_nothing_and_has_spent_all():
+def test_a_sender_whose_battery_runs_out_during_a_burst_delivers_nothing_and_has_spent_all():
     network = ideal_network([(0, 0), (10, 0)], battery=1e-5)
     (sent,) = network.carry(Datagram(0, 1, parcel(100)))
     assert not sent.arrived

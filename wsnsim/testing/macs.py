@@ -54,17 +54,17 @@ def check_mac(mac: Mac) -> None:
     """
     for name, check in CHECKS.items():
         with demand(name):
-            check(_Cluster(mac))
+            check(_RadioCluster(mac))
     with demand("loss"):
-        _check_loss(_Cluster(mac, loss=0.3))
+        _check_loss(_RadioCluster(mac, loss=0.3))
     with demand("repeatable"):
-        first, second = _Cluster(mac), _Cluster(mac)
+        first, second = _RadioCluster(mac), _RadioCluster(mac)
         _check_contention(first)
         _check_contention(second)
         assert first.log.fingerprint() == second.log.fingerprint(), "the same seed gives other events"
 
 
-class _Cluster:
+class _RadioCluster:
     """The nodes, their radio stack with the MAC, and the event log."""
 
     def __init__(self, mac: Mac, loss: float = 0.0) -> None:
@@ -100,7 +100,7 @@ def _burst(source: int, to: int, packets: int = 1) -> Burst:
     return full_burst(source, to, Parcel("payload", packets, PACKET_BITS, "test"), -1)
 
 
-def _check_unicast(cluster: _Cluster) -> None:
+def _check_unicast(cluster: _RadioCluster) -> None:
     burst = _burst(1, HEAD, packets=3)
     cluster.send([burst])
     assert burst.mask.all() and burst.packets == 3, "the packets do not arrive though nothing disturbs them"
@@ -109,14 +109,14 @@ def _check_unicast(cluster: _Cluster) -> None:
     assert spent[1] > 0.0 and spent[HEAD] > 0.0, "sender and receiver do not pay"
 
 
-def _check_broadcast(cluster: _Cluster) -> None:
+def _check_broadcast(cluster: _RadioCluster) -> None:
     burst = _burst(HEAD, EVERYONE, packets=2)
     cluster.send([burst])
     assert set(burst.received) == set(MEMBERS), f"nodes {sorted(burst.received)} receive it, {MEMBERS} are in range"
     assert all(mask.all() for mask in burst.received.values()), "a neighbour lacks packets"
 
 
-def _check_offer(cluster: _Cluster) -> None:
+def _check_offer(cluster: _RadioCluster) -> None:
     results: list[Any] = []
     cluster.mac.offer(HEAD, PACKET_BITS, results.append)
     cluster.env.run(until=PATIENCE)
@@ -125,7 +125,7 @@ def _check_offer(cluster: _Cluster) -> None:
     assert sorted(results[0].tolist()) == list(MEMBERS), "the neighbours do not receive it"
 
 
-def _check_nothing(cluster: _Cluster) -> None:
+def _check_nothing(cluster: _RadioCluster) -> None:
     cluster.send([])
     empty = _burst(1, HEAD)
     empty.lose()
@@ -133,7 +133,7 @@ def _check_nothing(cluster: _Cluster) -> None:
     assert not empty.packets, "packets arrive that were not sent"
 
 
-def _check_contention(cluster: _Cluster) -> None:
+def _check_contention(cluster: _RadioCluster) -> None:
     for head in (HEAD, None):
         bursts = [_burst(node, HEAD, packets=2) for node in MEMBERS]
         cluster.send(bursts, head)
@@ -141,7 +141,7 @@ def _check_contention(cluster: _Cluster) -> None:
     assert any(burst.packets for burst in bursts), "nothing arrives"
 
 
-def _check_dead(cluster: _Cluster) -> None:
+def _check_dead(cluster: _RadioCluster) -> None:
     cluster.nodes.crash(2)
     cluster.mac.silence(2)
     outgoing, incoming = _burst(2, HEAD), _burst(HEAD, 2)
@@ -150,7 +150,7 @@ def _check_dead(cluster: _Cluster) -> None:
     assert 2 not in [node for _, node in cluster.events("send")], "a node that is down sends"
 
 
-def _check_silence(cluster: _Cluster) -> None:
+def _check_silence(cluster: _RadioCluster) -> None:
     crash, restart = 5e-3, 10e-3
 
     def take_down() -> None:
@@ -168,13 +168,13 @@ def _check_silence(cluster: _Cluster) -> None:
     assert burst.packets == 1, "a node does not send after a restart"
 
 
-def _check_loss(cluster: _Cluster) -> None:
+def _check_loss(cluster: _RadioCluster) -> None:
     for _ in range(20):
         cluster.send([_burst(node, HEAD, packets=4) for node in MEMBERS[:2]], HEAD)
         cluster.send([_burst(HEAD, EVERYONE, packets=4)])
 
 
-CHECKS: Final[dict[str, Callable[[_Cluster], None]]] = {
+CHECKS: Final[dict[str, Callable[[_RadioCluster], None]]] = {
     "unicast": _check_unicast,
     "broadcast": _check_broadcast,
     "offer": _check_offer,

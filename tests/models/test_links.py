@@ -1,4 +1,4 @@
-"""Links, routing, sleep and waking."""
+"""Link models, modulations and routing components."""
 
 import dataclasses
 
@@ -21,7 +21,7 @@ def powers(link, distance, number=200_000):
     return link.powers(np.full(number, distance), keys(number, 1), keys(number, 2))
 
 
-def test_a_disk_ends_at_its_reach():
+def test_a_disk_ends_at_its_range():
     disk = Disk()
     assert disk.perfect
     assert disk.audible == disk.reach
@@ -31,7 +31,7 @@ def test_a_disk_ends_at_its_reach():
     assert np.array_equal(disk.reception(heard, 232, 0.0), [1.0, 1.0, 0.0])
 
 
-def test_a_disk_loses_as_often_as_stated_and_everything_that_is_disturbed():
+def test_a_disk_loses_the_stated_share_of_frames_and_all_disturbed_ones():
     disk = Disk(loss=0.3)
     assert not disk.perfect
     assert not disk.captures
@@ -42,7 +42,7 @@ def test_a_disk_loses_as_often_as_stated_and_everything_that_is_disturbed():
 
 @pytest.mark.parametrize(("modulation", "symbols", "gain"), [("oqpsk", 16, 20.0), ("ncfsk", 2, 1.0)])
 @pytest.mark.parametrize("energy", [2.0, 6.0, 9.0])
-def test_bits_are_wrong_as_often_as_a_noncoherent_receiver_decides_wrongly(modulation, symbols, gain, energy):
+def test_the_bit_error_rate_is_that_of_a_noncoherent_receiver(modulation, symbols, gain, energy):
     """The receiver takes the largest of M envelopes: |√E + n|² against M - 1 of noise alone; M/2 / (M - 1) bits err.
 
     500,000 symbols: four standard errors of the share of wrong symbols.
@@ -115,7 +115,7 @@ def test_the_two_directions_of_a_link_share_its_shadowing():
 
 
 @pytest.mark.parametrize("interference", ["overlap", "sinr"])
-def test_nothing_is_heard_beyond_the_audible_distance_and_something_within(interference):
+def test_frames_are_heard_within_the_audible_distance_only(interference):
     link = LogNormal(interference=interference)
     assert np.all(powers(link, link.audible * 1.000001) == -np.inf)
     spread = np.linspace(link.reach, link.audible, 200_000)
@@ -124,7 +124,7 @@ def test_nothing_is_heard_beyond_the_audible_distance_and_something_within(inter
     assert heard[np.isfinite(heard)].min() >= link.floor
 
 
-def test_what_is_below_the_floor_would_neither_arrive_nor_be_sensed_nor_disturb():
+def test_a_power_below_the_floor_would_neither_arrive_nor_be_sensed_nor_interfere():
     link, capturing = LogNormal(), LogNormal(interference="sinr")
     below = np.array([link.floor - 1e-6])
     assert link.reception(below, 88, 0.0)[0] < 1e-3 <= link.reception(below + 2e-6, 88, 0.0)[0]
@@ -163,7 +163,7 @@ def test_the_stronger_of_two_frames_survives_where_frames_capture_and_neither_wh
     assert not LogNormal().captures
 
 
-def test_a_radio_that_is_dead_at_a_metre_is_a_fault():
+def test_a_power_below_the_sensitivity_at_one_metre_is_an_issue():
     parts = BeaconSetup(**dict.fromkeys(field.name for field in dataclasses.fields(BeaconSetup)))
     assert list(LogNormal().check(parts)) == []
     (issue,) = LogNormal(power=-50.0).check(parts)
@@ -171,7 +171,7 @@ def test_a_radio_that_is_dead_at_a_metre_is_a_fault():
     assert "-105 dBm at 1 m" in issue.message
 
 
-def test_parts_that_the_network_performs_name_their_mechanism():
+def test_routing_components_name_what_a_path_minimises():
     assert (MinimumEnergy().weight, MinimumHop().weight, GreedyGeographic().weight) == ("energy", "hop", "greedy")
     assert NoWakeUp().mechanism == "none"
     assert EventWake().always_listening
