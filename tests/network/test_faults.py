@@ -1,4 +1,4 @@
-"""What goes wrong at its time: whom it hits, what it does, and that it passes."""
+"""Faults: which nodes they hit, what they change, and that they pass; first alone, then in whole networks."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ from wsnsim.network.nodes import Nodes
 LINE = np.column_stack([np.arange(10.0) * 10.0, np.zeros(10)])
 
 
-class Bed:
-    """Ten nodes on a line, 10 m apart, with 2 J each, on which faults strike and nothing else happens."""
+class FaultyNodes:
+    """Ten nodes on a line, 10 m apart, with 2 J each, to which nothing happens but faults."""
 
     def __init__(self, *script: Any, key: int = 11, heads: dict[int, int] | None = None) -> None:
         self.env = simpy.Environment()
@@ -42,8 +42,8 @@ class Bed:
         FaultSchedule(script, self.site, key, 0.1).start()
         self.journal = journal
 
-    def at(self, time: float) -> Bed:
-        """The same bed, once everything of that time has happened."""
+    def at(self, time: float) -> FaultyNodes:
+        """Run until just after a time; returns itself."""
         self.env.run(until=time + 1e-6)
         return self
 
@@ -59,19 +59,19 @@ class Bed:
         return [(round(time, 6), KINDS[kind], words[what], int(node)) for time, kind, what, node in rows]
 
     def down(self) -> list[int]:
-        """Ids of who is not up."""
+        """The nodes that are not up."""
         return np.flatnonzero(~self.fleet.living).tolist()
 
 
 def test_a_crashed_node_is_down_for_the_duration_and_back_with_the_charge_it_had():
-    bed = Bed(Crash(at=1.0, duration=2.0, nodes=(3, 5)))
-    bed.fleet.spend(3, CAUSE["cpu"], 0.5)
-    assert bed.at(0.99).down() == []
-    assert bed.at(1.0).down() == [3, 5]
-    assert bed.at(2.99).down() == [3, 5]
-    assert bed.at(3.0).down() == []
-    assert bed.fleet.residual_energy(3) == 1.5 and not bed.fleet.died_at
-    assert bed.rows() == [
+    faulty = FaultyNodes(Crash(at=1.0, duration=2.0, nodes=(3, 5)))
+    faulty.fleet.spend(3, CAUSE["cpu"], 0.5)
+    assert faulty.at(0.99).down() == []
+    assert faulty.at(1.0).down() == [3, 5]
+    assert faulty.at(2.99).down() == [3, 5]
+    assert faulty.at(3.0).down() == []
+    assert faulty.fleet.residual_energy(3) == 1.5 and not faulty.fleet.died_at
+    assert faulty.rows() == [
         (1.0, "fault", "crash", 3),
         (1.0, "fault", "crash", 5),
         (1.0, "crash", "", 3),
@@ -81,109 +81,114 @@ def test_a_crashed_node_is_down_for_the_duration_and_back_with_the_charge_it_had
     ]
 
 
-def test_a_crash_without_a_duration_is_for_good_and_is_no_death():
-    bed = Bed(Crash(at=1.0, nodes=(3,))).at(1e6)
-    assert bed.down() == [3] and bed.fleet.died_at == {}
+def test_a_crash_without_a_duration_lasts_until_the_end_and_is_not_a_death():
+    faulty = FaultyNodes(Crash(at=1.0, nodes=(3,))).at(1e6)
+    assert faulty.down() == [3] and faulty.fleet.died_at == {}
 
 
-def test_what_two_crashes_have_taken_down_is_back_when_both_have_passed():
-    bed = Bed(Crash(at=1.0, duration=4.0, nodes=(1, 2)), Crash(at=2.0, duration=1.0, nodes=(2, 3)))
-    assert bed.at(2.5).down() == [1, 2, 3]
-    assert bed.at(3.5).down() == [1, 2]
-    assert bed.at(5.0).down() == []
-    assert [row[3] for row in bed.rows() if row[1] == "crash"] == [1, 2, 3]
-    assert [row[3] for row in bed.rows() if row[1] == "restart"] == [3, 1, 2]
+def test_a_node_taken_down_by_two_crashes_is_up_when_both_have_passed():
+    faulty = FaultyNodes(Crash(at=1.0, duration=4.0, nodes=(1, 2)), Crash(at=2.0, duration=1.0, nodes=(2, 3)))
+    assert faulty.at(2.5).down() == [1, 2, 3]
+    assert faulty.at(3.5).down() == [1, 2]
+    assert faulty.at(5.0).down() == []
+    assert [row[3] for row in faulty.rows() if row[1] == "crash"] == [1, 2, 3]
+    assert [row[3] for row in faulty.rows() if row[1] == "restart"] == [3, 1, 2]
 
 
 def test_a_restart_takes_a_living_node_down_and_brings_back_one_that_had_crashed_for_good():
-    bed = Bed(Crash(at=1.0, nodes=(1,)), Restart(at=2.0, duration=0.5, nodes=(1, 2)))
-    assert bed.at(2.25).down() == [1, 2]
-    assert bed.at(2.5).down() == []
-    assert [(row[0], row[1], row[3]) for row in bed.rows() if row[1] != "fault"] == [
+    faulty = FaultyNodes(Crash(at=1.0, nodes=(1,)), Restart(at=2.0, duration=0.5, nodes=(1, 2)))
+    assert faulty.at(2.25).down() == [1, 2]
+    assert faulty.at(2.5).down() == []
+    assert [(row[0], row[1], row[3]) for row in faulty.rows() if row[1] != "fault"] == [
         (1.0, "crash", 1),
         (2.0, "crash", 2),
         (2.5, "restart", 1),
         (2.5, "restart", 2),
     ]
-    assert Bed(Restart(at=1.0, nodes=(4,))).at(1.0).down() == []
+    assert FaultyNodes(Restart(at=1.0, nodes=(4,))).at(1.0).down() == []
 
 
-def test_the_dead_do_not_come_back():
-    bed = Bed(
+def test_dead_nodes_do_not_restart():
+    faulty = FaultyNodes(
         Drain(at=1.0, nodes=(1,), share=1.0), Restart(at=2.0, nodes=(1,)), Crash(at=3.0, duration=1.0, nodes=(1,))
     )
-    assert bed.at(10.0).down() == [1] and bed.fleet.died_at == {1: 1.0}
-    assert bed.fleet.ledger.joules[CAUSE["leak"], 1] == 2.0
-    assert [row[1:] for row in bed.rows()][1:] == [("fault", "restart", -1), ("fault", "crash", -1)]
+    assert faulty.at(10.0).down() == [1] and faulty.fleet.died_at == {1: 1.0}
+    assert faulty.fleet.ledger.joules[CAUSE["leak"], 1] == 2.0
+    assert [row[1:] for row in faulty.rows()][1:] == [("fault", "restart", -1), ("fault", "crash", -1)]
 
 
 def test_a_drain_takes_joules_or_a_share_of_what_is_left_and_books_them_as_a_leak():
-    bed = Bed(Drain(at=1.0, nodes=(1, 2), joules=0.5), Drain(at=2.0, nodes=(1,), share=0.5)).at(2.0)
-    assert bed.fleet.residual_energy(1) == pytest.approx(0.75, rel=1e-15) and bed.fleet.residual_energy(2) == 1.5
-    assert bed.fleet.ledger.totals[CAUSE["leak"]] == pytest.approx(1.75, rel=1e-15)
-    bed.rows()
-    assert bed.memory.table("events")["joules"].tolist() == [0.5, 0.5, 0.75]
+    faulty = FaultyNodes(Drain(at=1.0, nodes=(1, 2), joules=0.5), Drain(at=2.0, nodes=(1,), share=0.5)).at(2.0)
+    assert faulty.fleet.residual_energy(1) == pytest.approx(0.75, rel=1e-15) and faulty.fleet.residual_energy(2) == 1.5
+    assert faulty.fleet.ledger.totals[CAUSE["leak"]] == pytest.approx(1.75, rel=1e-15)
+    faulty.rows()
+    assert faulty.memory.table("events")["joules"].tolist() == [0.5, 0.5, 0.75]
 
 
-def test_a_drain_beyond_the_charge_kills_and_takes_no_more_than_there_is():
-    bed = Bed(Drain(at=1.0, nodes=(6,), joules=5.0)).at(1.0)
-    assert bed.fleet.died_at == {6: 1.0} and bed.fleet.ledger.spent[6] == 2.0 == bed.fleet.ledger.totals[CAUSE["leak"]]
+def test_a_drain_of_more_than_the_residual_energy_takes_all_of_it_and_the_node_dies():
+    faulty = FaultyNodes(Drain(at=1.0, nodes=(6,), joules=5.0)).at(1.0)
+    assert (
+        faulty.fleet.died_at == {6: 1.0}
+        and faulty.fleet.ledger.spent[6] == 2.0 == faulty.fleet.ledger.totals[CAUSE["leak"]]
+    )
 
 
 def test_a_blackout_jams_a_region_for_its_duration_and_overlapping_ones_hold_together():
-    bed = Bed(Blackout(at=1.0, duration=3.0, region=(0.0, 0.0, 20.0)), Blackout(at=2.0, duration=1.0, nodes=(2, 7)))
-    assert not bed.fleet.disturbed
-    assert np.flatnonzero(bed.at(1.5).fleet.jammed).tolist() == [0, 1, 2] and bed.fleet.disturbed
-    assert np.flatnonzero(bed.at(2.5).fleet.jammed).tolist() == [0, 1, 2, 7]
-    assert np.flatnonzero(bed.at(3.5).fleet.jammed).tolist() == [0, 1, 2]
-    assert not bed.at(4.5).fleet.jammed.any() and not bed.fleet.disturbed
-    assert bed.rows()[-1] == (4.0, "fault", "blackout_over", 2)
+    faulty = FaultyNodes(
+        Blackout(at=1.0, duration=3.0, region=(0.0, 0.0, 20.0)), Blackout(at=2.0, duration=1.0, nodes=(2, 7))
+    )
+    assert not faulty.fleet.disturbed
+    assert np.flatnonzero(faulty.at(1.5).fleet.jammed).tolist() == [0, 1, 2] and faulty.fleet.disturbed
+    assert np.flatnonzero(faulty.at(2.5).fleet.jammed).tolist() == [0, 1, 2, 7]
+    assert np.flatnonzero(faulty.at(3.5).fleet.jammed).tolist() == [0, 1, 2]
+    assert not faulty.at(4.5).fleet.jammed.any() and not faulty.fleet.disturbed
+    assert faulty.rows()[-1] == (4.0, "fault", "blackout_over", 2)
 
 
 def test_losses_of_overlapping_faults_multiply_what_arrives():
-    bed = Bed(
+    faulty = FaultyNodes(
         LinkLoss(at=1.0, duration=3.0, nodes=(4,), loss=0.5), LinkLoss(at=2.0, duration=1.0, nodes=(4,), loss=0.2)
     )
-    assert bed.at(1.5).fleet.loss.tolist() == [0.5 * (node == 4) for node in range(10)] and bed.fleet.disturbed
-    assert bed.at(2.5).fleet.loss[4] == pytest.approx(1.0 - 0.5 * 0.8, rel=1e-15)
-    assert bed.at(3.5).fleet.loss[4] == 0.5
-    assert bed.at(4.5).fleet.loss[4] == 0.0 and not bed.fleet.disturbed
+    assert faulty.at(1.5).fleet.loss.tolist() == [0.5 * (node == 4) for node in range(10)] and faulty.fleet.disturbed
+    assert faulty.at(2.5).fleet.loss[4] == pytest.approx(1.0 - 0.5 * 0.8, rel=1e-15)
+    assert faulty.at(3.5).fleet.loss[4] == 0.5
+    assert faulty.at(4.5).fleet.loss[4] == 0.0 and not faulty.fleet.disturbed
 
 
 def test_a_clock_jumps_and_jumps_back():
-    bed = Bed(ClockStep(at=1.0, duration=1.0, nodes=(2,), offset=0.3))
-    assert bed.at(1.5).clocks.error(np.arange(4), 1.5).tolist() == [0.0, 0.0, 0.3, 0.0]
-    assert bed.at(2.5).clocks.largest_error(2.5) == 0.0
+    faulty = FaultyNodes(ClockStep(at=1.0, duration=1.0, nodes=(2,), offset=0.3))
+    assert faulty.at(1.5).clocks.error(np.arange(4), 1.5).tolist() == [0.0, 0.0, 0.3, 0.0]
+    assert faulty.at(2.5).clocks.largest_error(2.5) == 0.0
 
 
-def test_sensors_are_spoilt_for_the_duration():
-    bed = Bed(Stuck(at=1.0, duration=1.0, nodes=(2,), value=7.0), Bias(at=1.5, nodes=(3,), offset=-1.0))
-    (stuck,) = bed.at(1.2).site.defects.values()
+def test_sensor_defects_last_for_the_duration():
+    faulty = FaultyNodes(Stuck(at=1.0, duration=1.0, nodes=(2,), value=7.0), Bias(at=1.5, nodes=(3,), offset=-1.0))
+    (stuck,) = faulty.at(1.2).site.defects.values()
     assert stuck.stuck and stuck.value == 7.0 and stuck.nodes == {2}
-    (bias,) = bed.at(2.0).site.defects.values()
+    (bias,) = faulty.at(2.0).site.defects.values()
     assert not bias.stuck and bias.offset == -1.0 and bias.nodes == {3}
 
 
-def test_a_share_of_all_nodes_is_exact_and_a_function_of_the_stream_and_the_faults_number_alone():
-    first, again = Bed(Crash(at=1.0, fraction=0.3)).at(1.0), Bed(Crash(at=1.0, fraction=0.3)).at(1.0)
+def test_a_share_of_all_nodes_is_exact_and_depends_on_the_key_and_the_number_of_the_fault_alone():
+    first, again = FaultyNodes(Crash(at=1.0, fraction=0.3)).at(1.0), FaultyNodes(Crash(at=1.0, fraction=0.3)).at(1.0)
     assert len(first.down()) == 3 and first.down() == again.down()
-    assert Bed(Crash(at=1.0, fraction=1.0)).at(1.0).down() == list(range(10))
+    assert FaultyNodes(Crash(at=1.0, fraction=1.0)).at(1.0).down() == list(range(10))
     hits = np.zeros(10)
     for key in range(2000):
-        hits[Bed(Crash(at=0.0, fraction=0.3), key=key).down()] += 1
+        hits[FaultyNodes(Crash(at=0.0, fraction=0.3), key=key).down()] += 1
     # Each node is hit in 3 of 10 runs: five standard errors of 2000 draws.
     assert np.abs(hits / 2000 - 0.3).max() < 5 * (0.21 / 2000) ** 0.5
-    second = Bed(Blackout(at=0.0, fraction=0.3), Crash(at=1.0, fraction=0.3))
+    second = FaultyNodes(Blackout(at=0.0, fraction=0.3), Crash(at=1.0, fraction=0.3))
     assert np.flatnonzero(second.fleet.jammed).tolist() == first.down()
 
 
-def test_the_head_is_whoever_leads_at_that_instant():
-    bed = Bed(Crash(at=1.0, head=1), Crash(at=2.0, head=1), heads={0: 4, 1: 5})
-    assert bed.at(1.0).down() == [5]
-    bed.heads[1] = 8
-    assert bed.at(2.0).down() == [5, 8]
-    bed.rows()
-    assert set(bed.memory.table("events")["target"].tolist()) == {1}
+def test_a_fault_aimed_at_a_head_hits_the_cluster_head_of_that_instant():
+    faulty = FaultyNodes(Crash(at=1.0, head=1), Crash(at=2.0, head=1), heads={0: 4, 1: 5})
+    assert faulty.at(1.0).down() == [5]
+    faulty.heads[1] = 8
+    assert faulty.at(2.0).down() == [5, 8]
+    faulty.rows()
+    assert set(faulty.memory.table("events")["target"].tolist()) == {1}
 
 
 @pytest.mark.parametrize(
@@ -195,23 +200,23 @@ def test_the_head_is_whoever_leads_at_that_instant():
         LinkLoss(at=1.0, duration=1.0, head=0, loss=0.5),
     ],
 )
-def test_a_fault_that_hits_nobody_says_so_once_and_changes_nothing(fault):
-    bed = Bed(fault).at(5.0)
-    assert bed.rows() == [(1.0, "fault", fault.mechanism, -1)]
-    assert bed.down() == [] and not bed.fleet.disturbed and not bed.fleet.ledger.spent.any()
+def test_a_fault_that_hits_no_node_is_logged_once_and_changes_nothing(fault):
+    faulty = FaultyNodes(fault).at(5.0)
+    assert faulty.rows() == [(1.0, "fault", fault.mechanism, -1)]
+    assert faulty.down() == [] and not faulty.fleet.disturbed and not faulty.fleet.ledger.spent.any()
 
 
-def test_a_fault_at_a_steps_time_strikes_before_the_step_however_the_time_was_written():
+def test_a_fault_at_the_time_of_a_step_begins_before_the_step_in_spite_of_rounding():
     seen = []
-    bed = Bed(Crash(at=0.3 + 1e-12, nodes=(1,)), Crash(at=0.7 + 1e-13, nodes=(2,)))
+    faulty = FaultyNodes(Crash(at=0.3 + 1e-12, nodes=(1,)), Crash(at=0.7 + 1e-13, nodes=(2,)))
 
     def clock():
         for step in range(10):
-            seen.append(bed.down())
-            yield bed.env.timeout((step + 1) * 0.1 - bed.env.now)
+            seen.append(faulty.down())
+            yield faulty.env.timeout((step + 1) * 0.1 - faulty.env.now)
 
-    bed.env.process(clock())
-    bed.at(0.85)
+    faulty.env.process(clock())
+    faulty.at(0.85)
     assert [len(down) for down in seen] == [0, 0, 0, 1, 1, 1, 1, 2, 2]
 
 
@@ -220,7 +225,7 @@ def test_a_mechanism_that_the_network_does_not_know_is_refused():
         mechanism = "meteor"
 
     with pytest.raises(RunError, match=r"meteor.*known: crash"):
-        Bed(Meteor(at=1.0, nodes=(1,)))
+        FaultyNodes(Meteor(at=1.0, nodes=(1,)))
 
 
 # Whole networks.
@@ -491,15 +496,15 @@ def test_a_fault_at_the_beginning_of_a_step_is_of_that_step_and_a_tiny_one_passe
     assert (10, 0.4) in rows and (15, 0.6) in rows and all(step == round(time / DT) for step, time in rows)
 
 
-def test_faults_that_overlap_hold_together_and_thousands_cost_what_they_hit():
+def test_thousands_of_overlapping_faults_combine():
     script = [Blackout(at=0.1 + 0.0001 * i, duration=0.5, nodes=(3,)) for i in range(3000)]
     lossy = [
         LinkLoss(at=0.1, duration=0.2, nodes=(4, 5), loss=0.5),
         LinkLoss(at=0.15, duration=0.5, nodes=(5,), loss=0.5),
     ]
-    bed = Bed(*script, *lossy).at(0.2)
-    assert bed.fleet.jammed[3] and bed.fleet.loss[4:6].tolist() == [0.5, 0.75]
-    bed.at(0.4)
-    assert bed.fleet.loss[4:6].tolist() == [0.0, 0.5]
-    bed.at(0.95)
-    assert not bed.fleet.jammed.any() and not bed.fleet.loss.any() and not bed.fleet.disturbed
+    faulty = FaultyNodes(*script, *lossy).at(0.2)
+    assert faulty.fleet.jammed[3] and faulty.fleet.loss[4:6].tolist() == [0.5, 0.75]
+    faulty.at(0.4)
+    assert faulty.fleet.loss[4:6].tolist() == [0.0, 0.5]
+    faulty.at(0.95)
+    assert not faulty.fleet.jammed.any() and not faulty.fleet.loss.any() and not faulty.fleet.disturbed

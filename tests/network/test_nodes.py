@@ -1,3 +1,5 @@
+"""What nodes spend and have left, without background consumption."""
+
 import numpy as np
 import pytest
 from hypothesis import example, given
@@ -10,7 +12,7 @@ from wsnsim.network.nodes import Nodes
 from wsnsim.network.radio.topology import Topology
 
 
-def fleet(battery: float = 1.0, count: int = 5) -> Nodes:
+def nodes_in_a_line(battery: float = 1.0, count: int = 5) -> Nodes:
     positions = np.column_stack([np.arange(count) * 10.0, np.zeros(count)])
     return Nodes(positions, np.ones((count, 1)), battery, 15.0)
 
@@ -18,7 +20,7 @@ def fleet(battery: float = 1.0, count: int = 5) -> Nodes:
 @given(st.lists(st.tuples(st.integers(0, 4), st.integers(0, 8), st.floats(0, 0.4)), max_size=60))
 @example([(0, 0, 1 / 3)] * 3)  # 1 - 2/3 is more than 1/3, and yet the sum is 1
 def test_the_sum_over_causes_is_what_a_node_spent_and_never_more_than_its_battery(charges):
-    nodes = fleet()
+    nodes = nodes_in_a_line()
     for node, cause, joules in charges:
         if nodes.alive[node]:
             nodes.spend(node, cause, joules)
@@ -31,9 +33,9 @@ def test_the_sum_over_causes_is_what_a_node_spent_and_never_more_than_its_batter
     )
 
 
-def test_a_charge_that_does_not_suffice_is_paid_in_part_and_kills():
+def test_a_cost_above_the_residual_energy_is_paid_in_part_and_the_node_dies():
     died = []
-    nodes = fleet(battery=1.0)
+    nodes = nodes_in_a_line(battery=1.0)
     nodes.on_death = died.append
     assert nodes.spend(2, CAUSES.index("cpu"), 0.75) == 0.75
     assert nodes.spend_transmit(2, 0.3, 0.2, bits=7) == 3, "half of seven bits, whole ones only"
@@ -47,8 +49,8 @@ def test_a_charge_that_does_not_suffice_is_paid_in_part_and_kills():
     assert died == [2, 1]
 
 
-def test_reading_energy_changes_nothing_and_opens_no_book():
-    nodes = fleet()
+def test_reading_energy_changes_nothing_in_the_ledger():
+    nodes = nodes_in_a_line()
     assert nodes.residual_energy(3) == 1.0
     assert nodes.able(0.5).all()
     assert nodes.residual_energies().tolist() == [1.0] * 5
@@ -56,6 +58,6 @@ def test_reading_energy_changes_nothing_and_opens_no_book():
 
 
 def test_neighbours_are_those_within_reach_without_oneself():
-    wiring = Topology(fleet(), Disk(reach=15.0), 1, 96)
+    wiring = Topology(nodes_in_a_line(), Disk(reach=15.0), 1, 96)
     assert wiring.neighbours(0).id_list == [1]
     assert wiring.neighbours(2).id_list == [1, 3]

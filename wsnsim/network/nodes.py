@@ -155,7 +155,8 @@ class Nodes:
             self._die(node, ((cause, left),))
             return float(left)
         self.ledger.book(node, cause, joules)
-        self._watch(node)
+        if self.battery - self._spent[node] <= self._reserve:
+            self._watch(node)
         return joules
 
     def spend_transmit(self, node: int, electronics: float, amplifier: float, bits: int, seconds: float = 0.0) -> int:
@@ -177,7 +178,8 @@ class Nodes:
             self._die(node, ((ELECTRONICS, electronics * share), (AMPLIFIER, amplifier * share)))
             return paid
         self.ledger.book_transmission(node, electronics, amplifier)
-        self._watch(node)
+        if self.battery - self._spent[node] <= self._reserve:
+            self._watch(node)
         return bits
 
     def spend_receive(self, node: int, joules: float, bits: int, cause: int = RECEIVE, seconds: float = 0.0) -> int:
@@ -194,7 +196,8 @@ class Nodes:
             self._die(node, ((cause, joules * paid / bits),))
             return paid
         self.ledger.book(node, cause, joules)
-        self._watch(node)
+        if self.battery - self._spent[node] <= self._reserve:
+            self._watch(node)
         return bits
 
     def can_all_receive(self, nodes: Ints, listed: list[int], joules: float) -> bool:
@@ -253,9 +256,7 @@ class Nodes:
 
     def _watch(self, node: int) -> None:
         """Set a timer for a node that may run out before the end."""
-        left = self.battery - self._spent[node]
-        if left <= self._reserve:
-            self.consumption.watch(node, left)
+        self.consumption.watch(node, self.battery - self._spent[node])
 
     def _check(self, node: int) -> None:
         """The timer of a node, or of EVERYBODY, has fired: the node is dead, or gets its next timer."""

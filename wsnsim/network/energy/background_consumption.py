@@ -260,6 +260,8 @@ class BackgroundConsumption(Consumption):
 
     def watch(self, node: int, left: float) -> None:
         """Set a timer for a node with `left` joules, if it may run out before the end."""
+        if left > self.most:
+            return
         power, now = self._power_of(node), self._env.now
         if self._mode[node] == SCHEDULED:
             self._watch_schedule(node, left)

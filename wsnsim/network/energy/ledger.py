@@ -43,14 +43,18 @@ class EnergyLedger:
     def book(self, node: int, cause: int, joules: float) -> None:
         """Book joules on one node and cause."""
         self._by_cause[cause][node] += joules
-        self._add(node, joules)
+        spent = self.spent_by[node] = self.spent_by[node] + joules
+        if spent > self.ceiling:
+            self.ceiling = spent
         self.totals[cause] += joules
 
     def book_transmission(self, node: int, electronics: float, amplifier: float) -> None:
         """Book a transmission on its two causes."""
         self._by_cause[ELECTRONICS][node] += electronics
         self._by_cause[AMPLIFIER][node] += amplifier
-        self._add(node, electronics + amplifier)
+        spent = self.spent_by[node] = self.spent_by[node] + (electronics + amplifier)
+        if spent > self.ceiling:
+            self.ceiling = spent
         self.totals[ELECTRONICS] += electronics
         self.totals[AMPLIFIER] += amplifier
 
@@ -59,7 +63,9 @@ class EnergyLedger:
         for cause, joules in charges:
             self._by_cause[cause][node] += joules
             self.totals[cause] += joules
-        self._add(node, sum(joules for _, joules in charges))
+        spent = self.spent_by[node] = self.spent_by[node] + sum(joules for _, joules in charges)
+        if spent > self.ceiling:
+            self.ceiling = spent
 
     def book_last(self, node: int, charges: Charges, battery: float) -> float:
         """Book the last charges of a node, and what then remains in its battery as idle; returns the latter."""
@@ -103,9 +109,3 @@ class EnergyLedger:
             spent = self.spent_by
             return not [node for node in listed if spent[node] >= joules]
         return bool((self.spent[nodes] < joules).all())
-
-    def _add(self, node: int, joules: float) -> None:
-        spent = self.spent_by[node] + joules
-        self.spent_by[node] = spent
-        if spent > self.ceiling:
-            self.ceiling = spent
