@@ -281,15 +281,15 @@ def test_plot_draws_what_is_asked_for_where_it_is_asked_for(result: Path, capsys
 @pytest.mark.parametrize(
     ("arguments", "code", "message"),
     [
-        (["--column", "vxx"], 2, "R: there is no state column 'vxx' (did you mean 'vx'?)"),
-        (["--replicate", "2"], 2, "R: there is no replicate 2 in table truth; it has 0, 1"),
-        (["--what", "track", "--target", "1"], 2, "R: there is no target 1 in table truth; it has 0"),
+        (["--column", "vxx"], 2, "R: no state column 'vxx' (did you mean 'vx'?)"),
+        (["--replicate", "2"], 2, "R: table truth has no replicate 2; it has 0, 1"),
+        (["--what", "track", "--target", "1"], 2, "R: table truth has no target 1; it has 0"),
         (["--what", "energy", "--column", "px"], 2,
          "--column cannot be combined with --what energy; it can with all, states, particles"),
-        (["--out", "x.jpg"], 2, "x.jpg: a picture cannot have the suffix '.jpg' (did you mean '.png'?)"),
+        (["--out", "x.jpg"], 2, "x.jpg: a figure cannot have the suffix '.jpg' (did you mean '.png'?)"),
         (["--out", "nowhere/x.png"], 2, "--out nowhere/x.png: folder does not exist: nowhere"),
         (["--what", "particles"], 1,
-         "R: cannot draw particles: table particles was not recorded; run the scenario with record.particles=true"),
+         "R: cannot plot particles: table particles was not recorded; run the scenario with record.particles=true"),
         (["--what", "tracks"], 2, "Invalid value for '--what': 'tracks' is not one of 'all', 'track', 'states', "
          "'error', 'energy', 'particles'. (see 'wsnsim plot --help')"),
     ],

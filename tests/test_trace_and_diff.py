@@ -87,7 +87,7 @@ def test_a_result_without_a_network_is_told_too(results, capsys) -> None:
 
 def test_the_same_run_twice_is_the_same(results, capsys) -> None:
     assert main(["diff", str(results["one"]), str(results["again"])]) == 0
-    assert "are the same, to the last bit" in capsys.readouterr().out
+    assert "are equal bit for bit" in capsys.readouterr().out
 
 
 def test_runs_over_other_links_part_on_the_same_truth_and_network(results, capsys) -> None:

@@ -56,9 +56,9 @@ def test_the_chance_of_a_link_is_what_comes_over_it_where_nothing_disturbs(tmp_p
 
 def test_the_words_add_up_and_a_perfect_air_has_no_links_to_tell_of(tmp_path):
     said = rows(played(tmp_path))
-    assert int(said["beacons sent"]) in (119, 120) and "% of" in said["links found"]
+    assert int(said["beacons sent"]) in (119, 120) and "% of" in said["links with a reception"]
     ideal = rows(played(tmp_path, mac={"kind": "ideal"}))
-    assert "links found" not in ideal and ideal["delivered"].endswith("(100.00 %)")
+    assert "links with a reception" not in ideal and ideal["packet delivery ratio"] == "100.00%"
     assert "-0" not in beaconing.text(played(tmp_path, 3))
 
 
@@ -67,4 +67,4 @@ def test_the_command_prints_it_and_gives_json_without_nan(tmp_path):
     answer = CliRunner().invoke(group, [*command, str(tmp_path / "x.h5"), "--set", "record.links=false", "--json"])
     figures = json.loads(answer.stdout)
     assert answer.exit_code == 0 and figures["found_share"] is None and figures["frames_sent"] in (59, 60)
-    assert "receptions in range" in CliRunner().invoke(group, [*command, str(tmp_path / "x.h5")]).stdout
+    assert "intended receptions" in CliRunner().invoke(group, [*command, str(tmp_path / "x.h5")]).stdout

@@ -62,7 +62,7 @@ def test_equal_results_are_the_same_and_nan_equals_nan(made):
     found = differ(made("a", nan), made("b", nan))
     assert found.same
     assert [one.tables for one in found.replicates] == [dict.fromkeys(TABLES, True)] * 2
-    assert "are the same, to the last bit" in text(found)
+    assert "are equal bit for bit" in text(found)
 
 
 def test_the_last_bit_counts(made):
@@ -73,7 +73,7 @@ def test_the_last_bit_counts(made):
     found = differ(made("a"), made("b", nudge))
     assert not found.same
     assert [one.truth for one in found.replicates] == [False, True]
-    assert text(found).splitlines()[0].endswith("part")
+    assert text(found).splitlines()[0].endswith("differ")
 
 
 @pytest.mark.parametrize("block", [4, 40, 1 << 22])
@@ -91,7 +91,7 @@ def test_events_part_at_the_first_that_differs_whatever_the_blocks(made, monkeyp
     number, one, other = second.event
     assert number == row
     assert other[2].startswith("node 777: ") and one[2].partition(": ")[2] == other[2].partition(": ")[2]
-    assert one[:2] == other[:2] and text(found).count(f"events part at the {row + 1}. of the replicate") == 1
+    assert one[:2] == other[:2] and text(found).count(f"first differing event: number {row + 1} of the run") == 1
 
 
 def test_events_that_end_early_part_at_their_end(made):
@@ -124,7 +124,7 @@ def test_an_estimate_that_one_did_not_issue_is_said_so(made):
         for name in ("px", "py", "error"):
             tables["estimates", 0][name][5] = NAN
 
-    assert "estimates part at step 2 of target 2: B issued none" in text(differ(made("a"), made("b", skip)))
+    assert "first differing estimate: step 2 of target 2: B issued none" in text(differ(made("a"), made("b", skip)))
 
 
 def test_truth_and_network_say_whether_the_comparison_is_fair(made):
@@ -132,7 +132,7 @@ def test_truth_and_network_say_whether_the_comparison_is_fair(made):
     assert [(one.truth, one.network) for one in found.replicates] == [(True, False), (True, True)]
     spent = differ(made("a"), made("c", put("nodes", 0, "energy_left", 2, 1.0)))
     assert spent.replicates[0].network and not spent.same
-    assert "the same truth, ANOTHER network" in text(found)
+    assert "same ground truth, DIFFERENT network" in text(found)
 
 
 def test_settings_that_differ_have_dotted_paths_and_both_values(made):

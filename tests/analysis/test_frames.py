@@ -108,7 +108,7 @@ def test_a_file_whose_name_looks_like_a_pattern_is_a_file(write, rows_of):
     ("name", "table", "columns", "sentence"),
     [
         ("y.h5", "truth", None, "no such file"),
-        ("y*.h5", "truth", None, "no file has such a name"),
+        ("y*.h5", "truth", None, "no file matches"),
         ("x.h5", "estimate", None, "did you mean 'estimates'?"),
         ("*.h5", "truth", ["pxx"], "did you mean 'px'?"),
     ],

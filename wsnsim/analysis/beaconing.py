@@ -1,4 +1,4 @@
-"""A network without a target in figures: what share of the beacons arrived, what became of the others, who found whom.
+"""The summary of a run with the beacon workload: receptions, losses, links and energy.
 
 text(report) -> str        as_json(report) -> dict
 """
@@ -11,21 +11,23 @@ from typing import Any
 
 import numpy as np
 
+from wsnsim.analysis.phrases import counted
+from wsnsim.analysis.quantities import QUANTITIES
 from wsnsim.experiment import Report
 from wsnsim.recording import read_table
 
 SCHEMA_VERSION = 1
 NAN = float("nan")
 NEIGHBOUR = 0.5
-"""Chance of a beacon from which a link counts as in range."""
+"""Reception probability from which on a link counts as in range."""
 
 
 def as_json(report: Report) -> dict[str, Any]:
-    """The summary as one object: SI units, means over the replicates, NaN where a figure does not exist.
+    """The summary as one object: SI units, means over the runs, NaN for a quantity that does not exist.
 
-    Receptions in range are those over links on which a beacon, undisturbed, more often arrives than not; what comes
-    over weaker ones is `over_weak_links`. `links` counts the former, `found_share` is of them those over which a beacon
-    arrived. These are NaN if the table `links` was not recorded.
+    A link is in range if an undisturbed beacon arrives with a probability of at least 0.5. `links` counts these,
+    `found_share` is the share of them on which a beacon arrived, and `over_weak_links` counts the receptions over other
+    links; they are NaN if the table `links` was not recorded. `delivered_share` is the packet delivery ratio.
     """
     runs = [summary.run for summary in report.summaries]
     causes = sorted({cause for summary in report.summaries for cause in summary.joules})
@@ -53,27 +55,27 @@ def as_json(report: Report) -> dict[str, Any]:
 def text(report: Report) -> str:
     """The summary as lines for a terminal."""
     figures = as_json(report)
-    plural = "" if figures["replicates"] == 1 else "s"
+    runs = counted(figures["replicates"], "Monte Carlo run")
     heading = (
-        f"{figures['name']}: {figures['replicates']} replicate{plural} of {figures['duration']:g} s of beacons, "
-        f"seed {figures['seed']} → {figures['file']}"
+        f"{figures['name']}: {runs} of {figures['duration']:g} s of beacons, seed {figures['seed']} → {figures['file']}"
     )
     rows = [*_air_rows(figures), *_link_rows(figures), *_energy_rows(figures)]
     widths = [max(len(row[i]) for row in rows) for i in range(2)]
     lines = [f"  {name:<{widths[0]}}  {value:>{widths[1]}}" for name, value in rows]
-    cpu = figures["cpu_seconds"] / figures["replicates"]
-    took = f"  took {figures['wall_seconds']:.1f} s, {cpu:.2f} s of CPU a replicate"
+    cpu = QUANTITIES["cpu_seconds"]
+    per_run = cpu.text(figures["cpu_seconds"] / figures["replicates"], "")
+    took = f"  took {figures['wall_seconds']:.1f} s; {cpu.name} {per_run}"
     return "\n".join([heading, *lines, took])
 
 
 COUNTED = (
     "frames_sent", "in_range", "delivered", "collided", "access_failures", "alive",
 )  # fmt: skip
-"""Which columns of `runs` are counts that can be averaged."""
+"""The columns of `runs` whose mean is shown."""
 
 
 def _links(report: Report) -> dict[str, float]:
-    """How many neighbours a sender has, over how many of its links a beacon arrived, and what came over weaker ones."""
+    """Links in range, neighbours of a node, share of links with a reception, and receptions over other links."""
     unknown = {"links": NAN, "neighbours": NAN, "found_share": NAN, "over_weak_links": NAN}
     if not dict(report.scenario.record).get("links"):
         return unknown
@@ -91,20 +93,20 @@ def _links(report: Report) -> dict[str, float]:
 
 
 def _air_rows(figures: Mapping[str, Any]) -> list[tuple[str, str]]:
+    ratio = QUANTITIES["packet_delivery_ratio"]
     others = round(figures["in_range"] - figures["delivered"] - figures["collided"])
-    delivered, collided = (
-        f"{figures[name]:,.0f} ({100 * figures[f'{name}_share']:.2f} %)" for name in ("delivered", "collided")
-    )
     rows = [
         ("beacons sent", f"{figures['frames_sent']:,.0f}"),
-        ("beacons that never got the channel", f"{figures['access_failures']:,.0f}"),
-        ("receptions in range", f"{figures['in_range']:,.0f}"),
-        ("  delivered", delivered),
-        ("  lost to collisions, jamming, or sending", collided),
-        ("  lost to fading, or to death", f"{others:,}"),
+        *(
+            (QUANTITIES[name].name, QUANTITIES[name].text(figures[name], ""))
+            for name in ("access_failures", "in_range", "delivered")
+        ),
+        (ratio.name, ratio.text(figures["delivered_share"], "")),
+        (QUANTITIES["collided"].name, f"{figures['collided']:,.0f} ({ratio.text(figures['collided_share'], '')})"),
+        ("receptions lost to fading, or by a dead node", f"{others:,}"),
     ]
     if figures["over_weak_links"] > 0:
-        rows.append(("received over weaker links besides", f"{figures['over_weak_links']:,.0f}"))
+        rows.append(("receptions over links out of range", f"{figures['over_weak_links']:,.0f}"))
     return rows
 
 
@@ -113,11 +115,12 @@ def _link_rows(figures: Mapping[str, Any]) -> list[tuple[str, str]]:
         return []
     return [
         ("neighbours of a node, mean", f"{figures['neighbours']:.2f}"),
-        ("links found", f"{100 * figures['found_share']:.2f} % of {figures['links']:,.0f}"),
+        ("links with a reception", f"{figures['found_share']:.2%} of {figures['links']:,.0f}"),
     ]
 
 
 def _energy_rows(figures: Mapping[str, Any]) -> list[tuple[str, str]]:
-    rows = [("energy of the network", f"{figures['energy']:.4f} J")]
-    rows += [(f"  {cause.replace('_', ' ')}", f"{joules:.4f} J") for cause, joules in figures["joules"].items()]
-    return [*rows, ("nodes alive at the end", f"{figures['alive']:.4g}")]
+    energy, alive = QUANTITIES["energy"], QUANTITIES["alive"]
+    rows = [(energy.name, energy.text(figures["energy"], ""))]
+    rows += [(f"  {cause.replace('_', ' ')}", energy.text(joules, "")) for cause, joules in figures["joules"].items()]
+    return [*rows, (alive.name, alive.text(figures["alive"], ""))]

@@ -24,15 +24,15 @@ def read_file(path: str | Path, table: str, columns: Sequence[str] | None = None
 
 
 def stacked(files: Sequence[Path], frames: Sequence[pd.DataFrame], table: str) -> pd.DataFrame:
-    """Frames of one table, one below the other. Raises ResultError if they have not the same columns."""
+    """The rows of several files in one frame. Raises ResultError if their columns differ."""
     for file, frame in zip(files, frames, strict=True):
         if list(frame) != list(frames[0]):
-            raise ResultError(f"{file}: table {table} has other columns than in {files[0]}; say which ones to read")
+            raise ResultError(f"{file}: table {table} has other columns than in {files[0]}; name the columns to read")
     return pd.DataFrame({name: _joined([frame[name] for frame in frames]) for name in frames[0]})
 
 
 def _series(values: np.ndarray, words: tuple[str, ...]) -> Any:
-    """The column, codes as words. A code that the file gives no word for is 'unknown_' and its number."""
+    """The column, with codes as words. A code without a word is 'unknown_' and its number."""
     if not words:
         return values
     unknown = range(len(words), int(values.max(initial=0)) + 1)
@@ -40,7 +40,7 @@ def _series(values: np.ndarray, words: tuple[str, ...]) -> Any:
 
 
 def _joined(pieces: list[pd.Series]) -> Any:
-    """One column below the other. Categories that grew in different orders are brought together by their words.
+    """Concatenated columns. Categories with different codes are united by their words.
 
     A file without rows of a table may have no categories for it.
     """

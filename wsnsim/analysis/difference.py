@@ -1,11 +1,10 @@
-"""Where two results part: in what they were told, in what happened first, and in what came out.
+"""The differences between two results: settings, the first differing event and estimate, and the run totals.
 
 differ(a, b) -> ResultDifference;   as_json(difference)
 """
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -16,26 +15,31 @@ import numpy as np
 import wsnsim.recording as recording
 from wsnsim.analysis.event_groups import BLOCK, layout_or_empty, ranges, rows_in
 from wsnsim.analysis.phrases import row_in_words
-from wsnsim.base.errors import ResultError
+from wsnsim.analysis.plot_data import stored_json
 
 OF_THE_DAY: Final = ("start", "end")
-"""What of the provenance differs between any two runs."""
-UNTOLD: Final = {"runs": ("cpu_seconds",)}
-"""Columns that say nothing of what was simulated."""
+"""Provenance entries that differ between any two runs."""
+NOT_COMPARED: Final = {"runs": ("cpu_seconds",)}
+"""Columns that do not depend on the simulation alone."""
 OF_NETWORK: Final = ("node", "x", "y", "gain", "energy_initial")
-"""Columns of `nodes` that are fixed before a run starts."""
+"""Columns of `nodes` that are constant in a run."""
 ABSENT: Final = "(absent)"
 Pair = tuple[Any, Any]
 
 
 @dataclass(frozen=True)
 class ReplicateDifference:
-    """How one replicate of two results compares.
+    """The differences in one run.
 
-    `tables`: {name: whether it is equal, to the last bit}. `truth`, `network`: whether both chased the same target with
-    the same nodes; None where that was not recorded. `event`: (row within the replicate, in A, in B) of the first event
-    that differs, an event as (time, step, words), None where one has no more. `estimate`: target and step of the first
-    that differs, `apart` in the position's unit, and the columns that differ. `figures`: {column of runs: (A, B)}.
+    Attributes:
+        replicate: number of the run.
+        tables: {name: whether the table is equal bit for bit}.
+        truth: whether the ground-truth trajectories are equal; None if not recorded.
+        network: whether the nodes are equal; None if not recorded.
+        event: (row within the run, in A, in B) of the first differing event, each as (time, step, words), or None after
+            the last event.
+        estimate: the first differing estimate: step and target, `apart` in the position's unit, differing columns.
+        figures: {column of runs: (A, B)}.
     """
 
     replicate: int
@@ -49,10 +53,16 @@ class ReplicateDifference:
 
 @dataclass(frozen=True)
 class ResultDifference:
-    """Where two results part; `same`: both hold the same tables, equal to the last bit (NaN equals NaN).
+    """The differences between two results. CPU time is not compared.
 
-    `settings` and `provenance`: {dotted path: (A, B)} of what differs. `lacking`: what only one holds, in words.
-    Processor time is not compared.
+    Attributes:
+        paths: the two files.
+        same: whether both hold the same tables, equal bit for bit (NaN equals NaN).
+        settings: {dotted key: (A, B)} of the settings that differ.
+        provenance: {dotted key: (A, B)} of the provenance entries that differ.
+        lacking: what only one of the two holds, as sentences.
+        replicates: the differences in each run that both hold.
+        unit: of the position.
     """
 
     paths: tuple[str, str]
@@ -65,7 +75,7 @@ class ResultDifference:
 
 
 def differ(a: str | Path, b: str | Path) -> ResultDifference:
-    """Compare two results. Raises ResultError where one cannot be read."""
+    """Compare two results. Raises ResultError if one cannot be read."""
     paths = (str(a), str(b))
     held = [recording.tables(path) for path in paths]
     common = [name for name in held[0] if name in held[1]]
@@ -86,7 +96,7 @@ def differ(a: str | Path, b: str | Path) -> ResultDifference:
 
 
 def as_json(found: ResultDifference) -> dict[str, Any]:
-    """The same as plain values."""
+    """The differences as plain values."""
     return asdict(found)
 
 
@@ -113,13 +123,13 @@ def _parting(
 
 
 def _first(paths: tuple[str, str], table: str, rows: tuple[slice, slice], only: Sequence[str] = ()) -> int | None:
-    """The first row, counted within the ranges, in which a column that both have differs; None if none does.
+    """The first row within the ranges in which a common column differs; None if all are equal.
 
-    Read a block at a time. Where one range ends first, it parts there.
+    Blocks of rows are read in turn. If one range is shorter, the first row after its end differs.
     """
     names = [set(recording.tables(path)[table].columns) for path in paths]
     columns = [name for name in sorted(names[0] & names[1]) if name in (only or names[0])]
-    columns = [name for name in columns if name not in UNTOLD.get(table, ())]
+    columns = [name for name in columns if name not in NOT_COMPARED.get(table, ())]
     a_path, b_path = paths
     words = {
         name: (recording.meanings(a_path, table, name), recording.meanings(b_path, table, name)) for name in columns
@@ -141,7 +151,7 @@ def _first(paths: tuple[str, str], table: str, rows: tuple[slice, slice], only: 
 
 
 def _equal(a: np.ndarray, b: np.ndarray, words: tuple[tuple[str, ...], tuple[str, ...]]) -> np.ndarray:
-    """(n,) whether values are equal to the last bit, NaN equal to NaN; categories by their words."""
+    """Whether values are equal bit for bit, (n,); NaN equals NaN, and categories are compared by their words."""
     if words[0] != words[1]:
         known: dict[str, int] = {}
         a, b = (
@@ -154,13 +164,13 @@ def _equal(a: np.ndarray, b: np.ndarray, words: tuple[tuple[str, ...], tuple[str
 
 
 def _like(paths: tuple[str, str], table: str) -> bool:
-    """Whether the two have the same columns."""
+    """Whether a table has the same columns in both."""
     one, other = (recording.tables(path)[table].columns for path in paths)
     return set(one) == set(other)
 
 
 def _event(path: str, rows: slice, at: int) -> tuple[float, int, str] | None:
-    """(time, step, words) of a row within a range; None beyond its end."""
+    """(time, step, words) of a row within a range; None after its end."""
     if rows.start + at >= rows.stop:
         return None
     (row,) = rows_in(path, slice(rows.start + at, rows.start + at + 1))
@@ -168,7 +178,7 @@ def _event(path: str, rows: slice, at: int) -> tuple[float, int, str] | None:
 
 
 def _estimate(paths: tuple[str, str], rows: tuple[slice, slice]) -> dict[str, Any] | None:
-    """The first step, of whichever target, at which the estimates differ, and how far apart they are."""
+    """The first step, of any target, at which the estimates differ, and the distance between them."""
     tables = [recording.read_table(path, "estimates", rows=one) for path, one in zip(paths, rows, strict=True)]
     common = [name for name in tables[0] if name in tables[1]]
     of_step = [
@@ -192,7 +202,7 @@ def _estimate(paths: tuple[str, str], rows: tuple[slice, slice]) -> dict[str, An
 
 
 def _figures(paths: tuple[str, str], rows: tuple[slice, slice]) -> dict[str, Pair]:
-    """What `runs` says of a replicate, side by side; what is written in words is left out."""
+    """The numeric columns of `runs`, side by side."""
     if any(one.start == one.stop for one in rows):
         return {}
     sides = [recording.read_table(path, "runs", rows=one) for path, one in zip(paths, rows, strict=True)]
@@ -202,22 +212,15 @@ def _figures(paths: tuple[str, str], rows: tuple[slice, slice]) -> dict[str, Pai
 
 
 def _differing(paths: tuple[str, str], name: str, but: Sequence[str] = ()) -> dict[str, Pair]:
-    """{dotted path: (A, B)} of what differs in a JSON text of the two."""
-    sides = [dict(_leaves(_json(path, name))) for path in paths]
+    """{dotted key: (A, B)} of what differs in a JSON text of the two."""
+    sides = [dict(_leaves(stored_json(path, name))) for path in paths]
     keys = [*sides[0], *(key for key in sides[1] if key not in sides[0])]
     pairs = {key: (sides[0].get(key, ABSENT), sides[1].get(key, ABSENT)) for key in keys if key not in but}
     return {key: pair for key, pair in pairs.items() if pair[0] != pair[1]}
 
 
-def _json(path: str, name: str) -> Any:
-    try:
-        return json.loads(recording.read_text(path, name))
-    except ResultError:
-        return {}
-
-
 def _leaves(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
-    """(dotted path, value) of all that holds no mapping."""
+    """(dotted key, value) of every value that is not a mapping."""
     if isinstance(value, dict) and value:
         for key, inner in value.items():
             yield from _leaves(inner, f"{path}.{key}" if path else str(key))
@@ -229,7 +232,7 @@ def _leaves(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def _lacking(what: str, a: Any, b: Any) -> list[str]:
-    """What only one of two holds, in words."""
+    """What only one of the two holds, as sentences."""
     blank = "" if what.endswith(".") else " "
     only_a = [f"only A holds {what}{blank}{one}" for one in a if one not in b]
     return only_a + [f"only B holds {what}{blank}{one}" for one in b if one not in a]

@@ -1,4 +1,4 @@
-"""How two results differ, as a terminal shows it.
+"""The differences between two results for a terminal.
 
 text(difference) -> the verdict first, then what differs
 """
@@ -15,8 +15,8 @@ from wsnsim.analysis.difference import ABSENT, Pair, ReplicateDifference, Result
 
 
 def text(found: ResultDifference) -> str:
-    """The difference for a terminal, the verdict first."""
-    verdict = "are the same, to the last bit" if found.same else "part"
+    """The lines for a terminal, the verdict first."""
+    verdict = "are equal bit for bit" if found.same else "differ"
     lines = [f"{found.paths[0]} (A) and {found.paths[1]} (B) {verdict}"]
     for title, pairs in (("settings", found.settings), ("provenance", found.provenance)):
         if pairs:
@@ -30,18 +30,18 @@ def text(found: ResultDifference) -> str:
 
 
 def _parting_lines(one: ReplicateDifference, unit: str) -> list[str]:
-    same = {True: "the same", False: "ANOTHER", None: "an unrecorded"}
+    same = {True: "same", False: "DIFFERENT", None: "unrecorded"}
     differing = [name for name, equal in one.tables.items() if not equal]
-    lines = ["", f"replicate {one.replicate}: {same[one.truth]} truth, {same[one.network]} network"]
+    lines = ["", f"replicate {one.replicate}: {same[one.truth]} ground truth, {same[one.network]} network"]
     if not differing:
         return [*lines, "  every table is equal"]
     lines.append(f"  tables that differ: {', '.join(differing)}")
     if one.event is not None:
         number, *sides = one.event
-        lines.append(f"  events part at the {number + 1:,}. of the replicate")
+        lines.append(f"  first differing event: number {number + 1:,} of the run")
         lines += [f"    {name}: {_event_line(side)}" for name, side in zip("AB", sides, strict=True)]
     if one.estimate is not None:
-        lines.append(f"  estimates part at step {_estimate_line(one.estimate, unit)}")
+        lines.append(f"  first differing estimate: step {_estimate_line(one.estimate, unit)}")
     return lines + _figure_lines(one.figures)
 
 
@@ -55,7 +55,7 @@ def _estimate_line(first: Mapping[str, Any], unit: str) -> str:
         return f"{where}: only {first['only_in']} has it"
     if np.isnan(first["apart"]):
         none = [name for name, error in zip("AB", first["errors"], strict=True) if np.isnan(error)]
-        said = f"{' and '.join(none)} issued none" if none else "the positions cannot be compared"
+        said = f"{' and '.join(none)} issued none" if none else "positions cannot be compared"
         return f"{where}: {said} (columns {', '.join(first['columns'])})"
     errors = " and ".join(f"{name} {error:.4g}" for name, error in zip("AB", first["errors"], strict=True))
     apart = f"{first['apart']:.4g} {unit}".rstrip()
@@ -63,7 +63,7 @@ def _estimate_line(first: Mapping[str, Any], unit: str) -> str:
 
 
 def _figure_lines(figures: Mapping[str, Pair]) -> list[str]:
-    """A table of the figures, with B - A where they differ."""
+    """A table of the columns of `runs`, with B - A where they differ."""
     rows = [("", "A", "B", "B - A")]
     for name, (a, b) in figures.items():
         equal = a == b or (a != a and b != b)

@@ -17,10 +17,15 @@ from wsnsim.base.errors import ResultError
 
 
 def read(path: str | Path, table: str, columns: Sequence[str] | None = None) -> pd.DataFrame:
-    """A table of a result file, of a campaign's folder, or of all files that a pattern such as 'results/*.h5' names.
+    """A table of a result file, of a campaign, or of all files of a pattern.
 
-    Categories come as pandas Categoricals. With a pattern there is a further column `file`. Of a campaign the rows are
-    in the order of its points and replicates, with a column for each swept parameter in front, in its own type.
+    Categories are pandas Categoricals. A pattern adds a column `file`. The rows of a campaign are in the order of its
+    points and runs, and its first columns are the swept parameters in their own types.
+
+    Args:
+        path: a result file, the folder of a campaign, or a pattern such as 'results/*.h5'.
+        table: name of the table.
+        columns: the columns to read; None for all.
 
     Raises:
         ResultError: there is no such file, table or column (the nearest name is given), or a file cannot be read.
@@ -32,7 +37,7 @@ def read(path: str | Path, table: str, columns: Sequence[str] | None = None) -> 
         return read_file(path, table, columns)
     files = sorted(Path(path.anchor).glob(str(path.relative_to(path.anchor))))
     if not files:
-        raise ResultError(f"{path}: no file has such a name")
+        raise ResultError(f"{path}: no file matches")
     frames = [read_file(file, table, columns) for file in files]
     joined = stacked(files, frames, table)
     joined["file"] = _file_column(files, frames)

@@ -12,7 +12,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -90,13 +90,19 @@ def demand(path: str | Path, what: str) -> None:
         raise ResultError(f"{path}: cannot plot {what}: {reason}")
 
 
+def stored_json(path: str | Path, name: str) -> dict[str, Any]:
+    """One of a file's JSON texts; empty if the file holds none, as after a killed run."""
+    try:
+        stored: dict[str, Any] = json.loads(recording.read_text(path, name))
+    except ResultError:
+        return {}
+    return stored
+
+
 def heading(path: str | Path) -> str:
     """The scenario's name and seed; empty if the file does not hold them."""
-    try:
-        scenario = json.loads(recording.read_text(path, "scenario/resolved_json"))
-    except ResultError:
-        return ""
-    return f"{scenario['name']}, seed {scenario['seed']}"
+    scenario = stored_json(path, "scenario/resolved_json")
+    return f"{scenario['name']}, seed {scenario['seed']}" if scenario else ""
 
 
 def layout(path: str | Path) -> StateLayout:

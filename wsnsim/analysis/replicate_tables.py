@@ -6,7 +6,6 @@ first_replicate(path) -> int        check_replicate(path, replicate)
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -17,17 +16,25 @@ import wsnsim.recording as recording
 from wsnsim.analysis import plot_data
 from wsnsim.analysis.plot_data import Columns
 from wsnsim.base.arrays import Floats
-from wsnsim.base.errors import ResultError, UsageError
+from wsnsim.base.errors import UsageError
 
 EVENTS: Final = ("step", "target", "node", "kind", "what", "frame", "peer", "joules")
 
 
 @dataclass(frozen=True)
 class ReplicateTables:
-    """The rows of one replicate; a table that the file does not hold is an empty dict.
+    """The tables of one Monte Carlo run; one that the file does not hold is an empty dict.
 
-    `dt` in s, NaN if the file does not say; `layout` None where there is no target; `words` are those of `events.what`;
-    `unrecorded` names the tables that the file was not to hold.
+    Attributes:
+        dt: length of a step in s, NaN if unknown.
+        layout: the state columns, None without a target.
+        words: the categories of `events.what`.
+        unrecorded: names of the tables that were not to be recorded.
+        truth: the ground truth.
+        guess: the estimates.
+        nodes: the nodes.
+        events: the event log.
+        cloud: the particles.
     """
 
     dt: float
@@ -42,17 +49,17 @@ class ReplicateTables:
 
     @property
     def flat(self) -> bool:
-        """Whether the position is one number: it is then drawn over time."""
+        """Whether the position has one column; it is then drawn over time."""
         return self.layout is not None and len(self.layout.position) == 1
 
     @property
     def network(self) -> bool:
-        """Whether nodes have a charge: without a network they have none."""
+        """Whether there is a network: only then, nodes have a battery."""
         return bool(self.nodes) and bool(np.isfinite(self.nodes["energy_initial"]).any())
 
     @property
     def last(self) -> int:
-        """The last step of which anything is known."""
+        """The last recorded step."""
         return max((int(t["step"].max()) for t in (self.truth, self.guess, self.events) if t), default=0)
 
     @property
@@ -62,52 +69,50 @@ class ReplicateTables:
 
     @property
     def axes(self) -> list[str]:
-        """What stands at the axes of its picture."""
+        """The labels of the two axes."""
         if self.layout is None:
             return ["x [m]", "y [m]"]
         place = self.layout.position
         return ["time [s]" if self.flat else self.layout.label(place[0]), self.layout.label(place[-1])]
 
     def places(self, table: Columns) -> tuple[Floats, Floats]:
-        """Across and up: the plane, or a position over time."""
+        """The values on the two axes: the plane, or time and position."""
         assert self.layout is not None, "a track has a motion model"
         place = self.layout.position
         return table["time"] if self.flat else table[place[0]], table[place[-1]]
 
     def missing(self) -> list[str]:
-        """What the file does not hold, as a reader of its picture should know."""
-        told = []
+        """The sentences that say what cannot be drawn because the file does not hold it."""
+        missing = []
         if not self.nodes:
-            told.append(self._none_of("nodes", "no nodes are drawn"))
+            missing.append(self._without("nodes", "no nodes are drawn"))
         elif not self.network:
-            told.append(
-                "no radio is simulated, as the scenario has no network: no frames are drawn, no energy is spent"
-            )
+            missing.append("the scenario has no network: no frames are drawn and no energy is spent")
         elif not self.events:
-            told.append(
-                self._none_of("events", "no frames in flight are drawn, nor who sleeps")
-                + "; the charge is that at the end"
+            missing.append(
+                self._without("events", "no frames and no sleeping nodes are drawn")
+                + "; the residual energy is that at the end"
             )
         if self.layout is not None:
-            told += [] if self.truth else [self._none_of("truth", "no true way is drawn")]
-            told += [] if self.guess else [self._none_of("estimates", "no estimates are drawn")]
+            missing += [] if self.truth else [self._without("truth", "no ground-truth trajectory is drawn")]
+            missing += [] if self.guess else [self._without("estimates", "no estimates are drawn")]
         if self.guess and not np.isfinite(self.guess["error"]).any():
-            told.append("no estimate was ever issued")
-        return told
+            missing.append("no estimate was issued")
+        return missing
 
-    def _none_of(self, table: str, told: str) -> str:
-        """What is not drawn, as a table was not recorded, or has no rows."""
+    def _without(self, table: str, consequence: str) -> str:
+        """A sentence that says what is not drawn because the table is missing or empty."""
         if table in self.unrecorded:
-            return f"{told}: table {table} was not recorded (record.{table}=true)"
-        return f"{told}: table {table} has no rows"
+            return f"{consequence}: table {table} was not recorded (record.{table}=true)"
+        return f"{consequence}: table {table} has no rows"
 
 
 def read_replicate(path: str | Path, replicate: int) -> ReplicateTables:
-    """What the file holds of a replicate.
+    """Read the tables of one run.
 
     Raises:
-        UsageError: the file holds others, and not this one.
-        ResultError: it cannot be read.
+        UsageError: the file does not hold this run.
+        ResultError: the file cannot be read.
     """
     root, sizes = recording.attributes(path), recording.tables(path)
     layout = plot_data.layout(path) if root["states"] else None
@@ -128,7 +133,7 @@ def read_replicate(path: str | Path, replicate: int) -> ReplicateTables:
 
 
 def first_replicate(path: str | Path) -> int:
-    """The first replicate of which the file holds rows; 0 if it holds none."""
+    """The number of the first run with rows in the file; 0 if there is none."""
     sizes = recording.tables(path)
     for table in ("runs", "truth", "estimates", "nodes"):
         if table in sizes and sizes[table].rows:
@@ -137,17 +142,16 @@ def first_replicate(path: str | Path) -> int:
 
 
 def check_replicate(path: str | Path, replicate: int) -> None:
-    """Raise UsageError where the file holds runs that ended, and not this one."""
+    """Raise UsageError if the file holds complete runs, but not this one."""
     if "runs" not in recording.tables(path):
         return
     held = recording.read_table(path, "runs", ["replicate"])["replicate"]
     if held.size and replicate not in held:
-        told = f"{held.min()} … {held.max()}" if held.size > 1 else str(held[0])
-        raise UsageError(f"{path}: there is no replicate {replicate}; it has {told}")
+        raise UsageError(f"{path}: no replicate {replicate}; it has {plot_data.number_span(np.unique(held))}")
 
 
 def _rows(path: str | Path, table: str, columns: tuple[str, ...], replicate: int, sizes: dict[str, Any]) -> Columns:
-    """A table's columns of one replicate; empty if there are no rows. Only the span of rows that holds it is read."""
+    """A table's columns of one run, empty without rows. Only the range of rows that holds the run is read."""
     if table not in sizes or not sizes[table].rows:
         return {}
     mine = np.flatnonzero(recording.read_table(path, table, ["replicate"])["replicate"] == replicate)
@@ -159,8 +163,5 @@ def _rows(path: str | Path, table: str, columns: tuple[str, ...], replicate: int
 
 
 def _step_of(path: str | Path) -> float:
-    """The seconds of a step; NaN if the file does not hold its scenario."""
-    try:
-        return float(json.loads(recording.read_text(path, "scenario/resolved_json"))["step"])
-    except (ResultError, KeyError, TypeError, ValueError):
-        return float("nan")
+    """The length of a step in s; NaN if the file does not hold its scenario."""
+    return float(plot_data.stored_json(path, "scenario/resolved_json").get("step", "nan"))

@@ -5,14 +5,13 @@ info(path) -> dict        info_text(path) -> str
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
 from wsnsim.analysis.phrases import counted
+from wsnsim.analysis.plot_data import stored_json
 from wsnsim.analysis.quantities import QUANTITIES, position_unit, read_arrays, values, worth_showing
-from wsnsim.base.errors import ResultError
-from wsnsim.recording import attributes, read_table, read_text, tables
+from wsnsim.recording import attributes, read_table, tables
 
 
 def info(path: str | Path) -> dict[str, Any]:
@@ -23,7 +22,7 @@ def info(path: str | Path) -> dict[str, Any]:
     """
     root = attributes(path)
     sizes = tables(path)
-    scenario = _json(path, "scenario/resolved_json")
+    scenario = stored_json(path, "scenario/resolved_json")
     runs = read_table(path, "runs") if "runs" in sizes else {}
     return {
         "file": str(path),
@@ -41,7 +40,7 @@ def info(path: str | Path) -> dict[str, Any]:
         "figures": values(read_arrays(path)),
         "position_unit": position_unit(path),
         "fingerprints": [f"{value:016x}" for value in runs.get("fingerprint", ())],
-        "provenance": _json(path, "provenance_json"),
+        "provenance": stored_json(path, "provenance_json"),
     }
 
 
@@ -62,15 +61,6 @@ def info_text(path: str | Path) -> str:
     if len(about["fingerprints"]) == 1:
         lines.append(f"{'fingerprint':<25}{about['fingerprints'][0]}")
     return "\n".join(lines)
-
-
-def _json(path: str | Path, name: str) -> dict[str, Any]:
-    """One of the file's JSON texts; empty if the file holds none, as a run killed early leaves it."""
-    try:
-        result: dict[str, Any] = json.loads(read_text(path, name))
-        return result
-    except ResultError:
-        return {}
 
 
 def _figure_lines(path: str | Path, unit: str) -> list[str]:
