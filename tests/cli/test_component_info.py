@@ -1,4 +1,4 @@
-"""`wsnsim info` of data sheets and scenarios, and `wsnsim list` of what scenarios can name."""
+"""`wsnsim info` of datasheets and scenarios, and `wsnsim list` of what scenarios can name."""
 
 from __future__ import annotations
 

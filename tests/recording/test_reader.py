@@ -49,12 +49,12 @@ def test_only_categories_have_meanings(result):
 @pytest.mark.parametrize(
     ("read", "sentence"),
     [
-        (lambda path: read_table(path, "thruth"), "holds no table 'thruth' (did you mean 'truth'?)"),
-        (lambda path: read_table(path, "events"), "holds no table 'events' (known: energy, estimates, truth)"),
-        (lambda path: read_table(path, "scenario"), "holds no table 'scenario'"),
+        (lambda path: read_table(path, "thruth"), "has no table 'thruth' (did you mean 'truth'?)"),
+        (lambda path: read_table(path, "events"), "has no table 'events' (known: energy, estimates, truth)"),
+        (lambda path: read_table(path, "scenario"), "has no table 'scenario'"),
         (lambda path: read_table(path, "truth", ["tme"]), "table truth has no column 'tme' (did you mean 'time'?)"),
         (lambda path: meanings(path, "energy", "cuase"), "table energy has no column 'cuase' (did you mean 'cause'?)"),
-        (lambda path: read_text(path, "provenance_json"), "holds no text 'provenance_json'"),
+        (lambda path: read_text(path, "provenance_json"), "has no text 'provenance_json'"),
         (lambda path: tables(path.with_name("pso_mhfp.h5")), "no such file, did you mean '{folder}/pso_mhpf.h5'?"),
         (lambda path: tables(path.with_name("elsewhere.h5")), "no such file"),
         (lambda path: tables(path.parent), "is a folder, not a result"),

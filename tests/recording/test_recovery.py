@@ -87,7 +87,7 @@ def tmp(tmp_path, left_behind) -> Path:
 
 def test_a_final_file_is_not_overwritten_unless_it_is_named(tmp_path, tmp):
     (tmp_path / "run.h5").write_text("precious")
-    with pytest.raises(ResultError, match="exists already"):
+    with pytest.raises(ResultError, match="exists; give another file"):
         recover(tmp)
     assert (tmp_path / "run.h5").read_text() == "precious"
     assert recover(tmp, tmp_path / "run.h5") == tmp_path / "run.h5"
@@ -117,7 +117,7 @@ def test_damaged_rows_are_never_recovered(tmp_path, tmp, column, chunk, left):
     damaged[place.byte_offset + place.size // 2] ^= 0x10
     tmp.write_bytes(damaged)
     if not left:
-        with pytest.raises(ResultError, match="no whole chunk"):
+        with pytest.raises(ResultError, match="no complete chunk"):
             recover(tmp)
         assert [path.name for path in tmp_path.iterdir()] == [tmp.name]
         return
@@ -141,14 +141,14 @@ def test_a_run_that_filled_no_chunk_left_nothing_to_recover(tmp_path, states, ro
         (tmp,) = tmp_path.iterdir()
         kept.write_bytes(tmp.read_bytes())
     (tmp_path / "run.h5").unlink()
-    with pytest.raises(ResultError, match="no whole chunk"):
+    with pytest.raises(ResultError, match="no complete chunk"):
         recover(kept)
 
 
 def test_a_finished_result_needs_no_recovery(tmp_path, states):
     with ResultFile(tmp_path / "x.h5", states, {"truth": True}):
         pass
-    with pytest.raises(ResultError, match="finished result"):
+    with pytest.raises(ResultError, match="complete result"):
         recover(tmp_path / "x.h5", tmp_path / "y.h5")
 
 
@@ -172,6 +172,6 @@ def test_the_final_name_is_read_from_the_temporary_one(tmp_path, left_behind, na
 
 def test_a_name_that_says_nothing_needs_to_be_told_where_to_write(tmp_path, left_behind):
     (tmp_path / "rescued").write_bytes(left_behind)
-    with pytest.raises(ResultError, match="is not named like"):
+    with pytest.raises(ResultError, match=r"is not named NAME\.host\.pid\.tmp"):
         recover(tmp_path / "rescued")
     assert recover(tmp_path / "rescued", tmp_path / "y.h5") == tmp_path / "y.h5"

@@ -118,13 +118,13 @@ def test_scalars_are_repeated_and_lists_are_taken(tmp_path, states):
     ("change", "sentence"),
     [
         ({"jouls": 1.0}, "has no column jouls"),
-        ({"joules": None}, "lack the column joules"),
+        ({"joules": None}, "lack column joules"),
         ({"joules": np.ones(3)}, "differ in length"),
         ({"node": 2**31}, "do not fit int32"),
         ({"node": 0.5}, "do not fit int32"),
         ({"cause": -1}, "do not fit uint8"),
         ({"replicate": float("nan")}, "do not fit uint32"),
-        ({"joules": np.ones((2, 2))}, "one dimension"),
+        ({"joules": np.ones((2, 2))}, "a vector"),
     ],
 )
 def test_rows_that_the_table_cannot_hold_are_refused_with_a_sentence(tmp_path, states, change, sentence):
@@ -135,9 +135,9 @@ def test_rows_that_the_table_cannot_hold_are_refused_with_a_sentence(tmp_path, s
 
 
 def test_a_table_that_nobody_has_heard_of_is_refused(tmp_path, states):
-    with pytest.raises(AssertionError, match="no such table"), ResultFile(tmp_path / "x.h5", states, {}) as file:
+    with pytest.raises(AssertionError, match="unknown table"), ResultFile(tmp_path / "x.h5", states, {}) as file:
         file.write("event", {})
-    with pytest.raises(AssertionError, match="no such tables"):
+    with pytest.raises(AssertionError, match="unknown tables"):
         ResultFile(tmp_path / "x.h5", states, {"event": True})
 
 
@@ -204,7 +204,7 @@ def test_texts_come_back_and_provenance_learns_when_the_run_ended(tmp_path, stat
         file.set_text("scenario/source_yaml", "name: naïve  # 5 µs\n")
         file.set_text("scenario/resolved_json", "{}")
         file.set_text("provenance_json", json.dumps({"start": "then"}))
-        with pytest.raises(AssertionError, match="no such text"):
+        with pytest.raises(AssertionError, match="unknown text"):
             file.set_text("scenario/source", "")
     assert read_text(tmp_path / "x.h5", "scenario/source_yaml") == "name: naïve  # 5 µs\n"
     assert read_text(tmp_path / "x.h5", "scenario/resolved_json") == "{}"

@@ -256,12 +256,12 @@ def _connected(address: str) -> Any:
         raise UsageError("--scheduler needs Dask: pip install 'wsnsim[cluster]'") from None
     for name in ("distributed", "distributed.client"):
         logging.getLogger(name).setLevel(logging.CRITICAL)  # its errors are reported by this engine
+    client_class: Any = distributed.Client
     found: queue.SimpleQueue[Any] = queue.SimpleQueue()
 
     def connect() -> None:
         try:
-            make_client: Any = distributed.Client
-            found.put(make_client(address, timeout=CONNECT_TIMEOUT, set_as_default=False))
+            found.put(client_class(address, timeout=CONNECT_TIMEOUT, set_as_default=False))
         except Exception as error:
             found.put(error)
 

@@ -1,11 +1,11 @@
-"""Rows become a file: HDF5, one group a table, one dataset a column. h5py lives here.
+"""Result files: HDF5 with one group per table and one dataset per column. Only this package imports h5py.
 
-with ResultFile(path, states, wanted) as file:      a base.ports.Recorder; the final name is always a complete file
+with ResultFile(path, states, wanted) as file:      # a base.ports.Recorder; a file with its final name is complete
     file.write("truth", {"replicate": 0, "target": 0, "step": steps, ...})
-read_table(path, "truth") -> {column: array}        plain NumPy; also tables, meanings, read_text, attributes
-recover(tmp) -> path                                what a killed run left
-Folder(path)                                        a campaign on disk: a manifest, and a folder of files a point
-provenance(command_line, seed, plugins) -> dict     what made a result
+read_table(path, "truth")                           # {column: array}; see also tables, read_text, attributes
+recover(tmp)                                        # the rows of a killed run
+Folder(path)                                        # a campaign on disk: a manifest, and a folder per point
+provenance(command_line, seed, plugins)             # versions, command and machine
 """
 
 from wsnsim.recording.folder import Folder, Manifest, PointOnDisk

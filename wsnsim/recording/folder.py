@@ -1,12 +1,12 @@
-"""A campaign on disk: a manifest, a folder of result files a point, and what went wrong.
+"""A campaign on disk: a manifest, a folder of result files per point, and reports of failures.
 
-    DIR/campaign.json               the manifest: keys, points, replicates; written anew, and whole, at every start
-    DIR/<point>/scenario.json       the point's scenario, every default spelt out
-    DIR/<point>/r00000-00004.h5     replicates 0 to 4 of it; a file that has its name is whole
-    DIR/failed/<task>.txt           why replicates could not be run
-    DIR/running/                    what workers leave that were killed
+    DIR/campaign.json               the manifest: keys, points, replicates; replaced as a whole at every start
+    DIR/<point>/scenario.json       the point's scenario with every default
+    DIR/<point>/r00000-00004.h5     its replicates 0 to 4; a file with this name is complete
+    DIR/failed/<task>.txt           why a task failed
+    DIR/running/                    markers of running tasks; those of killed workers stay
 
-Which replicates are done is which files exist, and nothing else.
+The existing files alone say which replicates are done.
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ MANIFEST: Final = "campaign.json"
 SCENARIO: Final = "scenario.json"
 SCHEMA_VERSION: Final = 1
 BATCH: Final = re.compile(r"r(\d{5,})-(\d{5,})\.h5")
-LEFT: Final = re.compile(r".*\.(?P<host>[^.]+)\.(?P<pid>\d+)(-\d+)?\.tmp")
+TEMPORARY: Final = re.compile(r".*\.(?P<host>[^.]+)\.(?P<pid>\d+)(-\d+)?\.tmp")
 
 
 @dataclass(frozen=True)
 class PointOnDisk:
-    """A point of the manifest: its folder's name, what sets it apart, its world, how many replicates it has at most."""
+    """A point of the manifest: its id (the folder's name), settings, world, and largest number of replicates."""
 
     id: str
     settings: Mapping[str, Any]
@@ -45,7 +45,21 @@ class PointOnDisk:
 
 @dataclass(frozen=True)
 class Manifest:
-    """What a campaign's folder is about. `by`: the keys whose values are compared; `source`: the sweep's text."""
+    """The content of campaign.json.
+
+    Attributes:
+        name: name of the campaign.
+        keys: varied keys.
+        points: points of the sweep.
+        block: replicates per task.
+        wsnsim_version: version that started the campaign.
+        by: keys whose values are compared.
+        baseline: value from which differences are taken.
+        until: the stopping rule.
+        timeout: time limit of a replicate (s).
+        source: text of the sweep.
+        provenance: versions, command and machine.
+    """
 
     name: str
     keys: tuple[str, ...]
@@ -60,12 +74,12 @@ class Manifest:
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
     def point(self, name: str) -> PointOnDisk:
-        """The point of this id."""
+        """The point with this id."""
         return next(point for point in self.points if point.id == name)
 
 
 class Batch(NamedTuple):
-    """A result file that holds replicates `first` to `last` of a point."""
+    """A result file with replicates `first` to `last` of a point."""
 
     path: Path
     first: int
@@ -74,7 +88,7 @@ class Batch(NamedTuple):
 
 @final
 class Folder:
-    """One campaign's directory. Nothing is kept in memory: whoever asks is told what is on disk."""
+    """A campaign's folder. Every answer is read from the disk; nothing is kept in memory."""
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
@@ -84,47 +98,47 @@ class Folder:
         return (self.path / MANIFEST).is_file()
 
     def holds_only_scenarios(self) -> bool:
-        """Whether there is nothing but what a campaign puts in place before its manifest."""
+        """Whether the folder holds at most scenarios, which a campaign writes before its manifest."""
         files = [place for place in self.path.rglob("*") if not place.is_dir()]
-        return all(place.name == SCENARIO or LEFT.fullmatch(place.name) for place in files)
+        return all(place.name == SCENARIO or TEMPORARY.fullmatch(place.name) for place in files)
 
     def manifest(self) -> Manifest:
-        """What the campaign is about.
+        """The manifest.
 
         Raises:
-            ResultError: there is no manifest, it is damaged, or of a newer wsnsim.
+            ResultError: there is no manifest, it is damaged, or it was written by a newer wsnsim.
         """
         place = self.path / MANIFEST
         try:
-            said = json.loads(place.read_text(encoding="utf-8"))
-            version = said.pop("schema_version")
+            content = json.loads(place.read_text(encoding="utf-8"))
+            version = content.pop("schema_version")
             if version > SCHEMA_VERSION:
-                raise ResultError(f"{place}: was written by a newer wsnsim ({said.get('wsnsim_version')})")
-            points = tuple(PointOnDisk(**point) for point in said.pop("points"))
-            keys, by = (tuple(said.pop(name, ())) for name in ("keys", "by"))
-            if min(said["block"], *(point.replicates for point in points)) < 1:
+                raise ResultError(f"{place}: was written by a newer wsnsim ({content.get('wsnsim_version')})")
+            points = tuple(PointOnDisk(**point) for point in content.pop("points"))
+            keys, by = (tuple(content.pop(name, ())) for name in ("keys", "by"))
+            if min(content["block"], *(point.replicates for point in points)) < 1:
                 raise ValueError("block and replicates are at least 1")
-            return Manifest(points=points, keys=keys, by=by, **said)
+            return Manifest(points=points, keys=keys, by=by, **content)
         except FileNotFoundError:
-            raise ResultError(f"{self.path}: holds no campaign (there is no {MANIFEST})") from None
+            raise ResultError(f"{self.path}: holds no campaign (no {MANIFEST})") from None
         except OSError as error:
             raise ResultError(f"{place}: cannot be read: {reason(error)}") from error
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise ResultError(f"{place}: is damaged: {type(error).__name__}: {error}") from error
 
     def write_manifest(self, manifest: Manifest) -> None:
-        """Put the manifest in place, whole."""
-        said = {"schema_version": SCHEMA_VERSION, **asdict(manifest)}
-        self._put(self.path / MANIFEST, json.dumps(said, indent=1, ensure_ascii=False))
+        """Write the manifest, replacing the former one as a whole."""
+        content = {"schema_version": SCHEMA_VERSION, **asdict(manifest)}
+        self._put(self.path / MANIFEST, json.dumps(content, indent=1, ensure_ascii=False))
 
     def write_scenario(self, point: str, resolved: str) -> None:
-        """Put a point's scenario in place, if it is not there, or is damaged: the point's name is made of its text."""
+        """Write a point's scenario if it is missing or damaged. The point's id is a digest of this text."""
         place = self.path / point / SCENARIO
         try:
-            whole = place.read_bytes() == resolved.encode()
+            intact = place.read_bytes() == resolved.encode()
         except OSError:
-            whole = False
-        if not whole:
+            intact = False
+        if not intact:
             self._put(place, resolved)
 
     def scenario(self, point: str) -> str:
@@ -136,11 +150,11 @@ class Folder:
             raise ResultError(f"{place}: cannot be read: {reason(error)}") from error
 
     def batch(self, point: str, first: int, last: int) -> Path:
-        """The name of the file of replicates `first` to `last`."""
+        """The path of the file with replicates `first` to `last`."""
         return self.path / point / f"r{first:05d}-{last:05d}.h5"
 
     def batches(self, point: str) -> list[Batch]:
-        """The point's result files, in the order of their replicates."""
+        """The result files of a point, ordered by replicate."""
         try:
             names = [place.name for place in (self.path / point).iterdir()]
         except FileNotFoundError:
@@ -156,21 +170,21 @@ class Folder:
         return {number for batch in self.batches(point) for number in range(batch.first, batch.last + 1)}
 
     def outside_manifest(self, manifest: Manifest) -> tuple[int, int]:
-        """What is on disk and not of the campaign as it is now: (points, replicates of its points)."""
+        """(points, replicates of known points) on disk that the manifest does not contain."""
         own = {point.id: point.replicates for point in manifest.points}
-        there = {place.parent.name for place in self.path.glob("*/r*.h5")}
+        existing = {place.parent.name for place in self.path.glob("*/r*.h5")}
         more = sum(sum(number >= most for number in self.done(point)) for point, most in own.items())
-        return len(there - own.keys()), more
+        return len(existing - own.keys()), more
 
     def missing(self, point: str, replicates: int) -> list[int]:
-        """Which of the point's first replicates are not on disk."""
+        """The missing ones of a point's first replicates."""
         done = self.done(point)
         return [number for number in range(replicates) if number not in done]
 
     def set_aside(self, point: str) -> list[Path]:
-        """Rename the point's files that cannot be read, so that their replicates are missing; their new names.
+        """Rename the files of a point that cannot be read, so that their replicates are missing; the new paths.
 
-        Every column is read: what was changed within shows in the checksums.
+        Every column is read, because damage to values shows only in HDF5's checksums.
         """
         moved = []
         for batch in self.batches(point):
@@ -182,7 +196,7 @@ class Folder:
         return moved
 
     def copy_in(self, batch: Batch, point: str) -> None:
-        """Take over a result file of another folder, whole or not at all."""
+        """Copy a result file from another folder, as a whole or not at all."""
         place = self.batch(point, batch.first, batch.last)
         tmp = self._beside(place)
         try:
@@ -195,52 +209,52 @@ class Folder:
             raise cannot_write(place, error) from error
 
     def write_failure(self, task: str, words: str) -> None:
-        """Say why replicates could not be run; a disk that takes nothing more takes no word either."""
+        """Write why a task failed. On a full disk, nothing is written."""
         with contextlib.suppress(ResultError):
             self._put(self.path / "failed" / f"{task}.txt", words)
 
     def failures(self) -> dict[str, str]:
-        """What could not be run, and why."""
+        """The reports of failed tasks, by task."""
         return {place.stem: place.read_text(encoding="utf-8") for place in sorted(self.path.glob("failed/*.txt"))}
 
     def forget_failure(self, task: str) -> None:
-        """It could be run after all, or is to be tried again."""
+        """Delete the report of a task that succeeded in the end."""
         (self.path / "failed" / f"{task}.txt").unlink(missing_ok=True)
 
     def marker(self, session: str, task: str) -> Path:
-        """The file that a worker keeps while it runs a task, and that stays behind if the worker is killed."""
+        """The path of the file that a worker keeps while it runs a task. It stays if the worker is killed."""
         return self.path / "running" / f"{session}.{task}.{_host()}.{os.getpid()}.log"
 
     def markers(self, session: str, task: str = "*") -> list[Path]:
-        """What workers that were killed left behind in this session."""
+        """The markers of running and killed tasks of a session."""
         return sorted(self.path.glob(f"running/{session}.{task}.*.log"))
 
     def marker_texts(self, session: str, task: str) -> list[str]:
-        """What the marks of a task say."""
+        """The texts of a task's markers."""
         found = []
         for place in self.markers(session, task):
-            with contextlib.suppress(FileNotFoundError):  # another worker has just ended it
+            with contextlib.suppress(FileNotFoundError):  # its worker has just finished
                 found.append(place.read_text(encoding="utf-8", errors="replace"))
         return found
 
     def remove_markers(self, session: str, task: str) -> None:
-        """The task is to begin anew."""
+        """Remove the markers of a task, before it is run again."""
         for place in self.markers(session, task):
             place.unlink(missing_ok=True)
 
     def remove_leftovers(self) -> None:
-        """Remove what killed processes of this machine left: temporary files, and marks of tasks."""
+        """Remove temporary files and markers of killed processes of this machine."""
         for place in [*self.path.glob("*.tmp"), *self.path.glob("*/*.tmp")]:
-            owner = LEFT.fullmatch(place.name)
-            if owner and owner["host"] == _host() and not _lives(int(owner["pid"])):
+            owner = TEMPORARY.fullmatch(place.name)
+            if owner and owner["host"] == _host() and not _is_alive(int(owner["pid"])):
                 place.unlink(missing_ok=True)
         for place in self.path.glob("running/*.log"):
             host, pid = place.name.split(".")[-3:-1]
-            if host == _host() and pid.isdigit() and not _lives(int(pid)):
+            if host == _host() and pid.isdigit() and not _is_alive(int(pid)):
                 place.unlink(missing_ok=True)
 
     def _put(self, place: Path, text: str) -> None:
-        """A text file that has its name only once it is whole."""
+        """Write a text file that gets its name only when it is complete."""
         tmp = self._beside(place)
         try:
             place.parent.mkdir(parents=True, exist_ok=True)
@@ -257,16 +271,16 @@ class Folder:
 
     @staticmethod
     def _settle(tmp: Path, place: Path) -> None:
-        """Give a file its name once what it holds is on the disk."""
+        """Synchronise a file to the disk, then give it its name."""
         with tmp.open("rb+") as file:
             os.fsync(file.fileno())
         tmp.replace(place)
 
 
 def runs_of(numbers: Sequence[int], block: int) -> Iterator[tuple[int, int]]:
-    """Replicates as (first, last) without a gap, none across the border of a block of fixed size.
+    """Consecutive numbers as (first, last), split at multiples of `block`.
 
-    So the border does not depend on how many were asked for, nor on who asks.
+    The splits are at fixed numbers, so that they do not depend on how many replicates are wanted.
     """
     start = 0
     for i in range(1, len(numbers) + 1):
@@ -280,8 +294,8 @@ def _host() -> str:
     return re.sub(r"\W", "-", socket.gethostname().split(".")[0]) or "host"
 
 
-def _lives(pid: int) -> bool:
-    """Whether a process of this machine runs; one that has ended does not, though nobody has asked how it ended."""
+def _is_alive(pid: int) -> bool:
+    """Whether a process of this machine runs. A zombie does not."""
     try:
         os.kill(pid, 0)
     except ProcessLookupError:
@@ -290,5 +304,5 @@ def _lives(pid: int) -> bool:
         return True
     try:
         return Path(f"/proc/{pid}/stat").read_text(errors="replace").rpartition(")")[2].split()[0] != "Z"
-    except (OSError, IndexError):  # no Linux
+    except (OSError, IndexError):  # not Linux
         return True

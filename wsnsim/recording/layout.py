@@ -1,9 +1,9 @@
-"""What a result file looks like, as far as writer and readers must agree; and HDF5's complaints in plain words.
+"""The layout of a result file, which writer and readers share, and the messages of HDF5 errors.
 
-Root attributes: `schema_version`, `wsnsim_version`, `status`, `states` and `state_units` (the motion model's
-columns), `position` (which of them are the position, as numbers).
-A group a table with the attribute `columns`, in order; a dataset a column with `units`, `description`, and for
-categories the CF attributes `flag_values` and `flag_meanings`. String datasets: `TEXTS`.
+Attributes of the root: `schema_version`, `wsnsim_version`, `status`, `states` and `state_units` (the columns of the
+motion model's state), `position` (the indices of the position among them). Each table is a group with the attribute
+`columns` (their order). Each column is a dataset with `units`, `description`, and, for categories, the CF attributes
+`flag_values` and `flag_meanings`. `TEXTS` are string datasets.
 """
 
 from __future__ import annotations
@@ -17,7 +17,9 @@ from wsnsim.base.errors import StorageError
 
 SCHEMA_VERSION: Final = 1
 CHUNK: Final = 65_536
+"""Rows of a chunk."""
 FLUSH_EVERY: Final = 30.0
+"""Seconds between two flushes."""
 TEXTS: Final = ("scenario/source_yaml", "scenario/resolved_json", "provenance_json")
 WRITING: Final = "writing"
 COMPLETE: Final = "complete"
@@ -25,7 +27,7 @@ PARTIAL: Final = "partial"
 
 
 def flag_words(words: Iterable[str]) -> tuple[str, ...]:
-    """The words as CF `flag_meanings` can hold them: no blanks inside, 'none' for an empty one, no two alike."""
+    """The words in the form of CF `flag_meanings`: without spaces, 'none' for an empty word, and distinct."""
     flags: list[str] = []
     for code, word in enumerate(words):
         flag = "_".join(word.split()) or "none"
@@ -34,7 +36,7 @@ def flag_words(words: Iterable[str]) -> tuple[str, ...]:
 
 
 def reason(error: BaseException) -> str:
-    """The part of an HDF5 or operating system error that a user can act on."""
+    """The part of an error of HDF5 or of the operating system that tells a user what to do."""
     text = str(error)
     quoted = re.search(r"error message = '([^']*)'", text)
     if quoted:
@@ -46,5 +48,5 @@ def reason(error: BaseException) -> str:
 
 
 def cannot_write(path: Path, error: BaseException) -> StorageError:
-    """The error of a result that could not be written, with its reason."""
+    """The error of a result that cannot be written, with the reason."""
     return StorageError(f"{path}: cannot be written: {reason(error)}")

@@ -1,7 +1,4 @@
-"""What made a result: versions, commit, command, machine. Read before a run starts; nothing here changes a run.
-
-provenance(command_line, seed, plugins) -> dict that JSON can hold
-"""
+"""The provenance of a result: versions, commit, command and machine, collected before a run starts."""
 
 from __future__ import annotations
 
@@ -24,11 +21,12 @@ PACKAGES: Final = (
 
 
 def provenance(command_line: str, seed: int, plugins: Sequence[str] = ()) -> dict[str, Any]:
-    """Versions, git commit of the wsnsim checkout if it is one, seed, command line, plug-ins, platform and start (UTC).
+    """The provenance as a dict that can be written as JSON.
 
-    `cpu_features` are the instruction sets that NumPy found: its log and exp differ in the last bit between kinds of
-    processor, so the same bits are promised on the same kind only. No path, user or host name is stored but what the
-    command line itself names.
+    It holds versions, the git commit if wsnsim runs from a checkout, seed, command line, plug-ins, platform and start
+    time (UTC). `cpu_features` are the instruction sets that NumPy found: its log and exp differ in the last bit between
+    processors, so equal bits are guaranteed for equal features only. No path, user or host name is stored, except those
+    in the command line.
     """
     return {
         "command_line": command_line,
@@ -46,7 +44,7 @@ def provenance(command_line: str, seed: int, plugins: Sequence[str] = ()) -> dic
 
 @functools.cache
 def cpu_features() -> tuple[str, ...]:
-    """The instruction sets that NumPy dispatches on, found on this machine."""
+    """The instruction sets of this machine that NumPy uses."""
     config = np.show_config(mode="dicts")
     extensions = config.get("SIMD Extensions", {}) if config else {}
     return (*extensions.get("baseline", []), *extensions.get("found", []))
@@ -62,12 +60,12 @@ def _version(package: str) -> str | None:
 
 @functools.cache
 def _own_checkout() -> Mapping[str, Any] | None:
-    """The checkout of this package, asked for once a process: its modules are those of that moment."""
+    """The checkout of this package. It is read once per process, because the modules were loaded from that commit."""
     return _checkout(Path(__file__).resolve().parents[2])
 
 
 def _checkout(root: Path) -> dict[str, Any] | None:
-    """Commit and whether tracked files differ from it; None outside a git checkout, or without git."""
+    """The commit, and whether tracked files differ from it; None outside a git checkout or without git."""
     if not (root / ".git").exists():
         return None
     commit = _git(root, "rev-parse", "HEAD")

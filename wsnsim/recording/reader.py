@@ -1,10 +1,7 @@
-"""A result file as plain NumPy and text.
+"""Readers of a result file, which give NumPy arrays and text.
 
-    read_table(path, table, columns=None, rows=None) -> {column: array};  tables(path);  meanings(path, table, column)
-    read_text(path, name);  attributes(path)
-
-Every function raises ResultError, with the file's name and the reason, for a file that is missing, is not one of ours,
-is not finished or is damaged, and for a name that it does not hold.
+Every function raises ResultError, with the file's name and the reason, if the file does not exist, is not a wsnsim
+result, is unfinished or damaged, or does not contain what is asked for.
 """
 
 from __future__ import annotations
@@ -24,7 +21,7 @@ from wsnsim.recording.layout import SCHEMA_VERSION, TEXTS, WRITING, reason
 
 
 class TableSize(NamedTuple):
-    """How much a table holds: its rows, its columns' names, and the bytes that their values take in the file."""
+    """Size of a table: number of rows, names of the columns, and bytes of the values in the file."""
 
     rows: int
     columns: tuple[str, ...]
@@ -34,9 +31,13 @@ class TableSize(NamedTuple):
 def read_table(
     path: str | Path, table: str, columns: Sequence[str] | None = None, rows: slice | None = None
 ) -> dict[str, np.ndarray]:
-    """The table's columns, or those asked for, in that order. Categories are their codes, booleans 0 and 1.
+    """The columns of a table; categories as codes, booleans as 0 and 1.
 
-    `rows`: only these, of which only the chunks that hold them are read.
+    Args:
+        path: result file.
+        table: name of the table.
+        columns: columns to read, in this order; all by default.
+        rows: rows to read; only their chunks are read.
     """
     with opened(path) as file:
         group = _group(file, path, table)
@@ -47,7 +48,7 @@ def read_table(
 def read_with_meanings(
     path: str | Path, table: str, columns: Sequence[str] | None = None
 ) -> tuple[dict[str, np.ndarray], dict[str, tuple[str, ...]]]:
-    """The table's columns as `read_table` gives them, and the words of those that are categories, in one opening."""
+    """(columns as from `read_table`, words of the category columns); the file is opened once."""
     with opened(path) as file:
         group = _group(file, path, table)
         datasets = {name: _column(group, path, name) for name in (column_names(group) if columns is None else columns)}
@@ -56,29 +57,28 @@ def read_with_meanings(
 
 
 def tables(path: str | Path) -> dict[str, TableSize]:
-    """What tables the file holds, and how much of each. Reads no values."""
+    """The tables in the file and their sizes. No values are read."""
     with opened(path) as file:
         return {name: _size(file[name]) for name in TABLES if name in file}
 
 
 def meanings(path: str | Path, table: str, column: str) -> tuple[str, ...]:
-    """The words of a category column, in the order of its codes; () if the column is none."""
+    """The words of a category column, in the order of its codes; () for other columns."""
     with opened(path) as file:
         return words_of(_column(_group(file, path, table), path, column))
 
 
 def read_text(path: str | Path, name: str) -> str:
-    """One of the file's texts: `scenario/source_yaml`, `scenario/resolved_json`, `provenance_json`."""
+    """One of the texts `scenario/source_yaml`, `scenario/resolved_json` and `provenance_json`."""
     with opened(path) as file:
         held = text_names(file)
         if name not in held:
-            raise ResultError(f"{path}: holds no text '{name}' ({did_you_mean(name, held)})")
-        result: str = file[name].asstr()[()]
-        return result
+            raise ResultError(f"{path}: has no text '{name}' ({did_you_mean(name, held)})")
+        return str(file[name].asstr()[()])
 
 
 def attributes(path: str | Path) -> dict[str, Any]:
-    """The root's attributes: status, schema_version, wsnsim_version, `states` (name, unit), `position` (numbers)."""
+    """The root's attributes: status, schema_version, wsnsim_version, states (name, unit) and position (indices)."""
     with opened(path) as file:
         root = file.attrs
         return {
@@ -92,7 +92,7 @@ def attributes(path: str | Path) -> dict[str, Any]:
 
 @contextmanager
 def opened(path: str | Path, unfinished: bool = False) -> Iterator[h5py.File]:
-    """The file, open to read, once it is known to be one of ours. Damage found later is a ResultError too."""
+    """Open a result for reading, checked to be one. Damage that is found later also raises ResultError."""
     path = Path(path)
     if not path.is_file():
         raise ResultError(
@@ -110,17 +110,17 @@ def opened(path: str | Path, unfinished: bool = False) -> Iterator[h5py.File]:
 
 
 def column_names(group: h5py.Group) -> tuple[str, ...]:
-    """The table's columns in order."""
+    """The names of a table's columns, in order."""
     return tuple(str(name) for name in group.attrs["columns"])
 
 
 def words_of(dataset: h5py.Dataset) -> tuple[str, ...]:
-    """The words of a category column, in the order of its codes; () if the column is none."""
+    """The words of a category column, in the order of its codes; () for other columns."""
     return tuple(str(dataset.attrs.get("flag_meanings", "")).split())
 
 
 def text_names(file: h5py.File) -> list[str]:
-    """Where the file holds texts."""
+    """The names of the texts in the file."""
     return [name for name in TEXTS if name in file]
 
 
@@ -131,7 +131,7 @@ def states_of(file: h5py.File) -> tuple[tuple[str, str], ...]:
 
 
 def position_of(file: h5py.File) -> tuple[int, ...] | None:
-    """Which of the state columns are the position; None if the file does not say."""
+    """The indices of the position among the state columns, None if the file does not say."""
     return tuple(int(i) for i in file.attrs["position"]) if "position" in file.attrs else None
 
 
@@ -142,13 +142,13 @@ def _check(file: h5py.File, path: Path, unfinished: bool) -> None:
     if found > SCHEMA_VERSION:
         raise ResultError(f"{path}: was written by a newer wsnsim ({file.attrs.get('wsnsim_version')}): schema {found}")
     if file.attrs["status"] == WRITING and not unfinished:
-        raise ResultError(f"{path}: is what an unfinished run left; `wsnsim recover` copies out what it holds")
+        raise ResultError(f"{path}: is the file of an unfinished run; `wsnsim recover` recovers its rows")
 
 
 def _group(file: h5py.File, path: str | Path, table: str) -> h5py.Group:
     held = [name for name in file if name in TABLES]
     if table not in held:
-        raise ResultError(f"{path}: holds no table '{table}' ({did_you_mean(table, held)})")
+        raise ResultError(f"{path}: has no table '{table}' ({did_you_mean(table, held)})")
     return file[table]
 
 

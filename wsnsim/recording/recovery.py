@@ -1,7 +1,4 @@
-"""What a killed run left, made a result again.
-
-recover(tmp, out=None) -> path of a file whose status is 'partial'
-"""
+"""The recovery of the rows that a killed run had written."""
 
 from __future__ import annotations
 
@@ -20,20 +17,24 @@ from wsnsim.recording.writer import ResultFile
 
 
 def recover(tmp: str | Path, out: str | Path | None = None) -> Path:
-    """Copy the whole chunks of each table, cut to equal length, to `out`, or to the name that the run would have given.
+    """Copy the complete chunks of each table to a result with the status `partial`; return its path.
 
-    Tables that had not filled a chunk come out empty. The temporary file is left alone.
+    Tables without a complete chunk are empty. The temporary file is kept.
+
+    Args:
+        tmp: temporary file of the killed run.
+        out: file to write, by default the name that the run would have used.
 
     Raises:
-        ResultError: `tmp` cannot be read, holds no whole chunk, or the final name is taken and no `out` is given.
+        ResultError: `tmp` cannot be read or has no complete chunk, or the file exists and no `out` is given.
     """
     tmp = Path(tmp)
     final = Path(out) if out is not None else _final_name(tmp)
     if out is None and final.exists():
-        raise ResultError(f"{final}: exists already; say where the recovered file goes")
+        raise ResultError(f"{final}: exists; give another file with --out")
     with opened(tmp, unfinished=True) as file:
         if file.attrs["status"] != "writing":
-            raise ResultError(f"{tmp}: is a finished result, there is nothing to recover")
+            raise ResultError(f"{tmp}: is a complete result; there is nothing to recover")
         _copy(file, tmp, final)
     return final
 
@@ -55,7 +56,7 @@ def _copy(file: h5py.File, tmp: Path, final: Path) -> None:
                 copied += 1
         if not copied:
             raise ResultError(
-                f"{tmp}: holds no whole chunk of {CHUNK} rows that can be read; there is nothing to recover"
+                f"{tmp}: has no complete chunk of {CHUNK} rows that can be read; there is nothing to recover"
             )
 
 
@@ -63,22 +64,21 @@ def _final_name(tmp: Path) -> Path:
     parsed = re.fullmatch(r"(.+)\.[^.]+\.\d+(?:-\d+)?\.tmp", tmp.name)
     if parsed is None:
         raise ResultError(
-            f"{tmp}: is not named like what a killed run leaves (NAME.host.pid.tmp); say where the recovered file goes"
+            f"{tmp}: is not named NAME.host.pid.tmp, like the file of a killed run; give another file with --out"
         )
     return tmp.with_name(f"{parsed[1]}.h5")
 
 
 def _whole_rows(group: h5py.Group) -> int:
-    """Rows of which every column's chunks are in the file. A chunk that never reached it would read as zeros."""
+    """Number of rows whose chunks are in the file for every column. A missing chunk would read as zeros."""
     columns = [group.get(name) for name in column_names(group)]
     if any(column is None for column in columns):
         return 0
-    result: int = CHUNK * min(min(column.shape[0] // CHUNK, column.id.get_num_chunks()) for column in columns)
-    return result
+    return CHUNK * min(int(min(column.shape[0] // CHUNK, column.id.get_num_chunks())) for column in columns)
 
 
 def _whole_chunks(group: h5py.Group) -> Iterator[dict[str, np.ndarray]]:
-    """The table's chunks up to the first that cannot be read."""
+    """The chunks of a table, up to the first that cannot be read."""
     names = column_names(group)
     for start in range(0, _whole_rows(group), CHUNK):
         try:

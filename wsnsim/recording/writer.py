@@ -1,9 +1,9 @@
-"""The recorder that writes a result file. A final name is always a complete file.
+"""The recorder that writes a result file.
 
     with ResultFile(Path("results/x.h5"), [("px", "m"), ("vx", "m/s")], {"truth": True}) as file: ...
 
-Rows go to NAME.<host>.<pid>.tmp beside it, which is closed, synchronised and renamed on a clean exit, and removed on an
-exception.
+Rows go to NAME.<host>.<pid>.tmp in the same folder. This file is closed, synchronised and renamed on a clean exit, and
+removed on an exception, so that a file with its final name is complete.
 """
 
 from __future__ import annotations
@@ -36,20 +36,24 @@ from wsnsim.recording.layout import (
     cannot_write,
 )
 
-SHORT: Final = ("runs", "tracks")
-"""Tables of a row a run: a campaign writes thousands of files that hold nothing else, and a full disk, on which HDF5 is
-known to crash, is then met by an ordinary write."""
+SHORT_TABLES: Final = ("runs", "tracks")
+"""Tables with one row per run. A file with only these is built in memory and written with an ordinary write: a campaign
+writes thousands of them, and HDF5 is known to crash on a full disk."""
 
 
 @final
 class ResultFile:
-    """A `base.ports.Recorder` behind a context manager.
+    """A `base.ports.Recorder` that is a context manager.
 
-    `states` names the motion model's columns with their units, `position` which of them are the position; `wanted` says
-    which tables are kept, rows of the others are dropped; `status` is what the root says once the file is whole.
+    Args:
+        path: result file.
+        states: names and units of the motion model's state.
+        wanted: whether a table is kept; rows of other tables are dropped.
+        position: indices of the position in the state.
+        status: status of the complete file.
 
     Raises:
-        StorageError: the file cannot be written (no such folder, disk full ...); the temporary file is removed.
+        StorageError: the file cannot be written (missing folder, full disk, ...). The temporary file is removed.
     """
 
     def __init__(
@@ -61,8 +65,8 @@ class ResultFile:
         position: Sequence[int] | None = None,
         status: str = COMPLETE,
     ) -> None:
-        strange = wanted.keys() - TABLES.keys()
-        assert not strange, f"no such tables: {', '.join(sorted(strange))}"
+        unknown = wanted.keys() - TABLES.keys()
+        assert not unknown, f"unknown tables: {', '.join(sorted(unknown))}"
         self.path = Path(path)
         self.words = Words()
         self.state_names = Words(())
@@ -77,14 +81,14 @@ class ResultFile:
 
     def __enter__(self) -> ResultFile:
         if not self.path.parent.is_dir():
-            raise StorageError(f"{self.path}: cannot be written: there is no folder {self.path.parent}")
+            raise StorageError(f"{self.path}: cannot be written: folder does not exist: {self.path.parent}")
         if self.path.is_dir():
             raise StorageError(f"{self.path}: cannot be written: it is a folder")
         try:
             self._tmp = _claim_beside(self.path)
         except OSError as error:
             raise cannot_write(self.path, error) from error
-        with self._whole_or_gone():
+        with self._complete_or_removed():
             self._begin()
         return self
 
@@ -94,16 +98,16 @@ class ResultFile:
         if kind is not None:
             self._discard()
             return
-        with self._whole_or_gone():
+        with self._complete_or_removed():
             self._finish()
 
     def wants(self, table: str) -> bool:
-        """Whether rows of the table are kept."""
+        """Whether the rows of the table are kept."""
         return table in self._wanted
 
     def write(self, table: str, columns: Mapping[str, Any]) -> None:
-        """Take rows of a table, all of its columns: arrays or lists of one length, scalars repeated to it."""
-        assert table in TABLES, f"no such table: {table}"
+        """Append rows to a table: for every column an array or list of one length, or a scalar, which is repeated."""
+        assert table in TABLES, f"unknown table: {table}"
         buffer = self._buffers.get(table)
         if buffer is None:
             return
@@ -114,8 +118,8 @@ class ResultFile:
             raise cannot_write(self.path, error) from error
 
     def set_text(self, name: str, text: str) -> None:
-        """Store one of `layout.TEXTS`. To `provenance_json` the end of the run is added when the file closes."""
-        assert name in TEXTS, f"no such text: {name}"
+        """Store one of `layout.TEXTS`. The end of the run is added to `provenance_json` when the file is closed."""
+        assert name in TEXTS, f"unknown text: {name}"
         if name == "provenance_json":
             self._provenance = text
         try:
@@ -125,7 +129,7 @@ class ResultFile:
 
     def _begin(self) -> None:
         self._cleanup.callback(self._tmp.unlink, missing_ok=True)
-        self._in_memory = set(self._wanted) <= set(SHORT)
+        self._in_memory = set(self._wanted) <= set(SHORT_TABLES)
         self._file = _create(self._tmp, self._in_memory)
         self._cleanup.callback(self._file.close)
         attributes = self._file.attrs
@@ -171,12 +175,12 @@ class ResultFile:
             _synchronise(self.path.parent)
 
     def _discard(self) -> None:
-        """Close and remove the temporary file. On a full disk closing fails too; the file goes all the same."""
+        """Close and remove the temporary file, which is removed even if closing fails on a full disk."""
         with contextlib.suppress(OSError, RuntimeError):
             self._cleanup.close()
 
     @contextlib.contextmanager
-    def _whole_or_gone(self) -> Iterator[None]:
+    def _complete_or_removed(self) -> Iterator[None]:
         try:
             yield
         except (OSError, RuntimeError) as error:
@@ -188,7 +192,7 @@ class ResultFile:
 
 
 def _claim_beside(path: Path) -> Path:
-    """A new temporary file beside `path`; its name gets a number where a killed run of our process id left its own."""
+    """Create a temporary file beside `path`, with a number if a killed run with the same process id left one."""
     host = re.sub(r"\W", "-", socket.gethostname().split(".")[0]) or "host"
     stem = f"{path.name.removesuffix('.h5')}.{host}.{os.getpid()}"
     for tries in itertools.count():
@@ -200,10 +204,10 @@ def _claim_beside(path: Path) -> Path:
 
 
 def _create(tmp: Path, in_memory: bool) -> h5py.File:
-    """A new HDF5 file that HDF5 1.10 reads; one of short tables is made in memory, and written as it ends.
+    """Create a file that HDF5 1.10 can read, in memory or on disk.
 
-    Its metadata reach the disk at a flush only, so that a killed run's file is that of the last flush; chunks are
-    written at once, so that a full disk is noticed when it happens.
+    Metadata are written at a flush only, so that the file of a killed run is that of the last flush. Chunks are written
+    at once, so that a full disk is noticed immediately.
     """
     place: dict[str, Any] = {"driver": "core", "backing_store": False} if in_memory else {}
     file = h5py.File(tmp, "w", libver=("earliest", "v110"), rdcc_nbytes=0, **place)
