@@ -1,4 +1,4 @@
-"""`wsnsim trace` and `wsnsim diff` on results of real runs."""
+"""`wsnsim trace` and `wsnsim diff` on simulated results."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ QUICK = ("--set", "duration=0.4 s", "--set", "tracker.particles=40", "--quiet")
 
 @pytest.fixture(autouse=True)
 def _undone(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Changes of the process are undone."""
+    """Undo changes to the process."""
     monkeypatch.setattr(sys, "path", list(sys.path))
     monkeypatch.setattr(os, "environ", os.environ.copy())
 
 
 @pytest.fixture(scope="module")
 def results(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """A run, the same again, one over links that lose, one without events, and one without a network."""
-    folder = tmp_path_factory.mktemp("made")
+    """A run, its repetition, a run with lossy links, one without events, and one without a network."""
+    folder = tmp_path_factory.mktemp("results")
     runs = {
         "one": ("pso_mhpf",),
         "again": ("pso_mhpf",),

@@ -1,4 +1,4 @@
-"""Where every test of campaigns is: a folder of its own with a misbehaving tracker in it."""
+"""A working folder with a misbehaving tracker for tests of campaigns."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .moody_tracker import write_moody_tracker
 
 @pytest.fixture
 def lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The folder, which is the current one; workers find the tracker in it."""
+    """The current folder, in which workers find the tracker."""
     monkeypatch.setattr(sys, "path", [str(tmp_path), *sys.path])
     monkeypatch.setattr(os, "environ", os.environ.copy())
     monkeypatch.setitem(os.environ, "PYTHONPATH", str(Path(__file__).parents[2]))

@@ -1,6 +1,6 @@
-"""`wsnsim sweep` and `collect`: what they print, write and refuse, and the exit code with which they end.
+"""`wsnsim sweep` and `collect`: their output, files, errors and exit codes.
 
-Where the pool is not what is tested, tasks are run in this process.
+Tasks run in this process, except where worker processes are tested.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def poisoned(lab: Path) -> str:
 
 
 def resume_of(said: str) -> list[str]:
-    """The command that is printed for going on."""
+    """The printed command that resumes the campaign."""
     line = next(line for line in said.splitlines() if line.startswith("wsnsim: resume with: "))
     words = shlex.split(line.partition("with: ")[2])
     assert words[0] == "wsnsim"
@@ -277,7 +277,7 @@ def test_a_signal_ends_what_runs_and_prints_the_command_that_goes_on(
 
 
 def test_ctrl_c_in_a_terminal_lets_workers_end_their_tasks(lab: Path) -> None:
-    """The terminal sends the signal to the workers, too."""
+    """The terminal sends the signal to the workers as well."""
     sweep = write_sweep(lab / "moods.yaml", sweep_of([{"pause": 0.2}], 100, block=1))
     command = [sys.executable, "-m", "wsnsim", "sweep", sweep, "-o", "c", "-j", "1"]
     driver = subprocess.Popen(command, env=environment(), stderr=subprocess.PIPE, text=True, start_new_session=True)
@@ -312,7 +312,7 @@ Mount = Callable[[str], None]
 
 @pytest.fixture
 def disk(lab: Path) -> Iterator[tuple[Path, Mount]]:
-    """A small file system of its own, and a function that mounts it anew with other options."""
+    """A small file system, and a function that remounts it with other options."""
     place = lab / "disk"
     place.mkdir()
 
@@ -366,7 +366,7 @@ def test_a_folder_that_takes_nothing_is_refused(
 def test_what_a_killed_campaign_with_a_rule_has_done_is_shown_and_what_it_lacks_is_known(
     sweep: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Nothing but the files says how far it is: the rule is asked again."""
+    """The files alone hold the progress: the stopping rule decides again."""
     rule: dict[str, Any] = {"metric": "rmse", "half_width": 1e-9, "at_least": 2, "at_most": 6}
     ruled = write_sweep(Path("ruled.yaml"), sweep_of(CALM, until=rule, block=1))
     assert main(["sweep", ruled, "-q", "-o", "c"]) == 0

@@ -1,4 +1,4 @@
-"""A campaign on disk: what is whole, what is cleared away, and what is refused."""
+"""A campaign on disk: complete files, removed leftovers, and refused folders."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from .test_runner import Pool
 
 
 def dead_pid() -> int:
-    """The id of a process that has ended."""
+    """The process id of an ended process."""
     process = subprocess.Popen(["true"])
     process.wait()
     return process.pid

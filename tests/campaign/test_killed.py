@@ -1,6 +1,6 @@
-"""kill -9 at any moment: nothing is lost, nothing written is run again, and no part of a file is taken for one.
+"""After kill -9 at any moment, nothing is lost, no finished task is repeated, and no partial file counts as a result.
 
-WSNSIM_KILLS=50 pytest tests/campaign/test_killed.py      fifty campaigns; a few where it is not set
+WSNSIM_KILLS=50 pytest tests/campaign/test_killed.py      fifty campaigns instead of two
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ KILLS = int(os.environ.get("WSNSIM_KILLS", "2"))
 WORKERS = 1 if KILLS <= 2 else 2
 POINTS: list[Mapping[str, Any]] = [{"pause": pause} for pause in (0.02, 0.021, 0.022)]
 FILES = 9
-"""Of three points with five replicates each, in blocks of two."""
+"""Files of three points with five replicates each, in blocks of two."""
 
 
 @pytest.fixture
@@ -40,15 +40,15 @@ def sweep(lab: Path) -> str:
 
 @pytest.fixture
 def truth(sweep: str, lab: Path) -> Any:
-    """The tables of a campaign that nobody kills."""
+    """The tables of a campaign that is not killed."""
     folder = prepare(load_sweep(sweep), lab / "truth")
     assert run_campaign(folder, InlineEngine()).complete
     assert len(files_of(folder.path)) == FILES
     return tables_of(folder.path)
 
 
-def gone_on_with(sweep: str, place: Path, truth: Any) -> None:
-    """What is missing is run; what there was stays as it is; the tables are those of a campaign that nobody killed."""
+def assert_resumable(sweep: str, place: Path, truth: Any) -> None:
+    """The missing tasks are run, existing files stay, and the tables equal those of a campaign that was not killed."""
     before = files_of(place)
     folder = prepare(load_sweep(sweep), place)
     ended: CampaignOutcome = run_campaign(folder, LocalEngine(WORKERS) if KILLS > 2 else InlineEngine())
@@ -76,7 +76,7 @@ def test_a_campaign_whose_driver_is_killed_goes_on_and_its_workers_end(
     driver.kill()
     driver.wait()
     wait_for(lambda: not any(map(lives, workers)), 60)
-    gone_on_with(sweep, place, truth)
+    assert_resumable(sweep, place, truth)
 
 
 @pytest.mark.parametrize("seed", range(KILLS - KILLS // 2))
@@ -88,7 +88,7 @@ def test_a_campaign_whose_worker_is_killed_is_completed_all_the_same(
     later = time.monotonic() + (chance.uniform(0.0, 3.0) if not wanted else 0.0)
 
     def watch(progress: CampaignProgress) -> None:
-        """Told now and then; kills one worker, once, when enough is done."""
+        """Kill one worker, once, when enough is done."""
         workers = [pid for pid in children(os.getpid()) if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()]
         if not killed and progress.done >= wanted and time.monotonic() > later and workers:
             killed.append(chance.choice(workers))
@@ -98,11 +98,11 @@ def test_a_campaign_whose_worker_is_killed_is_completed_all_the_same(
     folder = prepare(load_sweep(sweep), lab / "killed")
     ended = run_campaign(folder, LocalEngine(WORKERS), on_progress=watch)
     assert killed and ended.complete and not ended.failed
-    gone_on_with(sweep, folder.path, truth)
+    assert_resumable(sweep, folder.path, truth)
 
 
 def test_a_file_that_was_not_finished_is_not_taken_for_one(lab: Path, sweep: str, truth: Any) -> None:
-    """What a writer leaves at each moment of its life, laid down by hand."""
+    """Partial files of a dead writer are written by hand."""
     folder = prepare(load_sweep(sweep), lab / "killed")
     whole = next((lab / "truth").glob("*/r00000-00001.h5"))
     dead = subprocess.Popen(["true"])
@@ -111,4 +111,4 @@ def test_a_file_that_was_not_finished_is_not_taken_for_one(lab: Path, sweep: str
     for share in (0.0, 0.5, 1.0):
         text = whole.read_bytes()[: int(share * whole.stat().st_size)]
         (folder.path / whole.parent.name / f"r00000-00001.{host}.{dead.pid}-{int(9 * share)}.tmp").write_bytes(text)
-    gone_on_with(sweep, folder.path, truth)
+    assert_resumable(sweep, folder.path, truth)

@@ -1,4 +1,4 @@
-"""Worker processes of this machine: the same tables however many there are, and what becomes of tasks that kill."""
+"""Worker processes of this machine: equal tables for any number of workers, and tasks that kill their worker."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def all_ended(pool: LocalEngine, count: int) -> list[FinishedTask]:
     return endings
 
 
-def test_the_tables_do_not_depend_on_workers_or_parts(lab: Path) -> None:
+def test_the_tables_do_not_depend_on_workers_or_shards(lab: Path) -> None:
     plan = load_sweep(sweep_of([{"pause": pause} for pause in (0.0, 0.001, 0.002)], 5))
     for workers in (1, 2):
         assert run_campaign(prepare(plan, lab / f"{workers}"), LocalEngine(workers)).complete

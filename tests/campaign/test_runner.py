@@ -1,4 +1,4 @@
-"""What the driver decides, with an engine that simulates nothing: any order of ends, deaths, shards and stops."""
+"""The decisions of the runner, with an engine that simulates nothing: any order of outcomes, deaths, shards, stops."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ SAID = {"killed": "", "crashes": "Fatal Python error: Segmentation fault\n", "ha
 
 
 class Pool:
-    """Workers that write a word for each task; a replicate of a mood ends its task, or every task that is under way."""
+    """An engine whose workers write a file per task; a replicate with a mood fails its task, or kills all workers."""
 
     def __init__(self, folder: Folder, moods: Mapping[Where, str] = {}, workers: int = 2, seed: int = 0) -> None:
         self.folder, self.moods, self.workers = folder, moods, workers
@@ -65,7 +65,7 @@ class Pool:
         return [FinishedTask(task, self._write(task))]
 
     def _die(self, begun: list[Task], guilty: Task, words: str) -> list[FinishedTask]:
-        """One worker dies, and its neighbours with it; each leaves its mark."""
+        """A worker dies, and the others with it; each leaves its marker."""
         self.deaths[guilty.name] += 1
         for task in begun:
             mark = self.folder.marker(task.session, task.name)
@@ -116,7 +116,7 @@ def folder(tmp_path: Path) -> Folder:
     return bare_campaign(tmp_path, {"a": 7, "b": 5}, block=3)
 
 
-# all there is, once
+# everything is run once
 
 
 @given(
@@ -189,7 +189,7 @@ def test_runs_cover_the_numbers_and_stay_within_blocks(numbers: set[int], block:
         assert first > last + 1 or first % block == 0
 
 
-# whom to blame
+# which task is blamed
 
 
 def test_a_block_that_raises_is_tried_one_by_one(folder: Folder) -> None:
@@ -372,7 +372,7 @@ def test_whatever_is_raised_lets_the_engine_go(folder: Folder) -> None:
     assert pool.closed
 
 
-# how far it is
+# progress
 
 
 def test_progress_counts_replicates_up_to_all_of_this_part(folder: Folder) -> None:

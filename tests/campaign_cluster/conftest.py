@@ -29,7 +29,7 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Lab]:
 
 @pytest.fixture(scope="package")
 def nobody(place: Lab) -> subprocess.Popen[bytes]:
-    """A command line that is told of a scheduler that is not there: it takes its time, so it is started first."""
+    """A command with the address of a scheduler that does not exist. It takes long, so it is started first."""
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         address = f"tcp://127.0.0.1:{taken.getsockname()[1]}"
@@ -38,7 +38,7 @@ def nobody(place: Lab) -> subprocess.Popen[bytes]:
 
 @pytest.fixture(scope="package")
 def scheduler(place: Lab, nobody: subprocess.Popen[bytes]) -> Path:
-    """The file of a scheduler with two workers, each with its nanny."""
+    """The file of a scheduler with two workers and their nannies."""
     file = place.scheduler("two")
     place.worker(file, "--nworkers", "2")
     return file
@@ -46,7 +46,7 @@ def scheduler(place: Lab, nobody: subprocess.Popen[bytes]) -> Path:
 
 @pytest.fixture
 def begun(tmp_path: Path) -> Begun:
-    """begun(what a sweep file says): a campaign on disk, of the odd tracker unless `set` says otherwise."""
+    """begun(keys of a sweep file): a campaign on disk, with the odd tracker unless `set` changes it."""
 
     def begin(**written: Any) -> Folder:
         plan = load_sweep({"name": "odd", "scenario": "ungm_pf", "set": ODD, "block": 1, **written})
@@ -57,7 +57,7 @@ def begun(tmp_path: Path) -> Begun:
 
 @pytest.fixture
 def engine_of(scheduler: Path) -> Iterator[Callable[[Folder], DaskEngine]]:
-    """An engine for a folder, of which both workers are there."""
+    """engine_of(folder): an engine to which both workers are connected."""
     engines: list[DaskEngine] = []
 
     def make(folder: Folder) -> DaskEngine:

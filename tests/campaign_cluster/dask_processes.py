@@ -1,4 +1,4 @@
-"""A scheduler and workers of Dask as processes of their own, over TCP on loopback, and a tracker that does as told."""
+"""A Dask scheduler and workers as processes, over TCP on loopback, and a tracker that fails on demand."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ import wsnsim
 
 @wsnsim.part
 class Odd:
-    """Draws its estimates at random; before that it sleeps, raises, or kills its process."""
+    """A tracker with random estimates, which first sleeps, raises, or kills its process."""
 
     sleep: Annotated[float, wsnsim.Quantity("s", ge=0), "how long"] = 0.0
     fail: Annotated[int, wsnsim.Quantity("", ge=0), "1: raise"] = 0
@@ -63,7 +63,7 @@ PATIENCE = 120.0
 
 @final
 class Lab:
-    """A folder with the odd tracker and with what is laid over the environment; all that is started here ends here."""
+    """A folder with the tracker, and the processes started in it, which `close` ends."""
 
     def __init__(self, place: Path) -> None:
         self.place = place
@@ -75,7 +75,7 @@ class Lab:
         self.other_version = {"PYTHONPATH": os.pathsep.join([str(place / "shim"), str(place)])}
 
     def scheduler(self, name: str, changes: Mapping[str, str] | None = None) -> Path:
-        """The scheduler file of a new scheduler."""
+        """Start a scheduler; its scheduler file."""
         file = self.place / f"{name}.json"
         file.unlink(missing_ok=True)
         where = ["--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--dashboard-address", "127.0.0.1:0"]
@@ -86,18 +86,18 @@ class Lab:
     def worker(
         self, file: Path, *options: str, changes: Mapping[str, str] | None = None, before: Sequence[str] = ()
     ) -> subprocess.Popen[bytes]:
-        """A worker, with a nanny unless --no-nanny says otherwise, of one thread unless --nthreads does."""
+        """Start a worker, by default with a nanny and one thread."""
         options = options if "--nthreads" in options else (*options, "--nthreads", "1")
         where = ["--host", "127.0.0.1", "--no-dashboard", "--local-directory", str(self.place / "dask")]
         return self._dask("worker", ["--scheduler-file", str(file), *where, *options], changes or {}, before)
 
     def wsnsim(self, *arguments: str) -> subprocess.Popen[bytes]:
-        """`wsnsim` on a command line, in a process group of its own as a terminal would start it."""
+        """Start a wsnsim command in a process group of its own, as a terminal does."""
         command = [sys.executable, "-m", "wsnsim", *arguments]
         return self._started(command, self.environment, subprocess.PIPE)
 
     def close(self) -> None:
-        """End everything."""
+        """End all processes."""
         for process in self.started:
             stop(process)
         shutil.rmtree(self.place / "dask", ignore_errors=True)
@@ -118,7 +118,7 @@ class Lab:
 
 @contextlib.contextmanager
 def lab(place: Path) -> Iterator[Lab]:
-    """A lab whose tracker this process, too, can import."""
+    """A lab whose tracker this process can import as well."""
     found = Lab(place)
     sys.path.insert(0, str(place))
     try:
@@ -129,7 +129,7 @@ def lab(place: Path) -> Iterator[Lab]:
 
 
 def stop(process: subprocess.Popen[bytes]) -> None:
-    """Kill a process and all that it started."""
+    """Kill a process and its children."""
     with contextlib.suppress(ProcessLookupError):
         os.killpg(process.pid, signal.SIGKILL)
     process.wait(timeout=PATIENCE)
@@ -139,10 +139,10 @@ def stop(process: subprocess.Popen[bytes]) -> None:
 
 
 def until(holds: Callable[[], bool]) -> None:
-    """Wait until something holds; fail if it does not within two minutes."""
+    """Wait until the condition holds; fail after two minutes."""
     end = time.monotonic() + PATIENCE
     while not holds():
-        assert time.monotonic() < end, "waited in vain"
+        assert time.monotonic() < end, "the condition did not hold in time"
         time.sleep(0.02)
 
 
@@ -151,6 +151,6 @@ def files(folder: Folder) -> dict[Path, tuple[int, bytes]]:
 
 
 def said(process: subprocess.Popen[bytes]) -> tuple[int, str, str]:
-    """How a command ended: exit code, stdout, stderr."""
+    """(exit code, stdout, stderr) of a command, once it has ended."""
     out, err = process.communicate(timeout=PATIENCE)
     return process.returncode, out.decode(), err.decode()

@@ -1,4 +1,4 @@
-"""What a killed run left comes back as far as it was whole; anything else is refused with a reason."""
+"""Complete chunks of a killed run are recovered; anything else is refused with a reason."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The writer: what goes in comes out, a final name is always a complete file, and small files stay small."""
+"""The writer: rows are read back as written, files with a final name are complete, and small files stay small."""
 
 from __future__ import annotations
 

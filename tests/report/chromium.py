@@ -1,4 +1,4 @@
-"""A headless Chromium, driven through its DevTools pipe: JSON messages, each ended by a zero byte."""
+"""A headless Chromium, controlled through its DevTools pipe with JSON messages that end with a zero byte."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ LAUNCH = (
     "import fcntl, os, sys; r, w = (fcntl.fcntl(int(n), fcntl.F_DUPFD, 10) for n in sys.argv[1:3]);"
     "os.dup2(r, 3); os.dup2(w, 4); os.execv(sys.argv[3], sys.argv[3:])"
 )
-"""Chromium reads its orders from descriptor 3, and answers on 4."""
+"""Chromium reads commands from file descriptor 3 and answers on 4."""
 
 
 class Browser:
@@ -52,7 +52,7 @@ class Browser:
         shutil.rmtree(self.profile, ignore_errors=True)
 
     def order(self, method, **parameters):
-        """Give an order, and wait for its result; what the page says meanwhile is kept in `said`."""
+        """Send a command and wait for its result; events in between are kept in `said`."""
         self.number += 1
         message = {"id": self.number, "method": method, "params": parameters}
         if self.session and not method.startswith("Target."):
@@ -75,7 +75,7 @@ class Browser:
         return json.loads(message)
 
     def open(self, address, width=1200, height=900, reduced=False):
-        """Open a page of its own, and wait until it says that it is ready."""
+        """Open a new page and wait until it is ready."""
         target = self.order("Target.createTarget", url="about:blank")["targetId"]
         self.session = self.order("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
         self.said = []
@@ -92,7 +92,7 @@ class Browser:
         return self
 
     def value(self, expression):
-        """What a JavaScript expression gives in the page."""
+        """The value of a JavaScript expression in the page."""
         answer = self.order("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
         assert "exceptionDetails" not in answer, answer
         return answer["result"].get("value")
@@ -112,12 +112,12 @@ class Browser:
         return int(self.value("document.documentElement.dataset.frame"))
 
     def complaints(self):
-        """What stands in the console."""
+        """The messages in the console."""
         kinds = ("Runtime.consoleAPICalled", "Runtime.exceptionThrown", "Log.entryAdded")
         return [said["params"] for said in self.said if said.get("method") in kinds]
 
     def requests(self):
-        """What the page asked for, itself and what is within it aside."""
+        """The requests of the page, without itself and embedded data."""
         asked = [
             said["params"]["request"]["url"] for said in self.said if said.get("method") == "Network.requestWillBeSent"
         ]

@@ -1,4 +1,4 @@
-"""A replay is what a slow loop over the tables would draw, within its room; what is thinned is said."""
+"""A replay equals a slow loop over the tables, fits its room, and notes what is thinned."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .synthetic_results import CLUSTER_EVENTS, ON_A_LINE, write_result
 
 @pytest.fixture(scope="module")
 def two(tmp_path_factory):
-    """A real run of two targets whose clusters share nodes."""
+    """A simulated run of two targets whose clusters share nodes."""
     path = tmp_path_factory.mktemp("two") / "two.h5"
     experiment.run(load("two_targets", ["duration=2.4 s", "tracker.particles=40"]), out=path)
     return path
@@ -89,7 +89,7 @@ def test_links_are_what_a_loop_over_the_log_gives(tmp_path):
 
 
 def clusters_of(at, frames, targets):
-    """The clusters of each target at each frame, as the columns tell them."""
+    """The clusters of each target at each frame, from the columns."""
     clusters = [set() for _ in range(targets)]
     for frame in range(frames):
         rows = rows_at(at, "membership", frame)
@@ -105,7 +105,7 @@ def clusters_of(at, frames, targets):
 
 
 def modes_of(at, frames):
-    """The states of the nodes at each frame, as the columns tell them."""
+    """The states of the nodes at each frame, from the columns."""
     mode = at["state"].copy()
     for frame in range(frames):
         rows = rows_at(at, "state_change", frame)
@@ -115,7 +115,7 @@ def modes_of(at, frames):
 
 
 def looped(events, frames, targets, mode):
-    """The same from the log, event by event: at a handover who rests for good in the step does so after it."""
+    """The same from the event log, one event at a time; nodes that a handover sends to sleep are shown asleep later."""
     clusters, late = [set() for _ in range(targets)], []
     to = {"wake": 1, "sleep": 0, "resume": 0, "death": 2}
     for frame in range(frames):

@@ -1,4 +1,4 @@
-"""The page holds what the tables hold, within its size, escaped, whole."""
+"""The page shows what the tables hold, is complete and escaped, and keeps to its size."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ HOSTILE = "</script><script>alert(1)</script>{{script}}&$\\frac"
 
 @pytest.fixture(scope="module")
 def page(real):
-    """The page of the real run."""
+    """The page of a simulated result."""
     out = real.with_suffix(".html")
     html_page.write([real], out)
     return out.read_text(encoding="utf-8")

@@ -1,4 +1,4 @@
-"""`wsnsim report`: where it writes, what it says, what it refuses."""
+"""`wsnsim report`: its files, output and errors."""
 
 from __future__ import annotations
 
