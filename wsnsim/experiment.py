@@ -33,7 +33,7 @@ from wsnsim.base.setups import BeaconSetup, NetworkSetup, Setup, TrackingSetup
 from wsnsim.base.tables import Memory
 from wsnsim.models.coverage import coverage
 from wsnsim.network.nodes import Nodes
-from wsnsim.network.result_rows import network_result, write_network, write_rows
+from wsnsim.network.result_rows import network_result, write_tables
 from wsnsim.network.workload_world import WorkloadWorld
 from wsnsim.network.world import Sensors, Targets, World
 from wsnsim.offline.offline_run import OfflineRun
@@ -98,7 +98,7 @@ def _without_targets(setup: BeaconSetup, replicate: int, recorder: Recorder, pro
     """A run of a network without a target: no tracks, no errors."""
     positions = sample_positions(setup, setup.link.reach, replicate)
     outcome = WorkloadWorld(setup, replicate, positions, Streams(setup.seed, replicate), recorder).run(progress)
-    write_network(outcome.nodes, replicate, (), recorder)
+    write_tables(outcome, replicate, setup, recorder)
     return network_result(outcome, setup)
 
 
@@ -110,7 +110,7 @@ def _in_network(
     sensors = Sensors(conditions.positions, conditions.traits)
     targets = Targets(conditions.truths, conditions.priors, paths)
     outcome = World(setup, replicate, sensors, targets, Streams(setup.seed, replicate), recorder).run(progress)
-    write_rows(outcome, replicate, setup, recorder)
+    write_tables(outcome, replicate, setup, recorder)
     return network_result(outcome, setup, _final_coverage(outcome.nodes, setup))
 
 

@@ -25,7 +25,7 @@ from wsnsim.models.sensing import AcousticEnergy
 from wsnsim.models.sleep import EventWake
 from wsnsim.models.wakeup import NoWakeUp
 from wsnsim.network.outcome import NetworkOutcome
-from wsnsim.network.result_rows import woken_rows, write_rows
+from wsnsim.network.result_rows import woken_rows, write_tables
 from wsnsim.network.world import Sensors, Targets, World
 
 
@@ -129,7 +129,7 @@ class Run:
         priors = [Estimate(truth[0], np.diag([25.0, 9.0, 25.0, 9.0])) for truth in truths]
         world = World(made, replicate, Sensors(self.positions, traits), Targets(truths, priors), streams, self.memory)
         self.outcome: NetworkOutcome = world.run()
-        write_rows(self.outcome, replicate, made, self.memory)
+        write_tables(self.outcome, replicate, made, self.memory)
         self.errors = np.array([self._write_track(track, replicate) for track in self.outcome.tracks])
 
     def _write_track(self, track: Any, replicate: int) -> Any:

@@ -203,7 +203,7 @@ def test_with_moving_heads_a_step_is_a_whole_number_of_search_intervals(poll, st
     names = dict.fromkeys(field.name for field in dataclasses.fields(NetworkSetup))
     company = NetworkSetup(**names | {"sensor": SENSOR, "clusters": policy, "dt": step, "steps": 100})
     found = list(FromReadings(poll=poll).check(company))
-    assert [issue.path for issue in found] == ([] if whole or not policy.moves else [("acquire", "poll")])
+    assert [issue.path for issue in found] == ([] if whole or not company.nodes_search else [("acquire", "poll")])
 
 
 def test_a_run_with_too_many_searches_is_an_issue():

@@ -1,16 +1,18 @@
-"""What a network leaves behind, as rows of the result's tables.
+"""The outcome of a run of a network as rows of the result's tables.
 
-write_rows(outcome, replicate, parts, recorder)     network_result(outcome, setup, coverage) -> RunResult
+write_tables(outcome, replicate, setup, recorder)     network_result(outcome, setup, coverage) -> RunResult
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import fields
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
 
+from wsnsim.base.arrays import Floats
 from wsnsim.base.ports import Recorder
 from wsnsim.base.results import RADIO_COUNTERS, RunResult, RunTotals, TrackResult
 from wsnsim.base.setups import NetworkSetup, RadioSetup
@@ -23,19 +25,16 @@ from wsnsim.network.outcome import NetworkOutcome
 NAN = float("nan")
 
 
-def write_rows(outcome: NetworkOutcome, replicate: int, parts: NetworkSetup, recorder: Recorder) -> None:
-    """Write the tables of nodes, energy and clusters of a run that ended."""
-    write_network(outcome.nodes, replicate, parts.sensor.trait_names, recorder)
+def write_tables(outcome: NetworkOutcome, replicate: int, setup: RadioSetup, recorder: Recorder) -> None:
+    """Write the tables `nodes`, `energy`, `clusters` and `wakeups` of a run that ended."""
+    trait_names = setup.sensor.trait_names if isinstance(setup, NetworkSetup) else ()
+    _write(recorder, "nodes", replicate, _nodes(outcome.nodes, trait_names))
+    _write(recorder, "energy", replicate, _energy(outcome.nodes))
     for track in outcome.tracks:
-        _write(recorder, "clusters", replicate, {"target": track.target, **_clusters(track.clusters)})
+        names = [each.name for each in fields(ClusterRecord)]
+        _write(recorder, "clusters", replicate, {"target": track.target, **_columns(track.clusters, names)})
         if track.rounds:
             _write(recorder, "wakeups", replicate, {"target": track.target, **_wakeups(track.rounds)})
-
-
-def write_network(fleet: Nodes, replicate: int, trait_names: tuple[str, ...], recorder: Recorder) -> None:
-    """Write the tables of nodes and energy."""
-    _write(recorder, "nodes", replicate, _nodes(fleet, trait_names))
-    _write(recorder, "energy", replicate, _energy(fleet))
 
 
 def network_result(outcome: NetworkOutcome, setup: RadioSetup, coverage: float = NAN) -> RunResult:
@@ -64,8 +63,8 @@ def woken_rows(outcome: NetworkOutcome, track: Track) -> dict[str, Any]:
 
 def _counts(track: Track) -> dict[str, int]:
     """The columns of the table `tracks` that only a network has."""
-    called = {name: sum(getattr(one, name) for one in track.rounds) for name in ("called", "dismissed")}
-    return {"reacquired": track.reacquired, **called}
+    called, dismissed = (sum(map(attrgetter(name), track.rounds)) for name in ("called", "dismissed"))
+    return {"reacquired": track.reacquired, "called": called, "dismissed": dismissed}
 
 
 def _totals(outcome: NetworkOutcome, coverage: float) -> RunTotals:
@@ -92,41 +91,36 @@ def _write(recorder: Recorder, table: str, replicate: int, columns: dict[str, An
         recorder.write(table, {"replicate": replicate, **columns})
 
 
-def _nodes(fleet: Nodes, trait_names: tuple[str, ...]) -> dict[str, Any]:
-    gain = fleet.traits[:, trait_names.index("gain")] if "gain" in trait_names else np.ones(fleet.size)
-    died = np.full(fleet.size, NAN)
-    for node, time in fleet.died_at.items():
+def _nodes(nodes: Nodes, trait_names: tuple[str, ...]) -> dict[str, Any]:
+    gain = nodes.traits[:, trait_names.index("gain")] if "gain" in trait_names else np.ones(nodes.size)
+    died = np.full(nodes.size, NAN)
+    for node, time in nodes.died_at.items():
         died[node] = time
     return {
-        "node": np.arange(fleet.size),
-        "x": fleet.positions[:, 0],
-        "y": fleet.positions[:, 1],
+        "node": np.arange(nodes.size),
+        "x": nodes.positions[:, 0],
+        "y": nodes.positions[:, 1],
         "gain": gain,
-        "energy_initial": np.full(fleet.size, fleet.battery),
-        "energy_left": fleet.residual_energies(),
+        "energy_initial": np.full(nodes.size, nodes.battery),
+        "energy_left": nodes.residual_energies(),
         "died_at": died,
     }
 
 
-def _energy(fleet: Nodes) -> dict[str, Any]:
-    touched = np.flatnonzero(fleet.ledger.spent)
-    books = fleet.ledger.joules[:, touched].T
-    row, cause = np.nonzero(books)
-    return {"node": touched[row], "cause": cause, "joules": books[row, cause]}
-
-
-def _clusters(clusters: Sequence[ClusterRecord]) -> dict[str, Any]:
-    names = {"number": "cluster"}
-    return {
-        names.get(f.name, f.name): np.array([getattr(cluster, f.name) for cluster in clusters], dtype=np.float64)
-        for f in fields(ClusterRecord)
-    }
+def _energy(nodes: Nodes) -> dict[str, Any]:
+    consumers = np.flatnonzero(nodes.ledger.spent)
+    joules = nodes.ledger.joules[:, consumers].T
+    row, cause = np.nonzero(joules)
+    return {"node": consumers[row], "cause": cause, "joules": joules[row, cause]}
 
 
 def _wakeups(rounds: Sequence[WakeUpRound]) -> dict[str, Any]:
     own = ("time", "node", "sequence", "foreseen", "forwards", "called", "dismissed", "woken", "ineffective", "expired")
-    columns = {name: np.array([getattr(one, name) for one in rounds], dtype=np.float64) for name in own}
-    for name in ("step", "radius", "expires"):
-        columns[name] = np.array([getattr(one.message, name) for one in rounds], dtype=np.float64)
-    columns["x"], columns["y"] = np.array([one.message.centre for one in rounds]).T
-    return columns
+    messages = [each.message for each in rounds]
+    x, y = np.array([message.centre for message in messages]).T
+    return {**_columns(rounds, own), **_columns(messages, ("step", "radius", "expires")), "x": x, "y": y}
+
+
+def _columns(records: Sequence[Any], names: Sequence[str]) -> dict[str, Floats]:
+    """One column per attribute."""
+    return {name: np.array(list(map(attrgetter(name), records)), dtype=np.float64) for name in names}

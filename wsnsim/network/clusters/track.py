@@ -22,7 +22,7 @@ from wsnsim.network.clusters.handover import Handover
 class ClusterRecord:
     """One cluster's row in the table `clusters`."""
 
-    number: int
+    cluster: int
     head: int
     previous_head: int
     formed: float
