@@ -45,7 +45,7 @@ def test_a_step_is_told_with_its_sensing_nodes_its_messages_and_its_cost(results
     events = wsnsim.read(results["one"], "events")
     sensing = int(((events["step"] == 3) & (events["kind"] == "sense")).sum())
     assert f"{sensing} nodes sensed: " in said
-    assert "members sent their estimate to head" in said and "the network spent" in said
+    assert "members sent their estimate to cluster head" in said and "the network spent" in said
 
 
 def test_the_cost_in_json_is_that_of_the_events(results, capsys) -> None:
@@ -70,8 +70,8 @@ def test_a_run_over_links_that_lose_says_what_was_lost(results, capsys) -> None:
 @pytest.mark.parametrize(
     ("name", "words", "code", "said"),
     [
-        ("one", ["--step", "99"], 2, "has steps 0 to 10, no step 99"),
-        ("one", ["--step", "1", "--replicate", "2"], 2, "there is no replicate 2; it has 0"),
+        ("one", ["--step", "99"], 2, "has steps 0 to 10, not 99"),
+        ("one", ["--step", "1", "--replicate", "2"], 2, "no replicate 2; it has 0"),
         ("silent", ["--step", "1"], 1, "record.events=true"),
     ],
 )

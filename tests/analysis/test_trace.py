@@ -12,7 +12,7 @@ from wsnsim.analysis.phrases import energy_in_words, named, row_in_words
 from wsnsim.analysis.trace import as_json, text, trace
 from wsnsim.base.errors import ResultError, UsageError
 from wsnsim.base.tables import CAUSE, EVENT_CAUSE, KIND
-from wsnsim.network.clusters import wake_up_service
+from wsnsim.network.clusters import wake_up_mechanisms
 from wsnsim.recording import ResultFile
 
 NAN = float("nan")
@@ -76,9 +76,9 @@ def sentences(path, **options):
 def test_a_message_says_from_whom_to_whom_how_much_for_how_many_joules_and_how_it_ended(made):
     rows = [*hop(1, 12, HEAD, 1.0), *hop(2, 13, HEAD, 2.0, "collide"), *hop(3, 14, HEAD, 3.0, "drop")]
     assert sentences(made(rows)) == [
-        "node 12 sent its reading to head 7 (1 packet, 96 bits, 42 uJ); arrived",
-        "node 13 sent its reading to head 7 (1 packet, 96 bits, 40 uJ); collided at 7",
-        "node 14 sent its reading to head 7 (1 packet, 96 bits, 40 uJ); lost on the way",
+        "node 12 sent its reading to cluster head 7 (1 packet, 96 bits, 42 uJ); arrived",
+        "node 13 sent its reading to cluster head 7 (1 packet, 96 bits, 40 uJ); collided at 7",
+        "node 14 sent its reading to cluster head 7 (1 packet, 96 bits, 40 uJ); lost on the way",
     ]
 
 
@@ -86,8 +86,10 @@ def test_many_similar_messages_are_summed_with_how_many_fared_how_and_who_fared_
     rows = [row for i in range(31) for row in hop(i + 1, 20 + i, HEAD, i, "collide" if i == 4 else "receive")]
     (said,) = sentences(made(rows))
     joules = 31 * 40 + 30 * 2
-    assert said == f"31 members sent their reading to head 7 (31 packets, 2,976 bits, {joules / 1e3:.3g} mJ): " + (
-        "30 arrived, 1 collided (24)"
+    assert (
+        said
+        == f"31 members sent their reading to cluster head 7 (31 packets, 2,976 bits, {joules / 1e3:.3g} mJ): "
+        + ("30 arrived, 1 collided (24)")
     )
     assert len(sentences(made(rows, name="all.h5"), limit=31)) == 31
 
@@ -102,18 +104,18 @@ def test_a_relayed_message_lists_its_hops_and_where_it_was_lost(made):
     first = hop(1, HEAD, 42, 1.0, what="handover")
     arrived = hop(2, 42, 90, 2.0, kind="relay", what="handover", sequence=1)
     lost = hop(2, 42, 90, 2.0, "collide", kind="relay", what="handover", sequence=1)
-    sent = "head 7 sent its handover to node 90 over 42 (1 packet, 2 hops, 192 bits, "
+    sent = "cluster head 7 sent its handover to node 90 over 42 (1 packet, 2 hops, 192 bits, "
     assert sentences(made([*first, *arrived])) == [sent + "84 uJ); arrived"]
     assert sentences(made([*first, *lost], name="lost.h5")) == [sent + "82 uJ); collided at 90"]
 
 
 def test_a_message_begun_in_an_earlier_step_says_so(made):
     (said,) = sentences(made(hop(9, 42, 90, 2.0, kind="relay", what="handover", sequence=1)))
-    assert said.startswith("node 42 passed on its handover to node 90, begun before this step, (1 packet")
+    assert said.startswith("node 42 relayed its handover to node 90, begun before this step, (1 packet")
 
 
 @pytest.mark.parametrize(
-    ("what", "reason"), [("no_path", "there is no path"), ("no_channel", "the channel was never free"), ("fog", "fog")]
+    ("what", "reason"), [("no_path", "no path exists"), ("no_channel", "channel access failed"), ("fog", "fog")]
 )
 def test_what_was_never_on_the_air_says_why(made, what, reason):
     (said,) = sentences(made([event("drop", 12, what=what, peer=90, packets=3)]))
@@ -130,15 +132,15 @@ def test_a_message_that_began_before_or_goes_on_says_so_and_is_not_said_to_have_
     later = of_step(3, hop(9, 13, HEAD, 1.0, sequence=6))
     now = [*hop(2, 12, HEAD, 1.0, sequence=5), *hop(3, 13, HEAD, 30.0, "collide", sequence=6)]
     assert sentences(made([*earlier, *now, *later])) == [
-        "node 12 went on with its reading to head 7 (1 packet, 96 bits, 42 uJ); arrived",
-        "node 13 sent its reading to head 7 (1 packet, 96 bits, 40 uJ); still under way when the step ends",
+        "node 12 continued to send its reading to cluster head 7 (1 packet, 96 bits, 42 uJ); arrived",
+        "node 13 sent its reading to cluster head 7 (1 packet, 96 bits, 40 uJ); still on its way when the step ended",
     ]
 
 
 def test_a_burst_of_several_frames_counts_the_packets_that_arrived(made):
     frames = [row for i in range(4) for row in hop(i + 1, HEAD, 12, i, "drop" if i == 1 else "receive", 9, sequence=5)]
     (said,) = sentences(made(frames))
-    assert said.startswith("head 7 sent its reading to node 12 (27 packets, 4 frames")
+    assert said.startswith("cluster head 7 sent its reading to node 12 (27 packets, 4 frames")
     assert said.endswith("arrived in part (3 of 4 frames)")
 
 
@@ -146,8 +148,8 @@ def test_what_never_got_the_channel_is_called_what_it_was_in_other_steps(made):
     earlier = of_step(1, hop(1, 12, HEAD, 39.0, "collide", sequence=5))
     gave_up = event("drop", 12, 2.0, "no_channel", 0, HEAD, sequence=5, packets=1)
     (said,) = sentences(made([*earlier, gave_up]))
-    assert said.startswith("node 12 went on with its reading to head 7")
-    assert said.endswith("not sent: the channel was never free")
+    assert said.startswith("node 12 continued to send its reading to cluster head 7")
+    assert said.endswith("not sent: channel access failed")
 
 
 def test_a_broadcast_says_how_many_heard_it_and_who_did_not(made):
@@ -156,7 +158,7 @@ def test_a_broadcast_says_how_many_heard_it_and_who_did_not(made):
     missed = [event("collide", 34, 1.0, "announce", 1, HEAD), event("drop", 35, 1.0, "announce", 1, HEAD)]
     (said,) = sentences(made([sent, *heard, *missed]))
     assert said == (
-        "head 7 broadcast its announcement (1 packet, 96 bits, 100 uJ); heard by 14 of 16; collided at 34; "
+        "cluster head 7 broadcast its announcement (1 packet, 96 bits, 100 uJ); received by 14 of 16; collided at 34; "
         "lost on the way to 35"
     )
 
@@ -166,7 +168,7 @@ def test_frames_sent_again_are_one_message_and_acknowledgements_none(made):
     ack = hop(3, HEAD, 12, 4.4, what="ack", sequence=5)
     (said,) = sentences(made([*again, *ack]))
     assert said == (
-        "node 12 sent its reading to head 7 (1 packet, 2 frames, 192 bits, 124 uJ); "
+        "node 12 sent its reading to cluster head 7 (1 packet, 2 frames, 192 bits, 124 uJ); "
         "arrived after lost frames (1 of 2 frames)"
     )
 
@@ -178,43 +180,45 @@ def test_packets_that_were_lost_are_counted(made):
 
 def test_overhearing_is_summed_over_the_step(made):
     rows = [event("overhear", 30 + i % 3, i, "reading", i + 1, 12, 1e-6, "overhear") for i in range(5)]
-    assert sentences(made(rows)) == ["3 nodes overheard what was not for them (5 frames at a node each) (5 uJ)"]
+    assert sentences(made(rows)) == ["3 nodes overheard frames for other nodes (5 receptions) (5 uJ)"]
 
 
 @pytest.mark.parametrize(
     ("row", "said"),
     [
-        (event("elect", 3), "node 3 was elected head"),
-        (event("announce", 3), "head 3 announced its cluster"),
-        (event("join", 3, peer=HEAD), "node 3 joined head 7"),
-        (event("handover", HEAD, peer=3), "head 7 began to hand over to node 3"),
-        (event("lost", HEAD, what="head_died"), "the track was lost: the head died (head 7)"),
-        (event("lost", -1, what="nobody_woken"), "the track was lost: nobody was woken where the target was expected"),
+        (event("elect", 3), "node 3 was elected cluster head"),
+        (event("announce", 3), "cluster head 3 announced its cluster"),
+        (event("join", 3, peer=HEAD), "node 3 joined cluster head 7"),
+        (event("handover", HEAD, peer=3), "cluster head 7 started the handover to node 3"),
+        (event("lost", HEAD, what="head_died"), "the track was lost: the cluster head died (cluster head 7)"),
+        (event("lost", -1, what="nobody_woken"), "the track was lost: no node was woken near the predicted position"),
         (event("lost", -1, what="fog_bank"), "the track was lost: fog bank"),
-        (event("acquire", 3), "node 3 took up a target that nobody had followed"),
+        (event("acquire", 3), "node 3 initiated a track"),
         (event("leave", -1), "the target left the field"),
         (event("return", -1), "the target came back into the field"),
-        (event("call", 3, joules=3e-4, cause="tx"), "node 3 called on the wake-up radio (300 uJ)"),
-        (event("called", 3, peer=HEAD), "node 3 was woken by a call of head 7"),
+        (event("call", 3, joules=3e-4, cause="tx"), "node 3 sent a wake-up call (300 uJ)"),
+        (event("called", 3, peer=HEAD), "node 3 was woken by a wake-up call of cluster head 7"),
         (event("drop", 3, what="expired", peer=4), "node 3 dropped a message that had expired"),
-        (event("handover", HEAD, what="message", peer=3), "head 7 handed over to node 3, by the message that woke it"),
-        (event("sense", 3, what="nothing"), "node 3 sensed nothing, though told to"),
-        (event("wake", 3, what="call"), "node 3 woke, called on the wake-up radio"),
-        (event("wake", 3, what="schedule"), "node 3 woke, as scheduled"),
-        (event("sleep", 3, what="schedule"), "node 3 went to sleep, as scheduled"),
-        (event("reacquire", 3), "node 3 began the track anew, from readings"),
-        (event("wake", 3, what="target"), "node 3 woke, as the target came into range"),
-        (event("death", 3, target=-1), "node 3 died: the charge is gone"),
+        (event("handover", HEAD, what="message", peer=3),
+         "cluster head 7 handed over to node 3 by the message that woke it"),
+        (event("sense", 3, what="nothing"), "node 3 sensed nothing, although it was woken for the target"),
+        (event("wake", 3, what="call"), "node 3 woke, by a wake-up call"),
+        (event("wake", 3, what="schedule"), "node 3 woke, by its schedule"),
+        (event("sleep", 3, what="schedule"), "node 3 went to sleep, by its schedule"),
+        (event("reacquire", 3), "node 3 initiated the track again, from readings"),
+        (event("wake", 3, what="target"), "node 3 woke, because the target came into range"),
+        (event("death", 3, target=-1), "node 3 died: its battery is empty"),
         (event("crash", 3, target=-1), "node 3 crashed"),
         (event("restart", 3, target=-1), "node 3 restarted"),
         (event("fault", -1, what="blackout"), "fault 'blackout' hit nobody"),
         (event("fault", 3, what="link_loss_over"), "fault 'link loss' ended at node 3"),
         (event("fault", 3, what="drain", joules=2.5, cause="leak"), "fault 'drain' hit node 3 (2.5 J)"),
-        (event("report", 3, peer=HEAD), "the sink, node 3, had the report of head 7"),
-        (event("report", HEAD, peer=3), "head 7 reported to the sink, node 3"),
-        (event("allocate", 3, what="particles", packets=9), "head 3 dealt out particles: 9 packets for others"),
+        (event("report", 3, peer=HEAD), "the sink, node 3, received the report of cluster head 7"),
+        (event("report", HEAD, peer=3), "cluster head 7 reported to the sink, node 3"),
+        (event("allocate", 3, what="particles", packets=9),
+         "cluster head 3 allocated particles: 9 packets for other nodes"),
         (event("compute", 3, joules=2e-6, cause="cpu"), "node 3 computed (2 uJ)"),
-        (event("estimate", HEAD, 20), "head 7 issued the estimate of step 2, 5 m off"),
+        (event("estimate", HEAD, 20), "cluster head 7 issued the estimate of step 2, position error 5 m"),
     ],
 )  # fmt: skip
 def test_every_kind_of_event_has_its_sentence(made, row, said):
@@ -256,8 +260,9 @@ def test_a_flood_is_one_act_with_who_started_it_who_handed_it_on_and_whom_it_wok
     ]
     joules = 3 * 100 + 7 * 1 + 2 * 50 + 3 * 20
     assert sentences(made(rows)) == [
-        f"head 7 broadcast its call to track (1 packet, 3 frames, 288 bits, {joules} uJ); handed on by 2 nodes (12, 14)"
-        "; heard by 6; 2 nodes (13, 20) called on the wake-up radio, which woke 3: 20, 21, 22; lost at 16"
+        f"cluster head 7 broadcast its wake-up message (1 packet, 3 frames, 288 bits, {joules} uJ)"
+        "; forwarded by 2 nodes (12, 14); received by 6"
+        "; 2 nodes (13, 20) sent a wake-up call, which woke 3: 20, 21, 22; lost at 16"
         "; expired at 30"
     ]
 
@@ -265,8 +270,8 @@ def test_a_flood_is_one_act_with_who_started_it_who_handed_it_on_and_whom_it_wok
 def test_a_flood_that_began_in_an_earlier_step_says_so(made):
     earlier = of_step(1, copy(1, HEAD, 39.0, (12,)))
     (said,) = sentences(made([*earlier, *copy(2, 12, 1.0, (13,), relayed=True), *copy(3, 13, 2.0, (), relayed=True)]))
-    assert said.startswith("node 12 handed on, begun before this step, its call to track (1 packet, 2 frames, ")
-    assert "; handed on by node 13; heard by 1" in said
+    assert said.startswith("node 12 forwarded, begun before this step, its wake-up message (1 packet, 2 frames, ")
+    assert "; forwarded by node 13; received by 1" in said
 
 
 def test_every_flood_is_told_by_itself_however_many_there_are(made):
@@ -279,32 +284,32 @@ def test_every_flood_is_told_by_itself_however_many_there_are(made):
 def test_a_call_belongs_to_the_nearest_message_that_its_caller_knows_and_to_none_that_it_does_not(made):
     two = [*copy(1, HEAD, 1.0, (12,)), *copy(2, 50, 4.0, (12, 51), sequence=2)]
     first, second = sentences(made([*two, *call(12, 2.0, 20), *call(51, 2.0, 21)]))
-    assert first.endswith("node 12 called on the wake-up radio, which woke 1: 20")
-    assert second.endswith("node 51 called on the wake-up radio, which woke 1: 21")
+    assert first.endswith("node 12 sent a wake-up call, which woke 1: 20")
+    assert second.endswith("node 51 sent a wake-up call, which woke 1: 21")
     said = sentences(made([*two, *call(99, 2.0, 22), *call(12, 3.9)], name="strange.h5"))
     assert said[1:3] == [
-        "node 99 called on the wake-up radio (50 uJ)",
-        "node 22 was woken by a call of node 99 (20 uJ)",
+        "node 99 sent a wake-up call (50 uJ)",
+        "node 22 was woken by a wake-up call of node 99 (20 uJ)",
     ]
-    assert said[3].endswith("node 12 called on the wake-up radio, which woke nobody")
+    assert said[3].endswith("node 12 sent a wake-up call, which woke no node")
 
 
 def test_who_is_called_for_a_letter_is_not_woken_by_the_flood(made):
     rows = [*copy(1, HEAD, 1.0, (12,)), *call(HEAD, 2.0, 90), *hop(5, HEAD, 90, 3.0, what="report")]
     assert sentences(made(rows))[1:3] == [
-        "head 7 called on the wake-up radio (50 uJ)",
-        "node 90 was woken by a call of head 7 (20 uJ)",
+        "cluster head 7 sent a wake-up call (50 uJ)",
+        "node 90 was woken by a wake-up call of cluster head 7 (20 uJ)",
     ]
 
 
 def test_calls_that_go_before_their_broadcast_are_of_the_same_act(made):
     (line,) = trace(made([*call(HEAD, 1.0, 20), *copy(1, HEAD, 5.0, (12, 20), "invitation")]), 2).lines
     assert (line.time, line.until) == (START + 1e-3, START + 5e-3)
-    assert line.text.startswith("head 7 broadcast its invitation (")
+    assert line.text.startswith("cluster head 7 broadcast its invitation (")
 
 
 def test_a_message_that_wakes_nodes_is_called_what_the_network_calls_it():
-    assert set(event_groups.WAKING) == set(wake_up_service.WORDS.values())
+    assert set(event_groups.WAKING) == set(wake_up_mechanisms.MESSAGE_WORDS.values())
 
 
 def test_the_json_of_a_flood_has_who_was_woken(made):
@@ -323,16 +328,20 @@ def test_sentences_stand_in_the_order_of_time_in_ms_after_the_start(made):
 
 def test_the_estimate_says_where_how_far_off_when_and_from_what(made):
     assert (
-        "  estimate px 3 m, py 4 m: 5 m off, issued by head 7 20.000 ms after the start; 3 of 4 members sensed, "
-        "2 readings entered"
+        "  estimate px 3 m, py 4 m: position error 5 m, issued by cluster head 7 20.000 ms after the start "
+        "of the step; 3 of 4 members sensed, "
+        "2 readings used"
     ) in text(trace(made([]), 2)).splitlines()
     late = ESTIMATE | {"issued": 1.6, "late": 1, "received": 1.7}
     said = text(trace(made([], [late], name="late.h5"), 2))
-    assert "600.000 ms after the start, late by 100 ms;" in said and "at the sink 700.000 ms after the start" in said
+    assert (
+        "600.000 ms after the start of the step, late by 100 ms;" in said
+        and "at the sink 700.000 ms after the start" in said
+    )
     none = ESTIMATE | {"issued": NAN, "error": NAN}
-    assert "  no estimate of this step; node 7 led" in text(trace(made([], [none], name="none.h5"), 2))
+    assert "  no estimate of this step; cluster head: node 7" in text(trace(made([], [none], name="none.h5"), 2))
     nobody = none | {"head": -1}
-    assert "  no estimate of this step; nobody led" in text(trace(made([], [nobody], name="nobody.h5"), 2))
+    assert "  no estimate of this step; no cluster head" in text(trace(made([], [nobody], name="nobody.h5"), 2))
 
 
 def test_the_cost_is_that_of_the_step_alone_by_cause(made):
@@ -345,7 +354,7 @@ def test_the_cost_is_that_of_the_step_alone_by_cause(made):
     assert picked.booked == {"tx": 4e-5, "rx": 2e-6}
     assert text(picked).splitlines()[-2:] == [
         "the network spent 1 mJ: rx 2 uJ, idle 1 mJ",
-        "the events above book 42 uJ: tx 40 uJ, rx 2 uJ",
+        "the events above account for 42 uJ: tx 40 uJ, rx 2 uJ",
     ]
 
 
@@ -354,11 +363,11 @@ def test_one_target_of_several_is_told_with_what_concerns_none(made):
     rows = [event("elect", 3), other, event("crash", 5, target=-1)]
     both = made(rows, [ESTIMATE, ESTIMATE | {"target": 1}])
     assert sentences(both) == [
-        "node 3 was elected head (target 0)",
-        "node 4 was elected head (target 1)",
+        "node 3 was elected cluster head (target 0)",
+        "node 4 was elected cluster head (target 1)",
         "node 5 crashed",
     ]
-    assert sentences(both, target=1) == ["node 4 was elected head (target 1)", "node 5 crashed"]
+    assert sentences(both, target=1) == ["node 4 was elected cluster head (target 1)", "node 5 crashed"]
 
 
 def test_only_the_rows_of_the_step_and_replicate_are_told_however_they_are_read(made, monkeypatch):
@@ -381,9 +390,9 @@ def test_the_json_holds_the_messages_frame_by_frame(made):
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        ({"step": 5}, "replicate 0 has steps 0 to 4, no step 5"),
-        ({"step": 2, "replicate": 3}, "there is no replicate 3; it has 0"),
-        ({"step": 2, "target": 9}, "there is no target 9; it has 0"),
+        ({"step": 5}, "replicate 0 has steps 0 to 4, not 5"),
+        ({"step": 2, "replicate": 3}, "no replicate 3; it has 0"),
+        ({"step": 2, "target": 9}, "no target 9; it has 0"),
     ],
 )
 def test_what_is_not_there_is_named(made, options, said):
@@ -401,8 +410,8 @@ def test_without_a_network_there_are_the_truth_the_estimate_and_the_readings(mad
     bench = made([], scenario=SCENARIO | {"network": "none"}, events=False)
     assert text(trace(bench, 2)).splitlines()[2:] == [
         "target 0 is at px 0 m, py 0 m",
-        "  estimate px 3 m, py 4 m: 5 m off, from 2 readings",
-        "no network: nothing was sent, and no energy spent",
+        "  estimate px 3 m, py 4 m: position error 5 m, from 2 readings",
+        "no network: nothing was sent and no energy was spent",
     ]
 
 
@@ -413,7 +422,7 @@ def test_a_network_without_a_target_is_told_too(tmp_path):
         code = file.words.code("beacon")
         for row in (event("send", 3, what=code, frame=1), event("receive", 4, what=code, frame=1, peer=3)):
             file.write("events", row | {"sequence": 0, "target": -1})
-    assert sentences(tmp_path / "b.h5") == ["node 3 broadcast its beacon (1 packet, 96 bits, 0 J); heard by 1 of 1"]
+    assert sentences(tmp_path / "b.h5") == ["node 3 broadcast its beacon (1 packet, 96 bits, 0 J); received by 1 of 1"]
 
 
 def test_numbers_are_said_with_three_digits_and_a_fitting_prefix():

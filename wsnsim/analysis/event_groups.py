@@ -20,18 +20,18 @@ from wsnsim.analysis.plot_data import StateLayout, layout
 from wsnsim.recording import attributes, meanings, read_table, tables
 
 BLOCK: Final = 1 << 22
-"""Rows of two columns that are in memory at once while a step is looked for."""
+"""Rows that are in memory at once while the rows of a step are searched for."""
 ON_THE_AIR: Final = ("send", "relay")
 OUTCOMES: Final = ("receive", "drop", "collide")
 CALLS: Final = ("call", "called")
 WAKING: Final = ("track", "announce", "invitation")
-"""What a message that wakes nodes is called in the log."""
+"""The names of wake-up messages in the event log."""
 EXPIRED: Final = "expired"
 ACK: Final = "ack"
 
 
 class LoggedEvent(NamedTuple):
-    """One event; the fields are the columns of `events`, categories as words ('' where there is none)."""
+    """One row of the event log; the fields are its columns, with categories as words (empty if there is none)."""
 
     time: float
     step: int
@@ -50,9 +50,20 @@ class LoggedEvent(NamedTuple):
 
 @dataclass(slots=True)
 class NodeAction:
-    """The same thing, done by each of several nodes once: from `time` to `until`, for `joules` in all.
+    """The same action of several nodes, once each.
 
-    `peer`: the other node, -1 for none. `count`: rows; `packets` and `bits` are sums over them.
+    Attributes:
+        time: of the first event, in s.
+        until: time of the last event, in s.
+        kind: of the events.
+        what: column of the events.
+        target: number of the target.
+        peer: the other node, -1 for none.
+        nodes: the acting nodes.
+        count: number of events.
+        packets: sum over the events.
+        bits: sum over the events.
+        joules: sum over the events.
     """
 
     time: float
@@ -68,7 +79,7 @@ class NodeAction:
     joules: float = 0.0
 
     def add(self, row: LoggedEvent) -> None:
-        """One more row of it."""
+        """Add an event."""
         self.until = row.time
         self.nodes.append(row.node)
         self.count += 1
@@ -78,12 +89,12 @@ class NodeAction:
 
 
 def layout_or_empty(path: str | Path) -> StateLayout:
-    """How the states are laid out; empty where there is no target."""
+    """The state columns of a file; empty without a target."""
     return layout(path) if attributes(path)["states"] else StateLayout({}, ())
 
 
 def ranges(path: str | Path, table: str = "events") -> dict[int, slice]:
-    """Which rows of a table each replicate has: from its first to its last."""
+    """The range of rows of each run in a table, by its number."""
     found: dict[int, slice] = {}
     for start, columns in _blocks(path, ["replicate"], table):
         numbers = columns["replicate"]
@@ -95,7 +106,7 @@ def ranges(path: str | Path, table: str = "events") -> dict[int, slice]:
 
 
 def rows_at(path: str | Path, replicate: int, step: int) -> list[LoggedEvent]:
-    """The events of one step. Two columns are looked through, a block at a time; then only the step's rows are read."""
+    """The events of one step. Two columns are searched block by block, then only the step's rows are read."""
     first, last = None, 0
     for start, columns in _blocks(path, ["replicate", "step"]):
         at = np.flatnonzero((columns["replicate"] == replicate) & (columns["step"] == step))
@@ -107,7 +118,7 @@ def rows_at(path: str | Path, replicate: int, step: int) -> list[LoggedEvent]:
 
 
 class OtherSteps(NamedTuple):
-    """What other steps know of a message: whether it began before, whether it goes on after, and what it is."""
+    """Events of a message in other steps: whether earlier, whether later, and what it carried."""
 
     before: bool
     after: bool
@@ -115,7 +126,7 @@ class OtherSteps(NamedTuple):
 
 
 def elsewhere(path: str | Path, replicate: int, step: int, rows: Sequence[LoggedEvent]) -> dict[int, OtherSteps]:
-    """What other steps know of the messages of which these rows are; those of this step alone are left out."""
+    """The messages of these rows that have events in other steps, by sequence number."""
     wanted = np.array(sorted({row.sequence for row in rows if row.sequence}), dtype=np.int64)
     words = meanings(path, "events", "what")
     known: dict[int, OtherSteps] = {}
@@ -131,97 +142,103 @@ def elsewhere(path: str | Path, replicate: int, step: int, rows: Sequence[Logged
 
 
 def rows_in(path: str | Path, rows: slice) -> list[LoggedEvent]:
-    """The events in a range of rows."""
+    """The events of a range of rows."""
     return [row for _, row in _read(path, rows)]
 
 
 def gathered(
     rows: Iterable[LoggedEvent], known: Mapping[int, OtherSteps] | None = None
 ) -> list[NodeAction | LoggedMessage]:
-    """What the rows add up to: a message a sequence number, and what nodes did besides, alike things together.
+    """The events grouped into messages, one per sequence number, and equal actions of nodes.
 
-    A node that does the same again begins a new act, so that rounds stay apart. `known`: see `elsewhere`.
+    If a node repeats an action, a new group begins, so that rounds remain separate.
+
+    Args:
+        rows: the events of a step.
+        known: what `elsewhere` returns.
     """
     found: list[NodeAction | LoggedMessage] = []
     messages: dict[tuple[bool, int], LoggedMessage] = {}
-    acts: dict[tuple[object, ...], tuple[NodeAction, set[int]]] = {}
+    actions: dict[tuple[object, ...], tuple[NodeAction, set[int]]] = {}
     rows = list(rows)
     leads = {row.node for row in rows if row.kind in ("estimate", "announce", "allocate", "handover")}
     for row in rows:
         if _is_too_late(row):
             message = messages.get((True, row.sequence))
             if message is None:
-                _join(row, False, acts, found.append)
+                _add_action(row, False, actions, found.append)
             else:
                 message.expired.append(row.node)
         elif row.kind in ON_THE_AIR or row.kind in OUTCOMES:
-            _take(row, messages, found.append, (known or {}).get(row.sequence, OtherSteps(False, False, "")))
+            _add_burst_event(row, messages, found.append, (known or {}).get(row.sequence, OtherSteps(False, False, "")))
         elif row.kind not in CALLS:
-            _join(row, row.kind == "compute" and row.node in leads, acts, found.append)
-    for row in _call([row for row in rows if row.kind in CALLS], list(messages.values())):
-        _join(row, False, acts, found.append)
+            _add_action(row, row.kind == "compute" and row.node in leads, actions, found.append)
+    for row in _assign_calls([row for row in rows if row.kind in CALLS], list(messages.values())):
+        _add_action(row, False, actions, found.append)
     return sorted(found, key=lambda one: one.time)
 
 
 def _is_too_late(row: LoggedEvent) -> bool:
-    """Whether a node dropped a message that it had, because that had expired."""
+    """Whether a node dropped a received message because it had expired."""
     return row.kind == "drop" and row.frame == 0 and row.what == EXPIRED
 
 
-def _call(rows: Sequence[LoggedEvent], messages: Sequence[LoggedMessage]) -> list[LoggedEvent]:
-    """Give each call on the wake-up radio to the message that it hands on; the rows of calls that hand on none.
+def _assign_calls(rows: Sequence[LoggedEvent], messages: Sequence[LoggedMessage]) -> list[LoggedEvent]:
+    """Add each wake-up call to the wake-up message that it belongs to; returns the rows of the other calls.
 
-    A caller has sent or heard that message, or has been called with it; of several it is the nearest in time (our
-    choice: calls have no sequence numbers). Who calls one node and then sends it a letter has called it for that.
+    The caller has sent or received that message, or was itself called for it; of several, the nearest in time is taken
+    (our choice: calls have no sequence numbers). A call of a single node that is then sent a unicast belongs to that.
     """
-    rings: dict[tuple[float, int, int], list[LoggedEvent]] = {}
+    calls: dict[tuple[float, int, int], list[LoggedEvent]] = {}
     for row in rows:
-        rings.setdefault((row.time, row.target, row.node if row.kind == "call" else row.peer), []).append(row)
-    letters = {(one.source, one.to) for message in messages if not message.is_broadcast for one in message.frames}
+        calls.setdefault((row.time, row.target, row.node if row.kind == "call" else row.peer), []).append(row)
+    unicasts = {(one.source, one.to) for message in messages if not message.is_broadcast for one in message.frames}
     left = []
-    for (time, target, caller), ring in rings.items():
-        woken = [row.node for row in ring if row.kind == "called"]
-        able = [one for one in messages if one.is_broadcast and (one.target, one.what in WAKING) == (target, True)]
-        able = [one for one in able if caller == one.source or caller in one.heard or caller in one.woken]
-        if not able or (len(woken) == 1 and (caller, woken[0]) in letters):
-            left += ring
+    for (time, target, caller), events in calls.items():
+        woken = [row.node for row in events if row.kind == "called"]
+        candidates = [
+            one for one in messages if one.is_broadcast and (one.target, one.what in WAKING) == (target, True)
+        ]
+        candidates = [one for one in candidates if caller == one.source or caller in one.heard or caller in one.woken]
+        if not candidates or (len(woken) == 1 and (caller, woken[0]) in unicasts):
+            left += events
             continue
-        message = min(able, key=lambda one: abs(one.time - time))
+        message = min(candidates, key=lambda one: abs(one.time - time))
         message.callers += [caller] if caller not in message.callers else []
         message.woken += woken
-        message.joules += sum(row.joules for row in ring)
+        message.joules += sum(row.joules for row in events)
         message.time, message.until = min(message.time, time), max(message.until, time)
     return left
 
 
-def _join(
+def _add_action(
     row: LoggedEvent,
     leads: bool,
-    acts: dict[tuple[object, ...], tuple[NodeAction, set[int]]],
+    actions: dict[tuple[object, ...], tuple[NodeAction, set[int]]],
     note: Callable[[NodeAction], None],
 ) -> None:
-    """Put a row of no frame, or one that was overheard, with those like it."""
+    """Add an event without a burst, or an overheard one, to the action that it belongs to."""
     overheard = row.kind == "overhear"
     key = (row.kind,) if overheard else (row.kind, row.what, row.target, row.peer, leads)
-    act, nodes = acts.get(key, (None, set()))
+    act, nodes = actions.get(key, (None, set()))
     if act is None or (row.node in nodes and not overheard):
         act, nodes = (
             NodeAction(row.time, row.time, row.kind, row.what, row.target, -1 if overheard else row.peer),
             set(),
         )
-        acts[key] = act, nodes
+        actions[key] = act, nodes
         note(act)
     nodes.add(row.node)
     act.add(row)
 
 
-def _take(
+def _add_burst_event(
     row: LoggedEvent,
     messages: dict[tuple[bool, int], LoggedMessage],
     note: Callable[[LoggedMessage], None],
     other: OtherSteps,
 ) -> None:
-    """Put a row of a frame where it belongs."""
+    """Add an event of a burst to its message."""
     key = (row.sequence > 0, row.sequence or row.frame)
     message = messages.get(key) if key[1] else None
     if message is None:
@@ -242,11 +259,11 @@ def _take(
         message.ended = row.what or "no_reason"
         message.most = max(message.most, row.packets)
     else:
-        _settle(message, row)
+        _add_outcome(message, row)
 
 
 def _opened(row: LoggedEvent, other: OtherSteps) -> LoggedMessage:
-    """A message, from the first row of it that there is: it was begun earlier where that is no sending."""
+    """A message from its first event in this step; it began earlier if that event is not a sending."""
     what = other.what if row.frame == 0 or row.what == ACK else row.what
     if row.what == ACK and row.kind in ON_THE_AIR:
         return LoggedMessage(row.time, row.time, what, row.target, row.peer, row.node, False, other.after)
@@ -257,8 +274,8 @@ def _opened(row: LoggedEvent, other: OtherSteps) -> LoggedMessage:
     return LoggedMessage(row.time, row.time, what, row.target, row.peer, row.node, False, other.after)
 
 
-def _settle(message: LoggedMessage, row: LoggedEvent) -> None:
-    """What became of a frame at one node."""
+def _add_outcome(message: LoggedMessage, row: LoggedEvent) -> None:
+    """Add the outcome of a burst at one node."""
     frame = next((one for one in reversed(message.frames) if one.number == row.frame), None)
     if frame is None:
         frame = LoggedBurst(row.frame, row.peer, row.node, row.packets, row.bits)
@@ -272,14 +289,14 @@ def _settle(message: LoggedMessage, row: LoggedEvent) -> None:
 def _blocks(
     path: str | Path, columns: Sequence[str], table: str = "events"
 ) -> Iterator[tuple[int, dict[str, np.ndarray]]]:
-    """(first row, columns) of one block after the other."""
+    """(first row, columns) of each block in turn."""
     count = tables(path)[table].rows
     for start in range(0, count, BLOCK):
         yield start, read_table(path, table, columns, slice(start, start + BLOCK))
 
 
 def _read(path: str | Path, rows: slice) -> Iterator[tuple[int, LoggedEvent]]:
-    """(replicate, event) of each row in a range."""
+    """(replicate, event) of each row of a range."""
     columns = read_table(path, "events", ["replicate", *LoggedEvent._fields], rows)
     lists = [columns["replicate"].tolist()]
     for name in LoggedEvent._fields:

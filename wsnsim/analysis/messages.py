@@ -1,6 +1,6 @@
-"""A parcel under way, as the events of a result show it: its frames hop by hop, and what became of each.
+"""The messages of an event log: the bursts of each, hop by hop, and their outcomes.
 
-LoggedMessage, LoggedBurst      a unicast over its hops, a broadcast, or a flood: a broadcast that others hand on
+LoggedMessage, LoggedBurst      a unicast over its hops, a broadcast, or a flood: a broadcast that other nodes forward
 """
 
 from __future__ import annotations
@@ -13,7 +13,18 @@ EVERYONE: Final = -1
 
 @dataclass(slots=True)
 class LoggedBurst:
-    """One burst on the air: who got how many packets of it, at whom it collided, and where it was lost otherwise."""
+    """One burst on the air.
+
+    Attributes:
+        number: of the burst; column `frame` of the events.
+        source: the sender.
+        to: the addressed node, or `EVERYONE`.
+        packets: packets sent.
+        bits: bits sent.
+        received: {node: packets that it received}.
+        collided: nodes at which it collided.
+        dropped: nodes at which it was lost otherwise.
+    """
 
     number: int
     source: int
@@ -26,18 +37,32 @@ class LoggedBurst:
 
     @property
     def arrived(self) -> bool:
-        """Whether the node it was for got it, or all of it where it was for everyone."""
+        """Whether the addressed node received it; of a broadcast, whether it was lost nowhere."""
         return self.to in self.received if self.to != EVERYONE else not (self.collided or self.dropped)
 
 
 @dataclass(slots=True)
 class LoggedMessage:
-    """A parcel under way: its frames hop by hop, acknowledgements left out, and `joules` of all who sent or listened.
+    """A message with its bursts, hop by hop.
 
-    `ended`: why a frame of it never got on the air ('no_path', 'no_channel', ...); '' if none. `begun`: whether its
-    first frame is in the rows; `goes_on`: whether later steps know of it; `relayed`: the first of the rows passes it
-    on. Overhearing is not in `joules`. Where it wakes nodes: `callers` on the wake-up radio, whom they have `woken`,
-    and at whom it `expired`; the calls are in `joules`.
+    Attributes:
+        time: of its first event, in s.
+        until: time of its last event, in s.
+        what: what the parcel carried.
+        target: number of the target.
+        source: the first sender.
+        to: the addressed node of the first burst, or `EVERYONE`.
+        begun: whether its first burst is in this step.
+        goes_on: whether a later step has events of it.
+        relayed: whether its first event here is a relaying.
+        ended: why a burst of it was not sent ('no_path', 'no_channel', ...); empty if all were.
+        most: packets of its largest burst.
+        joules: energy of its senders and addressed receivers, wake-up calls included, overhearing excluded.
+        frames: its bursts, without acknowledgements.
+        acknowledgements: number of acknowledgements received.
+        callers: nodes that sent wake-up calls for it.
+        woken: nodes that these calls woke.
+        expired: nodes at which it expired.
     """
 
     time: float
@@ -60,7 +85,7 @@ class LoggedMessage:
 
     @property
     def path(self) -> tuple[int, ...]:
-        """The nodes that it passed, from the first sender to the last addressee."""
+        """The nodes of its path, from the first sender to the last addressed node."""
         nodes = [self.source]
         for frame in self.frames:
             if frame.source == nodes[-1] and frame.to != EVERYONE:
@@ -69,13 +94,13 @@ class LoggedMessage:
 
     @property
     def hop(self) -> list[LoggedBurst]:
-        """The frames of its last hop."""
+        """The bursts of its last hop."""
         last = self.frames[-1]
         return [frame for frame in self.frames if (frame.source, frame.to) == (last.source, last.to)]
 
     @property
     def packets(self) -> int:
-        """Packets that arrived over its last hop, each frame counted; those that should have, if none did."""
+        """Packets that arrived over its last hop, summed over bursts; the packets sent, if none arrived."""
         if self.is_broadcast or not self.frames:
             return self.most
         got = sum(frame.received.get(frame.to, 0) for frame in self.hop)
@@ -83,25 +108,25 @@ class LoggedMessage:
 
     @property
     def bits(self) -> int:
-        """Bits put on the air, each frame and hop counted."""
+        """Bits put on the air, summed over bursts and hops."""
         return sum(frame.bits for frame in self.frames)
 
     @property
     def is_broadcast(self) -> bool:
-        """Whether it was for everyone within reach."""
+        """Whether it was for all nodes in range."""
         return self.to == EVERYONE
 
     @property
     def heard(self) -> set[int]:
-        """Who got a frame of it, or of a copy of it."""
+        """The nodes that received a burst of it."""
         return {node for frame in self.frames for node in frame.received}
 
     @property
     def forwarders(self) -> list[int]:
-        """Who handed on a broadcast of another, in the order in which they did."""
+        """The nodes that forwarded a broadcast, in order of time."""
         return [frame.source for frame in self.frames if frame.source != self.source] if self.is_broadcast else []
 
     @property
     def is_flood(self) -> bool:
-        """Whether it is a broadcast that was handed on, or that woke nodes."""
+        """Whether it is a broadcast that was forwarded or that woke nodes."""
         return self.is_broadcast and bool(self.forwarders or self.callers or self.expired)

@@ -1,6 +1,6 @@
-"""Events, numbers and nodes in words.
+"""The phrases of a step's description: events, quantities and nodes in words.
 
-row_in_words(row);   energy_in_words(joules);   counted(3, 'packet');   named(nodes);   StepContext: how a step is told
+row_in_words(row);   energy_in_words(joules);   counted(3, 'packet');   named(nodes);   StepContext
 """
 
 from __future__ import annotations
@@ -12,59 +12,62 @@ from typing import Final, NamedTuple
 from wsnsim.analysis.event_groups import LoggedEvent
 
 NAMES: Final = 24
-"""How many nodes a sentence names (our choice)."""
+"""Most nodes that a sentence lists (our choice)."""
 PARCELS: Final = {
     "announce": ("its announcement", "their announcements"),
-    "join": ("its request to join", "their requests to join"),
+    "join": ("its join request", "their join requests"),
     "strength": ("the strength of its reading", "the strengths of their readings"),
-    "wake": ("a call to wake", "calls to wake"),
-    "track": ("its call to track", "their calls to track"),
+    "wake": ("a request to wake", "requests to wake"),
+    "track": ("its wake-up message", "their wake-up messages"),
     "request": ("its request for readings", "their requests for readings"),
-    "detection": ("that it had detected a target", "that they had detected a target"),
+    "detection": ("its detection of a target", "their detections of a target"),
     "": ("a message", "messages"),
 }
-"""What a parcel is called of one sender and of several; others are called what the tracker calls them."""
-REASONS: Final = {"no_path": "there is no path", "no_channel": "the channel was never free"}
+"""The name of a parcel of one sender and of several; others have the tracker's name for them."""
+REASONS: Final = {"no_path": "no path exists", "no_channel": "channel access failed"}
 LOSSES: Final = {
-    "empty_region": "no node stands where the target is expected",
-    "nobody_woken": "nobody was woken where the target was expected",
-    "no_readings": "no readings came",
-    "no_successor": "there was nobody to hand over to",
-    "handover_lost": "the belief was lost on its way to the next head",
-    "head_died": "the head died",
-    "expired": "the message that was to wake nodes expired on its way",
+    "empty_region": "no node is near the predicted position",
+    "nobody_woken": "no node was woken near the predicted position",
+    "no_readings": "no readings arrived",
+    "no_successor": "there was no successor to hand over to",
+    "handover_lost": "the belief was lost on its way to the next cluster head",
+    "head_died": "the cluster head died",
+    "expired": "the wake-up message expired on its way",
 }
-"""Why a track was lost."""
+"""The reasons for a track loss."""
 SPEECH: Final = {
     "wake": (
         "woke",
         {
-            "frame": ", called by a frame",
-            "target": ", as the target came into range",
-            "call": ", called on the wake-up radio",
-            "schedule": ", as scheduled",
+            "frame": ", by a message",
+            "target": ", because the target came into range",
+            "call": ", by a wake-up call",
+            "schedule": ", by its schedule",
         },
     ),
     "sleep": (
         "went to sleep",
-        {"frame": ", dismissed", "target": ", as the target had left", "schedule": ", as scheduled"},
+        {"frame": ", dismissed", "target": ", because the target had left its range", "schedule": ", by its schedule"},
     ),
-    "stay": ("stayed awake", {"frame": ", having something to do", "target": ", as the target is in range"}),
-    "resume": ("went back to the schedule, awake", {}),
+    "stay": (
+        "stayed awake",
+        {"frame": ", because it had something to do", "target": ", because the target is in range"},
+    ),
+    "resume": ("returned to its schedule, awake", {}),
     "compute": ("computed", {}),
-    "sense": ("sensed", {"nothing": " nothing, though told to"}),
+    "sense": ("sensed", {"nothing": " nothing, although it was woken for the target"}),
     "drop": ("dropped a message", {"expired": " that had expired"}),
     "crash": ("crashed", {}),
     "restart": ("restarted", {}),
-    "death": ("died: the charge is gone", {}),
+    "death": ("died: its battery is empty", {}),
 }
-"""Verbs of acts without another node, and what follows them for a word of the event."""
+"""The verb of an action without another node, and its continuation by the event's column `what`."""
 OF_NODES: Final = ("join", "strength", "wake", "handover", "report")
-"""Parcels that not only members send to a head."""
+"""Parcels that not only members send to a cluster head."""
 
 
 class Sentence(NamedTuple):
-    """A sentence, and from when to when it holds, in s of simulated time."""
+    """A sentence with the start and end of what it describes, in s of simulated time."""
 
     time: float
     until: float
@@ -73,9 +76,13 @@ class Sentence(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class StepContext:
-    """How it is told: who is called a head, and how many similar messages are told one by one before they are summed.
+    """What the description of a step needs to know.
 
-    `issued`: what to say of the estimates issued, by (target, time). `several`: whether targets need their numbers.
+    Attributes:
+        heads: the cluster heads of the step.
+        limit: most similar messages that are described one by one; more are summed up.
+        issued: the name of each issued estimate by (target, time).
+        several: whether there are several targets, so that sentences name theirs.
     """
 
     heads: frozenset[int]
@@ -84,16 +91,16 @@ class StepContext:
     several: bool = False
 
     def node(self, number: int) -> str:
-        """A node by its role."""
-        return f"{'head' if number in self.heads else 'node'} {number}"
+        """A node with its role."""
+        return f"{'cluster head' if number in self.heads else 'node'} {number}"
 
     def of(self, target: int) -> str:
-        """Which target a sentence is about, where there are several."""
+        """The target of a sentence, if there are several targets."""
         return f" (target {target})" if self.several and target >= 0 else ""
 
 
 def row_in_words(row: LoggedEvent) -> str:
-    """One event, with all that it says."""
+    """One event with all of its columns."""
     joules = f"{energy_in_words(row.joules)} ({row.cause})" if row.joules else ""
     facts = [
         f"'{row.what}'" if row.what else "",
@@ -109,7 +116,7 @@ def row_in_words(row: LoggedEvent) -> str:
 
 
 def energy_in_words(joules: float) -> str:
-    """Joules with three digits and the fitting prefix."""
+    """An energy with three digits and a fitting prefix."""
     if joules == 0:
         return "0 J"
     for factor, unit in ((1.0, "J"), (1e-3, "mJ"), (1e-6, "uJ")):
@@ -124,6 +131,6 @@ def counted(count: int, word: str) -> str:
 
 
 def named(nodes: Sequence[int]) -> str:
-    """The nodes one by one, as long as there are not too many."""
+    """The nodes as a list, at most `NAMES` of them."""
     shown = ", ".join(str(node) for node in nodes[:NAMES])
     return shown + (f" and {len(nodes) - NAMES:,} more" if len(nodes) > NAMES else "")

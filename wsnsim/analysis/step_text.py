@@ -1,6 +1,6 @@
-"""What happened in a step, as sentences: acts of nodes, and messages with what became of them.
+"""The description of a step as sentences: actions of nodes, and messages with their outcomes.
 
-told(acts, speaker) -> [Sentence] in the order of time;   outcome(message) -> how it fared, in a few words
+describe(actions, context) -> [Sentence] in the order of time;   outcome(message) -> a few words
 """
 
 from __future__ import annotations
@@ -24,73 +24,78 @@ from wsnsim.analysis.phrases import (
 )
 
 
-def told(acts: Iterable[NodeAction | LoggedMessage], speaker: StepContext) -> list[Sentence]:
-    """The sentences of a step in the order of time; many similar messages become one."""
-    acts = list(acts)
-    messages = [act for act in acts if isinstance(act, LoggedMessage)]
+def describe(actions: Iterable[NodeAction | LoggedMessage], context: StepContext) -> list[Sentence]:
+    """The sentences of a step in the order of time; many similar messages are summed up in one."""
+    actions = list(actions)
+    messages = [action for action in actions if isinstance(action, LoggedMessage)]
     place = {id(group[0]): group for group in _groups(messages)}
     lines: list[Sentence] = []
-    for act in acts:
-        if isinstance(act, NodeAction):
-            lines.append(Sentence(act.time, act.until, _act(act, speaker)))
-        elif id(act) in place:
-            lines += _messages(place[id(act)], speaker)
+    for action in actions:
+        if isinstance(action, NodeAction):
+            lines.append(Sentence(action.time, action.until, _action(action, context)))
+        elif id(action) in place:
+            lines += _messages(place[id(action)], context)
     return sorted(lines, key=lambda line: line.time)
 
 
-def _act(act: NodeAction, speaker: StepContext) -> str:
-    several = len(act.nodes) > 1
-    who = f"{len(set(act.nodes)):,} nodes" if several else speaker.node(act.nodes[0]) if act.nodes[0] >= 0 else "nobody"
-    names = f": {named(act.nodes)}" if several else ""
-    paid = f" ({energy_in_words(act.joules)})" if act.joules else ""
-    if act.kind in SPEECH:
-        verb, after = SPEECH[act.kind]
-        return f"{who} {verb}{after.get(act.what, '')}{speaker.of(act.target)}{paid}{names}"
-    said = _deed(act, who, speaker)
-    return (
-        f"{said}{'' if act.kind == 'fault' else speaker.of(act.target)}{paid}{names if act.kind != 'overhear' else ''}"
+def _action(action: NodeAction, context: StepContext) -> str:
+    several = len(action.nodes) > 1
+    who = (
+        f"{len(set(action.nodes)):,} nodes"
+        if several
+        else context.node(action.nodes[0])
+        if action.nodes[0] >= 0
+        else "nobody"
     )
+    names = f": {named(action.nodes)}" if several else ""
+    paid = f" ({energy_in_words(action.joules)})" if action.joules else ""
+    if action.kind in SPEECH:
+        verb, after = SPEECH[action.kind]
+        return f"{who} {verb}{after.get(action.what, '')}{context.of(action.target)}{paid}{names}"
+    said = _interaction(action, who, context)
+    of = "" if action.kind == "fault" else context.of(action.target)
+    return f"{said}{of}{paid}{'' if action.kind == 'overhear' else names}"
 
 
-def _deed(act: NodeAction, who: str, speaker: StepContext) -> str:
-    """An act of one node as a rule, or with another."""
-    what, peer = act.what.replace("_", " "), speaker.node(act.peer)
-    told_by_kind = {
-        "overhear": f"{who} overheard what was not for them ({counted(act.count, 'frame')} at a node each)",
-        "elect": f"{who} was elected head",
+def _interaction(action: NodeAction, who: str, context: StepContext) -> str:
+    """An action, mostly of one node, or with another node."""
+    what, peer = action.what.replace("_", " "), context.node(action.peer)
+    by_kind = {
+        "overhear": f"{who} overheard frames for other nodes ({counted(action.count, 'reception')})",
+        "elect": f"{who} was elected cluster head",
         "announce": f"{who} announced its cluster",
         "join": f"{who} joined {peer}",
-        "allocate": f"{who} dealt out {what or 'its belief'}: {counted(act.packets, 'packet')} for others",
-        "estimate": f"{who} issued {speaker.issued.get((act.target, act.time), 'an estimate')}",
-        "handover": f"{who} handed over to {peer}, by the message that woke it"
-        if act.what == "message"
-        else f"{who} began to hand over to {peer}",
-        "lost": f"the track was lost: {LOSSES.get(act.what, what) or 'no reason given'}"
-        + (f" ({who})" if act.nodes[0] >= 0 else ""),
-        "reacquire": f"{who} began the track anew, from readings",
-        "acquire": f"{who} took up a target that nobody had followed",
-        "call": f"{who} called on the wake-up radio",
-        "called": f"{who} {'were' if len(act.nodes) > 1 else 'was'} woken by a call of {peer}",
+        "allocate": f"{who} allocated {what or 'its belief'}: {counted(action.packets, 'packet')} for other nodes",
+        "estimate": f"{who} issued {context.issued.get((action.target, action.time), 'an estimate')}",
+        "handover": f"{who} handed over to {peer} by the message that woke it"
+        if action.what == "message"
+        else f"{who} started the handover to {peer}",
+        "lost": f"the track was lost: {LOSSES.get(action.what, what) or 'no reason given'}"
+        + (f" ({who})" if action.nodes[0] >= 0 else ""),
+        "reacquire": f"{who} initiated the track again, from readings",
+        "acquire": f"{who} initiated a track",
+        "call": f"{who} sent a wake-up call",
+        "called": f"{who} {'were' if len(action.nodes) > 1 else 'was'} woken by a wake-up call of {peer}",
         "leave": "the target left the field",
         "return": "the target came back into the field",
-        "report": _report(act, who, speaker),
+        "report": _report(action, who, context),
     }
-    if act.kind == "fault":
-        ended = act.what.endswith("_over")
+    if action.kind == "fault":
+        ended = action.what.endswith("_over")
         name = what.removesuffix(" over") or "unnamed"
         return f"fault '{name}' ended at {who}" if ended else f"fault '{name}' hit {who}"
-    return told_by_kind.get(act.kind, " ".join(filter(None, (who, act.kind, what))))
+    return by_kind.get(action.kind, " ".join(filter(None, (who, action.kind, what))))
 
 
-def _report(act: NodeAction, who: str, speaker: StepContext) -> str:
-    """The sink has a head's report, or a head sends it: whichever of the two the event is of."""
-    if act.nodes[0] in speaker.heads or act.peer < 0:
-        return f"{who} reported to the sink" + (f", node {act.peer}" if act.peer >= 0 else "")
-    return f"the sink, {who}, had the report of {speaker.node(act.peer)}"
+def _report(action: NodeAction, who: str, context: StepContext) -> str:
+    """A report as the cluster head sends it, or as the sink receives it."""
+    if action.nodes[0] in context.heads or action.peer < 0:
+        return f"{who} reported to the sink" + (f", node {action.peer}" if action.peer >= 0 else "")
+    return f"the sink, {who}, received the report of {context.node(action.peer)}"
 
 
 def _parcel(what: str, several: bool) -> str:
-    """What a parcel is called, of one sender or of several."""
+    """The name of a parcel, of one sender or of several."""
     if not what:
         return ("a message", "messages")[several]
     words = what.replace("_", " ")
@@ -98,16 +103,16 @@ def _parcel(what: str, several: bool) -> str:
 
 
 def outcome(message: LoggedMessage) -> str:
-    """What became of a unicast message in a few words, alike for all that fared alike."""
+    """The outcome of a unicast message in a few words; equal outcomes have equal words."""
     if not message.frames:
-        return f"not sent: {_reason(message.ended)}" if message.ended else "nothing of it in this step"
+        return f"not sent: {_reason(message.ended)}" if message.ended else "not sent in this step"
     hop = message.hop
     arrived = [frame for frame in hop if frame.arrived]
     if message.ended or (not arrived and not message.goes_on):
         lost = "arrived in part" if arrived else _loss(hop)
         return f"{lost}, then given up: {_reason(message.ended)}" if message.ended else lost
     if message.goes_on:
-        return "still under way when the step ends"
+        return "still on its way when the step ended"
     if len(arrived) == len(hop):
         return "arrived" if _got(hop) >= sum(frame.packets for frame in hop) else "arrived in part"
     if len(arrived) == 1 and hop[-1].arrived:
@@ -129,7 +134,7 @@ def _got(hop: Sequence[LoggedBurst]) -> int:
 
 
 def _groups(messages: Sequence[LoggedMessage]) -> list[list[LoggedMessage]]:
-    """Messages of one kind to one node, from one node, or to everyone; one that repeats begins another round."""
+    """Messages of one kind to one node, from one node, or to all nodes; a repetition starts another group."""
     to = Counter((one.what, one.target, one.path[-1]) for one in messages)
     by = Counter((one.what, one.target, one.source) for one in messages)
     groups: list[list[LoggedMessage]] = []
@@ -149,64 +154,66 @@ def _groups(messages: Sequence[LoggedMessage]) -> list[list[LoggedMessage]]:
 
 
 def _side(one: LoggedMessage, gathers: bool) -> tuple[str, int]:
-    """What messages of one group have in common: a flood stands alone."""
+    """The common end of the messages of one group; a flood is a group of its own."""
     if one.is_broadcast:
         return ("flood", id(one)) if one.is_flood else ("all", 0)
     return ("to", one.path[-1]) if gathers else ("from", one.source)
 
 
-def _messages(group: list[LoggedMessage], speaker: StepContext) -> list[Sentence]:
-    if len(group) <= speaker.limit or len(group) == 1:
-        return [Sentence(one.time, one.until, _message(one, speaker)) for one in group]
-    text = _broadcasts(group) if group[0].is_broadcast else _sum(group, speaker)
-    return [Sentence(group[0].time, max(one.until for one in group), text + speaker.of(group[0].target))]
+def _messages(group: list[LoggedMessage], context: StepContext) -> list[Sentence]:
+    if len(group) <= context.limit or len(group) == 1:
+        return [Sentence(one.time, one.until, _message(one, context)) for one in group]
+    text = _broadcasts(group) if group[0].is_broadcast else _sum(group, context)
+    return [Sentence(group[0].time, max(one.until for one in group), text + context.of(group[0].target))]
 
 
-def _message(one: LoggedMessage, speaker: StepContext) -> str:
+def _message(one: LoggedMessage, context: StepContext) -> str:
     what = _parcel(one.what, False)
-    text = f"{speaker.node(one.source)} "
+    text = f"{context.node(one.source)} "
     if one.is_flood:
-        return _flood(one, speaker)
+        return _flood(one, context)
     if one.is_broadcast:
-        return f"{text}broadcast {what} {_facts([one])}; {_heard(one)}{speaker.of(one.target)}"
+        return f"{text}broadcast {what} {_facts([one])}; {_heard(one)}{context.of(one.target)}"
     path = one.path
-    text += "sent " if one.begun else "passed on " if one.relayed else "went on with "
-    text += f"{what} to {speaker.node(path[-1] if len(path) > 1 else one.to)}"
+    text += "sent " if one.begun else "relayed " if one.relayed else "continued to send "
+    text += f"{what} to {context.node(path[-1] if len(path) > 1 else one.to)}"
     text += f" over {', '.join(str(node) for node in path[1:-1])}" if len(path) > 2 else ""
     text += "" if one.begun or not one.relayed else ", begun before this step,"
-    return f"{text} {_facts([one])}; {_fate(one, speaker)}{speaker.of(one.target)}"
+    return f"{text} {_facts([one])}; {_fate(one, context)}{context.of(one.target)}"
 
 
-def _flood(one: LoggedMessage, speaker: StepContext) -> str:
-    """A message that wakes nodes as one act: who started it, who handed it on, whom it reached, and whom it woke."""
-    begun = "broadcast" if one.begun else "handed on, begun before this step," if one.relayed else "went on with"
-    facts = [f"{speaker.node(one.source)} {begun} {_parcel(one.what, False)} {_facts([one])}"]
+def _flood(one: LoggedMessage, context: StepContext) -> str:
+    """A flood as one sentence: its source, its forwarders, the nodes that it reached, and those that it woke."""
+    begun = (
+        "broadcast" if one.begun else "forwarded, begun before this step," if one.relayed else "continued to broadcast"
+    )
+    facts = [f"{context.node(one.source)} {begun} {_parcel(one.what, False)} {_facts([one])}"]
     if one.forwarders:
-        facts.append(f"handed on by {_those(one.forwarders, speaker)}")
+        facts.append(f"forwarded by {_those(one.forwarders, context)}")
     heard = len(one.heard)
-    facts.append(f"heard by {heard}" if heard else "nobody was there to hear it")
+    facts.append(f"received by {heard}" if heard else "no node was in range")
     if one.callers:
-        callers, woken = _those(one.callers, speaker), len(one.woken)
-        facts.append(f"{callers} called on the wake-up radio, which woke {woken or 'nobody'}")
+        callers, woken = _those(one.callers, context), len(one.woken)
+        facts.append(f"{callers} sent a wake-up call, which woke {woken or 'no node'}")
         facts[-1] += f": {named(one.woken)}" if woken else ""
     for nodes, words in ((_missed(one), "lost at"), (one.expired, "expired at")):
         facts += [f"{words} {named(nodes)}"] if nodes else []
-    return "; ".join(facts) + (f"; not sent: {_reason(one.ended)}" if one.ended else "") + speaker.of(one.target)
+    return "; ".join(facts) + (f"; not sent: {_reason(one.ended)}" if one.ended else "") + context.of(one.target)
 
 
-def _those(nodes: Sequence[int], speaker: StepContext) -> str:
-    """One node by its role, or several by their numbers."""
-    return speaker.node(nodes[0]) if len(nodes) == 1 else f"{len(nodes)} nodes ({named(nodes)})"
+def _those(nodes: Sequence[int], context: StepContext) -> str:
+    """One node with its role, or several with their numbers."""
+    return context.node(nodes[0]) if len(nodes) == 1 else f"{len(nodes)} nodes ({named(nodes)})"
 
 
 def _missed(one: LoggedMessage) -> list[int]:
-    """Who was within reach of a frame of a broadcast, and got none."""
+    """The nodes in range of a broadcast that received no burst of it."""
     touched = {node for frame in one.frames for node in (*frame.collided, *frame.dropped)}
     return sorted(touched - one.heard - {one.source, *one.forwarders})
 
 
-def _fate(one: LoggedMessage, speaker: StepContext) -> str:
-    """How a unicast message fared, in detail."""
+def _fate(one: LoggedMessage, context: StepContext) -> str:
+    """The outcome of a unicast message in detail."""
     said = outcome(one)
     if not one.frames:
         return said
@@ -222,7 +229,7 @@ def _fate(one: LoggedMessage, speaker: StepContext) -> str:
 
 
 def _facts(group: Sequence[LoggedMessage]) -> str:
-    """How much was sent, and what that cost all who sent and listened."""
+    """The amount of what was sent, and the energy of all senders and receivers."""
     frames = sum(len(one.frames) for one in group)
     hops = len(group[0].path) - 1 if len(group) == 1 and not group[0].is_broadcast else 1
     facts = [counted(sum(one.packets for one in group), "packet")]
@@ -232,8 +239,8 @@ def _facts(group: Sequence[LoggedMessage]) -> str:
     return f"({', '.join(facts)})"
 
 
-def _sum(group: Sequence[LoggedMessage], speaker: StepContext) -> str:
-    """Many unicasts in one sentence: how many fared how, and who fared badly."""
+def _sum(group: Sequence[LoggedMessage], context: StepContext) -> str:
+    """Many unicast messages in one sentence: the number of each outcome, and the nodes of the bad ones."""
     fates: dict[str, list[int]] = {}
     goals = {one.path[-1] for one in group}
     gathers = len(goals) == 1
@@ -245,12 +252,12 @@ def _sum(group: Sequence[LoggedMessage], speaker: StepContext) -> str:
     )
     if fates.keys() == {"arrived"}:
         said = "all arrived"
-    goal, verb = next(iter(goals)), "sent" if group[0].begun else "went on with"
+    goal, verb = next(iter(goals)), "sent" if group[0].begun else "continued to send"
     if gathers:
-        who = "members" if goal in speaker.heads and group[0].what not in OF_NODES else "nodes"
-        begin = f"{len(group)} {who} {verb} {_parcel(group[0].what, True)} to {speaker.node(goal)}"
+        who = "members" if goal in context.heads and group[0].what not in OF_NODES else "nodes"
+        begin = f"{len(group)} {who} {verb} {_parcel(group[0].what, True)} to {context.node(goal)}"
     else:
-        begin = f"{speaker.node(group[0].source)} {verb} {_parcel(group[0].what, False)} to {len(group)} nodes"
+        begin = f"{context.node(group[0].source)} {verb} {_parcel(group[0].what, False)} to {len(group)} nodes"
     return f"{begin} {_facts(group)}: {said}"
 
 
@@ -258,13 +265,13 @@ def _broadcasts(group: Sequence[LoggedMessage]) -> str:
     heard = [_audience(one) for one in group]
     got, of, collided = (sum(counts) for counts in zip(*heard, strict=True))
     unsent = sum(not one.frames for one in group)
-    said = f"heard {got:,} times of {of:,}" + (f", {collided:,} collided" if collided else "")
+    said = f"received {got:,} of {of:,} times" + (f", {collided:,} collided" if collided else "")
     said += f", {unsent} not sent" if unsent else ""
     return f"{len(group)} nodes broadcast {_parcel(group[0].what, True)} {_facts(group)}: {said}"
 
 
 def _audience(one: LoggedMessage) -> tuple[int, int, int]:
-    """Of a broadcast: how many heard all of it, how many were meant to, and at how many a frame of it collided."""
+    """The numbers of nodes that received all of a broadcast, that were in range, and at which it collided."""
     touched = {node for frame in one.frames for node in (*frame.received, *frame.collided, *frame.dropped)}
     whole = [node for node in touched if all(frame.received.get(node) == frame.packets for frame in one.frames)]
     return len(whole), len(touched), len({node for frame in one.frames for node in frame.collided})
@@ -274,7 +281,7 @@ def _heard(one: LoggedMessage) -> str:
     if not one.frames:
         return f"not sent: {_reason(one.ended)}"
     got, of, _ = _audience(one)
-    said = f"heard by {got} of {of}" if of else "nobody was there to hear it"
+    said = f"received by {got} of {of}" if of else "no node was in range"
     collided = sorted({node for frame in one.frames for node in frame.collided})
     lost = sorted({node for frame in one.frames for node in frame.dropped} - set(collided))
     said += f"; collided at {named(collided)}" if collided else ""

@@ -1,4 +1,4 @@
-"""One step of a run, told: who sensed, who sent what to whom, what was lost and why, what it gave and what it cost.
+"""The description of one step of a run: readings, messages and their outcomes, estimates, and energy.
 
 trace(path, step, replicate=0, target=None, limit=4) -> StepTrace;   text(trace);   as_json(trace)
 """
@@ -16,7 +16,8 @@ import numpy as np
 from wsnsim.analysis.event_groups import LoggedEvent, NodeAction, elsewhere, gathered, layout_or_empty, rows_at
 from wsnsim.analysis.messages import LoggedMessage
 from wsnsim.analysis.phrases import Sentence, StepContext, counted, energy_in_words
-from wsnsim.analysis.step_text import told
+from wsnsim.analysis.plot_data import number_span
+from wsnsim.analysis.step_text import describe
 from wsnsim.base.errors import ResultError, UsageError
 from wsnsim.recording import attributes, meanings, read_table, read_text, tables
 
@@ -25,10 +26,23 @@ Record = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class StepTrace:
-    """A step, picked and put in order. `start` and `dt` in s; `energy` and `booked` in J by cause.
+    """One step of a run.
 
-    `targets`: {target: (truth, estimate)}, each the row of its table as a mapping, or None. `energy` is what the whole
-    network spent in the step, `booked` what the step's events (of the targets asked for) say. `units` of the states.
+    Attributes:
+        path: the result file.
+        name: scenario and seed.
+        replicate: number of the run.
+        step: number of the step.
+        start: of the step, in s.
+        dt: its length, in s.
+        network: whether there is a network.
+        units: of the state columns.
+        position: the state columns of the position.
+        targets: {target: (truth, estimate)}, the rows of these tables, or None.
+        acts: actions of nodes and messages, in the order in which they began.
+        lines: their description.
+        energy: J that the whole network spent in the step, by cause; None if not recorded.
+        booked: J of the step's events (of the selected target), by cause.
     """
 
     path: str
@@ -48,11 +62,18 @@ class StepTrace:
 
 
 def trace(path: str | Path, step: int, replicate: int = 0, target: int | None = None, limit: int = 4) -> StepTrace:
-    """Pick one step of a result and put it into words. More than `limit` similar messages are told in one sentence.
+    """Describe one step of a result.
+
+    Args:
+        path: the result file.
+        step: number of the step.
+        replicate: number of the run.
+        target: the target, or None for all.
+        limit: most similar messages that are described one by one; more are summed up.
 
     Raises:
-        UsageError: there is no such replicate, step or target.
-        ResultError: the file cannot be read, or does not hold what it takes.
+        UsageError: there is no such run, step or target.
+        ResultError: the file cannot be read, or holds no events.
     """
     scenario = json.loads(read_text(path, "scenario/resolved_json"))
     dt, network = float(scenario["step"]), scenario.get("network") != "none"
@@ -60,7 +81,7 @@ def trace(path: str | Path, step: int, replicate: int = 0, target: int | None = 
     truths, estimates = (_of_run(path, table, replicate) for table in ("truth", "estimates"))
     known = sorted({row["target"] for row in (*truths, *estimates)})
     if target is not None and target not in known:
-        raise UsageError(f"{path}: there is no target {target}; it has {', '.join(map(str, known)) or 'none'}")
+        raise UsageError(f"{path}: no target {target}; it has {', '.join(map(str, known)) or 'none'}")
     if network:
         _demand_events(path)
     rows = [
@@ -69,30 +90,30 @@ def trace(path: str | Path, step: int, replicate: int = 0, target: int | None = 
         if target in (None, row.target) or row.target < 0
     ]
     chosen = known if target is None else [target]
-    speaker = StepContext(_heads(rows, estimates, step), limit, _issued(estimates, dt, path), len(known) > 1)
+    context = StepContext(_heads(rows, estimates, step), limit, _issued(estimates, dt, path), len(known) > 1)
     acts = gathered(rows, elsewhere(path, replicate, step, rows) if rows else {})
     plan = layout_or_empty(path)
     return StepTrace(
         str(path), f"{scenario['name']}, seed {scenario['seed']}", replicate, step, step * dt, dt, network, plan.units,
         plan.position, {one: (_row(truths, one, step), _row(estimates, one, step)) for one in chosen}, acts,
-        told(acts, speaker), _spent(path, replicate, step) if network else None, _booked(rows),
+        describe(acts, context), _spent(path, replicate, step) if network else None, _booked(rows),
     )  # fmt: skip
 
 
 def text(picked: StepTrace) -> str:
-    """The step for a terminal: where the targets are, then what happened, in ms after its start, then the cost."""
+    """The step for a terminal: positions of the targets, events in ms after its start, and energy."""
     run = f"replicate {picked.replicate}, step {picked.step}"
     lines = [f"{picked.path}: {picked.name}", f"{run}: from {picked.start:g} s to {picked.start + picked.dt:g} s"]
     for target, (truth, estimate) in picked.targets.items():
         lines.append(f"target {target}" + (f" is at {_place(picked, truth)}" if truth else ""))
         lines.append(f"  {_of_estimate(picked, estimate)}")
     if not picked.network:
-        return "\n".join([*lines, "no network: nothing was sent, and no energy spent"])
+        return "\n".join([*lines, "no network: nothing was sent and no energy was spent"])
     return "\n".join([*lines, "", *_happened(picked), "", *_cost(picked)])
 
 
 def as_json(picked: StepTrace) -> dict[str, Any]:
-    """The same as plain values; times in s."""
+    """The step as plain values; times in s."""
     return {
         "file": picked.path,
         "replicate": picked.replicate,
@@ -112,34 +133,28 @@ def as_json(picked: StepTrace) -> dict[str, Any]:
 
 
 def _check(path: str | Path, replicate: int, step: int) -> None:
-    """Raise UsageError unless the file has the run, and the run the step. What a killed run left cannot be asked."""
+    """Raise UsageError unless the file has the run and the run has the step. Partial files are not checked."""
     if attributes(path)["status"] != "complete":
         return
     runs = read_table(path, "runs", ["replicate", "steps"])
     found = dict(zip(runs["replicate"].tolist(), runs["steps"].tolist(), strict=True))
     if replicate not in found:
-        raise UsageError(f"{path}: there is no replicate {replicate}; it has {_span(sorted(found))}")
+        raise UsageError(f"{path}: no replicate {replicate}; it has {number_span(np.array(sorted(found)))}")
     if step > found[replicate]:
-        raise UsageError(f"{path}: replicate {replicate} has steps 0 to {found[replicate]}, no step {step}")
+        raise UsageError(f"{path}: replicate {replicate} has steps 0 to {found[replicate]}, not {step}")
 
 
 def _demand_events(path: str | Path) -> None:
     """Raise ResultError unless events were recorded."""
     if "events" not in tables(path):
         raise ResultError(
-            f"{path}: its events were not recorded, so no step can be told; run it again with them: "
+            f"{path}: events were not recorded, so no step can be described; record them with: "
             f"wsnsim run {path} --set record.events=true --out FILE.h5"
         )
 
 
-def _span(numbers: Sequence[int]) -> str:
-    if len(numbers) <= 6:
-        return ", ".join(map(str, numbers)) or "none"
-    return f"{numbers[0]} … {numbers[-1]}"
-
-
 def _of_run(path: str | Path, table: str, replicate: int) -> list[dict[str, Any]]:
-    """The rows of one replicate as mappings; none where the table was not recorded."""
+    """The rows of one run as mappings; empty if the table was not recorded."""
     if table not in tables(path):
         return []
     columns = read_table(path, table)
@@ -153,17 +168,17 @@ def _row(rows: Sequence[dict[str, Any]], target: int, step: int) -> Record | Non
 
 
 def _heads(rows: Sequence[LoggedEvent], estimates: Sequence[Record], step: int) -> frozenset[int]:
-    """Who leads in the step: as the estimates say, and as whoever acts as a head does."""
+    """The cluster heads of the step, by the estimates and by the events that only heads have."""
     leads = {row["head"] for row in estimates if row["step"] == step}
     leads |= {row.node for row in rows if row.kind in ("announce", "allocate", "estimate", "handover")}
     return frozenset(leads - {-1})
 
 
 def _issued(estimates: Sequence[Record], dt: float, path: str | Path) -> dict[tuple[int, float], str]:
-    """What each estimate is called at the time when it was issued."""
+    """The name of each estimate by target and time of issue."""
     unit = _unit(path)
     return {
-        (row["target"], row["issued"]): f"the estimate of step {row['step']}, {row['error']:.3g}{unit} off"
+        (row["target"], row["issued"]): f"the estimate of step {row['step']}, position error {row['error']:.3g}{unit}"
         + _late(row, dt)
         for row in estimates
         if row["issued"] == row["issued"]
@@ -182,7 +197,7 @@ def _unit(path: str | Path) -> str:
 
 
 def _spent(path: str | Path, replicate: int, step: int) -> dict[str, float] | None:
-    """What the network spent in the step, by cause; None where that was not recorded."""
+    """The energy that the network spent in the step, by cause; None if not recorded."""
     if "energy_steps" not in tables(path):
         return None
     table = read_table(path, "energy_steps", ["replicate", "step", "cause", "joules"])
@@ -204,20 +219,20 @@ def _place(picked: StepTrace, row: Record) -> str:
 
 
 def _of_estimate(picked: StepTrace, row: Record | None) -> str:
-    """The step's estimate: where, how far off, when issued and by whom, from what; or who led without one."""
+    """The step's estimate with its error, time and readings; or the cluster head without an estimate."""
     if row is None:
-        return "no estimate: step 0 has the prior" if picked.step == 0 else "its estimates were not recorded"
+        return "no estimate: step 0 is the prior" if picked.step == 0 else "its estimates were not recorded"
     if np.isnan(row["issued"]):
-        led = f"node {row['head']} led" if row["head"] >= 0 else "nobody led"
-        return f"no estimate of this step; {led}"
+        head = f"cluster head: node {row['head']}" if row["head"] >= 0 else "no cluster head"
+        return f"no estimate of this step; {head}"
     unit = picked.units[picked.position[0]]
     after = row["issued"] - picked.start
-    said = f"estimate {_place(picked, row)}: {row['error']:.3g} {unit}".rstrip() + " off"
+    said = f"estimate {_place(picked, row)}: position error {row['error']:.3g} {unit}".rstrip()
     if not picked.network:
         return f"{said}, from {counted(row['readings'], 'reading')}"
-    said += f", issued by head {row['head']} {_ms(after)} ms after the start{_late(row, picked.dt)}"
+    said += f", issued by cluster head {row['head']} {_ms(after)} ms after the start of the step{_late(row, picked.dt)}"
     sensed = f"{row['active']} of {counted(row['members'], 'member')} sensed"
-    said += f"; {sensed}, {counted(row['readings'], 'reading')} entered"
+    said += f"; {sensed}, {counted(row['readings'], 'reading')} used"
     received = row["received"]
     return said + (f"; at the sink {_ms(received - picked.start)} ms after the start" if received == received else "")
 
@@ -240,9 +255,9 @@ def _ms(seconds: float) -> str:
 
 
 def _cost(picked: StepTrace) -> list[str]:
-    """What the step cost the network, and how much of it the events above account for."""
+    """The energy of the step, and the share of the events above."""
     booked = sum(picked.booked.values())
-    events = f"the events above book {energy_in_words(booked)}{_by_cause(picked.booked)}"
+    events = f"the events above account for {energy_in_words(booked)}{_by_cause(picked.booked)}"
     if picked.energy is None:
         return [events]
     return [f"the network spent {energy_in_words(sum(picked.energy.values()))}{_by_cause(picked.energy)}", events]
