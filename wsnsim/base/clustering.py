@@ -33,15 +33,12 @@ class ClusterPolicy(Protocol):
 
     def elect(self, ids: Sequence[int], strengths: Sequence[float], able: Sequence[bool]) -> int | None:
         """The head among candidates, given each one's strength and whether its charge exceeds the threshold."""
-        ...
 
     def must_hand_over(self, active: int, members: int) -> bool:
         """Whether too few of the members sense."""
-        ...
 
     def successor(self, forecast: Floats, positions: Floats, able: Bools) -> int | None:
         """The next head, given the predicted position (2,), all nodes' positions (N, 2) and who is able (N,)."""
-        ...
 
 
 class MovingPolicy(ClusterPolicy, Protocol):

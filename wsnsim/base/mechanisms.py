@@ -145,13 +145,11 @@ class StartsFault(Protocol):
 
 
 class WakeUpServices(Protocol):
-    """What a wake-up mechanism may use of the network. The network books and logs what it sends.
-
-    `now` is the simulated time in s.
-    """
+    """What a wake-up mechanism may use of the network. The network books and logs what it sends."""
 
     @property
-    def now(self) -> float: ...
+    def now(self) -> float:
+        """The simulated time in s."""
 
     def is_up(self, node: int) -> bool:
         """Whether a node is neither dead nor crashed."""
@@ -228,19 +226,19 @@ class StartsWakeUp(Protocol):
 
 
 class WorkloadServices(Protocol):
-    """What a workload without a target may use of the network. The network books and logs what nodes send.
-
-    `now` is the simulated time in s; `positions` (N, 2) in m; `key` is the random key of the workload (see `base.rng`).
-    """
+    """What a workload without targets may use of the network. The network books and logs what nodes send."""
 
     @property
-    def now(self) -> float: ...
+    def now(self) -> float:
+        """The simulated time in s."""
 
     @property
-    def positions(self) -> Floats: ...
+    def positions(self) -> Floats:
+        """(N, 2) the nodes' positions in m."""
 
     @property
-    def key(self) -> int: ...
+    def key(self) -> int:
+        """The random key of the workload (see `base.rng`)."""
 
     def is_awake(self, node: int) -> bool:
         """Whether a node is up, and its radio listens."""

@@ -31,14 +31,12 @@ class SleepSchedule(Protocol):
 
     def awake(self, keys: Keys, time: float) -> Bools:
         """(n,) which nodes are awake at a time >= 0. A change is in effect from its instant on."""
-        ...
 
     def state(self, keys: Keys, time: float) -> tuple[Bools, Floats, Floats]:
         """Which nodes are awake at a time (n,), and a span [from (n,), until (n,)) around it without a change.
 
         The span may be shorter than possible: its ends need not be changes.
         """
-        ...
 
     def tally(self, keys: Keys, since: Floats, until: Floats | float) -> tuple[Floats, Floats]:
         """Seconds (n,) that each node is awake in [since, until), and its number of changes (n,) in (since, until].
@@ -48,11 +46,9 @@ class SleepSchedule(Protocol):
             since: (n,) times.
             until: (n,) times, or one for all nodes.
         """
-        ...
 
     def profile(self, keys: Keys, times: Floats) -> tuple[Floats, Floats]:
         """Awake seconds (T,) and changes (T,) of all nodes together, from 0 to each of the ascending times (T,)."""
-        ...
 
 
 class WakeUpPlan(NamedTuple):
@@ -186,7 +182,6 @@ class WakeUp(Protocol):
 
     def compose(self, plan: WakeUpPlan, belief: Any) -> WakeUpMessage:
         """The message of a head."""
-        ...
 
     def decide(self, place: Point, message: WakeUpMessage, seen: bool, now: float, chance: float) -> Decision:
         """What a node does with a message; a pure function.
@@ -198,4 +193,3 @@ class WakeUp(Protocol):
             now: the time.
             chance: a uniform random number of the node for this message, in [0, 1).
         """
-        ...

@@ -41,15 +41,12 @@ class Sensing(Protocol):
 
     def update(self, target: int) -> None:
         """Take the readings of the present step."""
-        ...
 
     def remove(self, node: int) -> None:
         """Discard the readings of a node that is no longer up."""
-        ...
 
     def restart(self, node: int) -> None:
         """Note that a node that was down is up again."""
-        ...
 
 
 class _CurrentSensing:

@@ -49,7 +49,6 @@ class HeadProtocol(Protocol):
             track: the track.
             poll: the number of the instant within the step, from 0.
         """
-        ...
 
     def lead(self, track: Track, handover: Handover) -> Leading:
         """Lead a track from the handover on; return the next handover, None if another head leads already.
@@ -57,8 +56,6 @@ class HeadProtocol(Protocol):
         Raises:
             TrackLost: the track has no belief any more. LastClusterDone: the run ends here.
         """
-        ...
 
     def release(self, track: Track, cluster: Cluster) -> None:
         """Dismiss the members of a cluster that is dissolved."""
-        ...

@@ -46,7 +46,6 @@ class Succession(Protocol):
         Raises:
             TrackLost: there is no such node.
         """
-        ...
 
     def head_at_step(self, lead: Lead) -> int:
         """The head at the step's instant, once nodes have been woken for it.
@@ -54,7 +53,6 @@ class Succession(Protocol):
         Raises:
             TrackLost: no node that was woken can lead.
         """
-        ...
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,7 +20,6 @@ class WakesAhead(Protocol):
     @property
     def wakes_nodes(self) -> bool:
         """Whether nodes are woken at all."""
-        ...
 
     def wake(self, track: Track, head: int, belief: Any, scene: Scene, last_sensed: float) -> None:
         """Have nodes woken for the next step, if there is one; nobody waits for it.
@@ -32,7 +31,6 @@ class WakesAhead(Protocol):
             scene: the scene of the belief.
             last_sensed: time in s of the last measurement.
         """
-        ...
 
 
 class NoWakeAhead:
