@@ -279,7 +279,7 @@ def test_an_honest_stranger_passes() -> None:
         (IsNoNumber(), "sound", "mean is not finite"),
         (HasNoCovariance(), "sound", "not positive semidefinite"),
         (IsLopsided(), "sound", "not symmetric"),
-        (ChargesNonsense(), "sound", "no number of cycles"),
+        (ChargesNonsense(), "sound", "not a number of cycles"),
         (ThrowsDice(), "repeatable", "two different tracks"),
         (AsksForTheMoon(), "sound", "is no ask"),
     ],

@@ -1,11 +1,11 @@
-"""wsnsim: a discrete-event simulator of wireless sensor networks that track moving targets, joule by joule.
+"""wsnsim: a discrete-event simulator of wireless sensor networks that track moving targets.
 
     import wsnsim
 
     wsnsim.run("pso_mhpf", replicates=30, out="results/pso_mhpf.h5")
     wsnsim.read("results/pso_mhpf.h5", "estimates").groupby("step").error.median()
 
-The public face, imported when first used. Nothing else is public.
+The public API; its modules are imported at first use.
 """
 
 from __future__ import annotations

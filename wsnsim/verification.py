@@ -1,4 +1,4 @@
-"""Whether a result can be repeated: its scenario is run again, and what comes out is compared.
+"""Whether a result is reproducible: its scenario is run again and the results are compared.
 
 verify(path) -> Verification
 """
@@ -21,7 +21,7 @@ from wsnsim.scenario import build, load
 
 @dataclass(frozen=True)
 class Verification:
-    """Whether a result can be repeated; one row a replicate."""
+    """Whether a result is reproducible; one row per run."""
 
     ok: bool
     text: str
@@ -29,11 +29,11 @@ class Verification:
 
 
 def verify(path: Path) -> Verification:
-    """Run a result's scenario again and compare: fingerprints, estimates and energy of every replicate.
+    """Run a result's scenario again, and compare fingerprints, estimates and energy of every run.
 
-    On the machine's kind of CPU and with the same versions the bytes must be equal; otherwise values are compared to
-    1e-6 of their size, and the text says so (NumPy's logarithm and exponential differ in the last bit between kinds
-    of CPU).
+    With the same CPU features and package versions all bits must be equal. Otherwise values are compared with a
+    relative tolerance of 1e-6, and the text says so: NumPy's logarithm and exponential differ in the last bit between
+    CPUs.
     """
     resolved = rerun_source(path)
     parts = build(load(resolved))
@@ -55,7 +55,7 @@ def verify(path: Path) -> Verification:
 def _compare(
     replicate: int, before: Mapping[str, Any], again: Mapping[str, Any], kept: Mapping[str, Any], memory: Memory
 ) -> dict[str, Any]:
-    """One replicate's row: whether all is equal, and whether it is close."""
+    """The row of one run: whether everything is equal, and whether it is close."""
     pairs: list[tuple[Any, Any]] = [
         (kept[name], column) for name, column in memory.table("estimates").items() if name in kept
     ]
@@ -77,13 +77,13 @@ def _compare(
 
 
 def _differing(stored: Mapping[str, Any], here: Mapping[str, Any]) -> list[str]:
-    """What differs between the place of a result and here, of what can change the last bit."""
+    """Names of what differs between the machine of a result and this one, and can change the last bit."""
     names = {"python": "Python", "packages": "packages", "cpu_features": "CPU features"}
     return [word for name, word in names.items() if stored.get(name) != here.get(name)]
 
 
 def _commits(stored: Mapping[str, Any], here: Mapping[str, Any]) -> str:
-    """A line on the commits where a result was made by other code than this; it excuses no difference."""
+    """A line with both commits if another commit made the result; it does not excuse a difference."""
     before, now = ((made.get("git") or {}).get("commit", "no checkout")[:12] for made in (stored, here))
     return f"  made by commit {before}, run again by {now}" if before != now else ""
 

@@ -1,6 +1,6 @@
-"""Figures over columns: how far off, how often lost. A step without an estimate has error NaN.
+"""Error and loss metrics of tracks. The error of a step without an estimate is NaN.
 
-errors: (steps,) of one replicate, or (replicates, steps)
+errors: (steps,) of one run, or (runs, steps)
 """
 
 from __future__ import annotations
@@ -12,19 +12,19 @@ import numpy as np
 from wsnsim.base.arrays import Bools, Floats, Ints
 
 ENOUGH_READINGS = 3
-"""Ranges that fix a position in the plane without a guess."""
+"""Number of ranges that determine a position in the plane."""
 LOST_WINDOW = 100
 LOST_ERROR = 20.0
 
 
 def rmse(errors: Floats) -> float:
-    """Root mean square over the steps that have an estimate; NaN if none has."""
+    """Root mean square error over the steps with an estimate; NaN without one."""
     known = errors[np.isfinite(errors)]
     return float(np.sqrt(np.mean(known**2))) if known.size else float("nan")
 
 
 def median_error(errors: Floats) -> float:
-    """The median over the steps that have an estimate; NaN if none has."""
+    """Median error over the steps with an estimate; NaN without one."""
     known = errors[np.isfinite(errors)]
     return float(np.median(known)) if known.size else float("nan")
 
@@ -32,7 +32,8 @@ def median_error(errors: Floats) -> float:
 def is_lost(errors: Floats, window: int = LOST_WINDOW, limit: float = LOST_ERROR) -> bool:
     """Whether a track is lost: the mean error of its last `window` steps exceeds `limit` metres.
 
-    So is one that has no estimate for half of them. The 100 steps and 20 m are our choice; Jiang (2013) gives no rule.
+    A track without an estimate at half of these steps is lost, too. The defaults of 100 steps and 20 m are our choice;
+    Jiang (2013) gives no rule.
     """
     last = errors[-window:]
     known = last[np.isfinite(last)]
@@ -40,7 +41,7 @@ def is_lost(errors: Floats, window: int = LOST_WINDOW, limit: float = LOST_ERROR
 
 
 def first_lost(errors: Floats, window: int = LOST_WINDOW, limit: float = LOST_ERROR) -> float:
-    """The first step (counted from 1) that ends a window by which the track `is_lost`; NaN if none does."""
+    """The last step (from 1) of the first window in which the track `is_lost`; NaN if there is none."""
     window = min(window, errors.size)
     known = np.isfinite(errors)
     counts, sums = (np.concatenate(([0.0], np.cumsum(x))) for x in (known, np.where(known, errors, 0.0)))
@@ -50,7 +51,7 @@ def first_lost(errors: Floats, window: int = LOST_WINDOW, limit: float = LOST_ER
 
 
 def per_step_rmse(errors: Floats) -> Floats:
-    """(steps,) root mean square over replicates at each step (Jiang 2013, eq. 26); NaN where none has an estimate."""
+    """(steps,) RMSE over the runs at each step (Jiang 2013, eq. 26); NaN where no run has an estimate."""
     known = np.isfinite(errors)
     count = known.sum(axis=0)
     square = np.where(known, errors, 0.0) ** 2
@@ -60,21 +61,21 @@ def per_step_rmse(errors: Floats) -> Floats:
 
 
 def time_mean_rmse(errors: Floats) -> float:
-    """The time mean of the per-step RMSE over replicates: the figure that Jiang (2013) publishes."""
+    """The time-averaged RMSE (over runs), which Jiang (2013) publishes."""
     steps = per_step_rmse(np.atleast_2d(errors))
     known = steps[np.isfinite(steps)]
     return float(known.mean()) if known.size else float("nan")
 
 
 def lost_fraction(lost: Bools) -> float:
-    """The fraction of tracks that were lost."""
+    """Fraction of tracks that were lost."""
     return float(np.mean(lost)) if len(lost) else float("nan")
 
 
 def bootstrap_interval(
     errors: Floats, statistic: Callable[[Floats], float], draws: int = 400, confidence: float = 0.95
 ) -> tuple[float, float]:
-    """The percentile bootstrap interval of a statistic over the rows of `errors`; NaN with fewer than five rows."""
+    """Percentile bootstrap interval of a statistic over the rows of `errors`; NaN with fewer than five rows."""
     count = len(errors)
     if count < 5:
         return float("nan"), float("nan")
@@ -86,12 +87,12 @@ def bootstrap_interval(
 
 
 def tracked_share(issued: Floats, times: Floats, readings: Ints, dt: float, least: int) -> float:
-    """The share of steps whose estimate was issued before the next step, and rests on `least` readings or more."""
+    """Share of steps whose estimate was issued before the next step, from at least `least` measurements."""
     in_time = np.isfinite(issued) & (issued <= times + dt)
     return float(np.mean(in_time & (readings >= least))) if len(times) else float("nan")
 
 
 def mean_error(errors: Floats) -> float:
-    """The mean over the steps that have an estimate; NaN if none has."""
+    """Mean error over the steps with an estimate; NaN without one."""
     known = errors[np.isfinite(errors)]
     return float(known.mean()) if known.size else float("nan")

@@ -1,21 +1,21 @@
-"""What a tracker may ask of the network, and the one shape of a tracker's flow.
+"""The requests that a tracker makes of the network, and the type of a tracker's flow.
 
     Flow[Belief] = Generator[Request, Any, Belief]
 
-A flow yields an ask and is sent back what happened. It knows no clock and no engine; joules, airtime and loss are the
-driver's.
+A flow is a generator that yields requests and is sent their answers. It knows neither the clock nor the simulation
+engine; energy, airtime and loss belong to the driver.
 
-| ask | what is done | answer |
+| request | performed as | answer |
 | --- | --- | --- |
-| Local | each member computes, on what it has at hand | tuple of ids that computed |
+| Local | each addressed member computes on what it holds | tuple of ids that computed |
 | Gather | members send to the head (the head's own parcel costs nothing) | {id: (payload, mask)} of what arrived |
 | Scatter | the head sends to single members (to itself: at no cost) | {id: mask}; a silent network answers {} |
-| Broadcast | the head sends once to all within reach | {id: mask} of the cluster's members that heard |
-| Send | the head sends to any node, relayed if need be (to itself: at no cost) | mask |
+| Broadcast | the head sends once to all within range | {id: mask} of the members that received it |
+| Send | the head sends to any node, over several hops if needed (to itself: at no cost) | mask |
 | Compute | the head computes | None |
 
 A mask is a (packets,) boolean array: which packets of the parcel arrived. An id that is missing from an answer means
-that nothing arrived from or at it.
+that nothing arrived from it, or at it.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ Belief = TypeVar("Belief")
 
 @dataclass(slots=True)
 class Delivery:
-    """What a member finds in its inbox: the head's parcel, and which of its packets arrived."""
+    """A parcel of the head in a member's inbox, with the mask of the packets that arrived."""
 
     what: str
     payload: Any
@@ -45,11 +45,16 @@ class Delivery:
 
 @dataclass(slots=True)
 class Member:
-    """What ONE node has at hand when it computes; nothing else is reachable.
+    """Everything that one node holds when it computes; it can reach nothing else.
 
-    `reading` is its own reading of this step (None if it does not sense), `memory` its own and lasting (it dies with
-    the node or with the cluster), `inbox` what the head sent since its last `Local`, `key` a 64-bit integer for
-    counter noise, new at each step, equal for equal (seed, replicate, target, step, node).
+    Attributes:
+        id: Number of the node.
+        position: (2,) in m.
+        traits: Constants of its sensor.
+        reading: Its own measurement of this step; None if it has none.
+        inbox: Parcels of the head that arrived since its last `Local`.
+        memory: Its own storage, which lasts as long as the node and the cluster.
+        key: A 64-bit integer for random draws; a function of (seed, replicate, target, step, node).
     """
 
     id: NodeId
@@ -61,14 +66,14 @@ class Member:
     key: int = 0
 
     def take_inbox(self) -> list[Delivery]:
-        """What arrived since the last call, oldest first."""
+        """The parcels that arrived since the last call, oldest first; the inbox is empty afterwards."""
         arrived, self.inbox = self.inbox, []
         return arrived
 
 
 @dataclass(slots=True)
 class Parcel:
-    """What crosses the air: `packets` packets of `packet_bits` each. `what` names it in the event log."""
+    """A message of `packets` packets with `packet_bits` each. `what` names it in the event log."""
 
     payload: Any
     packets: int
@@ -78,11 +83,13 @@ class Parcel:
 
 @dataclass(slots=True)
 class Local:
-    """Each addressed member computes; results stay in its memory.
+    """Each addressed member computes; the results stay in its memory.
 
-    `cycles` is a number, or is asked of each member afterwards. `work_all` may do the whole cluster's work in one
-    call, if member i's result depends on member i's own inputs alone. `who`: ids addressed; None means the members
-    that sense now.
+    Attributes:
+        work: Computes for one member.
+        cycles: Operations per member: a number, or a function that is called with each member afterwards.
+        work_all: Computes for all members in one call; member i's result depends on member i's inputs alone.
+        who: Ids of the members; None means those with a measurement at this step.
     """
 
     work: Callable[[Member], None]
@@ -93,7 +100,7 @@ class Local:
 
 @dataclass(slots=True)
 class Gather:
-    """Members send parcels to the head. `who`: ids addressed; None means the members that sense now."""
+    """Members send parcels to the head. `who`: their ids; None means those with a measurement at this step."""
 
     parcel_of: Callable[[Member], Parcel | None]
     who: Sequence[NodeId] | None = None
@@ -101,21 +108,21 @@ class Gather:
 
 @dataclass(slots=True)
 class Scatter:
-    """The head sends to each member its own parcel; it arrives in the member's inbox."""
+    """The head sends each member its own parcel, which arrives in the member's inbox."""
 
     parcels: Mapping[NodeId, Parcel]
 
 
 @dataclass(slots=True)
 class Broadcast:
-    """The head sends one parcel to everyone within reach; members find it in their inbox."""
+    """The head sends one parcel to all nodes within range; it arrives in the members' inboxes."""
 
     parcel: Parcel
 
 
 @dataclass(slots=True)
 class Send:
-    """The head sends to any node of the network, over several hops if need be."""
+    """The head sends a parcel to any node of the network, over several hops if needed."""
 
     to: NodeId
     parcel: Parcel
@@ -123,7 +130,7 @@ class Send:
 
 @dataclass(slots=True)
 class Compute:
-    """The head computes for so many cycles."""
+    """The head computes for a number of cycles."""
 
     cycles: float
 
@@ -135,7 +142,7 @@ _ALL: dict[int, Bools] = {}
 
 
 def all_arrived(packets: int) -> Bools:
-    """A read-only mask of `packets` packets that all arrived. Shared: masks of whole deliveries are the common case."""
+    """A read-only mask of `packets` packets that all arrived. It is shared, since complete deliveries are common."""
     mask = _ALL.get(packets)
     if mask is None:
         mask = np.ones(packets, dtype=np.bool_)

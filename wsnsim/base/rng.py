@@ -1,8 +1,8 @@
-"""Where randomness comes from: named streams, and a counter hash for draws that must not depend on who else draws.
+"""Random numbers: named streams, and a counter-based hash for draws that must not depend on other draws.
 
-`Streams(seed, replicate)("truth")` is a Generator of its own for each purpose. `derive(key, i, k)` folds integers
-into a 64-bit key, and `uniforms(keys, j)`, `normals(keys, j)` are the j-th draw of each key: order-independent, free
-for keys never asked. This is the NumPy twin of `kernels.noise` (bit-equal in the hash and the uniforms).
+`Streams(seed, replicate)("truth")` is one Generator per purpose. `derive(key, i, k)` hashes integers into a 64-bit key,
+and `uniforms(keys, j)`, `normals(keys, j)` are the j-th draw of each key, independent of the order of the calls. This
+is the NumPy version of `kernels.noise` (bit-equal in the hash and the uniforms).
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ GOLDEN: Final = 0x9E37_79B9_7F4A_7C15
 FIRST: Final = 0xBF58_476D_1CE4_E5B9
 SECOND: Final = 0x94D0_49BB_1331_11EB
 HEAD_KEY: Final = 0xFFFF_FFFF
-"""In the place of a node's number, for the draws that a head makes for the whole track."""
+"""Replaces the number of a node in the draws that a head makes for the whole track."""
 
 
 def name_hash(name: str) -> int:
@@ -28,7 +28,7 @@ def name_hash(name: str) -> int:
 
 
 class Streams:
-    """Random streams by purpose: they depend on seed and replicate, never on the tracker or the order of asking."""
+    """Random streams by purpose. They depend on seed and run, not on the tracker or the order of the calls."""
 
     def __init__(self, seed: int, replicate: int) -> None:
         self.seed = seed
@@ -55,7 +55,7 @@ def mix(x: int) -> int:
 
 
 def derive(key: int, *numbers: int) -> int:
-    """A key for (key, numbers...): equal arguments, equal key; any difference, an unrelated one."""
+    """A key for (key, numbers...): equal arguments give equal keys, different ones unrelated keys."""
     for number in numbers:
         key = mix(key + (number + 1) * GOLDEN)
     return key
@@ -67,14 +67,14 @@ def derive_all(key: int, numbers: np.ndarray) -> Keys:
 
 
 def derive_each(keys: Keys, *numbers: Keys) -> Keys:
-    """`derive(key, i, k, ...)` element by element over uint64 arrays that fit together."""
+    """`derive(key, i, k, ...)` element by element, over uint64 arrays that broadcast."""
     for column in numbers:
         keys = _mix_all(keys + (column + np.uint64(1)) * np.uint64(GOLDEN))
     return keys
 
 
 def reading_noise(key: int, steps: Ints, nodes: Ints) -> Floats:
-    """The standard normals in the readings of nodes at steps, both (n,): a function of (key, step, node) alone."""
+    """Standard normal measurement noise (n,) of nodes at steps, both (n,): a function of (key, step, node) alone."""
     return normals(derive_each(derive_all(key, steps), nodes.astype(np.uint64)), 0)
 
 
@@ -94,7 +94,7 @@ def _hashes(keys: Keys, draw: int) -> Keys:
 
 
 def _mix_all(x: Keys) -> Keys:
-    """The finaliser over an array; products wrap around, as they shall."""
+    """`mix` over an array; products wrap around modulo 2**64, as intended."""
     x = (x ^ (x >> np.uint64(30))) * np.uint64(FIRST)
     x = (x ^ (x >> np.uint64(27))) * np.uint64(SECOND)
     return x ^ (x >> np.uint64(31))

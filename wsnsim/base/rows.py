@@ -1,4 +1,4 @@
-"""What every run writes of its targets, with a network or without: truth, estimates, errors, particles.
+"""Rows of a target in the tables `truth`, `estimates`, `particles` and `tracker_state`, and the fingerprint of a run.
 
 truth_rows(...), estimate_rows(...) -> columns of a table      write_belief(...)
 """
@@ -21,7 +21,17 @@ NAN = float("nan")
 
 @dataclass(slots=True)
 class Issued:
-    """One estimate as it was issued: when, by which head, with how many members sensing, and from how many readings."""
+    """One estimate of a cluster head.
+
+    Attributes:
+        step: Step that it belongs to.
+        issued: Time in s at which the head had it.
+        estimate: Mean and covariance.
+        head: Number of the head.
+        active: Members with a measurement, the head included.
+        members: Members, the head included.
+        readings: Measurements that were used.
+    """
 
     step: int
     issued: float
@@ -33,17 +43,17 @@ class Issued:
 
 
 def is_late(issued: float, step: int, dt: float) -> bool:
-    """Whether an estimate missed its step."""
+    """Whether an estimate was issued after the next step began."""
     return issued > (step + 1) * dt
 
 
 def late_steps(estimates: Mapping[int, Issued], steps: int, dt: float) -> int:
-    """How many estimates missed their step, those that were never issued included."""
+    """Number of steps without an estimate in time, those without any included."""
     return sum(step not in estimates or is_late(estimates[step].issued, step, dt) for step in range(1, steps + 1))
 
 
 def truth_rows(motion: MotionModel, truth: Floats, steps: int, dt: float) -> dict[str, Any]:
-    """Columns of the table `truth` for steps 0 ... `steps` of a trajectory (steps + 1 or more, D)."""
+    """Columns of the table `truth` for steps 0 to `steps` of a trajectory (steps + 1 or more, D)."""
     numbers = np.arange(steps + 1)
     states = {name: truth[: steps + 1, i] for i, name in enumerate(motion.columns)}
     return {"step": numbers, "time": numbers * dt, **states}
@@ -52,9 +62,17 @@ def truth_rows(motion: MotionModel, truth: Floats, steps: int, dt: float) -> dic
 def estimate_rows(
     estimates: Mapping[int, Issued], heads: Sequence[int], motion: MotionModel, truth: Floats, steps: int, dt: float
 ) -> dict[str, Any]:
-    """Columns of the table `estimates`, a row a step from 1 on; a step without an estimate has NaN for what it lacks.
+    """Columns of the table `estimates`, except `woken` and `ineffective`: one row per step from 1 on.
 
-    `heads` has who led at each step from 0 on. Who was woken is not among the columns.
+    Values of a step without an estimate are NaN.
+
+    Args:
+        estimates: The estimates by step.
+        heads: Cluster head of each step from 0 on; -1 if there is none.
+        motion: The motion model.
+        truth: (steps + 1 or more, D) ground-truth trajectory.
+        steps: Number of the last step.
+        dt: Duration of a step in s.
     """
     place = list(motion.position)
     means = np.full((steps, len(motion.columns)), NAN)
@@ -102,7 +120,7 @@ def fingerprint(event_fingerprint: int, tracks: Iterable[Mapping[int, Issued]]) 
 
 
 def deviation_rmse(columns: Mapping[str, Any], motion: MotionModel, truth: Floats) -> Floats:
-    """(D,) root mean square error of each state column over the steps with an estimate; NaN where none has one."""
+    """(D,) root mean square error of each state column over the steps with an estimate; NaN without one."""
     means = np.stack([columns[name] for name in motion.columns], axis=1)
     known = np.isfinite(columns["error"])
     if not known.any():

@@ -1,4 +1,4 @@
-"""A track in figures: its row of the table `tracks`, from the columns of its estimates.
+"""The row of a track in the table `tracks`, from the columns of its estimates.
 
 track_row(estimates, columns, rule) -> {column: value}
 """
@@ -15,11 +15,11 @@ from wsnsim.base.rows import Issued, late_steps
 
 NAN: Final = float("nan")
 FIRST_STEPS: Final = 20
-"""Steps over which Li (2012) counts ineffective nodes."""
+"""Steps over which Li (2012) counts unnecessary wake-ups."""
 
 
 class TrackRule(NamedTuple):
-    """When a track is lost (window in steps, limit in m), how long a step is (s), and how many reports are due."""
+    """When a track is lost (window in steps, limit in m), the duration of a step (s), and the number of due reports."""
 
     window: int
     limit: float
@@ -28,7 +28,7 @@ class TrackRule(NamedTuple):
 
 
 def track_row(estimates: Mapping[int, Issued], columns: Mapping[str, Any], rule: TrackRule) -> dict[str, Any]:
-    """The figures of one track, from the columns of its rows in the table `estimates`."""
+    """The row of one track, from its estimates and their columns in the table `estimates`."""
     errors, steps = np.asarray(columns["error"]), len(columns["time"])
     return {
         "rmse": metrics.rmse(errors),
@@ -44,7 +44,7 @@ def track_row(estimates: Mapping[int, Issued], columns: Mapping[str, Any], rule:
 
 
 def _delays(columns: Mapping[str, Any], rule: TrackRule) -> dict[str, Any]:
-    """How long estimates took to be made, and to reach the sink: times in s, NaN for what never happened."""
+    """Latencies at the cluster head and at the sink, in s; NaN without an estimate."""
     steps, issued, received = (columns[name] for name in ("time", "issued", "received"))
     in_time = int((received <= steps + rule.dt).sum())
     return {
@@ -57,7 +57,7 @@ def _delays(columns: Mapping[str, Any], rule: TrackRule) -> dict[str, Any]:
 
 
 def _followed(columns: Mapping[str, Any], dt: float) -> dict[str, Any]:
-    """Whether the target was followed at all, and how well where three readings or more said where it was."""
+    """Share of steps with an estimate, and errors of the steps with at least three measurements."""
     times, issued, readings = (np.asarray(columns[name]) for name in ("time", "issued", "readings"))
     errors = np.asarray(columns["error"])
     sure = errors[readings >= metrics.ENOUGH_READINGS]
@@ -72,7 +72,7 @@ def _followed(columns: Mapping[str, Any], dt: float) -> dict[str, Any]:
 
 
 def _woken(columns: Mapping[str, Any], steps: int) -> dict[str, int]:
-    """How many nodes woke, and how many in vain."""
+    """Number of wake-ups, and of unnecessary ones."""
     woken, ineffective = (np.broadcast_to(columns[name], steps) for name in ("woken", "ineffective"))
     twenty = int(ineffective[:FIRST_STEPS].sum())
     return {"woken": int(woken.sum()), "ineffective": int(ineffective.sum()), "ineffective_twenty": twenty}

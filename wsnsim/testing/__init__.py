@@ -1,9 +1,9 @@
-"""For authors of plug-ins: does a tracker keep the rules of the seam?
+"""Contract checks for authors of plug-ins: whether a component keeps the rules of its interface.
 
     from wsnsim.testing import check_tracker
     check_tracker(MyTracker(particles=100))
 
-A demand that fails raises AssertionError, which names it.
+A rule that is broken raises an AssertionError that names it.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ __all__ = ["Table", "check_fault", "check_mac", "check_tracker", "check_wakeup",
 
 
 class Models(NamedTuple):
-    """What the target does, what nodes measure of it, and the seed of everything."""
+    """The motion model, the sensor model and the seed of a check."""
 
     motion: MotionModel
     sensor: SensorModel
@@ -41,20 +41,20 @@ class Models(NamedTuple):
 def check_tracker(
     tracker: Tracker[Any], motion: MotionModel | None = None, sensor: SensorModel | None = None, seed: int = 1
 ) -> None:
-    """Run a tracker through every demand of the seam.
+    """Check a tracker against every rule of the interface between tracker and network.
 
     Args:
-        tracker: the tracker, built.
-        motion: what the target does and the filter believes; a `BoundedVelocity` unless given.
-        sensor: what nodes measure and the filter believes; an `AcousticEnergy` unless given.
-        seed: of truth, positions, readings and all keys.
+        tracker: An instance of the tracker.
+        motion: The motion model, for the target and for the filter; by default `BoundedVelocity`.
+        sensor: The sensor model, for the nodes and for the filter; by default `AcousticEnergy`.
+        seed: Seed of trajectory, positions, measurements and all keys.
 
     Raises:
-        AssertionError: names the demand that fails. sound: estimates are finite, covariances symmetric and positive
-            semidefinite, parcels have packets and bits, cycles are numbers, something crosses the air. repeatable: same
-            seed, same belief. silence: without a network the belief depends on no other member's reading. privacy: work
-            sees and changes its own member alone, and work_all does the same as work. loss: of the first packet of each
-            parcel, the last, some, or all.
+        AssertionError: The tracker breaks a rule, which the message names. sound: estimates are finite, covariances
+            symmetric and positive semidefinite, parcels have packets and bits, cycles are numbers, and something is
+            sent. repeatable: the same seed gives the same belief. silence: in a silent network the belief does not
+            depend on measurements of other members. privacy: `work` reads and changes its own member alone, and
+            `work_all` gives the same as `work`. loss: the first packet of each parcel is lost, the last, some, or all.
     """
     target: Any = BoundedVelocity() if motion is None else motion
     nodes: Any = AcousticEnergy() if sensor is None else sensor
@@ -76,10 +76,10 @@ def check_tracker(
 
 
 def _demand_sound(tracker: Tracker[Any], table: Table) -> None:
-    bill = _Bill()
-    for estimate in track(tracker, table, watch=bill.watch):
+    costs = _DeclaredCosts()
+    for estimate in track(tracker, table, watch=costs.watch):
         _sound(estimate)
-    assert bill.bits > 0, "nothing ever crosses the air: a track has a state, and a state has bits"
+    assert costs.bits > 0, "nothing ever crosses the air: members must send measurements or results to the head"
 
 
 def _sound(estimate: Estimate) -> None:
@@ -95,27 +95,27 @@ def _sound(estimate: Estimate) -> None:
     assert lowest >= -1e-9 * scale, f"the covariance is not positive semidefinite: eigenvalue {lowest:g}"
 
 
-class _Bill:
-    """Looks at every ask before it is performed: its parcels, and the cycles that it claims."""
+class _DeclaredCosts:
+    """Checks every request before it is performed: its parcels, and the cycles that it declares."""
 
     def __init__(self) -> None:
         self.bits = 0
 
-    def watch(self, ask: Request, members: dict[int, Member]) -> None:
-        """Add an ask's bits. A Gather and a Local are made to show theirs when they are performed."""
-        if isinstance(ask, Compute):
-            _check_cycles(ask.cycles)
-        elif isinstance(ask, Scatter):
-            for parcel in ask.parcels.values():
+    def watch(self, request: Request, members: dict[int, Member]) -> None:
+        """Add the bits of a request. Gather and Local are wrapped, since theirs are known once they are performed."""
+        if isinstance(request, Compute):
+            _check_cycles(request.cycles)
+        elif isinstance(request, Scatter):
+            for parcel in request.parcels.values():
                 self._add(parcel)
-        elif isinstance(ask, Broadcast | Send):
-            self._add(ask.parcel)
-        elif isinstance(ask, Gather):
-            parcel_of = ask.parcel_of
-            ask.parcel_of = lambda member: self._add(parcel_of(member))
+        elif isinstance(request, Broadcast | Send):
+            self._add(request.parcel)
+        elif isinstance(request, Gather):
+            parcel_of = request.parcel_of
+            request.parcel_of = lambda member: self._add(parcel_of(member))
         else:
-            assert isinstance(ask, Local), f"{ask!r} is no ask"
-            ask.work, ask.work_all = _billed(ask), None
+            assert isinstance(request, Local), f"{request!r} is not a request"
+            request.work, request.work_all = _with_cycles(request), None
 
     def _add(self, parcel: Parcel | None) -> Parcel | None:
         if parcel is not None:
@@ -125,19 +125,19 @@ class _Bill:
         return parcel
 
 
-def _billed(ask: Local) -> Callable[[Member], None]:
-    """The work of a Local, which then shows what it claims to have cost."""
-    cycles, work = ask.cycles, ask.work
+def _with_cycles(request: Local) -> Callable[[Member], None]:
+    """The work of a Local, followed by a check of the cycles that it declares."""
+    cycles, work = request.cycles, request.work
 
-    def work_and_bill(member: Member) -> None:
+    def work_and_check(member: Member) -> None:
         work(member)
         _check_cycles(cycles(member) if callable(cycles) else cycles)
 
-    return work_and_bill
+    return work_and_check
 
 
 def _check_cycles(cycles: float) -> None:
-    assert np.isfinite(cycles) and cycles >= 0, f"{cycles} is no number of cycles"
+    assert np.isfinite(cycles) and cycles >= 0, f"{cycles} is not a number of cycles"
 
 
 def _demand_silence(tracker: Tracker[Any], models: Models) -> None:

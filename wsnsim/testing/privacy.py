@@ -1,7 +1,7 @@
-"""Whether the work of a Local sees and changes its own member alone.
+"""Check that the work of a Local reads and changes its own member alone.
 
-The work is done several times over, each time with other values at the other members, and everything is put back.
-Whoever looks through a back door (a member kept from an earlier call, a shared dictionary) is betrayed by its result.
+The work is repeated with other values at the other members, and everything is restored. If the work reads another
+member indirectly (a member kept from an earlier call, a shared dictionary), its result changes.
 """
 
 from __future__ import annotations
@@ -17,51 +17,55 @@ from wsnsim.base.requests import Local, Member, Request
 from wsnsim.base.rng import derive
 
 
-def examine(ask: Request, members: dict[int, Member]) -> None:
-    """Raises AssertionError if the work of a Local depends on, or changes, anything but its own member.
+def examine(request: Request, members: dict[int, Member]) -> None:
+    """Check the work of a Local; other requests are ignored.
 
-    Also if `work_all` does not give the same bits as `work` one by one.
+    Raises:
+        AssertionError: The work depends on, or changes, another member, or `work_all` does not give the same bits as
+            `work` for each member.
     """
-    if not isinstance(ask, Local):
+    if not isinstance(request, Local):
         return
-    who = [node for node, member in members.items() if member.reading is not None] if ask.who is None else ask.who
+    who = (
+        [node for node, member in members.items() if member.reading is not None] if request.who is None else request.who
+    )
     addressed = [members[node] for node in who if node in members]
-    kept = Kept(members)
-    alone = _one_by_one(ask, addressed, members)
+    kept = SavedMembers(members)
+    alone = _one_by_one(request, addressed, members)
     kept.restore()
-    if ask.work_all is not None and addressed:
-        ask.work_all(addressed)
+    if request.work_all is not None and addressed:
+        request.work_all(addressed)
         for member in addressed:
             assert same(alone[member.id], _state(member)), f"work_all and work differ on node {member.id}"
         kept.restore()
     for member in addressed:
-        _among_poisoned(ask, member, addressed, members)
+        _among_poisoned(request, member, addressed, members)
         assert same(alone[member.id], _state(member)), f"the work of node {member.id} depends on what others hold"
         kept.restore()
 
 
-def _one_by_one(ask: Local, addressed: list[Member], members: dict[int, Member]) -> dict[int, Any]:
-    """What the work leaves in each member, others being as they should be."""
+def _one_by_one(request: Local, addressed: list[Member], members: dict[int, Member]) -> dict[int, Any]:
+    """The state of each member after its work, with the true values at the other members."""
     alone = {}
     for member in addressed:
         others = {node: _state(other) for node, other in members.items() if node != member.id}
-        ask.work(member)
+        request.work(member)
         alone[member.id] = _state(member)
         for node, state in others.items():
             assert same(state, _state(members[node])), f"the work of node {member.id} changed node {node}"
     return alone
 
 
-def _among_poisoned(ask: Local, member: Member, addressed: list[Member], members: dict[int, Member]) -> None:
-    """Do a member's work last of all, the others having other values and having worked with them."""
+def _among_poisoned(request: Local, member: Member, addressed: list[Member], members: dict[int, Member]) -> None:
+    """Do a member's work after all others have other values and have worked with them."""
     for other in members.values():
         if other is not member:
             _poison(other)
     for other in reversed(addressed):
         if other is not member:
             with suppress(Exception):
-                ask.work(other)
-    ask.work(member)
+                request.work(other)
+    request.work(member)
 
 
 def _state(member: Member) -> Any:
@@ -69,7 +73,7 @@ def _state(member: Member) -> Any:
 
 
 def _poison(member: Member) -> None:
-    """Other values everywhere, in the same objects: whoever looks through a back door sees them."""
+    """Change all values of a member in place, so that work which reads them indirectly sees the change."""
     if member.reading is not None:
         member.reading = 1.7 * member.reading + 0.3
     member.key = derive(member.key, 99)
@@ -79,7 +83,7 @@ def _poison(member: Member) -> None:
 
 
 def _arrays(thing: Any) -> Iterator[np.ndarray]:
-    """The writeable arrays, of one dimension at least, in nested containers."""
+    """All writeable arrays with at least one dimension in nested containers."""
     if isinstance(thing, np.ndarray):
         if thing.flags.writeable and thing.ndim:
             yield thing
@@ -91,8 +95,8 @@ def _arrays(thing: Any) -> Iterator[np.ndarray]:
             yield from _arrays(value)
 
 
-class Kept:
-    """All members as they were, and the way back: the same objects with the same contents."""
+class SavedMembers:
+    """A copy of all members' states, which `restore` writes back into the same objects."""
 
     def __init__(self, members: dict[int, Member]) -> None:
         self._members = [
@@ -107,7 +111,7 @@ class Kept:
         ]
 
     def restore(self) -> None:
-        """Put everything back."""
+        """Restore all members."""
         for member, reading, key, inbox, memory in self._members:
             member.reading, member.key, member.inbox = reading, key, list(inbox)
             member.memory.clear()

@@ -1,4 +1,4 @@
-"""A cluster on a table: members around a target, a script of who senses, and a handover; no clock, no joules.
+"""A scripted track for checks: two clusters around a target, and a handover, without clock and energy.
 
 estimates = list(track(tracker, Table(motion, sensor, seed)))
 """
@@ -19,9 +19,9 @@ from wsnsim.offline.loopback import Lose, perfect, perform
 
 DT = 0.04
 FARTHEST = 100.0
-"""m: the most that counts of a sensor's reach, which may be infinite."""
+"""m: upper limit of the sensing range, which may be infinite, when members are placed."""
 FIRST, SECOND = (11, 4, 29, 17, 23, 8), (31, 2, 29, 40, 6)
-"""Node ids of the two clusters, the head first; no order, no relation to anything."""
+"""Node ids of the two clusters, the head first; in no particular order."""
 SCRIPT: tuple[tuple[int, tuple[int, ...]], ...] = (
     (1, FIRST),
     (1, FIRST),
@@ -32,12 +32,12 @@ SCRIPT: tuple[tuple[int, tuple[int, ...]], ...] = (
     (1, FIRST[:1]),
     (1, FIRST),
 )
-"""Steps passed, and who senses: some leave, the head too, all leave, all return, the head is alone, all return."""
+"""(steps since the last one, ids with a measurement): some leave, the head, all; all return; the head alone; all."""
 
 
 @dataclass
 class Table:
-    """A target, and two clusters of members around it. `alter` may change what a member measures."""
+    """A target and two clusters of members around it. `alter` may change the measurement of a member."""
 
     motion: MotionModel
     sensor: SensorModel
@@ -59,17 +59,17 @@ class Table:
 
     @property
     def prior(self) -> Estimate:
-        """The true start, with a standard deviation of two in every column."""
+        """A prior near the true start, with a standard deviation of 2 in every state column."""
         size = self.truth.shape[1]
         return Estimate(self.truth[0] + 1.0, 4.0 * np.eye(size))
 
     def members(self, ids: Sequence[int]) -> dict[int, Member]:
-        """Fresh members, with nothing in their memories."""
+        """New members with empty memories."""
         self.sensing = ()
         return {node: Member(node, self.places[node], self.traits[node]) for node in ids}
 
     def scene(self, step: int, steps: int, members: dict[int, Member], head: int, ids: tuple[int, ...]) -> Scene:
-        """What the head knows at a step; the members' readings and keys are set."""
+        """The scene of a step; each member gets its measurement and its key."""
         point = self.truth[min(step, len(self.truth) - 1)][list(self.motion.position)]
         for node, member in members.items():
             member.key = derive(self.seed, step, node)
@@ -108,14 +108,20 @@ Watch = Callable[[Request, dict[int, Member]], None]
 
 
 def track(tracker: Tracker[Any], table: Table, lose: Lose = perfect, watch: Watch | None = None) -> Iterator[Estimate]:
-    """Every estimate and forecast of a scripted track: a start, eight steps, a handover, three steps thereafter.
+    """Every estimate and forecast of the scripted track: start, eight steps, handover, three more steps.
 
-    It ends early where the handover is lost.
+    It ends at the handover if that is lost.
+
+    Args:
+        tracker: An instance of the tracker.
+        table: The target and the clusters.
+        lose: Which packets arrive.
+        watch: Called with each request and the members before it is performed.
     """
     members, head = table.members(FIRST), FIRST[0]
 
     def drive(flow: Any) -> Any:
-        return perform(flow, members, head, lose, (lambda ask: watch(ask, members)) if watch else None)
+        return perform(flow, members, head, lose, (lambda request: watch(request, members)) if watch else None)
 
     scene = table.scene(0, 0, members, head, FIRST)
     belief = drive(tracker.start(table.prior, scene))
