@@ -58,8 +58,8 @@ def test_one_run_has_a_curve_and_no_band():
     assert not axes.collections
     assert [figure_style.with_bands(1), figure_style.with_bands(4)] == ["one run", "4 runs"]
     assert [figure_style.with_bands(5), figure_style.with_bands(20, "RKF")] == [
-        "5 runs (bands: 95 %)",
-        "20 runs (bands of RKF: 95 %)",
+        "5 runs (bands: 95 % confidence)",
+        "20 runs (bands of RKF: 95 % confidence)",
     ]
 
 
@@ -109,7 +109,7 @@ class Made:
         return type("Bound", (), {"rmse": np.full(6, 0.1)})
 
 
-@pytest.mark.parametrize(("runs", "said"), [(20, "RMSE over 20 runs (bands: 95 %)"), (2, "RMSE over 2 runs")])
+@pytest.mark.parametrize(("runs", "said"), [(20, "RMSE over 20 runs (bands: 95 % confidence)"), (2, "RMSE over 2 runs")])
 def test_a_title_tells_of_bands_where_each_curve_over_runs_has_one_in_its_colour(runs, said):
     figure = Figure()
     liu2012.FIGURES["figure_1"](figure, Made(runs))

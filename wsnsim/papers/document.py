@@ -49,6 +49,14 @@ class FigureTemplate(DocumentModel):
     size: tuple[float, float] = (7.0, 4.5)
 
 
+class Runs(DocumentModel):
+    """Monte Carlo runs of each variant in a quick and in a full reproduction, and in one task of the campaign."""
+
+    quick: int
+    full: int
+    block: int = 5
+
+
 class ExperimentTemplate(DocumentModel):
     """An experiment. See reproduction.Experiment.
 
@@ -64,14 +72,12 @@ class ExperimentTemplate(DocumentModel):
     words: dict[str, str | list[str]] | None = None
     variants: list[Any] | None = None
     also: dict[str, list[str]] | None = None
-    quick: int | None = None
-    full: int | None = None
+    runs: Runs | None = None
     claims: list[ClaimTemplate] | None = None
     figures: list[FigureTemplate] | None = None
     record: list[str] | None = None
     sets: list[str] | None = None
     quick_sets: list[str] | None = None
-    block: int | None = None
     repairs: list[str] | None = None
     summary: str | None = None
     literal: bool | None = None

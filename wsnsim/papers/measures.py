@@ -267,7 +267,7 @@ def _rows(data: Data, variant: str, name: str, column: str) -> tuple[Floats, Cal
 
 
 def _over(rows: Floats) -> float:
-    """a / b, where a and b are the time-averaged RMSE of two variants whose errors stand side by side."""
+    """The ratio a / b, where a and b are the time-averaged RMSE of two variants whose errors stand side by side."""
     one, other = (metrics.time_mean_rmse(half) for half in np.hsplit(rows, 2))
     return one / other
 

@@ -100,8 +100,9 @@ def experiment_of(document: Document[PaperDocument], index: int) -> tuple[Experi
         PaperFigure(each.name, f"{content.source}, {each.caption}", each.draw or each.name, each.size)
         for each in whole.figures or ()
     )
-    simple = whole.model_dump(include={"name", "title", "quick", "full", "block", "summary", "literal"})
-    values: dict[str, Any] = {key: value for key, value in simple.items() if value is not None}
+    assert whole.runs is not None, f"{whole.name} has no runs"
+    simple = whole.model_dump(include={"name", "title", "summary", "literal"})
+    values: dict[str, Any] = {key: value for key, value in simple.items() if value is not None} | vars(whole.runs)
     values |= {key: tuple(given.get(key) or ()) for key in ("record", "sets", "quick_sets")}
     claims = tuple(each.claim for each in named)
     return Experiment(variants=variants, claims=claims, figures=figures, **values), named

@@ -15,34 +15,21 @@ from matplotlib.patheffects import withStroke
 from wsnsim.analysis.figure_style import COLOURS, band, with_bands
 from wsnsim.base import metrics
 from wsnsim.base.arrays import Floats
+from wsnsim.papers import plotting
 from wsnsim.papers.jiang2013.measures import leveled
 from wsnsim.papers.measures import Data, measured
-from wsnsim.papers.plotting import (
-    Drawings,
-    Look,
-    bound_curve,
-    first_run,
-    legend_below,
-    legend_beside,
-    plain_numbers,
-    points,
-    published_level,
-    rmse_curves,
-    tracks,
-    whole_run,
-)
 
 MAIN: Final = "pso_mhpf"
 PRINTED: Final = {
-    "pso_mhpf": Look("PSO-MHPF", COLOURS[0], 1.1),
-    "ipf": Look("IPF", COLOURS[1], 1.1),
-    "ppf": Look("PPF", COLOURS[2], 1.1),
+    "pso_mhpf": plotting.Look("PSO-MHPF", COLOURS[0], 1.1),
+    "ipf": plotting.Look("IPF", COLOURS[1], 1.1),
+    "ppf": plotting.Look("PPF", COLOURS[2], 1.1),
 }
 REPAIRED: Final = {
-    "pso_mhpf, all readings": Look("PSO-MHPF, all measurements", COLOURS[0], 1.1),
-    "ipf, noise x100": Look("IPF, noise ×100", COLOURS[1], 1.1, banded=False),
-    "ppf, noise x100": Look("PPF, noise ×100", COLOURS[2], 1.1),
-    "ekf": Look("EKF", COLOURS[3], 1.1, banded=False),
+    "pso_mhpf, all readings": plotting.Look("PSO-MHPF, all measurements", COLOURS[0], 1.1),
+    "ipf, noise x100": plotting.Look("IPF, noise ×100", COLOURS[1], 1.1, banded=False),
+    "ppf, noise x100": plotting.Look("PPF, noise ×100", COLOURS[2], 1.1),
+    "ekf": plotting.Look("EKF", COLOURS[3], 1.1, banded=False),
 }
 """Without a band are those of which one diverged run would widen it over the whole figure."""
 PARTICLES: Final = (100, 200, 400, 800, 1600)
@@ -56,20 +43,20 @@ def _first_cluster(figure: Figure, data: Data) -> None:
     """The first cluster: the nodes that sense the target within the communication range of the head."""
     axes = figure.subplots()
     places = _places(data)
-    target = first_run(data, MAIN, "truth")[["px", "py"]].to_numpy()[0]
-    head = int(first_run(data, MAIN, "clusters")["head"].iloc[0])
+    target = plotting.first_run(data, MAIN, "truth")[["px", "py"]].to_numpy()[0]
+    head = int(plotting.first_run(data, MAIN, "clusters")["head"].iloc[0])
     members = _members(data, places, target, head)
     others = np.setdiff1d(np.arange(len(places)), [*members, head])
-    points(axes, places[others], "o", 3, "nodes asleep", LIGHT)
-    points(axes, places[members], "P", 6, f"{len(members)} members", COLOURS[0])
-    points(axes, places[head], "s", 7, "cluster head", COLOURS[1])
-    points(axes, target, "*", 11, "target", COLOURS[6])
+    plotting.points(axes, places[others], "o", 3, "nodes asleep", LIGHT)
+    plotting.points(axes, places[members], "P", 6, f"{len(members)} members", COLOURS[0])
+    plotting.points(axes, places[head], "s", 7, "cluster head", COLOURS[1])
+    plotting.points(axes, target, "*", 11, "target", COLOURS[6])
     sensing, radio = _ranges(data)
     axes.add_patch(Circle(tuple(target), sensing, fill=False, linestyle=":", label=f"sensing range, {sensing:g} m"))
     words = f"the head's communication range, {radio:g} m"
     axes.add_patch(Circle(tuple(places[head]), radio, fill=False, color=COLOURS[1], label=words))
     _map(axes)
-    legend_below(figure, (axes,))
+    plotting.legend_below(figure, (axes,))
 
 
 def cell(readings: str, particles: int, iterations: int) -> str:
@@ -88,39 +75,39 @@ def _convergence(figure: Figure, data: Data) -> None:
             axes.fill_between(ITERATIONS, low, high, color=colour, alpha=0.12, linewidth=0)
             axes.plot(ITERATIONS, value, "o-", color=colour, markersize=4, linewidth=1.2, label=f"{particles}")
         bound = data.bound(cell(readings, 400, 2), "unconditional").time_mean
-        published_level(axes, bound, "bound, all measurements", "#000000")
+        plotting.published_level(axes, bound, "bound, all measurements", "#000000")
         axes.set_title(words[readings], loc="left")
         axes.set_yscale("log")
         axes.set_xscale("log", base=2)
         axes.set_xticks(ITERATIONS, [str(count) for count in ITERATIONS])
         axes.minorticks_off()
-        plain_numbers(axes, (0.2, 0.5, 1, 2, 5, 10))
+        plotting.plain_numbers(axes, (0.2, 0.5, 1, 2, 5, 10))
         axes.set_xlabel("iterations in each step")
     panels[0].set_ylabel(f"RMSE over the first cluster [m], {numbers.max()} runs and 95 %")
-    legend_below(figure, panels[:1], 6, "particles")
+    plotting.legend_below(figure, panels[:1], 6, "particles")
 
 
 def _heads_and_members(figure: Figure, data: Data) -> None:
     """The cluster heads in order, and their members."""
     axes = figure.subplots()
-    places, clusters = _places(data), first_run(data, MAIN, "clusters")
-    points(axes, places, "o", 3, "nodes", LIGHT)
+    places, clusters = _places(data), plotting.first_run(data, MAIN, "clusters")
+    plotting.points(axes, places, "o", 3, "nodes", LIGHT)
     everybody = sorted({node for row in clusters.itertuples() for node in _members_of(data, places, row)})
-    points(axes, places[everybody], "P", 5, "members of a cluster", COLOURS[0])
+    plotting.points(axes, places[everybody], "P", 5, "members of a cluster", COLOURS[0])
     _heads(axes, places, clusters, numbered=True)
     _map(axes)
-    legend_below(figure, (axes,))
+    plotting.legend_below(figure, (axes,))
 
 
 def _heads_and_target(figure: Figure, data: Data) -> None:
     """The cluster heads in order, and the ground-truth trajectory."""
     axes = figure.subplots()
-    truth = first_run(data, MAIN, "truth")[["px", "py"]].to_numpy()
+    truth = plotting.first_run(data, MAIN, "truth")[["px", "py"]].to_numpy()
     axes.plot(*truth.T, "--", color=COLOURS[6], linewidth=1.6, label="target")
-    points(axes, truth[0], "*", 10, "its start", COLOURS[6])
-    _heads(axes, _places(data), first_run(data, MAIN, "clusters"), numbered=False)
+    plotting.points(axes, truth[0], "*", 10, "its start", COLOURS[6])
+    _heads(axes, _places(data), plotting.first_run(data, MAIN, "clusters"), numbered=False)
     _map(axes)
-    legend_below(figure, (axes,))
+    plotting.legend_below(figure, (axes,))
 
 
 def _step_energy(figure: Figure, data: Data) -> None:
@@ -133,22 +120,22 @@ def _step_energy(figure: Figure, data: Data) -> None:
         label = None if number else "level of a cluster (its median step)"
         axes.plot(rows["time"], rows["level"], color=COLOURS[1], linewidth=2.4, label=label)
     levels = data.published["step_energy"]
-    published_level(axes, levels["least"], "published least and largest level")
-    published_level(axes, levels["largest"])
+    plotting.published_level(axes, levels["least"], "published least and largest level")
+    plotting.published_level(axes, levels["largest"])
     axes.set(yscale="log", ylabel="energy of the network in a step of 40 ms [J]")
     printed = data.published["clusters"][MAIN]
     axes.set_title(f"one run, {steps['cluster'].nunique()} clusters (published: {printed})", loc="left")
-    whole_run(axes, steps)
-    legend_below(figure, (axes,))
+    plotting.whole_run(axes, steps)
+    plotting.legend_below(figure, (axes,))
 
 
 def _trajectories(figure: Figure, data: Data) -> None:
     """The ground-truth trajectory and the estimates, as printed and repaired."""
     left, right = figure.subplots(1, 2, sharex=True, sharey=True)
-    truth = first_run(data, MAIN, "truth")
+    truth = plotting.first_run(data, MAIN, "truth")
     for axes, looks, title in ((left, PRINTED, "as printed"), (right, REPAIRED, "repaired, and EKF")):
         axes.plot(truth["px"], truth["py"], color=COLOURS[6], linewidth=3.0, alpha=0.35, label="target")
-        tracks(axes, data, looks)
+        plotting.tracks(axes, data, looks)
         _map(axes)
         axes.set_title(f"{title}, one run", loc="left")
     figure.legend(*left.get_legend_handles_labels(), loc="outside lower left", ncols=2, frameon=False)
@@ -176,23 +163,25 @@ def _errors(figure: Figure, data: Data) -> None:
     for axes, looks, title, whose in zip(
         panels, (PRINTED, REPAIRED), ("as printed", "repaired, and EKF"), ("", "PSO-MHPF and PPF"), strict=True
     ):
-        runs = rmse_curves(axes, data, looks, lambda _, rows: f", mean {metrics.per_step_rmse(rows).mean():.2f} m")
+        runs = plotting.rmse_curves(
+            axes, data, looks, lambda _, rows: f", mean {metrics.per_step_rmse(rows).mean():.2f} m"
+        )
         axes.set_title(f"{title}, RMSE of {with_bands(runs, whose)}", loc="left")
     for kind, look in PRINTED.items():
-        published_level(panels[0], data.published["rmse"][kind], colour=look.colour)
+        plotting.published_level(panels[0], data.published["rmse"][kind], colour=look.colour)
     panels[0].plot([], [], "--", color="#666666", linewidth=1.0, label="published mean, in the same colour")
     for axes in panels:
-        bound_curve(axes, data.bound(MAIN, "unconditional").rmse, step, "bound, all measurements")
-        bound_curve(axes, data.bound(MAIN, "per_trajectory").rmse, step, "trajectory-conditional bound", "-")
+        plotting.bound_curve(axes, data.bound(MAIN, "unconditional").rmse, step, "bound, all measurements")
+        plotting.bound_curve(axes, data.bound(MAIN, "per_trajectory").rmse, step, "trajectory-conditional bound", "-")
         axes.set_ylabel("RMSE [m]")
-        legend_beside(axes)
+        plotting.legend_beside(axes)
     panels[0].set_xlabel("")
     panels[1].set_xlim(0.0, step * data.errors(MAIN).shape[1])
 
 
 def _places(data: Data) -> Floats:
     """(nodes, 2) the positions of the nodes of replicate 0."""
-    return np.asarray(first_run(data, MAIN, "nodes")[["x", "y"]], dtype=np.float64)
+    return np.asarray(plotting.first_run(data, MAIN, "nodes")[["x", "y"]], dtype=np.float64)
 
 
 def _ranges(data: Data) -> tuple[float, float]:
@@ -211,7 +200,7 @@ def _members(data: Data, places: Floats, target: Floats, head: int) -> list[int]
 
 def _members_of(data: Data, places: Floats, cluster: Any) -> list[int]:
     """The members of a row of the table `clusters`, given the target's position when it formed."""
-    truth = first_run(data, MAIN, "truth")
+    truth = plotting.first_run(data, MAIN, "truth")
     step = int((truth["time"] - cluster.formed).abs().to_numpy().argmin())
     return _members(data, places, truth[["px", "py"]].to_numpy()[step], int(cluster.head))
 
@@ -258,7 +247,7 @@ def _means_of_cause(frames: Sequence[pd.DataFrame], cause: str) -> Floats:
     return np.array(sums, dtype=np.float64)
 
 
-FIGURES: Final[Drawings] = {
+FIGURES: Final[plotting.Drawings] = {
     "figure_2": _first_cluster,
     "figure_3": _convergence,
     "figure_4": _heads_and_members,

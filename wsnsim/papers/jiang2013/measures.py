@@ -10,7 +10,7 @@ from typing import Final
 
 import pandas as pd
 
-from wsnsim.papers.measures import Data, OwnMeasure
+from wsnsim.papers.measures import Data
 
 NEAR: Final = 0.01
 """Relative difference from its cluster's level up to which a step is on it [our choice]."""
@@ -75,11 +75,5 @@ def _levels(data: Data, variant: str) -> pd.Series:
     return leveled(data, variant).dropna(subset="level").groupby(["replicate", "cluster"])["level"].first()
 
 
-MEASURES: Final[dict[str, OwnMeasure]] = {
-    "clusters": clusters,
-    "least_level": least_level,
-    "largest_level": largest_level,
-    "on_level": on_level,
-    "above_level": above_level,
-    "step_energy": step_energy,
-}
+_FUNCTIONS: Final = (clusters, least_level, largest_level, on_level, above_level, step_energy)
+MEASURES: Final = {measure.__name__: measure for measure in _FUNCTIONS}

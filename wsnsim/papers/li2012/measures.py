@@ -14,7 +14,7 @@ import pandas as pd
 
 from wsnsim.base import metrics
 from wsnsim.base.arrays import Floats
-from wsnsim.papers.measures import Data, OwnMeasure, computing
+from wsnsim.papers.measures import Data, computing
 
 LOW, MIDDLE, HIGH = 200, 300, 400
 """Numbers of nodes."""
@@ -147,18 +147,8 @@ def _first(frame: pd.DataFrame, column: str) -> pd.DataFrame:
     return frame.pivot(index="replicate", columns="step", values=column).iloc[:, :STEPS]
 
 
-MEASURES: Final[dict[str, OwnMeasure]] = {
-    "mean_error": mean_error,
-    "median_error": median_error,
-    "later_mean": later_mean,
-    "later_median": later_median,
-    "start_excess": start_excess,
-    "ranges": ranges,
-    "vain_growth": vain_growth,
-    "least_delay": least_delay,
-    "greatest_delay": greatest_delay,
-    "least_report_delay": least_report_delay,
-    "greatest_report_delay": greatest_report_delay,
-    "fix_bound": fix_bound,
-    "computing": computing,
-}
+_FUNCTIONS: Final = (
+    mean_error, median_error, later_mean, later_median, start_excess, ranges, vain_growth, least_delay,
+    greatest_delay, least_report_delay, greatest_report_delay, fix_bound, computing,
+)  # fmt: skip
+MEASURES: Final = {measure.__name__: measure for measure in _FUNCTIONS}

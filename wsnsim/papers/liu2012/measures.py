@@ -13,7 +13,7 @@ import pandas as pd
 
 from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import ResultError
-from wsnsim.papers.measures import Data, OwnMeasure
+from wsnsim.papers.measures import Data
 
 TAKES_PART: Final = 0.05
 """Probability above which a sensor takes part [our choice]."""
@@ -95,12 +95,7 @@ def _velocity(data: Data, variant: str) -> pd.Series:
     return pd.Series(np.sqrt((data.column_errors(variant, "vx") ** 2).mean(axis=1)), index=runs)
 
 
-MEASURES: Final[dict[str, OwnMeasure]] = {
-    "velocity_over_rkf": velocity_over_rkf,
-    "operations_over_rkf": operations_over_rkf,
-    "seconds_over_rkf": seconds_over_rkf,
-    "seconds_of_50": seconds_of_50,
-    "taking_part": taking_part,
-    "to_neighbours": to_neighbours,
-    "in_turn": in_turn,
-}
+_FUNCTIONS: Final = (
+    velocity_over_rkf, operations_over_rkf, seconds_over_rkf, seconds_of_50, taking_part, to_neighbours, in_turn,
+)  # fmt: skip
+MEASURES: Final = {measure.__name__: measure for measure in _FUNCTIONS}

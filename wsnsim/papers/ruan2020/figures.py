@@ -11,38 +11,23 @@ from matplotlib.figure import Figure
 
 from wsnsim.analysis.figure_style import COLOURS, with_bands
 from wsnsim.base.arrays import Floats
+from wsnsim.papers import plotting
 from wsnsim.papers.measures import Data
-from wsnsim.papers.plotting import (
-    BLACK,
-    GREY,
-    Drawings,
-    Look,
-    bound_curve,
-    first_run,
-    legend_below,
-    mean_and_lost,
-    plain_numbers,
-    points,
-    published_level,
-    rmse_curves,
-    times,
-    tracks,
-)
 
 PRINTED: Final = {
-    "pf, 100": Look("PF", COLOURS[0], 1.4),
-    "gpf, 100": Look("GPF", COLOURS[1], 1.4),
-    "pso_gpf, 100": Look("PSO-GPF", COLOURS[2], 1.4),
-    "gsa_gpf, 100": Look("GSA-GPF", COLOURS[3], 1.4),
+    "pf, 100": plotting.Look("PF", COLOURS[0], 1.4),
+    "gpf, 100": plotting.Look("GPF", COLOURS[1], 1.4),
+    "pso_gpf, 100": plotting.Look("PSO-GPF", COLOURS[2], 1.4),
+    "gsa_gpf, 100": plotting.Look("GSA-GPF", COLOURS[3], 1.4),
 }
 OTHERS: Final = {
-    "gsa_gpf, 100, greedy": Look("GSA-GPF, greedy", COLOURS[4], 1.0),
-    "pf, 5000": Look("PF, 5000 particles", COLOURS[5], 1.0),
-    "ekf": Look("EKF", GREY, 1.0),
+    "gsa_gpf, 100, greedy": plotting.Look("GSA-GPF, greedy", COLOURS[4], 1.0),
+    "pf, 5000": plotting.Look("PF, 5000 particles", COLOURS[5], 1.0),
+    "ekf": plotting.Look("EKF", plotting.GREY, 1.0),
 }
 BASE: Final = "pf, 100"
 MARGIN: Final = 0.7
-"""Metres shown around the tracks."""
+"""Metres shown around the plotting.tracks."""
 
 
 def _tracks(figure: Figure, data: Data) -> None:
@@ -52,28 +37,31 @@ def _tracks(figure: Figure, data: Data) -> None:
         panels, (PRINTED, OTHERS), ("as printed, N = 100", "repaired, and references"), strict=True
     ):
         _room(axes, data)
-        tracks(axes, data, looks, rmse=True)
+        plotting.tracks(axes, data, looks, rmse=True)
         axes.set_title(title, loc="left")
     panels[1].set_ylabel("")
     (x_low, y_low), (x_high, y_high) = _extent(data)
     panels[0].set(xlim=(x_low, x_high), ylim=(y_low, y_high))
-    legend_below(figure, panels)
+    plotting.legend_below(figure, panels)
 
 
 def _room(axes: Axes, data: Data) -> None:
     """The room, its anchors and the ground truth."""
-    truth = first_run(data, BASE, "truth").sort_values("step")[["px", "py"]].to_numpy()
+    truth = plotting.first_run(data, BASE, "truth").sort_values("step")[["px", "py"]].to_numpy()
     deploy: Any = data.scenario(BASE)["deploy"]
     wide, high = deploy["width"], deploy["height"]
-    axes.plot([0, wide, wide, 0, 0], [0, 0, high, high, 0], color=GREY, linewidth=1.0, label="room")
-    points(axes, np.array(deploy["places"]), "^", 7, "anchors")
-    axes.plot(*truth.T, color=BLACK, linewidth=2.0, label="truth")
-    points(axes, truth[0], "o", 5, "start")
+    axes.plot([0, wide, wide, 0, 0], [0, 0, high, high, 0], color=plotting.GREY, linewidth=1.0, label="room")
+    plotting.points(axes, np.array(deploy["places"]), "^", 7, "anchors")
+    axes.plot(*truth.T, color=plotting.BLACK, linewidth=2.0, label="truth")
+    plotting.points(axes, truth[0], "o", 5, "start")
 
 
 def _extent(data: Data) -> tuple[Floats, Floats]:
     """The lower left and the upper right corner of the truth and all estimates of replicate 0, with a margin."""
-    tables = [first_run(data, BASE, "truth"), *(first_run(data, name, "estimates") for name in PRINTED | OTHERS)]
+    tables = [
+        plotting.first_run(data, BASE, "truth"),
+        *(plotting.first_run(data, name, "estimates") for name in PRINTED | OTHERS),
+    ]
     places = np.concatenate([table[["px", "py"]].to_numpy(dtype=np.float64) for table in tables])
     return places.min(axis=0) - MARGIN, places.max(axis=0) + MARGIN
 
@@ -83,23 +71,23 @@ def _errors(figure: Figure, data: Data, published: bool) -> None:
     left, right = figure.subplots(1, 2, sharex=True, sharey=True)
     for variant, look in (PRINTED | OTHERS).items():
         error = data.errors(variant)[0]
-        left.plot(times(data, variant, len(error)), error, color=look.colour, linewidth=look.width)
-    runs = rmse_curves(right, data, PRINTED | OTHERS, mean_and_lost(data))
+        left.plot(plotting.times(data, variant, len(error)), error, color=look.colour, linewidth=look.width)
+    runs = plotting.rmse_curves(right, data, PRINTED | OTHERS, plotting.mean_and_lost(data))
     for variant, look in PRINTED.items() if published else ():
         level = data.published["rmse"][variant.split(",")[0]]["100"]
-        published_level(right, level, f"{look.name}, published mean: {level:.2f} m", look.colour)
+        plotting.published_level(right, level, f"{look.name}, published mean: {level:.2f} m", look.colour)
     bound = data.bound(BASE, "per_trajectory")
-    bound_curve(
+    plotting.bound_curve(
         right, bound.rmse, data.scenario(BASE)["step"], f"trajectory-conditional bound: mean {bound.time_mean:.2f} m"
     )
     left.set(xlabel="time [s]", ylabel="position error [m]")
     left.set_title("replicate 0", loc="left")
     right.set_title(f"RMSE over {with_bands(runs)}", loc="left")
-    plain_numbers(left)
-    legend_below(figure, (right,))
+    plotting.plain_numbers(left)
+    plotting.legend_below(figure, (right,))
 
 
-FIGURES: Final[Drawings] = {
+FIGURES: Final[plotting.Drawings] = {
     "figure_1": _tracks,
     "figure_2": partial(_errors, published=True),
     "figure_4": _tracks,

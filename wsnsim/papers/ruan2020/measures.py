@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 import pandas as pd
 
-from wsnsim.papers.measures import Data, OwnMeasure
+from wsnsim.papers.measures import Data
 
 THIRD: Final = 10
 """Steps in the first and in the last third of a run [our choice]."""
@@ -32,4 +32,5 @@ def end(data: Data, variant: str) -> pd.Series:
     return pd.Series(np.hypot(*(runs.last() - runs.first()).to_numpy().T), index=runs.last().index)
 
 
-MEASURES: Final[dict[str, OwnMeasure]] = {"growth": growth, "saved": saved, "end": end}
+_FUNCTIONS: Final = (growth, saved, end)
+MEASURES: Final = {measure.__name__: measure for measure in _FUNCTIONS}

@@ -13,31 +13,18 @@ from matplotlib.figure import Figure
 
 from wsnsim.analysis.figure_style import BOUND, COLOURS, band, with_bands
 from wsnsim.base import metrics
+from wsnsim.papers import plotting
 from wsnsim.papers.measures import Data
-from wsnsim.papers.plotting import (
-    BLACK,
-    GREY,
-    Drawings,
-    Look,
-    bound_curve,
-    first_run,
-    legend_below,
-    legend_beside,
-    points,
-    published_level,
-    rmse_curves,
-    whole_run,
-)
 from wsnsim.papers.wei2022.measures import cloud
 
 LOOKS: Final = {
-    "pf": Look("PF", COLOURS[0], 1.4),
-    "cs_pf": Look("CS-PF", COLOURS[1], 1.4),
-    "ics_pf": Look("ICS-PF", COLOURS[2], 1.4),
+    "pf": plotting.Look("PF", COLOURS[0], 1.4),
+    "cs_pf": plotting.Look("CS-PF", COLOURS[1], 1.4),
+    "ics_pf": plotting.Look("ICS-PF", COLOURS[2], 1.4),
 }
-TRUTH: Final[dict[str, Any]] = {"color": BLACK, "linewidth": 1.0, "label": "truth"}
+TRUTH: Final[dict[str, Any]] = {"color": plotting.BLACK, "linewidth": 1.0, "label": "truth"}
 GRID: Final = "exact posterior"
-EXACT: Final[dict[str, Any]] = {"color": GREY, "linewidth": 1.4, "label": GRID}
+EXACT: Final[dict[str, Any]] = {"color": plotting.GREY, "linewidth": 1.4, "label": GRID}
 BIN: Final = 0.5
 """Width of the bins of the histograms of particles."""
 MOST_LINES: Final = 15
@@ -46,7 +33,7 @@ AROUND: Final = (-50.0, 350.0)
 """Part of the plane (m) that figure 8 shows."""
 
 
-def _panels(figure: Figure, sharey: bool = True) -> Iterator[tuple[Axes, str, Look]]:
+def _panels(figure: Figure, sharey: bool = True) -> Iterator[tuple[Axes, str, plotting.Look]]:
     """One panel for each filter, below each other."""
     panels = figure.subplots(3, 1, sharex=True, sharey=sharey)
     for axes, (kind, look) in zip(panels, LOOKS.items(), strict=True):
@@ -55,39 +42,39 @@ def _panels(figure: Figure, sharey: bool = True) -> Iterator[tuple[Axes, str, Lo
 
 def _states(figure: Figure, data: Data, count: int) -> None:
     """The state of the growth model in one run: the truth, the estimate of each filter, and the exact posterior."""
-    truth, exact = first_run(data, GRID, "truth"), first_run(data, GRID, "estimates")
+    truth, exact = plotting.first_run(data, GRID, "truth"), plotting.first_run(data, GRID, "estimates")
     for axes, kind, look in _panels(figure):
-        guess = first_run(data, f"{kind}, {count}", "estimates")
+        guess = plotting.first_run(data, f"{kind}, {count}", "estimates")
         axes.plot(exact["time"], exact["x"], **EXACT)
         axes.plot(truth["time"], truth["x"], **TRUTH)
         axes.plot(guess["time"], guess["x"], color=look.colour, linewidth=1.1, label=f"{look.name}, N = {count}")
         axes.set_ylabel("state x")
-        legend_beside(axes)
-    whole_run(axes, truth)
+        plotting.legend_beside(axes)
+    plotting.whole_run(axes, truth)
 
 
 def _errors(figure: Figure, data: Data, count: int) -> None:
     """Absolute errors in one run, with its RMSE, that of all runs, and the published one."""
-    exact = first_run(data, GRID, "estimates")
+    exact = plotting.first_run(data, GRID, "estimates")
     for axes, kind, look in _panels(figure):
         variant, level = f"{kind}, {count}", data.published["rmse_x"][kind][str(count)]
-        guess, rows = first_run(data, variant, "estimates"), data.errors(variant)
+        guess, rows = plotting.first_run(data, variant, "estimates"), data.errors(variant)
         axes.plot(exact["time"], exact["error"], **EXACT)
         axes.plot(guess["time"], guess["error"], color=look.colour, linewidth=1.1, label=look.name)
-        published_level(axes, level, "published RMSE")
+        plotting.published_level(axes, level, "published RMSE")
         ours = f"{metrics.rmse(rows[0]):.2f} here, {metrics.rmse(rows):.2f} over {len(rows)} runs"
         best = f"{metrics.rmse(data.errors(GRID)):.2f} of the exact posterior"
         axes.set_title(f"{look.name}: RMSE {ours} ({best}), published {level:.2f}", loc="left")
         axes.set_ylabel("|error of x|")
-        legend_beside(axes)
+        plotting.legend_beside(axes)
     axes.set_ylim(bottom=0)
-    whole_run(axes, guess)
+    plotting.whole_run(axes, guess)
 
 
 def _particles(figure: Figure, data: Data, step: int) -> None:
     """The histogram of the particles of one run, beside the exact posterior in the same bins."""
     exact, *clouds = (_first(cloud(data, name, step)) for name in (GRID, *(f"{kind}, 100" for kind in LOOKS)))
-    truth = first_run(data, GRID, "truth")
+    truth = plotting.first_run(data, GRID, "truth")
     place = float(truth["x"][truth["step"] == step].iloc[0])
     likely = exact["x"][exact["weight"] > 1e-6 * exact["weight"].max()]
     everything = np.concatenate([likely, [place], *(one["x"] for one in clouds)])
@@ -98,11 +85,11 @@ def _particles(figure: Figure, data: Data, step: int) -> None:
         axes.stairs(np.histogram(held, edges)[0] / len(held), edges, fill=True, color=look.colour, alpha=0.6,
                     label="particles")  # fmt: skip
         axes.plot(held, np.full(len(held), -0.03), "|", color=look.colour, markersize=5, clip_on=False)
-        axes.stairs(posterior, edges, label=GRID, color=BLACK, linewidth=1.0)
+        axes.stairs(posterior, edges, label=GRID, color=plotting.BLACK, linewidth=1.0)
         axes.axvline(place, label="truth", **{**BOUND, "color": COLOURS[3], "linewidth": 1.6})
         axes.set_title(f"{look.name}: {held.nunique()} of {len(held)} particles are distinct", loc="left")
         axes.set_ylabel(f"fraction, in bins of {BIN:g}")
-        legend_beside(axes)
+        plotting.legend_beside(axes)
     axes.set_xlabel("state x")
 
 
@@ -113,7 +100,7 @@ def _first(frame: pd.DataFrame) -> pd.DataFrame:
 def _plane(figure: Figure, data: Data) -> None:
     """The plane, one panel for each filter: the truth, and the estimates of some runs."""
     panels = figure.subplots(1, 3, sharex=True, sharey=True)
-    truth = first_run(data, "pf", "truth")
+    truth = plotting.first_run(data, "pf", "truth")
     for axes, (kind, look) in zip(panels, LOOKS.items(), strict=True):
         runs = list(data.of(kind, "estimates").groupby("replicate"))[:MOST_LINES]
         for number, run in reversed(runs):
@@ -121,12 +108,12 @@ def _plane(figure: Figure, data: Data) -> None:
             axes.plot(run["px"], run["py"], color=look.colour, linewidth=1.6 if first else 0.6,
                       alpha=1.0 if first else 0.35, label=f"{look.name}, replicate 0" if first else None)  # fmt: skip
         axes.plot(truth["px"], truth["py"], **{**TRUTH, "linewidth": 1.8})
-        points(axes, np.zeros(2), "^", 6, "sensor")
+        plotting.points(axes, np.zeros(2), "^", 6, "sensor")
         lost = data.lost(kind)
         axes.set_title(f"{look.name}: {lost.mean():.0%} of {len(lost)} runs lost", loc="left")
         axes.set(xlim=AROUND, ylim=AROUND, aspect="equal", xlabel=f"x [m]\n{len(runs)} runs drawn, {_outside(runs)}")
     panels[0].set_ylabel("y [m]")
-    legend_below(figure, panels, 5)
+    plotting.legend_below(figure, panels, 5)
 
 
 def _outside(runs: list[tuple[Any, pd.DataFrame]]) -> str:
@@ -137,7 +124,7 @@ def _outside(runs: list[tuple[Any, pd.DataFrame]]) -> str:
 
 def _velocity(figure: Figure, data: Data, column: str) -> None:
     """A component of the velocity: the truth, and the estimates of all runs; each panel with its own scale."""
-    truth = first_run(data, "pf", "truth")
+    truth = plotting.first_run(data, "pf", "truth")
     for axes, kind, look in _panels(figure, sharey=False):
         guess = data.of(kind, "estimates").pivot(index="replicate", columns="step", values=column).to_numpy(np.float64)
         band(axes, truth["time"].to_numpy()[1:], guess, look.name, look.colour)
@@ -146,23 +133,25 @@ def _velocity(figure: Figure, data: Data, column: str) -> None:
         axes.set_title(f"{look.name}: RMSE {found:.3g} m/s, published {printed:.4f} m/s", loc="left")
         axes.set_ylabel(f"{column} [m/s]")
         axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=2, frameon=False)
-    whole_run(axes, truth)
+    plotting.whole_run(axes, truth)
 
 
-def _position(figure: Figure, data: Data, others: Mapping[str, Look], bound: str, published: bool) -> None:
+def _position(figure: Figure, data: Data, others: Mapping[str, plotting.Look], bound: str, published: bool) -> None:
     """The RMSE of the position at each step, the bound, and the position error that follows from table 2."""
     axes = figure.subplots()
-    runs = rmse_curves(axes, data, {**LOOKS, **others})
-    bound_curve(axes, data.bound("pf", "unconditional").rmse, data.scenario("pf")["step"], bound)
+    runs = plotting.rmse_curves(axes, data, {**LOOKS, **others})
+    plotting.bound_curve(axes, data.bound("pf", "unconditional").rmse, data.scenario("pf")["step"], bound)
     for kind, look in LOOKS.items() if published else ():
         level = float(np.hypot(data.published["px"][kind], data.published["py"][kind]))
-        published_level(axes, level, f"{look.name}, from table 2: sqrt(px² + py²) = {level:.3g} m", look.colour)
+        plotting.published_level(
+            axes, level, f"{look.name}, from table 2: sqrt(px² + py²) = {level:.3g} m", look.colour
+        )
     axes.set_ylabel("RMSE of the position [m]")
     axes.set_title(f"RMSE over {with_bands(runs)}", loc="left")
-    legend_below(figure, (axes,))
+    plotting.legend_below(figure, (axes,))
 
 
-FIGURES: Final[Drawings] = {
+FIGURES: Final[plotting.Drawings] = {
     "figure_1": partial(_states, count=30),
     "figure_2": partial(_errors, count=30),
     "figure_3": partial(_states, count=100),
@@ -175,13 +164,19 @@ FIGURES: Final[Drawings] = {
     "figure_10": partial(_velocity, column="vy"),
     "figure_11": partial(
         _position,
-        others={"pf, 5000": Look("PF, 5000 particles", COLOURS[4], 1.4), "ekf": Look("EKF", COLOURS[5], 1.4)},
+        others={
+            "pf, 5000": plotting.Look("PF, 5000 particles", COLOURS[4], 1.4),
+            "ekf": plotting.Look("EKF", COLOURS[5], 1.4),
+        },
         bound="bound (posterior Cramér-Rao), not strict",
         published=True,
     ),
     "four_anchors": partial(
         _position,
-        others={"pf, 20000": Look("PF, 20,000 particles", COLOURS[4], 1.4), "ekf": Look("EKF", COLOURS[5], 1.4)},
+        others={
+            "pf, 20000": plotting.Look("PF, 20,000 particles", COLOURS[4], 1.4),
+            "ekf": plotting.Look("EKF", COLOURS[5], 1.4),
+        },
         bound="bound (posterior Cramér-Rao)",
         published=False,
     ),
