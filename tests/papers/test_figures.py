@@ -1,4 +1,4 @@
-"""The bands around curves of an RMSE over runs, and what the papers' figures say of them."""
+"""The bands around curves of the RMSE over runs, and the titles that mention them."""
 
 import matplotlib.colors
 import numpy as np
@@ -12,13 +12,13 @@ from wsnsim.papers.plotting import plain_numbers
 
 
 def errors_of(runs, steps, seed=1):
-    """(runs, steps) of which some are a hundred times as large."""
+    """(runs, steps) errors, some of them a hundred times as large as the others."""
     rng = np.random.default_rng(seed)
     return np.abs(rng.normal(size=(runs, steps))) * rng.choice([1.0, 100.0], p=[0.9, 0.1], size=(runs, steps))
 
 
 def slow_interval(rows, taken):
-    """The percentiles of the RMSE of the drawn runs, draw by draw and step by step: how often a run is in each draw."""
+    """The percentiles of the RMSE over bootstrap samples; `taken` counts how often each run is in each sample."""
     ends = np.full((2, rows.shape[1]), np.nan)
     for step, column in enumerate(rows.T):
         drawn = [metrics.rmse(np.repeat(column, times)) for times in taken]
@@ -89,8 +89,8 @@ def test_what_a_band_has_beneath_all_curves_does_not_stretch_the_axes_and_what_i
     assert not bare.collections and bare.get_ylim()[1] < high.max()
 
 
-class Made:
-    """Six variants' errors and a bound, in place of a campaign's."""
+class SyntheticData:
+    """The errors of six variants and a bound, without a campaign."""
 
     def __init__(self, runs):
         self.rows = {name: errors_of(runs, 6, seed) for seed, name in enumerate(liu2012.PRINTED | liu2012.OTHERS)}
@@ -109,10 +109,12 @@ class Made:
         return type("Bound", (), {"rmse": np.full(6, 0.1)})
 
 
-@pytest.mark.parametrize(("runs", "said"), [(20, "RMSE over 20 runs (bands: 95 % confidence)"), (2, "RMSE over 2 runs")])
+@pytest.mark.parametrize(
+    ("runs", "said"), [(20, "RMSE over 20 runs (bands: 95 % confidence)"), (2, "RMSE over 2 runs")]
+)
 def test_a_title_tells_of_bands_where_each_curve_over_runs_has_one_in_its_colour(runs, said):
     figure = Figure()
-    liu2012.FIGURES["figure_1"](figure, Made(runs))
+    liu2012.FIGURES["figure_1"](figure, SyntheticData(runs))
     left = figure.axes[0]
     assert left.get_title(loc="left") == f"{said}, lost ones included"
     curves = [line for line in left.get_lines() if not line.get_label().startswith("bound")]

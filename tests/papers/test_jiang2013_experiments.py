@@ -27,7 +27,7 @@ PRINTED = {
     "largest_level": {"pso_mhpf": 3.378e-3},
     "on_level": {"pso_mhpf": 1.0},
 }
-"""What the specification's page gives of section 5, by measure and tracker."""
+"""The published values of section 5, by measure and tracker."""
 
 
 def short(measure):
@@ -78,12 +78,12 @@ def test_figure_3_is_run_on_the_first_cluster_of_the_network_that_figure_2_shows
 
 
 def fake(**tables):
-    """Data of one variant from tables."""
+    """Data with these tables for any variant."""
     return SimpleNamespace(of=lambda variant, table: tables[table])
 
 
 def stepped(levels, handovers):
-    """Two causes a step, the steps of handovers costing ten times as much; from step 0 on."""
+    """Energy by step and cause, from step 0 on; steps with a handover cost ten times as much."""
     joules = np.array(levels)
     joules[handovers] *= 10.0
     steps = np.arange(len(joules))
@@ -118,7 +118,7 @@ def test_members_that_a_map_shows_are_as_many_as_the_cluster_counted(tracked):
 
 @pytest.fixture(scope="module")
 def tracked(tmp_path_factory):
-    """Two runs of 60 steps of the variants of the first experiment that are drawn, and its folder."""
+    """Two runs of 60 steps of the variants that figures show, as data; the experiment and its folder."""
     where, whole = tmp_path_factory.mktemp("jiang2013"), EXPERIMENTS[0]
     variants = {name: whole.variants[name] for name in (*figures.PRINTED, *figures.REPAIRED)}
     claims = tuple(

@@ -121,7 +121,7 @@ def test_the_reasons_that_the_text_gives_are_asked_for_too():
 
 
 class Held:
-    """Tables held in memory, as measures ask for them."""
+    """Tables in memory, as measures read them."""
 
     def __init__(self, **tables):
         self.tables = {name: pd.DataFrame(columns) for name, columns in tables.items()}
@@ -152,7 +152,7 @@ def test_the_figures_of_a_run_are_of_its_first_20_steps_or_of_its_first_20_repor
     })  # fmt: skip
 
 
-def test_how_much_more_is_told_in_vain_is_of_one_tracker_at_both_densities_run_by_run():
+def test_the_growth_of_unnecessary_wake_ups_compares_one_tracker_at_both_densities_run_by_run():
     class Told:
         def of(self, variant, table):
             assert table == "tracks"

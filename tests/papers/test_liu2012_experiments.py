@@ -20,7 +20,7 @@ from wsnsim.trackers.relay_kalman import RelayKalman
 EXPERIMENTS = paper("liu2012").experiments
 TRACKING, READ_OTHERWISE = EXPERIMENTS
 PRINTED = {"rkf": 47.7304, "imsf": 68.6893}
-"""Run times as the page of the specification has them."""
+"""Published run times (s)."""
 CLAIMS = [(experiment, claim) for experiment in EXPERIMENTS for claim in experiment.claims]
 
 

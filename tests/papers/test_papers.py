@@ -1,10 +1,11 @@
-"""The YAML file of every paper: what it says can be run, measured and drawn, and what is wrong in it has its place."""
+"""The YAML file of every paper: its experiments run, its measures and figures exist, and issues have a place."""
 
 from __future__ import annotations
 
 import json
 import re
 from dataclasses import replace
+from importlib import import_module
 
 import pytest
 
@@ -31,7 +32,7 @@ OWN = {
     "least_delay": {"estimates"}, "greatest_delay": {"estimates"}, "least_report_delay": {"estimates"},
     "greatest_report_delay": {"estimates"}, "fix_bound": {"truth", "nodes"},
 }  # fmt: skip
-"""The tables that measures read, by name without a number, in addition to `runs` and `tracks`."""
+"""Tables that the papers' own measures read in addition to `runs` and `tracks`, by name without a final number."""
 
 
 def named(pair):
@@ -70,8 +71,6 @@ def test_every_verdict_has_its_reason_in_a_line(pair):
 
 @pytest.mark.parametrize("name", PAGES)
 def test_every_figure_has_its_function_and_every_function_a_figure(name):
-    from importlib import import_module
-
     drawn = {figure.draw for experiment in paper(name).experiments for figure in experiment.figures}
     assert drawn == set(import_module(f"wsnsim.papers.{name}.figures").FIGURES)
 
@@ -96,7 +95,7 @@ def test_a_number_in_a_reason_is_that_of_the_row_it_names():
 
 @pytest.fixture
 def edited(tmp_path, monkeypatch):
-    """The paper whose file is that of Liu (2012) with a text replaced."""
+    """A function that gives the paper of Liu (2012) with a text of its file replaced."""
 
     def edit(before, after):
         text = (FOLDER / "liu2012.yaml").read_text(encoding="utf-8")

@@ -1,4 +1,4 @@
-"""`wsnsim reproduce`: the rule of the verdicts by hand, rows of a real campaign, how it stops and goes on."""
+"""`wsnsim reproduce`: the rule of the verdicts, the rows of a real campaign, interruption and resumption."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ SMALL = Experiment(
         Claim("RMSE, m", "rkf", "rmse", 0.4, "figure 1", "per_trajectory", "because"),
         Claim("RMSE of a run, median, m", "imsf", "median:rmse", None, "", "variant:ekf"),
         Claim("tracks lost, share", "imsf", "share:lost", 0.0),
-        Order("RMSE of a run", "ekf", "rkf", "rmse", "figure 1", "it is told who is in range"),
+        Order("RMSE of a run", "ekf", "rkf", "rmse", "figure 1", "it knows which sensors are in range"),
         Claim("share less", "ekf", "less_than:rkf", 0.5, literal=False),
         Claim("over", "ekf", "over:rkf", 0.6, read=True),
         Claim("seconds", "rkf", "mean:cpu_seconds", 50.0, judged=False),
@@ -71,7 +71,7 @@ SMALL = Experiment(
 
 @pytest.fixture
 def papers(monkeypatch, tmp_path):
-    """Instead of every paper, the small experiment; in a folder of its own."""
+    """The small experiment in place of those of every paper, in a folder of its own."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(reproduce, "experiments", lambda paper: (SMALL,))
     monkeypatch.setattr(reproduce, "LocalEngine", InlineEngine)
@@ -79,7 +79,7 @@ def papers(monkeypatch, tmp_path):
 
 @pytest.fixture(scope="module")
 def done(tmp_path_factory):
-    """The small experiment's campaign, run."""
+    """The folder of the small experiment's finished campaign."""
     where = tmp_path_factory.mktemp("done")
     ended = reproduce.run("liu2012", SMALL, where, 1)  # in a process of its own: the others are in this one
     assert ended.complete and ended.done == 18
@@ -213,8 +213,8 @@ def test_what_has_been_run_is_not_run_again_and_the_same_is_found_elsewhere(done
     assert {path: path.stat().st_mtime_ns for path in Path("r").rglob("*.h5")} == files
     assert main([*again, "-o", "elsewhere"]) == 0
     second = json.loads(capsys.readouterr().out)
-    for told in (first, second):
-        told["rows"] = [row for row in told["rows"] if row["quantity"] != "seconds"]
+    for answer in (first, second):
+        answer["rows"] = [row for row in answer["rows"] if row["quantity"] != "seconds"]
     assert second == first
     assert [list(row) for row in first["rows"]] == [KEYS] * (len(SMALL.claims) - 1)
     assert {row["replicates"] for row in first["rows"]} == {6}

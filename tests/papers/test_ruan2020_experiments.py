@@ -22,12 +22,12 @@ PAGE = {
     "pso_gpf": (0.5374, 0.4515, 0.3503),
     "gsa_gpf": (0.4502, 0.3599, 0.3119),
 }
-"""Table 1 as the page of the specification has it, at 50, 100 and 200 particles."""
+"""Table 1 as printed, at 50, 100 and 200 particles."""
 CLAIMS = [(experiment, claim) for experiment in EXPERIMENTS for claim in experiment.claims]
 
 
 def small(experiment, tmp_path_factory, monkeypatch, **sets):
-    """The campaign of an experiment with two runs of some steps, and its folder."""
+    """An experiment with two runs of a few steps, and the folder of its campaign."""
     where = tmp_path_factory.mktemp("ruan2020")
     monkeypatch.setattr(reproduce, "LocalEngine", InlineEngine)
     few = replace(experiment, quick=2, **sets)
@@ -117,7 +117,7 @@ def test_the_surrogate_differs_from_the_simulation_by_what_section_3_2_says():
 
 
 def fake(errors):
-    """Data of variants from their errors (runs, steps)."""
+    """Data of variants with these errors (runs, steps)."""
     runs = {name: pd.DataFrame({"replicate": range(len(rows)), "lost": 0}) for name, rows in errors.items()}
     return SimpleNamespace(
         errors=errors.__getitem__,

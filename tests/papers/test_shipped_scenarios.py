@@ -1,4 +1,4 @@
-"""A campaign of every shipped scenario, short: no tracker is below the unconditional bound of its own scenario."""
+"""No tracker of a shipped scenario is below the posterior bound of its scenario, in a campaign of short runs."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from wsnsim.scenario import load, resolved, shipped
 
 RUNS = 4
 SURE = 7.5
-"""Standard errors: Student's t of 3 degrees of freedom is above minus so much in 99.75 % of all cases."""
+"""Standard errors: Student's t with 3 degrees of freedom is above minus this in 99.75 % of all cases."""
 SAME = ("lifetime", "field_1m")
-"""Short as they are here, they are pso_mhpf with more battery and field_10k with more of the same."""
+"""Scenarios that do not differ from pso_mhpf and field_10k in short runs."""
 
 
 def short(name):
-    """A shipped scenario with some tens of steps, without its log."""
+    """A shipped scenario with some tens of steps and without its event log."""
     duration = "1 s" if resolved(load(name))["step"] < 0.5 else "10 s"
     return Variant(name, (f"duration={duration}", "record.events=false"))
 
 
 @pytest.fixture(scope="module")
 def data(tmp_path_factory):
-    """The campaign of all that have such a bound."""
+    """The campaign of all scenarios with a posterior bound."""
     variants = {name: short(name) for name in shipped() if name not in SAME}
     bounded = {
         name: variant

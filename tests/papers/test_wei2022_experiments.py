@@ -88,7 +88,7 @@ def test_the_gain_is_over_the_cuckoo_search_with_as_many_particles_and_operation
 
 
 def test_what_the_searches_evaluate_is_what_the_reasons_say():
-    """11 likelihoods a particle and step, where PF has 1."""
+    """The searches evaluate 11 likelihoods for each particle and step, where PF evaluates 1."""
     variants = EXPERIMENTS["table_2"].variants
     trackers = {
         kind: scenario.build(scenario.load(variants[kind].scenario, variants[kind].sets)).tracker
@@ -99,7 +99,7 @@ def test_what_the_searches_evaluate_is_what_the_reasons_say():
 
 
 def few(experiment: Experiment) -> Experiment:
-    """Two runs, on a straight line short ones, with few particles and few cells; a claim of each kind and variant."""
+    """Two short runs with few particles and cells, and one claim of each kind and variant."""
     size = {"grid": "tracker.cells=240"}
     variants = {
         name: replace(

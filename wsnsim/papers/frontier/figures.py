@@ -128,7 +128,7 @@ def _look(one: Strategy, colour: str) -> dict[str, Any]:
 
 
 def _scale(axes: Axes, found: Sequence[Strategy], bound: float) -> None:
-    """Logarithmic axes with room for labels on either side; intervals may be cut."""
+    """Logarithmic axes with space for labels on either side; intervals may be cut."""
     energies, errors = (np.array([getattr(one, name) for one in found]) for name in ("energy", "rmse"))
     errors = errors[np.isfinite(errors)]
     axes.set_xscale("log")
@@ -182,9 +182,9 @@ def label(
         if not math.isfinite(x + y):
             continue
         width, height = _size(axes, word)
-        room = ((dx, dy, _box(x + dx / points_a_pixel, y + dy / points_a_pixel, width, height))
+        places = ((dx, dy, _box(x + dx / points_a_pixel, y + dy / points_a_pixel, width, height))
                 for dx, dy in _offsets(width * points_a_pixel, height * points_a_pixel))  # fmt: skip
-        free = [offer for offer in room if _is_free(offer[2], taken, axes.bbox)]
+        free = [offer for offer in places if _is_free(offer[2], taken, axes.bbox)]
         own = (offer for offer in free if _gap(offer[2], x, y) <= min(_gap(offer[2], *_middle(one)) for one in markers))
         if (chosen := next(own, free[0] if free else None)) is not None:
             taken.append(chosen[2])
