@@ -212,7 +212,7 @@ class WakeUpMechanism(Protocol):
     """How nodes are woken ahead of a target."""
 
     def begin(self, round: WakeUpRound) -> None:
-        """A head, `round.node`, wakes nodes for the step of `round.message`. Nobody waits for the end."""
+        """A head, `round.node`, wakes nodes for the step of `round.message`; returns at once."""
         ...
 
 

@@ -96,7 +96,7 @@ class NetworkSetup(TrackingSetup, RadioSetup):
 
     @property
     def nodes_search(self) -> bool:
-        """Whether awake nodes search all the time for targets that nobody tracks: those of moving heads do."""
+        """Whether awake nodes search all the time for targets without a track: they do where heads move."""
         return self.head_protocol == "moving"
 
     @property
@@ -106,7 +106,7 @@ class NetworkSetup(TrackingSetup, RadioSetup):
 
     @property
     def polls(self) -> int:
-        """How often in a step awake nodes search for a target that nobody tracks."""
+        """How often in a step awake nodes search for a target without a track."""
         every = self.acquire.poll
         return 1 if every is None or not self.nodes_search else max(1, round(self.dt / every))
 

@@ -29,7 +29,7 @@ LEVELS = 8
 
 @part
 class AroundTruth:
-    """A Gaussian prior whose mean is drawn around the true start, the same draw for every tracker.
+    """A Gaussian prior whose mean is sampled around the true start, with the same sample for every tracker.
 
     Our choice, with its standard deviations: Jiang, Song, Lin (2013) gives no prior.
     """

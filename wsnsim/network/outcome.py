@@ -13,7 +13,7 @@ from wsnsim.network.clusters.track import Track
 from wsnsim.network.nodes import Nodes
 
 
-def _nobody() -> Ints:
+def _none_woken() -> Ints:
     return np.zeros((0, 1, 2), dtype=np.int64)
 
 
@@ -40,5 +40,5 @@ class NetworkOutcome:
     cycles: float = 0.0
     steps: int = 0
     tracks: tuple[Track, ...] = ()
-    woken: Ints = field(default_factory=_nobody)
+    woken: Ints = field(default_factory=_none_woken)
     received: Mapping[tuple[int, int], float] = field(default_factory=dict)

@@ -136,7 +136,7 @@ class ContinuousSensing(_CurrentSensing):
 
 
 def make_sensing(services: SensingServices, readings: CurrentReadings, nodes_search: bool) -> Sensing:
-    """The way of sensing of a scenario. `nodes_search`: awake nodes search for targets that nobody tracks."""
+    """The way of sensing of a scenario. `nodes_search`: awake nodes search for targets without a track."""
     if nodes_search:
         return ContinuousSensing(services, readings)
     scheduled = services.nodes.follows_schedules

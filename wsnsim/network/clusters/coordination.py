@@ -98,7 +98,7 @@ class ClusterCoordination:
             track.cluster = None
 
     def _lose(self, track: Track, why: str) -> None:
-        """Log that the belief is gone, and leave the track without a head."""
+        """Log the loss of the belief, and leave the track without a head."""
         self._log.add("lost", track.target, -1 if track.head is None else track.head, why)
         self._dissolve(track)
         track.head = None

@@ -2,7 +2,7 @@
 
     belief = yield from Driver(services, target, head, members).perform(tracker.step(belief, scene))
 
-A head that dies during a flow closes it: its belief is gone.
+If the head dies during a flow, the flow is closed and its belief is lost.
 """
 
 from __future__ import annotations

@@ -14,7 +14,8 @@ from wsnsim.base.ports import Ranks, SensorModel
 class Election:
     """One election. `closed` fires with the winner or None once every candidate has broadcast, or is down.
 
-    An idealisation: the winner is the strongest of all candidates, whoever heard whom, and every node knows it at once.
+    An idealisation: the strongest of all candidates wins, even if it did not hear all others, and all nodes know it
+    at once.
     `strengths` are the candidates' readings of `step`.
     """
 

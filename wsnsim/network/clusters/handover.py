@@ -13,10 +13,11 @@ class Handover:
 
     Attributes:
         belief_step: the step of the belief or of the readings.
-        hops: of the belief's way to the successor; `bits`: sent on it.
+        hops: number of hops of the belief to the successor.
+        bits: bits sent on these hops.
         elected: a network-wide election has chosen the successor.
         at_once: the successor acts in the present step, not at the next tick.
-        detected: {node: reading} of a target that nobody tracks. Of moving heads alone, like all that follow.
+        detected: {node: reading} of a target without a track. This and the following are used by moving heads only.
         wakes_nodes: the successor has nodes woken before it does anything else.
         last_sensed: time in s at which the target was last sensed.
         belief_time: time in s of the belief; None: the instant of its step.

@@ -44,7 +44,7 @@ class MovingHeadProtocol:
         self._succession = make_succession(services.network, self._policy.main)
 
     def fill_vacancy(self, track: Track, poll: int) -> Handover | None:
-        """The awake node that detects the target first takes it up."""
+        """Name the awake node that detects the target first."""
         found = self._services.search.first_detection(track.target, poll)
         if found is None:
             return None
@@ -55,7 +55,7 @@ class MovingHeadProtocol:
         """Do nothing: members have no role."""
 
     def lead(self, track: Track, handover: Handover) -> Leading:
-        """Take the track up or over, and lead it step by step until another node is head."""
+        """Initiate the track or take it over, and lead it step by step until another node is head."""
         lead = self._take_over(track, handover)
         if handover.detected is not None:
             yield from self._initiate(lead, handover.detected)
@@ -84,7 +84,7 @@ class MovingHeadProtocol:
         return Cluster(self._network, track.target, head, joined, keys_ahead=1)
 
     def _initiate(self, lead: Lead, detected: Mapping[int, float]) -> Waiting:
-        """Tell the neighbours of a target that nobody tracks; those that sense it answer. The track starts from that.
+        """Tell the neighbours of a target without a track; those that sense it answer. The track starts from that.
 
         `detected`: {node: reading} of all nodes that are awake and sense the target at this instant.
         """
@@ -131,7 +131,7 @@ class MovingHeadProtocol:
             raise TrackLost("no_readings")
 
     def _measuring(self, lead: Lead) -> Generator[simpy.Event, Any, list[int]]:
-        """Let nodes measure: those that were woken; where nobody is, those that hear the head's request.
+        """Let nodes measure: those that were woken; without a wake-up protocol, those that hear the head's request.
 
         Measuring takes `sampling` s, and no energy of its own: awake nodes sense all the time.
         """

@@ -18,7 +18,7 @@ class NetworkView:
     """The network as heads and clusters see it; none of it is changed through this view.
 
     `readings[target]` is {node: reading} of the living nodes that sense a target now. A head must hold more than
-    `threshold` joules. `tracker_key` is the counter key of the trackers' own draws.
+    `threshold` joules. `tracker_key` is the counter key of the trackers' random numbers.
     """
 
     setup: NetworkSetup

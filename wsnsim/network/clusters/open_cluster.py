@@ -15,7 +15,7 @@ from wsnsim.network.clusters.track import Track
 
 
 class OpenClusterProtocol(StandingClusterProtocol):
-    """The policy's `successor` appoints the head, at the start and after its death; nobody joins and nobody votes."""
+    """The policy's `successor` names the head, at the start and after its death; there are no joins or elections."""
 
     def fill_vacancy(self, track: Track, poll: int) -> Handover | None:
         """Appoint the head that the policy names, once some node senses the target."""

@@ -84,7 +84,7 @@ class ByPrediction:
         return lead.head
 
     def head_at_step(self, lead: Lead) -> int:
-        """The able node nearest to the predicted position; the head where nobody was woken for this step."""
+        """The able node nearest to the predicted position; the head if no node was woken for this step."""
         round_ = lead.track.round
         if round_ is None or round_.message.step != self.network.clock.step:
             return lead.head

@@ -1,4 +1,4 @@
-"""Awake nodes search for a target that nobody tracks, several times in a step.
+"""Awake nodes search for a target without a track, several times in a step.
 
 search.first_detection(target, poll) -> (node, {node: reading}) or None
 """
@@ -20,7 +20,7 @@ class TargetSearch:
     """What awake nodes detect at the `setup.polls` instants of a step at which they search.
 
     At a step's own instant (poll 0) the readings are those of the step; between steps they have noise of their own.
-    All nodes search at the same instants; which of several is the first to report is drawn (our choice).
+    All nodes search at the same instants; of several that detect the target, a random one reports first (our choice).
     """
 
     def __init__(

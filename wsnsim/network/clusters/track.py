@@ -1,6 +1,6 @@
 """One target's track: its head, its estimates, its clusters and its wake-up rounds.
 
-A track outlives its heads. A belief does not: it is held by the head's process and is gone with it.
+A track outlives its heads. A belief does not: the head's process holds it.
 """
 
 from __future__ import annotations

@@ -22,7 +22,7 @@ class WakesAhead(Protocol):
         """Whether nodes are woken at all."""
 
     def wake(self, track: Track, head: int, belief: Any, scene: Scene, last_sensed: float) -> None:
-        """Have nodes woken for the next step, if there is one; nobody waits for it.
+        """Have nodes woken for the next step, if there is one; returns at once.
 
         Args:
             track: the track, which gets the wake-up round.

@@ -69,7 +69,7 @@ class WakeUpService:
         self._mechanism = make_mechanism(setup.wakeup, self)
 
     def start(self, track: Track, node: int, message: WakeUpMessage, foreseen: bool) -> None:
-        """Begin a round; nobody waits for its end."""
+        """Begin a round; returns at once."""
         track.round = WakeUpRound(message, node, self._env.now, foreseen)
         track.rounds.append(track.round)
         self._mechanism.begin(track.round)
