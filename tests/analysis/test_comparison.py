@@ -13,6 +13,7 @@ import pandas as pd
 import pytest
 from click.testing import CliRunner
 
+import wsnsim
 from wsnsim.analysis import campaigns, comparison, comparison_text, frames, parquet, statistics
 from wsnsim.base.errors import ResultError, UsageError
 from wsnsim.base.tables import TABLES
@@ -380,3 +381,8 @@ def test_a_campaign_without_results_has_no_tables_to_write(place: Place) -> None
 def test_every_figure_that_can_be_compared_is_a_column_of_runs() -> None:
     names = {column.name for column in TABLES["runs"]}
     assert set(comparison.MEASURED) <= names
+
+
+def test_the_old_name_of_compare_still_works_with_a_warning() -> None:
+    with pytest.warns(DeprecationWarning, match="wsnsim.compare"):
+        assert wsnsim.compared is comparison.compare
