@@ -141,8 +141,8 @@ def test_zipped_axes_are_compared_by_how_many_values_they_have_and_not_by_what_t
     ("written", "message"),
     [
         ([], "is an empty list: an axis needs a value"),
-        ([1, 2, 1], "1 stands in the list twice"),
-        (["60 m", "60 m"], "'60 m' stands in the list twice"),
+        ([1, 2, 1], "1 is in the list twice"),
+        (["60 m", "60 m"], "'60 m' is in the list twice"),
         (3, "expected values such as .*, got the number 3"),
         ("100, 200", "expected values such as .*, got the text '100, 200'"),
         (None, "expected values such as .*, got nothing"),
@@ -183,7 +183,7 @@ def test_an_axis_that_cannot_be_says_why(written: Any, message: str) -> None:
 
 
 def test_zipped_axes_of_unequal_length_are_refused_with_the_length_of_each() -> None:
-    with pytest.raises(InvalidAxis, match=r"must be of one length: a\.b has 2, c has 3"):
+    with pytest.raises(InvalidAxis, match=r"must have equal lengths: a\.b has 2, c has 3"):
         axes.zipped(axes_of({"a.b": [1, 2], "c": [1, 2, 3]}))
 
 
@@ -269,10 +269,10 @@ def test_points_that_fall_together_are_kept_once() -> None:
 @pytest.mark.parametrize(
     ("written", "message"),
     [
-        ({"range": [1, 3], "count": 3}, "'count' has no meaning where points are drawn"),
-        ({"range": [1, 3], "step": 1}, "'step' has no meaning where points are drawn"),
+        ({"range": [1, 3], "count": 3}, "'count' is not allowed for random points"),
+        ({"range": [1, 3], "step": 1}, "'step' is not allowed for random points"),
         ([], "is an empty list"),
-        ([1, 1], "stands in the list twice"),
+        ([1, 1], "is in the list twice"),
         (3, "expected values such as"),
         ({"range": [3, 1]}, "needs low <= high"),
     ],

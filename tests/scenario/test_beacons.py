@@ -51,7 +51,7 @@ def test_steps_of_beacons_are_a_second_unless_they_are_said() -> None:
     assert scenario.load(beacon_scenario(step="0.5 s")).steps == 8
     assert scenario.load(base_scenario()).step == 0.04
     assert faults_of(beacon_scenario(duration=1.5)) == [
-        "duration: error: 1.5 s is no whole number of steps of 1 s (nearest: 2 s)"
+        "duration: error: 1.5 s is not a whole number of steps of 1 s (nearest: 2 s)"
     ]
 
 

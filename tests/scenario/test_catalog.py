@@ -64,7 +64,7 @@ def test_an_unknown_kind_names_the_nearest() -> None:
 @pytest.mark.parametrize(
     ("path", "fault"),
     [
-        (kind("NoPart"), " is no part: put @wsnsim.part on the class"),
+        (kind("NoPart"), " is not a component: put @wsnsim.part on the class"),
         (kind("NoTracker"), " lacks 'start', 'step', 'hand_over', 'estimate', 'forecast', which every tracker needs"),
         (kind("OddField"), " has a field of type dict[str, float], which no scenario can write"),
         (kind("Nobody"), " cannot be imported: AttributeError: module"),

@@ -58,7 +58,7 @@ seed: 2
             "name: error: 'a/b' cannot name a file: use letters and digits, then also '_', '-' and '.'",
         ]),
         ({"name": 2013}, ["name: error: expected text, got the number 2013"]),
-        ({"duration": "4.01 s"}, ["duration: error: 4.01 s is no whole number of steps of 0.04 s (nearest: 4 s)"]),
+        ({"duration": "4.01 s"}, ["duration: error: 4.01 s is not a whole number of steps of 0.04 s (nearest: 4 s)"]),
         ({"duration": 0.01}, ["duration: error: 0.01 s is 0 steps of 0.04 s; 1 to 1e+07 are allowed"]),
         ({"duration": 1e12}, ["duration: error: 1e+12 s is 2.5e+13 steps of 0.04 s; 1 to 1e+07 are allowed"]),
         ({"duration": float("inf")}, ["duration: error: must be finite"]),
@@ -110,7 +110,7 @@ seed: 2
             "tracker.filter_noise_scale: error: must be at least 1e-09, is 0",
         ]),
         ({"tracker": {"kind": kind("Tracker"), "gains": "unknown", "assumes": {"gains": "known"}}}, [
-            "tracker: error: 'gains' and 'assumes.gains' say the same: give one of them",
+            "tracker: error: 'gains' and 'assumes.gains' are the same: give one of them",
         ]),
     ],
 )  # fmt: skip

@@ -1,9 +1,9 @@
-"""The axes of a sweep: what a file or `--vary` writes becomes points, each a set of values laid on a scenario.
+"""The axes of a sweep: from a file or `--vary` to points, each a set of values assigned to a scenario.
 
     values_of(node, path) -> the values of one axis: a list, {range: [a, b], count: n}, {log_range: [a, b], count: n}
-    grid(axes), zipped(axes), random(draw), latin_hypercube(draw) -> points, as tuples of (keys, Node)
+    grid(axes), zipped(axes), random(sampling), latin_hypercube(sampling) -> points, as tuples of (keys, LocatedValue)
 
-Faults are raised as `InvalidAxis`, with the node that they stand at. Nothing is listed before it is counted.
+Issues are raised as `InvalidAxis`, with the value that causes them. Points are counted before they are listed.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from wsnsim.scenario.located_values import Keys, LocatedValue, assigned, child, 
 from wsnsim.scenario.units import NUMBER, shown
 
 Settings: TypeAlias = tuple[tuple[Keys, LocatedValue], ...]
-"""What one point lays on the scenario."""
+"""The assignments of one point."""
 Axes: TypeAlias = Mapping[Keys, LocatedValue]
 MOST_POINTS: Final = 20_000
 LARGEST: Final = sys.float_info.max
@@ -34,20 +34,20 @@ WRITTEN: Final = re.compile(rf"({NUMBER})\s*(.*)", re.ASCII)
 
 
 class InvalidAxis(Exception):
-    """What is wrong with an axis, and the node at which it stands."""
+    """An axis is invalid. `node`: the value that causes it."""
 
     def __init__(self, node: LocatedValue, message: str) -> None:
         super().__init__(message)
         self.node = node
 
     def within(self, tree: LocatedValue) -> Issue:
-        """The fault at its place, with the path under which it is written in the tree."""
+        """Return the issue at its position, with its path in the tree."""
         path = next((path for path, node in _walk(tree, ()) if node is self.node), ())
         return self.node.spot.issue(path, str(self))
 
 
 class Span(NamedTuple):
-    """Both ends of a range, the unit that both are written in, and how values between them are placed and written."""
+    """The ends of a range with their unit, and the rule by which values between them are placed and written."""
 
     low: float
     high: float
@@ -56,7 +56,7 @@ class Span(NamedTuple):
     whole: bool
 
     def at(self, share: float) -> str | float | int:
-        """The value at a share of the way from low to high, as a scenario would write it; both ends are exact."""
+        """Return the value at a fraction of the way from low to high, as a scenario writes it; the ends are exact."""
         value: float
         if share <= 0.0 or share >= 1.0:
             value = self.low if share <= 0.0 else self.high
@@ -69,8 +69,8 @@ class Span(NamedTuple):
         short = float(min(max(float(f"{value:.12g}"), self.low), self.high)) if 0.0 < share < 1.0 else float(value)
         return f"{short!r} {self.unit}" if self.unit else short
 
-    def drawn(self, uniform: float) -> str | float | int:
-        """The value that a uniform number of [0, 1) falls on; whole numbers are equally likely, the ends as well."""
+    def sample(self, uniform: float) -> str | float | int:
+        """Return the value of a uniform number in [0, 1); all whole numbers are equally likely, the ends included."""
         if not self.whole:
             return self.at(uniform)
         low, high = self.low - 0.5, self.high + 0.5
@@ -82,7 +82,7 @@ class Span(NamedTuple):
 
 
 class Sampling(NamedTuple):
-    """Points to be drawn at random: how many, from which seed, over which axes."""
+    """A random sample of points: their number, the seed and the axes."""
 
     points: int
     seed: int
@@ -90,10 +90,10 @@ class Sampling(NamedTuple):
 
 
 def values_of(node: LocatedValue, path: Keys) -> list[LocatedValue]:
-    """The values of one axis, in order, each once.
+    """Return the values of one axis, in order, each once.
 
     Raises:
-        InvalidAxis: no list and no range, an empty list, a value twice, a range that cannot be.
+        InvalidAxis: neither a list nor a range, an empty list, a value twice, or an invalid range.
     """
     if isinstance(node.value, list):
         if not node.value:
@@ -107,7 +107,7 @@ def values_of(node: LocatedValue, path: Keys) -> list[LocatedValue]:
 
 
 def of_reals(node: LocatedValue) -> LocatedValue:
-    """The axis with the ends of its range as real numbers, so that the values between are not rounded."""
+    """Return the axis with real numbers as ends of its range, so that the values between are not rounded."""
     changed = node
     for name in RANGES:
         ends = child(node, name)
@@ -117,14 +117,14 @@ def of_reals(node: LocatedValue) -> LocatedValue:
 
 
 def count_of(node: LocatedValue) -> int:
-    """How many values an axis has, before they are listed."""
+    """Return the number of values of an axis, without listing them."""
     if isinstance(node.value, dict) and any(name in node.value for name in RANGES):
         return _count(node, _span(node))
     return len(node.value) if isinstance(node.value, list) else 1
 
 
 def grid(axes: Axes) -> list[Settings]:
-    """Every combination of the axes' values; the last axis varies fastest."""
+    """Return every combination of the axes' values; the last axis varies fastest."""
     demand_few(math.prod(count_of(node) for node in axes.values()), next(iter(axes.values())))
     return [
         tuple(zip(axes, chosen, strict=True))
@@ -133,28 +133,28 @@ def grid(axes: Axes) -> list[Settings]:
 
 
 def zipped(axes: Axes) -> list[Settings]:
-    """The axes' first values together, then their second, and so on.
+    """Return the first values of all axes as one point, the second values as the next, and so on.
 
     Raises:
-        InvalidAxis: axes of unequal length, with the length of each.
+        InvalidAxis: the axes have unequal lengths.
     """
     columns = {keys: values_of(node, keys) for keys, node in axes.items()}
     if len({len(column) for column in columns.values()}) > 1:
         said = ", ".join(f"{dotted(keys)} has {len(column)}" for keys, column in columns.items())
-        raise InvalidAxis(next(iter(axes.values())), f"axes that go together must be of one length: {said}")
+        raise InvalidAxis(next(iter(axes.values())), f"axes of `zip` must have equal lengths: {said}")
     return [tuple(zip(axes, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
 
 def random(draw: Sampling) -> list[Settings]:
-    """Independent points, uniform over the axes. The first points of a longer draw are those of a shorter one."""
+    """Return independent points, uniform over the axes. A longer sample begins with the points of a shorter one."""
     rng = np.random.Generator(np.random.Philox(draw.seed))
     return _placed(draw, rng.random((draw.points, len(draw.over))))
 
 
 def latin_hypercube(draw: Sampling) -> list[Settings]:
-    """A Latin hypercube: each axis cut in as many slices as there are points, one point in each slice.
+    """Return a Latin hypercube sample: each axis is cut into as many intervals as points, with one point in each.
 
-    Source: McKay, Beckman, Conover (1979). Another number of points gives other points.
+    Another number of points gives other points. Source: McKay, Beckman, Conover (1979).
     """
     from scipy.stats import qmc
 
@@ -163,7 +163,7 @@ def latin_hypercube(draw: Sampling) -> list[Settings]:
 
 
 def demand_few(count: int, node: LocatedValue) -> None:
-    """Refuse what nobody can wait for."""
+    """Refuse more points than MOST_POINTS."""
     if count > MOST_POINTS:
         raise InvalidAxis(node, f"makes {_large(count)} points; at most {MOST_POINTS:,} are allowed")
 
@@ -173,7 +173,7 @@ def _large(count: int) -> str:
 
 
 def _placed(draw: Sampling, uniforms: np.ndarray) -> list[Settings]:
-    """The points at shares of [0, 1) of each axis. Points that fall together (whole numbers) are kept once."""
+    """Return the points at fractions in [0, 1) of each axis. Equal points (of whole numbers) are kept once."""
     pickers = [_picker(node, keys) for keys, node in draw.over.items()]
     points: dict[str, Settings] = {}
     for row in uniforms.tolist():
@@ -183,7 +183,7 @@ def _placed(draw: Sampling, uniforms: np.ndarray) -> list[Settings]:
 
 
 def _picker(node: LocatedValue, keys: Keys) -> Callable[[float], LocatedValue]:
-    """How a uniform number becomes a value of the axis: one of a list, or a point of a range."""
+    """Return the function from a uniform number to a value of the axis: an item of a list, or a point of a range."""
     if isinstance(node.value, list):
         values = values_of(node, keys)
         return lambda share: values[min(int(share * len(values)), len(values) - 1)]
@@ -191,9 +191,9 @@ def _picker(node: LocatedValue, keys: Keys) -> Callable[[float], LocatedValue]:
         values_of(node, keys)
     for name in SPACING:
         if name in node.value:
-            raise InvalidAxis(node.value[name].node, f"'{name}' has no meaning where points are drawn")
+            raise InvalidAxis(node.value[name].node, f"'{name}' is not allowed for random points")
     span = _span(node)
-    return lambda share: LocatedValue(span.drawn(share), node.spot)
+    return lambda share: LocatedValue(span.sample(share), node.spot)
 
 
 def _spaced(node: LocatedValue) -> list[LocatedValue]:
@@ -211,10 +211,10 @@ def _spaced(node: LocatedValue) -> list[LocatedValue]:
 
 
 def _count(node: LocatedValue, span: Span) -> int:
-    """How many values a range has: `count`, or as many as `step` fits in."""
+    """Return the number of values of a range: `count`, or what `step` gives."""
     count, step = child(node, "count"), child(node, "step")
     if (count is None) == (step is None):
-        raise InvalidAxis(node, "a range needs either 'count' (how many values) or 'step' (how far apart)")
+        raise InvalidAxis(node, "a range needs either 'count' (number of values) or 'step' (distance between them)")
     if count is not None:
         number = count.value
         if isinstance(number, bool) or not isinstance(number, int) or number < 1:
@@ -251,7 +251,7 @@ def _span(node: LocatedValue) -> Span:
 
 
 def _number(node: LocatedValue, what: str) -> tuple[float, str, bool]:
-    """A number, the unit it is written in, and whether it is written as a whole number without one."""
+    """Return a number, its unit as written, and whether it is a whole number without unit."""
     value = node.value
     if isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= LARGEST:
         return value, "", isinstance(value, int)
@@ -282,5 +282,5 @@ def _refuse_twins(nodes: Sequence[LocatedValue]) -> None:
     for node in nodes:
         text = repr(plain(node))
         if text in seen:
-            raise InvalidAxis(node, f"{shown(plain(node))} stands in the list twice")
+            raise InvalidAxis(node, f"{shown(plain(node))} is in the list twice")
         seen[text] = node

@@ -1,10 +1,10 @@
-"""The fields of a part become pydantic fields: types, units and bounds from the part's own annotations.
+"""From the fields of a component to pydantic fields: types, units and bounds come from its annotations.
 
-    fields_of(part_class) -> {name: (annotation, Field)}    nested_of(part_class) -> {name: the part that stands in it}
+    fields_of(class) -> {name: (annotation, Field)}      nested_of(class) -> {name: class of the component within}
 
 A real number takes a quantity with unit ('60 m'), a whole number takes 400.0 but not 400.5, neither takes true or NaN;
-infinity only where nothing bounds it from above. A field whose type is a part itself becomes a mapping of that part's
-fields.
+infinity is allowed only where there is no bound on that side. A field whose type is a component becomes a mapping of
+the fields of that component.
 """
 
 from __future__ import annotations
@@ -36,24 +36,24 @@ FROZEN: Final = ConfigDict(extra="forbid", frozen=True, validate_default=True, p
 
 
 class PartError(TypeError):
-    """A class that cannot stand behind a role: no part, or with fields of types that no scenario can write."""
+    """A class is not a valid component of a role: no @part, fields of unknown types, or members that are missing."""
 
 
 class PartModel(BaseModel):
-    """The fields of one part; `part` is its class."""
+    """The pydantic model of one component; `part` is the component's class."""
 
     model_config = FROZEN
     part: ClassVar[type[Any]]
 
 
 def refusal(message: str) -> PydanticCustomError:
-    """The error with which a validator refuses a value; the message is kept as it is."""
+    """Return the error that a validator raises to refuse a value; the message is shown as it is."""
     return PydanticCustomError("refused", "{message}", {"message": message})
 
 
 @dataclass(frozen=True)
 class Number:
-    """A real or whole number with unit and bounds, as an annotation that pydantic understands."""
+    """A pydantic annotation: a real or whole number with unit and bounds."""
 
     quantity: Quantity
     whole: bool = False
@@ -93,7 +93,7 @@ class Number:
             raise refusal(str(error)) from None
 
     def _takes(self, infinity: float) -> bool:
-        """Whether nothing bounds the number on this side; `lt=inf` says that it must be finite."""
+        """Return whether there is no bound on the side of this infinity; `lt=inf` demands a finite number."""
         bounds = (self.quantity.lt, self.quantity.le) if infinity > 0 else (self.quantity.gt, self.quantity.ge)
         return not self.finite and bounds == (None, None)
 
@@ -109,7 +109,7 @@ class Number:
 
 @dataclass(frozen=True)
 class Strict:
-    """Text or a truth value that is not made from anything else."""
+    """A pydantic annotation: a text or a truth value, without conversion from other types."""
 
     schema: Literal["str", "bool"]
 
@@ -119,7 +119,7 @@ class Strict:
 
 @dataclass(frozen=True)
 class Items:
-    """A list, of `count` items if that is a number."""
+    """A validator of lists; `count`: their number of items, None: any."""
 
     count: int | None
 
@@ -135,14 +135,14 @@ class Items:
 
 @dataclass(frozen=True)
 class Named:
-    """Says in the JSON Schema that the name of a datasheet may stand in place of its fields."""
+    """A pydantic annotation: the JSON Schema allows the name of a datasheet in place of its fields."""
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         return {"anyOf": [handler(schema), {"type": "string", "description": "name of a datasheet"}]}
 
 
 def described(value: Any) -> str:
-    """A wrong value in a message."""
+    """Return a value as a message describes it: "the text 'x'", "the number 3", "nothing"."""
     if value is None:
         return "nothing"
     if isinstance(value, bool):
@@ -155,7 +155,11 @@ def described(value: Any) -> str:
 
 
 def annotation_of(kind: Any, quantity: Quantity) -> Any:
-    """The pydantic annotation of a field's type. Raises PartError for a type that a scenario cannot write."""
+    """Return the pydantic annotation of a field.
+
+    Raises:
+        PartError: a scenario cannot express values of this type.
+    """
     origin, arguments = get_origin(kind), get_args(kind)
     if kind is float or kind is int:
         return Annotated[kind, Number(quantity, whole=kind is int)]
@@ -172,7 +176,7 @@ def annotation_of(kind: Any, quantity: Quantity) -> Any:
     if _is_part(kind):
         return Annotated[nested_model(kind), Named()]
     raise PartError(
-        f"has a field of type {kind}, which no scenario can write: use float, int, bool, str, Literal, tuple, a part"
+        f"has a field of type {kind}, which no scenario can write: use float, int, bool, str, Literal, tuple or a @part"
     )
 
 
@@ -182,16 +186,16 @@ def _is_part(kind: Any) -> bool:
 
 @functools.cache
 def nested_model(part: Any) -> type[PartModel]:
-    """The model of a part that stands in a field of another. Raises PartError if it has a field named 'part'."""
+    """Return the model of a component within another. Raises PartError if it has a field named 'part'."""
     return made_model(part, PartModel, fields_of(part))
 
 
 def made_model(part: type[Any], base: type[PartModel], fields: dict[str, Any]) -> type[PartModel]:
-    """A model of these fields, with the part's name."""
+    """Return a model with these fields, named after the component."""
     if "part" in fields:
         raise PartError("has a field named 'part', which is taken")
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # a part may call a field 'copy', which pydantic would rather not
+        warnings.simplefilter("ignore")  # pydantic warns of a field named 'copy'
         model = create_model(part.__name__, __base__=base, __module__=part.__module__, **fields)
     model.part = part
     return model
@@ -199,14 +203,14 @@ def made_model(part: type[Any], base: type[PartModel], fields: dict[str, Any]) -
 
 @dataclass(frozen=True)
 class About:
-    """What a part's annotation says of a field: in words, and its unit ('' for a pure number or a text)."""
+    """The description of a field and its unit ('' for a pure number or a text), from its annotation."""
 
     words: str
     unit: str
 
 
 def abouts_of(part: type[Any]) -> dict[str, About]:
-    """What the annotations say of a part's fields."""
+    """Return the descriptions of a component's fields, by name."""
     hints = get_type_hints(part, include_extras=True)
     return {name: _about(hints[name])[1] for name in names_of(part)}
 
@@ -218,13 +222,13 @@ def _about(hint: Any) -> tuple[Quantity, About]:
 
 
 def names_of(part: type[Any]) -> list[str]:
-    """The names of a part's fields."""
+    """Return the names of a component's fields."""
     return [field.name for field in dataclasses.fields(part) if field.init]
 
 
 @functools.cache
 def nested_of(part: Any) -> Mapping[str, Any]:
-    """The fields of a part in which another part stands, or may stand."""
+    """Return the fields of a component that hold, or may hold, another component, with its class."""
     found = {}
     for name, hint in get_type_hints(part).items():
         inner = next((kind for kind in (hint, *get_args(hint)) if _is_part(kind)), None)
@@ -234,9 +238,13 @@ def nested_of(part: Any) -> Mapping[str, Any]:
 
 
 def fields_of(part: type[Any]) -> dict[str, tuple[Any, Any]]:
-    """A part's fields as pydantic's `create_model` takes them. Raises PartError if the class is no part."""
+    """Return the fields of a component as arguments of pydantic's `create_model`.
+
+    Raises:
+        PartError: the class is not a component, or its annotations cannot be read.
+    """
     if not dataclasses.is_dataclass(part):
-        raise PartError("is no part: put @wsnsim.part on the class")
+        raise PartError("is not a component: put @wsnsim.part on the class")
     try:
         hints = get_type_hints(part, include_extras=True)
     except Exception as reason:

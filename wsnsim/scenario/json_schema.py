@@ -2,7 +2,7 @@
 
     json_schema() -> dict
 
-A file that `extends` another may leave out what the other says, so keys are demanded only of files that extend nothing.
+Keys are required only in files that extend no other file.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ REF = "#/$defs/"
 
 
 def json_schema() -> dict[str, Any]:
-    """The schema, as plain JSON values. A plug-in that cannot be imported is left out."""
+    """Return the schema as plain JSON values, without plug-ins that cannot be imported."""
     fields: dict[str, Any] = {}
     for role in ROLES.values():
         one: Any = _either(_alternatives(role.name))
@@ -35,7 +35,7 @@ def json_schema() -> dict[str, Any]:
         definition.pop("required", None)
     schema["properties"]["extends"] = {
         "type": "string",
-        "description": "the scenario, a file or shipped, that this changes",
+        "description": "the scenario (a file or a shipped name) that this one changes",
     }
     whole = {"$schema": DIALECT, **schema, "if": {"required": ["extends"]}, "then": {}, "else": strict}
     plain: dict[str, Any] = plain_json(whole)
@@ -53,7 +53,7 @@ def _alternatives(role: str) -> list[type[PartModel]]:
 
 
 def _either(models: list[type[PartModel]]) -> Any:
-    """Any of these models, as an annotation."""
+    """Return the annotation of a value that follows any of these models."""
     result: Any = dict
     for i, model in enumerate(models):
         result = model if i == 0 else result | model
@@ -61,7 +61,7 @@ def _either(models: list[type[PartModel]]) -> Any:
 
 
 def _demands(schema: dict[str, Any]) -> dict[str, Any]:
-    """What a file that extends nothing must say. Takes `required` from the top of the schema."""
+    """Return what is required in a file that extends no other. Removes `required` from the top of the schema."""
     demanded = [key for key in schema.pop("required") if key not in AT_TOP]
     alone = [role for role in ROLES.values() if not role.listed]
     missing = [role for role in alone if role.default is None]

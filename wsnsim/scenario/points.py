@@ -1,4 +1,4 @@
-"""The points of a sweep: values laid on scenarios, every point checked, each with a name of its own.
+"""The points of a sweep: scenarios with values assigned, each checked, with a unique name.
 
 points_of(bases, common, settings) -> [Point, ...]
 """
@@ -21,20 +21,20 @@ from wsnsim.scenario.schema import Scenario
 from wsnsim.scenario.sweep_schema import Point
 
 LEFT_OUT: Final = ("name", "replicates")
-"""What a scenario says that changes no replicate of it."""
+"""Keys of a scenario that change none of its runs."""
 WORLD: Final = (
     "seed", "step", "duration", "deploy", "motion", "targets", "sensor", "prior", "detection", "faults",
 )  # fmt: skip
-"""What two points must share for the same truth over the same places, the same readings and the same prior."""
+"""Keys that two points must share to have the same ground truth, deployment, readings and prior."""
 SCENARIO: Final = "scenario"
-MOST_FAULTS: Final = 20
+MOST_ISSUES: Final = 20
 
 
 def points_of(bases: Sequence[ScenarioText], common: Sequence[Assignment], settings: Iterable[Settings]) -> list[Point]:
-    """One point for each base and each of the settings; with several bases, their names are a column of their own.
+    """Return one point per base and settings; with several bases, their names are a column.
 
     Raises:
-        ScenarioError: with the faults of every point, as far as they differ, or two points that are one.
+        ScenarioError: with the different issues of all points, and points that are equal.
     """
     issues: dict[Keys, Issue] = {}
     points: dict[str, Point] = {}
@@ -45,15 +45,15 @@ def points_of(bases: Sequence[ScenarioText], common: Sequence[Assignment], setti
                 scenario = validated(base, [*common, *laid])
                 build(scenario)
             except ScenarioError as error:
-                for issue in error.issues:  # of an axis whose every value has the same fault, the first is told
+                for issue in error.issues:  # if all values of an axis have the same issue, the first is reported
                     issues.setdefault((issue.place.rsplit(":", 2)[0], *issue.path, issue.message), issue)
-                if len(issues) >= MOST_FAULTS:
+                if len(issues) >= MOST_ISSUES:
                     raise ScenarioError(in_order(issues.values())) from None
                 continue
             point = _point(scenario, laid, {SCENARIO: scenario.name} if len(bases) > 1 else {})
             twin = points.setdefault(point.id, point)
             if twin is not point:
-                said = f"{_words(twin)} and {_words(point)} are the same point: nothing that they say differs"
+                said = f"{_words(twin)} and {_words(point)} are the same point: they differ in nothing"
                 keys, node = laid[-1] if laid else ((), None)
                 issues.setdefault((said,), node.spot.issue(keys, said) if node else Issue((), said))
     if issues:
@@ -62,10 +62,10 @@ def points_of(bases: Sequence[ScenarioText], common: Sequence[Assignment], setti
 
 
 def reals_of(bases: Iterable[ScenarioText], common: Sequence[Assignment]) -> Callable[[Keys], bool]:
-    """Which keys hold a real number in every one of the scenarios that can be read without the axes."""
+    """Return a function: whether a key holds a real number in every scenario that is valid without the axes."""
     said = []
     for base in bases:
-        with contextlib.suppress(ScenarioError):  # it may lack what an axis gives it
+        with contextlib.suppress(ScenarioError):  # a value may be missing that an axis gives
             said.append(resolved(validated(base, common)))
     return lambda keys: bool(said) and all(isinstance(_value_at(values, keys), float) for values in said)
 
@@ -74,7 +74,7 @@ def demand_no_axis(assignments: Iterable[Assignment], settings: Iterable[Setting
     """Refuse a --set that every point would replace.
 
     Raises:
-        ScenarioError: with a fault for each.
+        ScenarioError: with an issue for each.
     """
     varied = {keys for laid in settings for keys, _ in laid}
     said = "is an axis of this sweep; --vary takes other values for it"
@@ -84,7 +84,7 @@ def demand_no_axis(assignments: Iterable[Assignment], settings: Iterable[Setting
 
 
 def keys_of_points(points: Iterable[Point]) -> tuple[str, ...]:
-    """The columns that tell points apart, in the order in which they are first written."""
+    """Return the columns that distinguish points, in the order of their first use."""
     return tuple(dict.fromkeys(key for point in points for key in point.settings))
 
 
@@ -97,15 +97,15 @@ def _point(scenario: Scenario, laid: Settings, first: Mapping[str, Any]) -> Poin
 
 
 def _leaves(keys: Keys, node: LocatedValue, said: Mapping[str, Any]) -> list[tuple[str, Any]]:
-    """(column, value in SI units) of everything that one setting writes: of a whole role, each of its keys."""
+    """Return (column, value in SI units) of all values of one setting; of a whole role, each of its keys."""
     if isinstance(node.value, dict):
         return [leaf for key, entry in node.value.items() for leaf in _leaves((*keys, key), entry.node, said)]
-    value = _value_at(said, keys, plain(node))  # a short form stands elsewhere in the scenario
+    value = _value_at(said, keys, plain(node))  # a short form is stored elsewhere in the scenario
     return [(dotted(keys), json.dumps(value) if isinstance(value, list | dict) else value)]
 
 
 def _value_at(said: Any, keys: Keys, default: Any = None) -> Any:
-    """What a resolved scenario says at a path."""
+    """Return the value of a resolved scenario at a path."""
     for key in keys:
         try:
             said = said[key]
@@ -119,7 +119,7 @@ def _words(point: Point) -> str:
 
 
 def _digest(values: Mapping[str, Any]) -> str:
-    """The same for the same values; a file counts by what it holds, not by where it lies."""
+    """Return a digest of the values; of files, the content counts, not the name."""
     text = json.dumps(_by_content(values), sort_keys=True)
     return hashlib.blake2b(text.encode(), digest_size=6).hexdigest()
 

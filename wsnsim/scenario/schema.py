@@ -1,7 +1,7 @@
-"""What a scenario may say: pydantic models made from the parts' own fields.
+"""The pydantic models of scenarios, made from the fields of the components.
 
-part_model(role, kind) -> the model of one kind;  scenario_model(chosen) -> the model of scenarios with these kinds
-built(model) -> the part itself
+part_model(role, kind) -> the model of one kind      scenario_model(chosen) -> the model of scenarios of these kinds
+built(model) -> the component
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ _Scale = Annotated[float, Number(Quantity("", ge=1e-9, le=1e9))]
 
 
 def is_safe_name(name: str) -> bool:
-    """Whether a name can be that of a file in any folder, as it stands."""
+    """Return whether a name is a valid file name on every system."""
     return SAFE_NAME.fullmatch(name) is not None
 
 
@@ -73,7 +73,11 @@ class InvalidComponent(Exception):
 
 
 def built(model: PartModel, path: Keys = ()) -> Any:
-    """The part itself, and the parts within it. Raises InvalidComponent with the reason."""
+    """Return the component of a model, with the components within it.
+
+    Raises:
+        InvalidComponent: a class refuses its values.
+    """
     values = {name: _built_within(getattr(model, name), (*path, name)) for name in names_of(model.part)}
     try:
         return model.part(**values)
@@ -88,7 +92,7 @@ def _built_within(value: Any, path: Keys) -> Any:
 
 
 class Assumes(BaseModel):
-    """What the filter believes of the truth's models."""
+    """What the filter assumes about the models of the ground truth."""
 
     model_config = FROZEN
     gains: Literal["known", "unknown"] = Field("known", description="whether the filter knows each sensor's gain")
@@ -97,9 +101,11 @@ class Assumes(BaseModel):
 
 
 class TrackerModel(PartModel):
-    """A tracker's fields, and what its filter assumes; short forms are folded into `assumes`."""
+    """The model of a tracker, with the assumptions of its filter; short forms are merged into `assumes`."""
 
-    assumes: Assumes = Field(Assumes.model_validate({}), description="what the filter believes of the truth's models")
+    assumes: Assumes = Field(
+        Assumes.model_validate({}), description="what the filter assumes about the models of the ground truth"
+    )
     gains: Literal["known", "unknown"] | None = Field(None, exclude=True, description="short for assumes.gains")
     inflate: _Flag | None = Field(None, exclude=True, description="short for assumes.inflate")
     filter_noise_scale: _Scale | None = Field(None, exclude=True, description="short for assumes.noise_scale")
@@ -112,13 +118,13 @@ class TrackerModel(PartModel):
             return self
         twice = [name for name in short if SHORT_FORMS[name] in self.assumes.model_fields_set]
         if twice:
-            raise refusal(f"'{twice[0]}' and 'assumes.{SHORT_FORMS[twice[0]]}' say the same: give one of them")
+            raise refusal(f"'{twice[0]}' and 'assumes.{SHORT_FORMS[twice[0]]}' are the same: give one of them")
         folded = self.assumes.model_copy(update={SHORT_FORMS[name]: value for name, value in short.items()})
         return self.model_copy(update={"assumes": folded, **dict.fromkeys(short)})
 
 
 class Until(BaseModel):
-    """What ends a run before its duration does."""
+    """A condition that ends a run before its duration."""
 
     model_config = FROZEN
     clusters: Annotated[int, Number(Quantity("", ge=1), whole=True)] = Field(
@@ -127,7 +133,7 @@ class Until(BaseModel):
 
 
 class Lost(BaseModel):
-    """When a track counts as lost: the mean error of its last steps exceeds a limit."""
+    """The criterion of a lost track: the mean error of its last steps exceeds a limit."""
 
     model_config = FROZEN
     window: Annotated[int, Number(Quantity("", ge=1, le=MOST_STEPS), whole=True)] = Field(
@@ -144,30 +150,28 @@ Record: Final[type[BaseModel]] = create_model(
 
 
 class Scenario(BaseModel):  # noqa: PLW1641 - pydantic gives frozen models their hash
-    """A scenario, every key checked: one model a role (`scenario.deploy.nodes`), numbers in SI units, frozen.
+    """A checked scenario: one model per role (`scenario.deploy.nodes`), numbers in SI units, frozen.
 
-    The roles' fields come with the kinds chosen: see `scenario_model`. Two scenarios are equal if they say the same,
-    wherever they were read.
+    The fields of the roles follow from their kinds: see `scenario_model`. Scenarios of equal values are equal, wherever
+    they were read.
     """
 
     model_config = FROZEN
-    name: Annotated[str, Strict("str"), AfterValidator(_safe_name)] = Field(
-        description="name, also of the result's file"
-    )
+    name: Annotated[str, Strict("str"), AfterValidator(_safe_name)] = Field(description="name, also of the result file")
     seed: Annotated[int, Number(Quantity("", ge=0), whole=True)] = Field(0, description="seed of every random stream")
     replicates: Annotated[int, Number(Quantity("", ge=1, le=100_000), whole=True)] = Field(
-        1, description="how many runs, each its own draws"
+        1, description="number of Monte Carlo runs"
     )
     step: Annotated[float, Number(Quantity("s", ge=1e-6, le=1e6))] = Field(
-        0.04, description="time between readings [s]"
+        0.04, description="time between measurements [s]"
     )
     duration: Annotated[float, Number(Quantity("s", gt=0), finite=True)] = Field(description="simulated time [s]")
     network: Literal["none"] | None = Field(
-        None, description="none: no network, the tracker is driven on a bench; roles of the network are not used"
+        None, description="none: the tracker runs offline, without a network; roles of the network are not used"
     )
     lost: Lost = Field(Lost.model_validate({}), description="when a track counts as lost")
-    until: Until | None = Field(None, description="what ends a run before its duration does")
-    record: Record = Field(Record(), description="which tables the result holds")  # type: ignore[valid-type]
+    until: Until | None = Field(None, description="a condition that ends a run before its duration")
+    record: Record = Field(Record(), description="which tables are recorded")  # type: ignore[valid-type]
 
     _tree: LocatedValue = PrivateAttr()
     _source: tuple[str, str] = PrivateAttr(("", ""))
@@ -183,7 +187,7 @@ class Scenario(BaseModel):  # noqa: PLW1641 - pydantic gives frozen models their
             raise refusal(f"{duration:g} s is {steps:g} steps of {step:g} s; 1 to {MOST_STEPS:g} are allowed")
         if abs(duration - steps * step) > 1e-9 * duration:
             raise refusal(
-                f"{duration:.12g} s is no whole number of steps of {step:g} s (nearest: {steps * step:.12g} s)"
+                f"{duration:.12g} s is not a whole number of steps of {step:g} s (nearest: {steps * step:.12g} s)"
             )
         return duration
 
@@ -192,7 +196,7 @@ class Scenario(BaseModel):  # noqa: PLW1641 - pydantic gives frozen models their
 
     @property
     def steps(self) -> int:
-        """How many steps follow the start."""
+        """The number of steps after the start."""
         return round(self.duration / self.step)
 
     @property
@@ -202,7 +206,7 @@ class Scenario(BaseModel):  # noqa: PLW1641 - pydantic gives frozen models their
         return Scope(self.network is None, workload is None or not is_without_target(workload))
 
     def written(self, role: Role) -> tuple[tuple[Keys, PartModel], ...]:
-        """What stands behind a role, one or several, each with the path under which it is written."""
+        """Return the models of a role, one or several, each with its path in the scenario."""
         alone = getattr(self, role.name, None)
         if alone is not None:
             return (((role.name,), alone),)
@@ -210,34 +214,36 @@ class Scenario(BaseModel):  # noqa: PLW1641 - pydantic gives frozen models their
 
     @property
     def source_yaml(self) -> str:
-        """The text that the scenario was read from, as it was."""
+        """The text that the scenario was read from, unchanged."""
         return self._source[1]
 
     @property
     def file(self) -> str:
-        """The name of the file that it was read from; '' for a dict."""
+        """The name of the file that the scenario was read from; '' for a dict."""
         return self._source[0]
 
     def spot(self, path: Keys) -> Spot:
-        """Where the value at a path is written, or the nearest thing around it."""
+        """Return the position of the value at a path, or of the nearest value around it."""
         return spot_of(self._tree, path)
 
 
 def is_without_target(workload: PartModel | type[PartModel]) -> bool:
-    """Whether a workload is that of a network without a target."""
+    """Return whether a workload is one without targets."""
     return getattr(workload.part, "mechanism", "") != TRACKING
 
 
 Chosen = tuple[tuple[str, tuple[type[PartModel] | None, ...]], ...]
-"""(key at the top, its models); an item of a list whose kind is at fault has None."""
+"""(key at the top, its models); None for an item of a list whose kind has an issue."""
 
 
 @functools.cache
 def part_model(role: str, kind: str) -> type[PartModel]:
-    """The model of one kind.
+    """Return the model of one kind.
 
     Raises:
-        LookupError: no such kind. ImportError: its module fails. PartError: its class cannot stand behind the role.
+        LookupError: there is no such kind.
+        ImportError: its module cannot be imported.
+        PartError: its class is not a valid component of the role.
     """
     info = find(role, kind)
     part = load_class(info)
@@ -245,7 +251,7 @@ def part_model(role: str, kind: str) -> type[PartModel]:
         fields = fields_of(part)
         demand_port(part, role)
         if {"kind", "assumes", "part"} & set(fields):
-            raise PartError("has a field named 'kind', 'assumes' or 'part', which are taken")
+            raise PartError("has a field named 'kind', 'assumes' or 'part', which are reserved")
         choice: Any = (Literal[kind], kind) if kind == ROLES[role].default else (Literal[kind], ...)
         base = TrackerModel if role == "tracker" else PartModel
         return made_model(part, base, {"kind": choice, **fields})
@@ -255,7 +261,7 @@ def part_model(role: str, kind: str) -> type[PartModel]:
 
 @functools.cache
 def scenario_model(chosen: Chosen) -> type[Scenario]:
-    """The model of scenarios with exactly these kinds."""
+    """Return the model of scenarios with exactly these kinds."""
     fields: dict[str, Any] = {}
     for key, models in chosen:
         about = Field(description=AT_TOP[key].purpose)

@@ -1,19 +1,19 @@
-"""A sweep: a scenario, axes, replicates. A file or the command line becomes a list of points, every one checked.
+"""Loading of sweeps: a scenario, axes and replicates become a list of checked points.
 
     plan = load_sweep("scenarios/sweeps/particles.yaml")           a file, or a shipped sweep's name
     plan = load_sweep("pso_mhpf", vary=["tracker.particles=100,200"])   a scenario, and axes from the command line
 
     name: particles
     scenario: ../pso_mhpf.yaml              # a file or a shipped name; several in a list are an axis of their own
-    set: {link.reach: 80 m}                 # laid on the scenario at every point
+    set: {link.reach: 80 m}                 # replaces values at every point
     grid: {tracker.particles: [100, 200], link.reach: {range: [60 m, 120 m], count: 4}}
-    zip: {...}                              # axes that go together;  points: [{...}, ...] points one by one
+    zip: {...}                              # axes varied together;  points: [{...}, ...] points one by one
     random: {points: 20, seed: 1, over: {sensor.decay: {range: [2, 3]}}}     # latin_hypercube: the same
     replicates: 30
     until: {metric: rmse, half_width: 5 %, at_least: 10, at_most: 200}
 
-Blocks are combined with each other. A campaign records the tables `runs` and `tracks`; `set: {record.estimates: true}`
-adds others.
+All blocks are combined with each other. A campaign records the tables `runs` and `tracks`; others are added as in
+`set: {record.estimates: true}`.
 """
 
 from __future__ import annotations
@@ -61,21 +61,19 @@ from wsnsim.scenario.reader import of_dict, read, text_of
 from wsnsim.scenario.sweep_schema import Plan, SweepText
 
 KEPT: Final = ("runs", "tracks")
-"""What a campaign records where nobody asks for more."""
+"""The tables that a campaign records by default."""
 BLOCKS: Final = (("grid",), ("zip",), ("random", "over"), ("latin_hypercube", "over"))
-"""Where axes stand in a sweep."""
+"""The blocks of a sweep that hold axes."""
 SIGNS: Final = ("scenario", "points", *(block[0] for block in BLOCKS))
-"""What a sweep says, and a scenario never."""
-
-
+"""Keys of a sweep that no scenario has."""
 MOST_RUNS: Final = 2_000_000
-"""Points times replicates."""
+"""The limit of points times replicates."""
 
 
 def is_sweep(source: str | Path) -> bool:
-    """Whether a name is that of a sweep's file, or of a shipped sweep, rather than of a scenario.
+    """Return whether a name refers to a sweep (a file or shipped) rather than to a scenario.
 
-    A file that cannot be read is taken for one, so that `load_sweep` says what is wrong with it.
+    A file that cannot be read counts as a sweep, so that `load_sweep` reports what is wrong with it.
     """
     path = find_sweep(source)
     if path is None:
@@ -91,14 +89,18 @@ def load_sweep(
     overrides: Iterable[str] = (),
     **given: Any,
 ) -> Plan:
-    """The plan of a sweep's file, of a dict that says the same, or of one or several scenarios.
+    """Return the plan of a sweep.
 
-    `vary`, such as 'tracker.particles=100,200', are further axes of the grid; `overrides` are as `--set` takes them;
-    `given` may replace `name`, `replicates` and `timeout`. A range between whole numbers holds whole numbers only,
-    except where the scenario has a real number under its key.
+    A range between whole numbers holds whole numbers only, unless the scenario has a real number at its key.
+
+    Args:
+        source: a file, a dict with the same keys, or the names of one or several scenarios.
+        vary: further axes of the grid, such as 'tracker.particles=100,200'.
+        overrides: assignments as those of `--set`.
+        given: values that replace `name`, `replicates` and `timeout` of the sweep.
 
     Raises:
-        ScenarioError: with the faults of the sweep, or those of its points.
+        ScenarioError: with the issues of the sweep, or of its points.
     """
     tree, name, text = _read(source)
     tree = _with_given(_with_vary(tree, vary), given, name)
@@ -136,7 +138,7 @@ def load_sweep(
 
 
 def _bases(tree: LocatedValue) -> list[ScenarioText]:
-    """The scenarios that the sweep names: files from its folder, or shipped ones."""
+    """Return the scenarios that the sweep names: files of its folder, or shipped ones."""
     node = tree.value["scenario"].node
     if node.value == []:
         raise ScenarioError([node.spot.issue(("scenario",), "is an empty list: a sweep needs a scenario")])
@@ -154,7 +156,7 @@ def _bases(tree: LocatedValue) -> list[ScenarioText]:
 
 
 def _read(source: str | Path | Mapping[str, Any] | Sequence[str]) -> tuple[LocatedValue, str, str]:
-    """(tree, name that the sweep has where it gives none, text)."""
+    """Return (tree, default name of the sweep, text)."""
     if isinstance(source, Mapping):
         tree, issues = of_dict(source, Text("", Path.cwd()))
         if issues:
@@ -177,7 +179,7 @@ def _read(source: str | Path | Mapping[str, Any] | Sequence[str]) -> tuple[Locat
 
 
 def _with_vary(tree: LocatedValue, vary: Iterable[str]) -> LocatedValue:
-    """The tree with the axes of the command line in its grid, in place of what the file says of the same key."""
+    """Return the tree with the axes of the command line in its grid; they replace axes of the same key."""
     added: dict[str, Entry] = {}
     for text in vary:
         key, sign, values = text.partition("=")
@@ -202,7 +204,7 @@ def _with_vary(tree: LocatedValue, vary: Iterable[str]) -> LocatedValue:
 
 
 def _with_given(tree: LocatedValue, given: Mapping[str, Any], name: str) -> LocatedValue:
-    """The tree with what the command line says laid over it; --replicates ends a stopping rule, too."""
+    """Return the tree with the values of the command line; --replicates also removes a stopping rule."""
     default = {"name": Entry(tree.spot, LocatedValue(name, tree.spot))}
     spots = {key: Spot(Text(f"--{key}", Path.cwd(), (), (key,))) for key in given}
     said = {
@@ -217,7 +219,7 @@ def _record(spot: Spot) -> list[Assignment]:
 
 
 def _assigned(node: LocatedValue | None) -> list[Assignment]:
-    """What a mapping of dotted keys lays on a scenario."""
+    """Return the assignments of a mapping of dotted keys."""
     if node is None:
         return []
     return [(_keys(key, entry), entry.node) for key, entry in node.value.items()]
@@ -226,12 +228,12 @@ def _assigned(node: LocatedValue | None) -> list[Assignment]:
 def _keys(key: str, entry: Entry) -> Keys:
     keys = keys_of(key)
     if not keys or keys[0] in ("extends", SCENARIO, *LEFT_OUT) or "=" in key:
-        raise InvalidAxis(entry.node, f"'{key}' is no key of a scenario that can be varied")
+        raise InvalidAxis(entry.node, f"'{key}' is not a key of a scenario that can be varied")
     return keys
 
 
 def _axes(node: LocatedValue) -> shapes.Axes:
-    """The axes of a block, each under its path."""
+    """Return the axes of a block, each by its path."""
     axes: dict[Keys, LocatedValue] = {}
     for keys, values in _assigned(node):
         if keys in axes:
@@ -241,7 +243,7 @@ def _axes(node: LocatedValue) -> shapes.Axes:
 
 
 def _with_reals(tree: LocatedValue, bases: Iterable[ScenarioText], common: Sequence[Assignment]) -> LocatedValue:
-    """The tree in which ranges between whole numbers are of real numbers, where the scenarios have one at their key."""
+    """Return the tree with ranges of real numbers wherever the scenarios have a real number at the key."""
     is_real = reals_of(bases, common)
     for block in BLOCKS:
         axes = at(tree, block)
@@ -252,7 +254,7 @@ def _with_reals(tree: LocatedValue, bases: Iterable[ScenarioText], common: Seque
 
 
 def _combined(tree: LocatedValue, written: SweepText) -> list[Settings]:
-    """Every point: one of each block, combined with each other."""
+    """Return the settings of every point: all combinations of the blocks."""
     blocks: list[list[Settings]] = []
     for name in ("grid", "zip"):
         node = child(tree, name)
@@ -267,7 +269,7 @@ def _combined(tree: LocatedValue, written: SweepText) -> list[Settings]:
         drawn, over = getattr(written, name), at(tree, (name, "over"))
         if drawn is not None and over is not None:
             if not over.value:
-                raise InvalidAxis(over, "is empty: say over which axes points are drawn")
+                raise InvalidAxis(over, "is empty: name the axes of the random points")
             blocks.append(place(Sampling(drawn.points, drawn.seed, _axes(over))))
     shapes.demand_few(math.prod(len(block) for block in blocks), tree)
     return [_joined(chosen) for chosen in itertools.product(*blocks)]

@@ -1,7 +1,7 @@
-"""What a sweep file may say, and the plan that it becomes.
+"""The pydantic models of sweeps, and the plan of a sweep.
 
-SweepText: the file, every key checked;  StoppingRule: when a point has replicates enough
-Plan, Point: a sweep of which every point is known to be a scenario that can run
+SweepText: the checked keys of a sweep file      StoppingRule: when a point has enough replicates
+Plan, Point: a sweep whose points are all valid scenarios
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _Whole = Annotated[int, Number(Quantity("", ge=1, le=MOST_REPLICATES), whole=Tru
 
 def _known_metric(name: str) -> str:
     if name not in METRICS:
-        raise refusal(f"table runs has no figure {shown(name)} ({did_you_mean(name, METRICS)})")
+        raise refusal(f"table runs has no metric {shown(name)} ({did_you_mean(name, METRICS)})")
     return name
 
 
@@ -40,15 +40,15 @@ def _safe_name(name: str) -> str:
 
 
 class StoppingRule(BaseModel):
-    """Replicates are added at a point until the median of a metric is known well enough.
+    """The rule that ends a point: replicates are added until the median of a metric is known precisely enough.
 
-    The rule is asked at `at_least` replicates, and then each time that half as many more are done; so what it decides
-    depends on the replicates alone, and never on who ran them. Where a replicate fails, its point gets no more.
+    The rule is evaluated at `at_least` replicates, then whenever their number has grown by half. Its decision depends
+    on the replicates alone, not on who ran them. A point with a failed replicate gets no further ones.
     """
 
     model_config = FROZEN
     metric: Annotated[str, Strict("str"), AfterValidator(_known_metric)] = Field(
-        "rmse", description="column of the table runs whose median is looked at"
+        "rmse", description="column of the table runs whose median is estimated"
     )
     half_width: Annotated[float, Number(Quantity("", gt=0, lt=1))] = Field(
         description="half of the 95 % interval of the median, as a share of the median"
@@ -63,52 +63,58 @@ class StoppingRule(BaseModel):
         return self
 
     def next_look(self, replicates: int) -> int:
-        """At how many replicates the rule is asked after it was asked at `replicates`."""
+        """Return the number of replicates at which the rule is evaluated next."""
         return min(self.at_most, replicates + max(1, replicates // 2))
 
 
 class SampledPoints(BaseModel):
-    """Points to be drawn, over axes that are ranges or lists."""
+    """A block of random points: their number, the seed, and the axes (ranges or lists)."""
 
     model_config = FROZEN
-    points: Annotated[int, Number(Quantity("", ge=1, le=MOST_POINTS), whole=True)] = Field(description="how many")
-    seed: Annotated[int, Number(Quantity("", ge=0), whole=True)] = Field(0, description="seed of the draw")
+    points: Annotated[int, Number(Quantity("", ge=1, le=MOST_POINTS), whole=True)] = Field(
+        description="number of points"
+    )
+    seed: Annotated[int, Number(Quantity("", ge=0), whole=True)] = Field(0, description="seed of the sample")
     over: dict[str, Any] = Field(description="axes, as ranges or lists")
 
 
 class SweepText(BaseModel):
-    """What a sweep file may say."""
+    """The keys of a sweep file."""
 
     model_config = FROZEN
     name: Annotated[str, Strict("str"), AfterValidator(_safe_name)] | None = Field(
         None, description="name, also of the folder of results; default that of the file"
     )
     scenario: _Text | tuple[_Text, ...] = Field(description="the scenario to vary, or several")
-    set: dict[str, Any] = Field({}, description="values laid on the scenario at every point")
+    set: dict[str, Any] = Field({}, description="values that replace those of the scenario at every point")
     grid: dict[str, Any] = Field({}, description="axes, every combination of which is a point")
-    zip: dict[str, Any] = Field({}, description="axes that go together: the first values, the second, ...")
+    zip: dict[str, Any] = Field({}, description="axes varied together: all first values, all second values, ...")
     points: tuple[dict[str, Any], ...] | None = Field(None, description="points one by one")
-    random: SampledPoints | None = Field(None, description="points drawn at random")
+    random: SampledPoints | None = Field(None, description="random points")
     latin_hypercube: SampledPoints | None = Field(None, description="points of a Latin hypercube")
-    replicates: _Whole | None = Field(None, description="runs a point; default what the scenario says")
+    replicates: _Whole | None = Field(None, description="runs per point; default that of the scenario")
     until: StoppingRule | None = Field(None, description="add replicates until a metric is known well enough")
-    block: _Whole = Field(BLOCK, description="replicates in one file, which one worker runs one after the other")
+    block: _Whole = Field(BLOCK, description="replicates in one file; one worker runs them in sequence")
     timeout: Annotated[float, Number(Quantity("s", gt=0))] | None = Field(
-        None, description="seconds after which a replicate is given up [s]"
+        None, description="time limit of a replicate [s]"
     )
 
     @model_validator(mode="after")
     def _one_end(self) -> SweepText:
         if self.until is not None and self.replicates is not None:
-            raise refusal("'replicates' and 'until' both say when a point ends: give one of them (until.at_most)")
+            raise refusal("'replicates' and 'until' both end a point: give one of them (until.at_most)")
         return self
 
 
 @dataclass(frozen=True)
 class Point:
-    """One point: `id` names its folder (a digest of all that decides its replicates), `settings` sets it apart.
+    """One point of a sweep.
 
-    `resolved` is its scenario as JSON; points of equal `world` chase the same truth, from the same places.
+    Attributes:
+        id: name of its folder, a digest of everything that determines its runs.
+        settings: the values that distinguish it from other points, by column.
+        resolved: its scenario as JSON.
+        world: digest of the keys that determine ground truth and deployment; equal for comparable points.
     """
 
     id: str
@@ -119,9 +125,17 @@ class Point:
 
 @dataclass(frozen=True)
 class Plan:
-    """A sweep, checked: what a campaign is to run. `keys` are the columns that tell points apart, in order.
+    """A checked sweep: what a campaign runs.
 
-    With `until`, `replicates` is the most that a point is given. `source` is the sweep's text.
+    Attributes:
+        name: name of the sweep.
+        keys: the columns that distinguish points, in order.
+        points: the points.
+        replicates: runs per point; with `until`, their maximum.
+        until: the stopping rule, or None.
+        block: replicates in one file.
+        timeout: time limit of a replicate in s, or None.
+        source: the text of the sweep.
     """
 
     name: str

@@ -1,78 +1,78 @@
-"""The commented scenarios that `wsnsim new` writes. Tests load them, so that they stay true."""
+"""The commented scenarios that `wsnsim new` writes. Tests load them, so that they stay valid."""
 
 from __future__ import annotations
 
 TEMPLATE = """\
-# A scenario of wsnsim. `wsnsim check {name}.yaml` finds every fault, `wsnsim run {name}.yaml` runs it.
+# A scenario of wsnsim. `wsnsim check {name}.yaml` finds every issue, `wsnsim run {name}.yaml` runs it.
 # Bare numbers are SI units; quantities with units such as '60 m', '50 nJ/bit' or '5 min' are read exactly.
 # `wsnsim list` shows every kind of every role; `wsnsim schema > scenario.schema.json` serves editors.
 name: {name}                     # also of the result: results/{name}.h5
 seed: 1                          # same seed, same run
-replicates: 1                    # runs with other draws from the same seed
+replicates: 1                    # Monte Carlo runs with independent random numbers
 duration: 28 s                   # a whole number of steps
-step: 0.04 s                     # time between readings
+step: 0.04 s                     # time between measurements
 
-prior:                           # what every filter is told at the start
+prior:                           # initial distribution given to every filter
   sd: [5, 3, 5, 3]               # standard deviations of px, vx, py, vy
 deploy:                          # where the nodes stand; the field is centred on the origin
   kind: uniform                  # also: grid, jittered_grid, file
   nodes: 256
   width: 400 m
   height: 400 m
-  cover: true                    # redraw until every point is within reach of a sensor
+  cover: true                    # redraw until every point is in range of a sensor
 motion:                          # how the target moves; several targets: `targets`, a list of these
   kind: bounded_velocity
-  bound: 180 m                   # beyond it, the target is turned back
+  bound: 180 m                   # the target turns back beyond it
   start: [-45, -20, -50, -35]    # px, vx, py, vy
 sensor:                          # what a node measures
   kind: acoustic_energy
   reach: 60 m
   decay: 2.2
-energy:                          # what each act costs: `wsnsim info {name}.yaml`
-  kind: first_order              # also: {{kind: states, radio: cc2420, processor: msp430f1611}}, where listening costs
+energy:                          # energy of each action: `wsnsim info {name}.yaml`
+  kind: first_order              # also: {{kind: states, radio: cc2420, processor: msp430f1611}}, with idle listening
   electronics: 50 nJ/bit
   amplifier: 100 pJ/bit/m2
   battery: 2 J
-link:                            # who hears whom
+link:                            # which nodes receive each other
   kind: disk                     # also: log_normal, where links differ and weak frames are lost
   reach: 75 m
 mac:                             # when a frame gets the channel
   kind: ideal                    # also: csma (IEEE 802.15.4, unslotted), tdma (slots inside a cluster)
-clusters:                        # who leads, and until when
+clusters:                        # which node is cluster head, and until when
   kind: strongest_signal
   handover_fraction: 0.25
   minimum_active: 3
 tracker:                         # the strategy: `wsnsim list trackers`, or your own `mylab.trackers:Mine`
   kind: pso_mhpf
   particles: 400
-  assumes:                       # what the filter believes
+  assumes:                       # assumptions of the filter
     gains: known
     noise_scale: 1
-faults: []                       # what goes wrong: `wsnsim list faults`; [{{kind: crash, at: 9 s, fraction: 0.1}}]
-record:                          # which tables the result holds
+faults: []                       # injected failures: `wsnsim list faults`; [{{kind: crash, at: 9 s, fraction: 0.1}}]
+record:                          # which tables are recorded
   events: true
 """
 
 
 BENCH = """\
-# A scenario of wsnsim without a network: a filter on its own, on a state-space model. Nothing is sent, nothing costs.
-# `wsnsim check {name}.yaml` finds every fault, `wsnsim run {name}.yaml` runs it, `wsnsim list` shows what there is.
+# A scenario of wsnsim without a network: a filter on a state-space model, offline. Nothing is sent or spent.
+# `wsnsim check {name}.yaml` finds every issue, `wsnsim run {name}.yaml` runs it, `wsnsim list` shows all kinds.
 name: {name}                     # also of the result: results/{name}.h5
-network: none                    # take this line out, and give energy, link ... for the same with a network
+network: none                    # with a network: remove this line and add energy, link ...
 seed: 1                          # same seed, same run
-replicates: 20                   # runs with other draws from the same seed
+replicates: 20                   # Monte Carlo runs with independent random numbers
 duration: 30 s                   # a whole number of steps
-step: 1 s                        # time between readings
+step: 1 s                        # time between measurements
 lost: {{window: 1, limit: 20 m}}   # a track whose final error is larger is lost
 
-prior:                           # what every filter is told at the start
+prior:                           # initial distribution given to every filter
   sd: [2, 1, 2, 1]               # standard deviations of px, vx, py, vy
-deploy:                          # where the sensors stand; left out: one, at the origin
+deploy:                          # where the sensors stand; default: one, at the origin
   kind: anchors
   places: [[0, 0], [200, 0], [0, 200], [200, 200]]
 motion:                          # also: ungm, constant_acceleration, bounded_velocity
   kind: constant_velocity
-  noise_input: diagonal          # the process noise acts on each column of its own
+  noise_input: diagonal          # independent process noise on each column
   variances: [0.5]
   start: [70, 5, 21, 8]          # px, vx, py, vy
 sensor:                          # also: rssi, range_from_origin, squared, acoustic_energy
@@ -86,5 +86,5 @@ tracker:                         # `wsnsim list trackers`, or your own: `mylab:M
 
 
 def template(name: str, bench: bool = False) -> str:
-    """The text of a scenario of this name, with a network or without."""
+    """Return the text of a scenario of this name, with a network or without (`bench`)."""
     return (BENCH if bench else TEMPLATE).format(name=name)

@@ -63,12 +63,12 @@ SPELLING: Final = str.maketrans({"²": "2", "³": "3", "⁴": "4", "µ": "u", "�
 
 
 class UnitError(ValueError):
-    """A quantity that cannot be read, or is of the wrong dimension. `str(error)` says what is expected."""
+    """A quantity cannot be read or has the wrong dimension. `str(error)` says what is expected."""
 
 
 @dataclass(frozen=True)
 class Unit:
-    """A factor to SI and the powers of `BASES`; `words` says the dimension; `decibel` marks dBm, which is no factor."""
+    """A unit: its factor to SI, the powers of `BASES`, the dimension in words, and whether it is dBm (not a factor)."""
 
     factor: Decimal
     dimension: Dimension
@@ -77,10 +77,14 @@ class Unit:
 
 
 def si(text: str, unit: str) -> float:
-    """The SI value of a quantity that should have the dimension of `unit` ('' for a pure number; 'dBm' stays dBm).
+    """Return the SI value of a quantity.
+
+    Args:
+        text: a number with a unit, such as '60 m'.
+        unit: a unit of the expected dimension; '' for a pure number; 'dBm' stays dBm.
 
     Raises:
-        UnitError: no number, an unknown unit, another dimension, or a value that no float holds.
+        UnitError: no number, an unknown unit, another dimension, or a value too large for a float.
     """
     match = QUANTITY.fullmatch(text.strip())
     if match is None:
@@ -114,7 +118,7 @@ def _convert(number: Decimal, written: str, unit: str) -> Decimal:
 
 @functools.lru_cache(maxsize=1024)
 def parse(text: str) -> Unit | None:
-    """The unit that a text names, such as 'nJ/bit/m2'; None if the table does not know it."""
+    """Return the unit of a text such as 'nJ/bit/m2', or None if it is unknown."""
     if not text:
         return Unit(Decimal(1), NONE, "pure number")
     if text == "dBm":
@@ -137,7 +141,7 @@ def parse(text: str) -> Unit | None:
 
 
 def wanted(unit: str) -> str:
-    """What a message expects: "length (for example '1 m')"."""
+    """Return what a message expects: "length (for example '1 m')"."""
     known = parse(unit)
     if known is None:
         return f"a number (of {unit})"
@@ -145,7 +149,7 @@ def wanted(unit: str) -> str:
 
 
 def shown(value: object) -> str:
-    """A value as a message quotes it: on one line, and not longer than a line."""
+    """Return a value as a message quotes it: on one line, shortened to at most 60 characters."""
     text = repr(value) if not isinstance(value, str) else f"'{''.join(c if c.isprintable() else '?' for c in value)}'"
     return text if len(text) <= 60 else f"{text[:50]}…{text[-8:]}"
 
@@ -173,7 +177,7 @@ def _dimension(powers: dict[str, int]) -> Dimension:
 
 @functools.cache
 def _table() -> dict[str, tuple[Decimal, Dimension]]:
-    """Every symbol, with and without its prefixes."""
+    """Return every symbol, with and without its prefixes."""
     table = {}
     for symbol, (factor, powers, prefixes) in SYMBOLS.items():
         for prefix in ["", *prefixes]:
@@ -185,7 +189,7 @@ def _table() -> dict[str, tuple[Decimal, Dimension]]:
 
 @functools.cache
 def _words() -> dict[Dimension, str]:
-    """What each dimension is called."""
+    """Return the name of each dimension."""
     words = {}
     for text, word in WORDS.items():
         dimension = NONE
