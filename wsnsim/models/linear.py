@@ -82,7 +82,7 @@ class ConstantAcceleration:
         """The model as a filter believes it: process covariance times `noise_scale`."""
         return dataclasses.replace(self, q=self.q * noise_scale)
 
-    def _process(self, dt: float) -> Process:
+    def _process(self, dt: float) -> LinearProcess:
         return _accelerating(self.q, dt)
 
 
@@ -197,7 +197,7 @@ class ConstantVelocity:
         """The model as a filter believes it: process covariance times `noise_scale`."""
         return dataclasses.replace(self, variances=tuple(variance * noise_scale for variance in self.variances))
 
-    def _process(self, dt: float) -> Process:
+    def _process(self, dt: float) -> LinearProcess:
         return _coasting(self.noise_input, self.variances, dt)
 
     def _walk(
@@ -243,8 +243,8 @@ class ConstantVelocity:
         return f"the room x {left:g} to {right:g} m, y {bottom:g} to {top:g} m with {self.slack:g} m of slack"
 
 
-class Process(NamedTuple):
-    """One step of a linear motion: F (D, D), a root L (D, K) of its process covariance, and that covariance L Lᵀ."""
+class LinearProcess(NamedTuple):
+    """One step of a linear motion: F (D, D), a root L (D, K) of the process covariance Q, and Q = L Lᵀ (D, D)."""
 
     transition: Floats
     root: Floats
@@ -252,15 +252,15 @@ class Process(NamedTuple):
 
 
 @functools.lru_cache(maxsize=64)
-def _accelerating(q: float, dt: float) -> Process:
+def _accelerating(q: float, dt: float) -> LinearProcess:
     """F and G of Liu, Wang (2012), eqs. 16-17."""
     transition = np.array([[1.0, dt, dt**2 / 2], [0.0, 1.0, dt], [0.0, 0.0, 1.0]])
     root = np.sqrt(q) * np.array([[dt**2 / 2], [dt], [1.0]])
-    return Process(transition, root, root @ root.T)
+    return LinearProcess(transition, root, root @ root.T)
 
 
 @functools.lru_cache(maxsize=64)
-def _coasting(noise_input: NoiseInput, variances: tuple[float, ...], dt: float) -> Process:
+def _coasting(noise_input: NoiseInput, variances: tuple[float, ...], dt: float) -> LinearProcess:
     """F and Γ of Wei, Guo (2022), experiment 3, or of Ruan et al. (2020), eq. 3."""
     transition = np.kron(np.eye(2), np.array([[1.0, dt], [0.0, 1.0]]))
     lever = np.array([[dt**2 / 2], [dt]])
@@ -270,7 +270,7 @@ def _coasting(noise_input: NoiseInput, variances: tuple[float, ...], dt: float) 
         "direct": np.eye(4),
     }
     root = gammas[noise_input] * np.sqrt(variances)
-    return Process(transition, root, root @ root.T)
+    return LinearProcess(transition, root, root @ root.T)
 
 
 def _root(motion: ConstantAcceleration | ConstantVelocity, dt: float) -> Floats:
@@ -291,7 +291,7 @@ def _walk(
         yield states
 
 
-def _matrices(process: Process, states: Floats) -> tuple[Floats, Floats]:
+def _matrices(process: LinearProcess, states: Floats) -> tuple[Floats, Floats]:
     size = process.transition.shape[0]
     return np.broadcast_to(process.transition, (states.shape[1], size, size)), process.covariance.copy()
 

@@ -19,6 +19,7 @@ from wsnsim.base.errors import RunError
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.rng import normals
 from wsnsim.models.bounds import PLACE, STATE
+from wsnsim.models.linear import LinearProcess
 from wsnsim.models.motion import FARTHEST
 from wsnsim.models.waypoints import near_constant_velocity
 
@@ -96,7 +97,7 @@ class GaussMarkov:
         """The model as a filter believes it: process covariance times `noise_scale`."""
         return dataclasses.replace(self, sd=self.sd * math.sqrt(noise_scale))
 
-    def _moved(self, states: Floats, process: Process, dt: float) -> Floats:
+    def _moved(self, states: Floats, process: LinearProcess, dt: float) -> Floats:
         drift = np.array([0.0, self.mean[0], 0.0, self.mean[1]])[:, None]
         moved = process.transition @ (states - drift) + drift
         moved[[0, 2]] += dt * drift[[1, 3]]
@@ -195,16 +196,8 @@ class CoordinatedTurn:
         return root
 
 
-class Process(NamedTuple):
-    """One step of a linear motion: F (D, D), a lower root L of its process covariance, and that covariance L Lᵀ."""
-
-    transition: Floats
-    root: Floats
-    covariance: Floats
-
-
 @functools.lru_cache(maxsize=64)
-def _forgetting(memory: float, sd: float, dt: float) -> Process:
+def _forgetting(memory: float, sd: float, dt: float) -> LinearProcess:
     """The Ornstein-Uhlenbeck velocity and its integral over dt (Uhlenbeck, Ornstein 1930), each axis of its own.
 
     The position's variance cancels to third order in dt/τ: below a thousandth its series is used.
@@ -218,7 +211,7 @@ def _forgetting(memory: float, sd: float, dt: float) -> Process:
     axis = np.array([[first, 0.0], [lower, math.sqrt(max(c - lower * lower, 0.0))]])
     root = np.kron(np.eye(2), axis)
     transition = np.kron(np.eye(2), np.array([[1.0, memory * gone], [0.0, alpha]]))
-    return Process(transition, root, root @ root.T)
+    return LinearProcess(transition, root, root @ root.T)
 
 
 class _Arc(NamedTuple):

@@ -110,26 +110,26 @@ class BoundedVelocity:
     def _law(self, dt: float) -> kernels.Drift:
         return dt, self.bound, self.c1, self.c2
 
-    def _process(self, dt: float) -> Process:
+    def _process(self, dt: float) -> StepNoise:
         """The process noise of a step of `dt`, worked out once."""
-        known: dict[float, Process] = self._processes
+        known: dict[float, StepNoise] = self._processes
         if dt not in known:
             known[dt] = _process_of(self, dt)
         return known[dt]
 
     @cached_property
-    def _processes(self) -> dict[float, Process]:
+    def _processes(self) -> dict[float, StepNoise]:
         return {}
 
 
-class Process(NamedTuple):
+class StepNoise(NamedTuple):
     """The noise of one step: covariance (4, 4), and the lower Cholesky factor (l11, l21, l22) of one axis of it."""
 
     covariance: Floats
     root: kernels.Root
 
 
-def _process_of(motion: BoundedVelocity, dt: float) -> Process:
+def _process_of(motion: BoundedVelocity, dt: float) -> StepNoise:
     """One axis has the covariance [a b; b c]; its determinant in closed form is free of cancellation (eq. 4)."""
     q = 0.0 if motion.noise == "g_only" else motion.q
     s = 0.0 if motion.noise == "q_only" else motion.sigma0**2
@@ -138,4 +138,4 @@ def _process_of(motion: BoundedVelocity, dt: float) -> Process:
     c = s * dt**2 + q * dt
     determinant = q * q * dt**4 / 4 + s * q * dt**5 / 4
     root = (math.sqrt(a), b / math.sqrt(a), math.sqrt(determinant / a)) if a > 0.0 else (0.0, 0.0, 0.0)
-    return Process(np.kron(np.eye(2), np.array([[a, b], [b, c]])), root)
+    return StepNoise(np.kron(np.eye(2), np.array([[a, b], [b, c]])), root)

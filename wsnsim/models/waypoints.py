@@ -13,7 +13,7 @@ import functools
 import itertools
 import math
 from collections.abc import Iterator
-from typing import Annotated, ClassVar, Literal, NamedTuple, Self
+from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from wsnsim.base.setups import TrackingSetup
 from wsnsim.kernels import linear as kernels
 from wsnsim.models.bounds import LENGTH, PLACE
 from wsnsim.models.csvfile import read_columns
+from wsnsim.models.linear import LinearProcess
 
 INTENSITY = Quantity("m2/s3", ge=0.0, le=1e9)
 MOST_LEGS = 1e6
@@ -212,23 +213,15 @@ class Waypoints(_Straight):
         return [values for _, values in rows]
 
 
-class Process(NamedTuple):
-    """One step of near-constant velocity: F (4, 4), a lower root L of its process covariance, and that, L Lᵀ."""
-
-    transition: Floats
-    root: Floats
-    covariance: Floats
-
-
 @functools.lru_cache(maxsize=64)
-def near_constant_velocity(q: float, dt: float) -> Process:
+def near_constant_velocity(q: float, dt: float) -> LinearProcess:
     """White noise of intensity q in the acceleration (Bar-Shalom, Li, Kirubarajan 2001, eq. 6.2.2-7)."""
     transition = np.kron(np.eye(2), np.array([[1.0, dt], [0.0, 1.0]]))
     root: Floats = math.sqrt(q) * np.array(
         [[math.sqrt(dt**3 / 3.0), 0.0], [math.sqrt(3.0 * dt) / 2.0, math.sqrt(dt) / 2.0]]
     )
     whole: Floats = np.kron(np.eye(2), root).astype(np.float64)
-    return Process(transition, whole, whole @ whole.T)
+    return LinearProcess(transition, whole, whole @ whole.T)
 
 
 def _sampled(times: Floats, points: Floats, steps: int, dt: float) -> Floats:

@@ -22,7 +22,7 @@ from __future__ import annotations
 import functools
 import json
 from collections.abc import Callable, Collection, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Final, TypeAlias, final
+from typing import Any, Final, Protocol, TypeAlias, final
 
 import numpy as np
 import pandas as pd
@@ -37,9 +37,6 @@ from wsnsim.papers.reproduction import BoundBeside, Measured
 from wsnsim.recording import attributes
 from wsnsim.recording.folder import Folder
 
-if TYPE_CHECKING:
-    from wsnsim.papers.paper import Paper
-
 OwnMeasure: TypeAlias = "Callable[[Data, str], pd.Series]"
 VARIANT: Final = "variant"
 OVER_RUNS: Final = ("mean", "median", "tracks_mean", "tracks_median")
@@ -51,11 +48,25 @@ ROUNDING: Final = 1e-9
 """Relative difference of two values that are equal but for rounding."""
 
 
+class MeasuredPaper(Protocol):
+    """What `Data` uses of a paper: its published values and its own measures."""
+
+    @property
+    def published(self) -> Mapping[str, Any]:
+        """The published values, by name."""
+        ...
+
+    @property
+    def measures(self) -> Mapping[str, OwnMeasure]:
+        """The paper's own measures, by name."""
+        ...
+
+
 @final
 class Data:
     """The results of one experiment, by variant, and what its paper prints and measures; each table is read once."""
 
-    def __init__(self, folder: Folder, paper: Paper | None = None) -> None:
+    def __init__(self, folder: Folder, paper: MeasuredPaper | None = None) -> None:
         self.folder = folder
         self.published: Mapping[str, Any] = paper.published if paper else {}
         self.own: Mapping[str, OwnMeasure] = paper.measures if paper else {}
