@@ -27,7 +27,7 @@ POLL: Final = 0.25
 """Seconds to wait for workers before checking for a stop and reporting progress."""
 MAX_MARKER_TEXT: Final = 4000
 MAX_LOSSES: Final = 20
-"""Losses of workers before the task started, after which it fails although other tasks are the likely cause."""
+"""Losses of workers before the task started, after which it fails."""
 LOSSES_BEFORE_ISOLATION: Final = 3
 """Losses after which a task is run alone."""
 
@@ -42,14 +42,11 @@ def run_campaign(
     """Run the missing tasks of a campaign whose manifest and scenarios are on disk, and close the engine.
 
     Args:
-        folder: the campaign's folder, to which workers write results.
+        folder: the campaign's folder.
         engine: what runs the tasks.
         shard: the part of the campaign to run.
         on_progress: called with the progress several times a second.
         should_stop: asked several times a second whether to stop.
-
-    Returns:
-        What was done, and what failed or is missing.
     """
     try:
         runner = _CampaignRunner(folder, folder.manifest(), engine, shard, on_progress)
@@ -288,11 +285,11 @@ class _CampaignRunner:
 
     def outcome(self) -> CampaignOutcome:
         """The outcome of the session. What is missing is looked up on disk."""
-        missing: dict[str, list[int]] = {}
-        for point, count in self.wanted.items():
-            numbers = [number for number in self.folder.missing(point, count) if self.is_ours(point, number)]
-            if numbers:
-                missing[point] = numbers
+        missing = {
+            point: [number for number in self.folder.missing(point, count) if self.is_ours(point, number)]
+            for point, count in self.wanted.items()
+        }
+        missing = {point: numbers for point, numbers in missing.items() if numbers}
         seconds = time.monotonic() - self.started_at
         return CampaignOutcome(self.done, self.found, self.failed, missing, self.stopped, seconds)
 

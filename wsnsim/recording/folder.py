@@ -48,17 +48,9 @@ class Manifest:
     """The content of campaign.json.
 
     Attributes:
-        name: name of the campaign.
-        keys: varied keys.
-        points: points of the sweep.
         block: replicates per task.
-        wsnsim_version: version that started the campaign.
         by: keys whose values are compared.
-        baseline: value from which differences are taken.
         until: the stopping rule.
-        timeout: time limit of a replicate (s).
-        source: text of the sweep.
-        provenance: versions, command and machine.
     """
 
     name: str
