@@ -281,7 +281,7 @@ def test_an_honest_stranger_passes() -> None:
         (IsLopsided(), "sound", "not symmetric"),
         (ChargesNonsense(), "sound", "not a number of cycles"),
         (ThrowsDice(), "repeatable", "two different tracks"),
-        (AsksForTheMoon(), "sound", "is no ask"),
+        (AsksForTheMoon(), "sound", "is not a request"),
     ],
     ids=lambda value: type(value).__name__ if isinstance(value, Honest) else "",
 )

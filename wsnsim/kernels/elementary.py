@@ -6,8 +6,8 @@
     box_muller(u, turn)        the same of two uniforms
     total(row), dot(row, row)  sums over arrays (n,); give slices, since an index that might be negative is slow
 
-They are inlined into the kernels that use them. Numba's cache does not notice an edit here: touch the kernels' files
-too.
+They are inlined into the kernels that use them. Numba's cache does not notice a change in this file: touch the files of
+the kernels, too.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""Kalman filters that reckon with which sensor's reading comes from the target (Liu, Wang 2012).
+"""Kalman filters that estimate which sensor's measurement comes from the target (Liu, Wang 2012).
 
-    mix            a filter a sensor: what each of them starts its step from, eqs. 20-23
+    mix            one filter per sensor: the mixtures from which they start a step, eqs. 20-23
     filter_each    then each predicts and updates with its own reading, eqs. 10-20, and all are combined, eqs. 24-25;
                    from one start for all, the filter that relays from sensor to sensor, eqs. 8-14, 18-20
     kalman         the extended Kalman filter's joint update with all readings, to compare with
@@ -10,10 +10,10 @@ covs (D, D, n). Sensors are linearised at N points: expected, variances (n, N), 
 diagonal of the Markov matrix M, whose other entries are (1 - stay) / (n - 1); a single sensor stays. Results go to
 arrays that are given, since to hand new ones to Python takes longer than to work them out.
 
-A reading (n,) that is NaN was not heard. What is no number does no harm: an innovation that is none, or whose variance
-is not positive and finite, counts as not heard. Likelihoods are logs, the greatest of them subtracted once; where none
-is positive, the predicted probabilities stay. Covariances are updated in Joseph's form, which sharp readings do not
-make indefinite.
+A measurement (n,) that is NaN was not received. An innovation that is not finite, or whose
+variance is not positive and finite, counts as not received. Likelihoods are logs, the greatest of them subtracted
+once; where none is positive, the predicted probabilities stay. Covariances are updated in Joseph's form, which precise
+measurements do not make indefinite.
 
 What the kernels share is put into them before they are compiled, since Numba compiles what they call once more in each.
 Loops over columns are inside those over filters where a loop of eight would gain less than it takes to compile.

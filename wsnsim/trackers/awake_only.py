@@ -1,6 +1,6 @@
 """RIS as a tracker: a fix by least squares from whoever happens to be awake, anew at each step.
 
-What a step asks:
+Requests of a step:
 
     Gather: readings  Compute
 """

@@ -1,6 +1,6 @@
 """The reference: a bootstrap particle filter in one head that has every reading.
 
-After Gordon, Salmond, Smith (1993); it stands beside the filters of Jiang, Song, Lin (2013). What a step asks:
+After Gordon, Salmond, Smith (1993); it stands beside the filters of Jiang, Song, Lin (2013). Requests of a step:
 
     Gather: readings  Compute
 """

@@ -2,7 +2,7 @@
 
 Wei, Guo (2022). Particles are nests: they fly by Levy flights about the best one, are replaced, and what is fitter
 stays.
-What a step asks:
+Requests of a step:
 
     Gather: readings  Compute
 """

@@ -1,6 +1,6 @@
 """The extended Kalman filter in one head: the reference beside filters that relay from sensor to sensor.
 
-What a step asks:
+Requests of a step:
 
     Gather: readings  Compute                        all members
     Scatter: poll  Gather: reading  Compute          the nearest alone

@@ -1,6 +1,6 @@
 """Particle filters that believe in one Gaussian between steps, and so never resample: GPF, PSO-GPF and GSA-GPF.
 
-Ruan, Wang, Yang, Zhang (2020), after Kotecha, Djurić (2003). What a step asks:
+Ruan, Wang, Yang, Zhang (2020), after Kotecha, Djurić (2003). Requests of a step:
 
     Gather: readings  Compute
 

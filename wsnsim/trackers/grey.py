@@ -1,6 +1,6 @@
 """GMTT: a fix by least squares at each step, and a grey model of the last fixes that says where the next will be.
 
-What a step asks:
+Requests of a step:
 
     Gather: readings  Compute
 """

@@ -1,6 +1,6 @@
 """The posterior of a state of one column, by integration on a grid: what every other filter approximates.
 
-What a step asks:
+Requests of a step:
 
     Gather: readings  Compute
 """
@@ -86,7 +86,7 @@ class GridFilter(HeadFilter):
         if prior.mean.size != 1:
             raise RunError(f"grid holds the density of a state of one column, and this one has {prior.mean.size}")
         return self._belief(self._gaussian(prior.mean, prior.cov), scene.head)
-        yield  # a flow that asks for nothing
+        yield  # a flow without requests
 
     def step(self, belief: GridBelief, scene: Scene) -> Flow[GridBelief]:
         """One step: N_act - 1 readings reach the head, which spreads the density and weighs it."""

@@ -1,6 +1,6 @@
 """IMSF: a Kalman filter a sensor, mixed at each step by the probabilities of a Markov chain of sensors.
 
-After Liu, Wang (2012), section 4. What a step asks:
+After Liu, Wang (2012), section 4. Requests of a step:
 
     Gather: readings  Compute
 """
@@ -64,7 +64,7 @@ class InteractingKalman(HeadFilter):
     def start(self, prior: Estimate, scene: Scene) -> Flow[InteractingBelief]:
         """The prior in every filter, every sensor as probable as another."""
         return _with_filters(InteractingBelief(prior.mean, prior.cov, scene.head), scene)
-        yield  # a flow that asks for nothing
+        yield  # a flow without requests
 
     def step(self, belief: InteractingBelief, scene: Scene) -> Flow[InteractingBelief]:
         """One step: N_act - 1 readings reach the head; its filters mix, predict, and update with one reading each."""

@@ -1,6 +1,6 @@
 """TSSTP: a fix by least squares at each step; who tracks next is drawn, so that there is nothing to predict.
 
-What a step asks:
+Requests of a step:
 
     Gather: readings  Compute
 """

@@ -1,6 +1,6 @@
 """Cluster: a Rao-Blackwellised particle filter, particles for whether the target turns, Kalman filters for where it is.
 
-What a step asks:
+Requests of a step:
 
     Gather: readings  Compute
 """
@@ -97,7 +97,7 @@ class MixturePf(HeadFilter):
     messages: ClassVar[str] = "a reading up per member"
     variants: ClassVar[str] = ""
     needs: ClassVar[tuple[str, ...]] = ("ranges",)
-    """What its sensor must be able to do besides."""
+    """Methods that its sensor must have in addition to the port's."""
 
     particles: Annotated[int, Quantity("", ge=1, le=1_000_000), "N_p: particles"] = 1500
     q: Annotated[float, Quantity("m2/s3", ge=0.0, le=1e9), "intensity of the noise in a kept velocity"] = 0.05
@@ -120,7 +120,7 @@ class MixturePf(HeadFilter):
         if np.trace(prior.cov[place]) > np.trace(cov[place]):
             cov[place] = prior.cov[place]
         return self._collapsed(prior.mean, cov, scene.head, 1)
-        yield  # a flow that asks for nothing
+        yield  # a flow without requests
 
     def step(self, belief: Mixture, scene: Scene) -> Flow[Mixture]:
         """One step: N_act - 1 readings reach the head, which draws, predicts, updates, weighs and resamples."""

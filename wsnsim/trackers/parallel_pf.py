@@ -1,6 +1,6 @@
-"""A bootstrap particle filter whose particles are split over the members; the head resamples the whole set by counts.
+"""A bootstrap particle filter whose particles are distributed over the members; the head resamples the whole set.
 
-The baseline PPF of Jiang, Song, Lin (2013). What a step asks of the network:
+The baseline PPF of Jiang, Song, Lin (2013). Requests of a step:
 
     [re-deal]  readings up, readings down  Local: predict and weigh  Gather: weights and local means
     when too few particles are effective:  Scatter: counts  Local: replicate  surplus particles up and down
@@ -64,13 +64,13 @@ COUNTS = "counts"
 
 @dataclass(frozen=True, slots=True)
 class ParallelBelief(Spread):
-    """What the head knows besides: the log-weights (n,) of each member's particles, in order, as they came up last."""
+    """A spread belief with the log-weights (n,) of each member's particles, as they last arrived at the head."""
 
     weights: Mapping[int, Floats] = field(default_factory=dict)
 
 
 class WeightReport(NamedTuple):
-    """Log-weights (n,) and local mean on their way up; only the head's own, which crosses nothing, has a covariance."""
+    """Payload of a member's report: log-weights (n,) and local mean; with a covariance if it is the head's own."""
 
     log_weights: Floats
     mean: Floats
@@ -78,7 +78,7 @@ class WeightReport(NamedTuple):
 
 
 class Tally(NamedTuple):
-    """The reports put together: log-weights (n,) of each holder's particles, and the local means (D,) that arrived."""
+    """All reports: log-weights (n,) of each holder's particles, and the local means (D,) that arrived."""
 
     weights: dict[int, Floats]
     means: dict[int, Floats]
@@ -86,7 +86,7 @@ class Tally(NamedTuple):
 
 @part
 class ParallelPf:
-    """PPF: members predict and weigh their share, return the weights, and are told how often each particle survives.
+    """PPF: members predict and weigh their share and send weights; the head returns how often each particle survives.
 
     Weights are kept on one scale over the whole set, so that a member that misses the counts keeps particles that are
     weighed rightly. Resampling restores the full number of particles after a loss.
@@ -271,7 +271,7 @@ def replicate(member: Member) -> None:
 
 
 def _collected(belief: ParallelBelief, most: int) -> Flow[Pool | None]:
-    """All that the members hold, n packets each; the head knows their weights."""
+    """All particles that the members hold, in n packets each; the head knows their weights."""
     answer = yield Gather(lambda member: give(member, most, common=0.0), tuple(belief.deal.held))
     return _weighed(answer, belief.weights)
 

@@ -1,6 +1,6 @@
 """A particle filter on the members of a cluster, whose resampling is a swarm's move tested by Metropolis and Hastings.
 
-Jiang, Song, Lin (2013), sections 3 and 4. What a step asks of the network:
+Jiang, Song, Lin (2013), sections 3 and 4. Requests of a step:
 
     [re-deal]  [readings up, readings down]  Local: filter the own share  Gather: local estimates  [Broadcast: feedback]
 """
@@ -56,7 +56,7 @@ RIDGE = 1e-3
 
 
 class EstimateReport(NamedTuple):
-    """A local estimate on its way to the head; only the head's own, which crosses nothing, carries a covariance."""
+    """Payload of a member's report: its local estimate; the head's own, which is not sent, has a covariance."""
 
     mean: Floats
     variances: Floats | None
@@ -65,7 +65,7 @@ class EstimateReport(NamedTuple):
 
 @part
 class PsoMhpf:
-    """PSO-MHPF: members predict, weigh and move their own particles; only local estimates travel.
+    """PSO-MHPF: members predict, weigh and move their own particles, and send only their local estimates.
 
     The move is a heuristic and no valid Markov chain: the proposal depends on the whole swarm's past, the ratio of the
     proposals is taken as one, and the paper's posterior, a sum of Diracs, cannot be evaluated at a new point.
@@ -231,7 +231,7 @@ class PsoMhpf:
         return lambda points: np.zeros(points.shape[1])
 
     def _reporter(self, head: int, columns: int) -> Callable[[Member], Parcel | None]:
-        """Makes a member's local estimate: one packet, and one more for its variances if the head weighs by them."""
+        """A function that gives a member's report: one packet, and one more for variances if the head uses them."""
         packets = state_packets(columns)
 
         def report(member: Member) -> Parcel | None:
@@ -273,7 +273,7 @@ class PsoMhpf:
 
 
 def _collected(belief: Spread) -> Flow[Pool | None]:
-    """All that the members hold, n packets each."""
+    """All particles that the members hold, in n packets each."""
     answer = yield Gather(_give_all, tuple(belief.deal.held))
     return pooled([arrived_particles(payload, mask) for payload, mask in answer.values()])
 

@@ -1,6 +1,6 @@
 """RKF: one Kalman filter that is relayed from sensor to sensor by the probabilities of a Markov chain.
 
-After Liu, Wang (2012), section 3. What a step asks:
+After Liu, Wang (2012), section 3. Requests of a step:
 
     Gather: readings  Compute
 """
@@ -67,7 +67,7 @@ class RelayKalman(HeadFilter):
         return RelayBelief(
             prior.mean, prior.cov, scene.head, ids=scene.ids, probabilities=relayed((), np.empty(0), scene.ids)
         )
-        yield  # a flow that asks for nothing
+        yield  # a flow without requests
 
     def step(self, belief: RelayBelief, scene: Scene) -> Flow[RelayBelief]:
         """One step: N_act - 1 readings reach the head, which predicts and updates; with none, it predicts."""

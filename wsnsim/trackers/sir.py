@@ -1,6 +1,6 @@
 """The textbook particle filter: predict, weigh, resample at every step.
 
-Gordon, Salmond, Smith (1993), as Wei, Guo (2022) and Ruan et al. (2020) compare with. What a step asks:
+Gordon, Salmond, Smith (1993), as Wei, Guo (2022) and Ruan et al. (2020) compare with. Requests of a step:
 
     Gather: readings  Compute
 """

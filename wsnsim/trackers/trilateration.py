@@ -66,14 +66,14 @@ class Trilateration(HeadFilter):
     messages: ClassVar[str] = "a reading up per member"
     variants: ClassVar[str] = ""
     needs: ClassVar[tuple[str, ...]] = ("ranges",)
-    """What its sensor must be able to do besides."""
+    """Methods that its sensor must have in addition to the port's."""
 
     floor: Annotated[
         float, Quantity("m", ge=1e-6, le=1e7), "standard deviation that the position has if all pairs agree"
     ] = 0.1
 
     def check(self, setup: TrackingSetup) -> Iterator[Issue]:
-        """Circles cross in the plane."""
+        """The motion must have a position of two columns."""
         if any(len(motion.position) != 2 for motion in setup.filter_motions):
             yield Issue(
                 ("tracker", "kind"),

@@ -1,6 +1,6 @@
-"""Trackers that fix the target anew at each step, by least squares on ranges: what they share.
+"""Base of trackers that compute a fix at each step by least squares on ranges.
 
-What a step asks:
+Requests of a step:
 
     Gather: readings  Compute
 """
@@ -47,16 +47,16 @@ class Fixes:
 
 @part
 class RangeFix(HeadFilter):
-    """What trackers share that fix the target anew at each step, by least squares on the ranges that came.
+    """Base of trackers that compute a fix at each step by least squares on the ranges that arrived.
 
-    A tracker of this kind says where it expects the target (`_at`), from where the search starts (`_start_of`), how
-    many fixes it keeps, how many bits hand them over, and what it computes besides a fix. Columns of the state other
+    A subclass defines the expected position (`_at`), the start of the search (`_start_of`), the number of fixes that it
+    keeps, the bits of a handover, and its operations other than the fix. Columns of the state other
     than the position are the velocity, from the last two fixes, if they are named vx and vy, and else unknown: 0 with
     the prior's spread. The position that a track starts with counts as its first fix (our choice).
     """
 
     needs: ClassVar[tuple[str, ...]] = ("ranges",)
-    """What its sensor must be able to do besides."""
+    """Methods that its sensor must have in addition to the port's."""
 
     reading_bits: Annotated[int, Quantity("", ge=1, le=100_000), "of a reading on the air"] = 88
 
@@ -66,10 +66,10 @@ class RangeFix(HeadFilter):
         x, y = prior.mean[place].tolist()
         unknown = np.diag(prior.cov) + prior.mean**2
         return Fixes((scene.time,), ((x, y),), prior.mean, prior.cov, scene.head, prior.cov[_block(place)], unknown)
-        yield  # a flow that asks for nothing
+        yield  # a flow without requests
 
     def step(self, belief: Fixes, scene: Scene) -> Flow[Fixes]:
-        """One step: N_act - 1 readings reach the head, which fixes the target. Without any it goes on as predicted."""
+        """One step: N_act - 1 measurements reach the head, which computes a fix; without any, it predicts."""
         ranged = usable((yield from gather_readings(scene, self.reading_bits)), scene)
         expected = self._placed(Estimate(*predicted(belief.mean, belief.cov, scene)), belief, scene.time, scene)
         count = ranged.ranges.size
@@ -88,12 +88,12 @@ class RangeFix(HeadFilter):
         return replace(belief, head=successor) if mask.all() else None
 
     def forecast(self, belief: Fixes, scene: Scene, ahead: int) -> Estimate:
-        """Where the target is expected at the step that is so many steps on; the spread is the motion model's."""
+        """The expected position `ahead` steps later, with the covariance of the motion model's prediction."""
         moved = forecast(Estimate(belief.mean, belief.cov), scene, ahead)
         return self._placed(moved, belief, scene.time + ahead * scene.dt, scene)
 
     def check(self, setup: TrackingSetup) -> Iterator[Issue]:
-        """Circles cross in the plane."""
+        """The motion must have a position of two columns."""
         if any(len(motion.position) != 2 for motion in setup.filter_motions):
             yield Issue(
                 ("tracker", "kind"),
@@ -102,7 +102,7 @@ class RangeFix(HeadFilter):
 
     @property
     def _kept(self) -> int:
-        """How many fixes."""
+        """Number of fixes that are kept."""
         raise NotImplementedError
 
     @property
@@ -110,15 +110,15 @@ class RangeFix(HeadFilter):
         raise NotImplementedError
 
     def _other_cycles(self, fixes: int) -> float:
-        """Operations of a step besides the fix, with so many fixes."""
+        """Operations of a step other than the fix, given the number of kept fixes."""
         raise NotImplementedError
 
     def _predicts(self, belief: Fixes) -> bool:
-        """Whether it expects the target elsewhere than where it was last."""
+        """Whether it predicts the position, instead of keeping the last one."""
         return False
 
     def _at(self, belief: Fixes, time: float, scene: Scene) -> Floats:
-        """(2,) where the target is expected at a time: where it was last, unless a tracker says otherwise."""
+        """(2,) the expected position at a time: by default the last fix."""
         return np.array(belief.points[-1])
 
     def _start_of(self, expected: Estimate, ranged: Ranged, scene: Scene) -> tuple[Floats, float]:
@@ -131,7 +131,7 @@ class RangeFix(HeadFilter):
         return expected.mean[place], min(off, float(ranged.ranges.max()))
 
     def _placed(self, moved: Estimate, belief: Fixes, time: float, scene: Scene) -> Estimate:
-        """The motion's prediction with the position that the tracker expects; their difference adds to the spread."""
+        """The motion model's prediction, moved to the expected position; the difference is added to the covariance."""
         place = list(scene.motion.position)
         mean, cov = moved.mean.copy(), moved.cov.copy()
         mean[place] = self._at(belief, time, scene)
@@ -151,7 +151,7 @@ class RangeFix(HeadFilter):
 
 
 def _block(rows: list[int], columns: list[int] | None = None) -> tuple[Ints, Ints]:
-    """What indexes these rows and columns of a matrix; the same ones if only rows are given."""
+    """The index of a block of a matrix; its columns are its rows by default."""
     return np.array(rows)[:, None], np.array(rows if columns is None else columns)
 
 

@@ -82,7 +82,7 @@ class HeadFilter:
     def start(self, prior: Estimate, scene: Scene) -> Flow[Any]:
         """The prior itself."""
         return GaussianBelief(prior.mean, prior.cov, scene.head)
-        yield  # a flow that asks for nothing
+        yield  # a flow without requests
 
     def hand_over(self, belief: Any, scene: Scene, successor: int) -> Flow[Any]:
         """The packets of a mean and a covariance: 4 for a state of four."""

@@ -1,4 +1,4 @@
-"""Where a target is by least squares on ranges.
+"""Least-squares position fixes from ranges.
 
 least_squares(positions (S, 2), ranges (S,), start (2,)) -> (fix (2,), iterations)
 
@@ -41,14 +41,14 @@ Point = tuple[float, float]
 
 
 class Ranged(NamedTuple):
-    """Readings that are of use, and the distances (S,) in m that they stand for."""
+    """Usable measurements, and the distances (S,) in m that they stand for."""
 
     seen: Evidence
     ranges: Floats
 
 
 class Fix(NamedTuple):
-    """A position (2,) in m, its covariance (2, 2), and how many steps of the descent it took."""
+    """A position (2,) in m, its covariance (2, 2), and the number of iterations."""
 
     point: Floats
     cov: Floats
@@ -56,7 +56,7 @@ class Fix(NamedTuple):
 
 
 def usable(seen: Evidence, scene: Scene) -> Ranged:
-    """The readings whose distances are numbers, and not beyond measure."""
+    """The measurements whose distances are finite and at most `FARTHEST`."""
     ranges = ranges_of(seen.readings, scene.sensor)
     known = (ranges >= 0.0) & (ranges < FARTHEST)
     if known.all():

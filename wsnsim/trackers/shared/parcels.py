@@ -1,4 +1,4 @@
-"""Packets of 12 bytes: how many a payload needs, and what of it arrived (Jiang 2013, section 5).
+"""Packets of 12 bytes: the number that a payload needs, and the part of it that arrived (Jiang 2013, section 5).
 
 A packet is 4 bytes of header and 8 of payload: four int16 of a state or of weights, or eight replication counts, or one
 reading. What is quantised is counted in bits; the values themselves are passed on unrounded.
@@ -79,7 +79,7 @@ def arrived_particles(sent: tuple[Floats, Floats | float], mask: Bools) -> tuple
 
 
 def is_whole(mask: Bools) -> bool:
-    """Whether everything arrived. Whole deliveries share their masks, which makes the common case cheap."""
+    """Whether all packets arrived. Complete deliveries share their masks, which makes this case fast."""
     return mask is all_arrived(mask.size) or bool(mask.all())
 
 

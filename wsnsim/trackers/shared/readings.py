@@ -1,4 +1,4 @@
-"""Readings on their way to those who weigh with them: up to the head, and from there to everyone."""
+"""Measurements that members send to the head, and that the head sends back to all members."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ READINGS = "readings"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Evidence:
-    """Readings (S,) of nodes `ids`, with the nodes' positions (S, 2) and traits (S, T)."""
+    """Measurements (S,) of the nodes `ids`, with the nodes' positions (S, 2) and traits (S, T)."""
 
     ids: tuple[int, ...]
     readings: Floats
@@ -75,14 +75,14 @@ def share_readings(scene: Scene) -> Flow[Evidence]:
 
 
 def own_evidence(member: Member) -> Evidence:
-    """What a member has measured itself: one reading, or none."""
+    """A member's own measurement, or none."""
     count = 0 if member.reading is None else 1
     values = np.array([member.reading][:count], dtype=np.float64)
     return Evidence((member.id,)[:count], values, member.position[None, :][:count], member.traits[None, :][:count])
 
 
 def evidence_at(member: Member, heard: list[Delivery]) -> Evidence:
-    """The readings that a member has: those of the broadcast whose packets arrived, and always its own."""
+    """The measurements at a member: those of the broadcast whose packets arrived, and always its own."""
     for delivery in heard:
         if delivery.what == READINGS:
             shared: Evidence = delivery.payload
@@ -93,7 +93,7 @@ def evidence_at(member: Member, heard: list[Delivery]) -> Evidence:
 
 
 def _merged(member: Member, shared: Evidence, arrived: np.ndarray) -> Evidence:
-    """The arrived part of what was shared, the member's own reading from itself."""
+    """The measurements of the broadcast that arrived, with the member's own."""
     rows = [row for row, node in enumerate(shared.ids) if arrived[row] and node != member.id]
     own = own_evidence(member)
     return Evidence(

@@ -1,4 +1,4 @@
-"""What filters over a Markov chain of sensors share: who is in the chain, whose reading is heard, what is handed over.
+"""Functions for filters over a Markov chain of sensors: its sensors, their measurements, and the handover.
 
 The sensors of the chain are those who sense (`scene.ids`). Liu and Wang (2012) have all of them at every step; what
 happens where they come and go, and where packets are lost, is our choice, and is said here.

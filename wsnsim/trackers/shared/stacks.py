@@ -80,7 +80,7 @@ class Stack:
 
 
 def stacked(members: Sequence[Member], columns: int) -> tuple[Stack, list[list[Delivery]]]:
-    """The members' particles, those in their inboxes included, and what else each of them heard."""
+    """The members' particles, those in their inboxes included, and the other deliveries of each member."""
     heard = [settle(member) if member.inbox else [] for member in members]
     held = [member.memory if CLOUD in member.memory else _nothing(columns) for member in members]
     clouds = [memory[CLOUD] for memory in held]
@@ -115,7 +115,7 @@ def settle(member: Member) -> list[Delivery]:
 
 
 def held_with(member: Member, cloud: Floats, log_weights: Floats) -> tuple[Floats, Floats]:
-    """What the member holds, and these."""
+    """The member's particles together with these."""
     if CLOUD in member.memory:
         cloud = np.concatenate([member.memory[CLOUD], cloud], axis=1)
         log_weights = np.concatenate([member.memory[LOG_WEIGHTS], log_weights])
@@ -123,13 +123,13 @@ def held_with(member: Member, cloud: Floats, log_weights: Floats) -> tuple[Float
 
 
 def keep(member: Member, cloud: Floats, log_weights: Floats) -> None:
-    """Make these the member's particles."""
+    """Replace the member's particles."""
     member.memory[CLOUD] = cloud
     member.memory[LOG_WEIGHTS] = log_weights
 
 
 def present(member: Member, columns: int) -> tuple[Floats, Floats]:
-    """What the member holds at this moment, its inbox included, without changing anything."""
+    """The particles and log-weights that the member holds, its inbox included; nothing is changed."""
     twin = replace(member, inbox=list(member.inbox), memory=dict(member.memory))
     settle(twin)
     return twin.memory.get(CLOUD, np.empty((columns, 0))), twin.memory.get(LOG_WEIGHTS, np.empty(0))
@@ -161,7 +161,7 @@ def drawn_from(mean: Floats, cov: Floats, key: int, count: int) -> Floats:
 
 
 def propagated(cloud: Floats, offsets: Ints, keys: Keys, scene: Scene) -> tuple[Floats, Floats]:
-    """The particles (D, N) one step ago and now, the model's steps since the belief's time having passed. Eq. (12)."""
+    """The particles (D, N) one step ago and now, after all model steps since the belief's time. Eq. (12)."""
     before = cloud
     for step in range(scene.steps):
         before = cloud
@@ -171,7 +171,7 @@ def propagated(cloud: Floats, offsets: Ints, keys: Keys, scene: Scene) -> tuple[
 
 
 def propagated_by(key: int, cloud: Floats, scene: Scene) -> tuple[Floats, Floats]:
-    """The same for the particles of one node."""
+    """As `propagated`, for the particles of one node."""
     return propagated(cloud, np.array([0, cloud.shape[1]]), np.array([key], np.uint64), scene)
 
 
@@ -181,7 +181,7 @@ Score: TypeAlias = Callable[[Floats], Floats]
 
 @dataclass(frozen=True, slots=True)
 class OwnReadings:
-    """What stacked particles are weighed with if each node has its own reading alone."""
+    """Likelihood of stacked particles if each node uses only its own measurement."""
 
     sensor: SensorModel
     place: slice | list[int]
@@ -200,7 +200,7 @@ class OwnReadings:
 
     @property
     def sensors(self) -> list[int]:
-        """How many readings each member weighs with."""
+        """Number of measurements that each member uses."""
         return [1] * len(self.evidence.ids)
 
     def score(self, stack: Stack) -> Score:
@@ -212,7 +212,7 @@ class OwnReadings:
 
 @dataclass(frozen=True, slots=True)
 class SharedReadings:
-    """What stacked particles are weighed with if each node has the readings of many."""
+    """Likelihood of stacked particles if each node uses the measurements of several nodes."""
 
     sensor: SensorModel
     place: slice | list[int]
@@ -226,7 +226,7 @@ class SharedReadings:
 
     @property
     def sensors(self) -> list[int]:
-        """How many readings each member weighs with."""
+        """Number of measurements that each member uses."""
         return [len(seen.ids) for seen in self.evidence]
 
     def score(self, stack: Stack) -> Score:
@@ -258,7 +258,7 @@ def place_of(scene: Scene) -> slice | list[int]:
 def likelihood_of(
     measurements: str, members: Sequence[Member], heard: Sequence[list[Delivery]], scene: Scene
 ) -> OwnReadings | SharedReadings:
-    """What the members weigh with: their 'own' readings, or 'all' that they heard."""
+    """The likelihood that members use: of their 'own' measurements, or of 'all' that they received."""
     if measurements == "own":
         return OwnReadings.of(members, scene)
     return SharedReadings.of(members, heard, scene)

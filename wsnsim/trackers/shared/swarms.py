@@ -18,7 +18,7 @@ from wsnsim.trackers.shared.stacks import MOVE, START, Score, Stack
 
 
 class Pull(NamedTuple):
-    """How a swarm moves: eqs. (18), (19)."""
+    """Parameters of the swarm's move: eqs. (18), (19)."""
 
     iterations: int
     phi1: float
