@@ -6,13 +6,16 @@ import json
 import re
 from dataclasses import replace
 from importlib import import_module
+from types import SimpleNamespace
 
+import pandas as pd
 import pytest
 
 from wsnsim import scenario
 from wsnsim.base.errors import ScenarioError
 from wsnsim.papers import paper as papers
 from wsnsim.papers import reproduce
+from wsnsim.papers.measures import computing
 from wsnsim.papers.paper import FOLDER, PAGES, Paper, paper
 from wsnsim.papers.reasons import rendered
 from wsnsim.papers.reproduction import ClaimRow, Order
@@ -130,3 +133,16 @@ def test_what_is_wrong_in_a_papers_file_is_said_with_its_place_and_the_nearest_n
 def test_a_main_row_that_is_no_claim_is_said_with_its_place(edited):
     with pytest.raises(ScenarioError, match=r"error: main.0.figures_1_to_4.velcity"):
         edited("      velocity: all", "      velcity: all").main  # noqa: B018
+
+
+def test_computing_takes_the_operations_of_an_estimate_at_the_rate_of_the_processor():
+    tables = {
+        "runs": pd.DataFrame({"replicate": [3, 4], "cycles": [4e6, 8e6], "steps": [10, 10]}),
+        "tracks": pd.DataFrame({"replicate": [4, 3], "reports": [4, 2]}),
+    }
+    data = SimpleNamespace(
+        of=lambda variant, table: tables[table],
+        of_runs=lambda variant, column: tables["runs"].set_index("replicate")[column],
+        scenario=lambda variant: {"cpu": {"rate": 8e6, "cycles_per_flop": 2.0}},
+    )
+    assert computing(data, "pf").to_dict() == {3: 500.0, 4: 500.0}

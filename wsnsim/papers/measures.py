@@ -216,10 +216,13 @@ def bound_from_events(data: Data, variant: str, readings: str) -> pd.Series:
 
 
 def computing(data: Data, variant: str) -> pd.Series:
-    """The computing time of a step (ms): the operations that the tracker states, at the rate of the processor."""
+    """The computing time of an estimate (ms): the operations that the tracker states, at the rate of the processor.
+
+    A tracker that is too slow skips steps, which do not count.
+    """
     cpu = data.scenario(variant)["cpu"]
-    operations = data.of_runs(variant, "cycles") / data.of_runs(variant, "steps")
-    return 1e3 * operations * cpu["cycles_per_flop"] / cpu["rate"]
+    estimates = data.of(variant, "tracks").groupby("replicate")["reports"].sum()
+    return 1e3 * data.of_runs(variant, "cycles") / estimates * cpu["cycles_per_flop"] / cpu["rate"]
 
 
 def _in_terms(found: bounds.Bound, measure: str, states: Sequence[tuple[str, str]]) -> float:
