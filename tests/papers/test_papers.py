@@ -112,8 +112,8 @@ def edited(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("before", "after", "words"),
     [
-        ("quick: 20", "quik: 20", r"experiments.0.quik: unknown key, did you mean 'quick'"),
-        ("quick: 20", "quick: many", r"experiments.0.quick"),
+        ("quick: 20", "quik: 20", r"experiments.0.runs.quik: unknown key, did you mean 'quick'"),
+        ("quick: 20", "quick: many", r"experiments.0.runs.quick"),
         ("order: imsf < rkf,", "order: imsf < rfk,", r"'rfk'.*did you mean 'rkf'"),
         ("variants: [rkf, imsf,", "variants: [rkf, imfs,", r"'imfs'.*did you mean 'imsf'"),
         ("measure: rmse_of_kept", "measure: rmse_of_kep", r"did you mean 'rmse_of_kept'"),
