@@ -126,7 +126,7 @@ def edited(tmp_path, monkeypatch):
     ],
 )  # fmt: skip
 def test_what_is_wrong_in_a_papers_file_is_said_with_its_place_and_the_nearest_name(edited, before, after, words):
-    with pytest.raises(ScenarioError, match=r"^liu2012.yaml:\d+:\d+: error: .*" + words):
+    with pytest.raises(ScenarioError, match=r"(?s)^liu2012.yaml:\d+:\d+: error: .*" + words):
         edited(before, after).experiments  # noqa: B018
 
 
