@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import wsnsim
-from wsnsim.analysis import figures, frames
+from wsnsim.analysis import figures, result_info
 from wsnsim.verification import verify
 
 DATA = Path(__file__).parent / "data"
@@ -29,7 +29,7 @@ def test_its_tables_are_read(path):
     runs, estimates = wsnsim.read(path, "runs"), wsnsim.read(path, "estimates")
     assert "event_fingerprint" not in runs
     assert np.isfinite(estimates["error"]).all() and len(estimates) == 10 * len(runs)
-    assert frames.info(path)["fingerprints"] == [f"{value:016x}" for value in runs["fingerprint"]]
+    assert result_info.info(path)["fingerprints"] == [f"{value:016x}" for value in runs["fingerprint"]]
 
 
 def test_its_figures_are_drawn(path, tmp_path):

@@ -177,7 +177,7 @@ class SensorModel(Protocol):
 
 @runtime_checkable
 class Continuous(Protocol):
-    """What a motion may be besides: a way in continuous time, the same truth however finely it is sampled."""
+    """Optional port of a motion model: a trajectory in continuous time, the same at every sampling interval."""
 
     @property
     def continuous(self) -> bool: ...
@@ -185,7 +185,7 @@ class Continuous(Protocol):
 
 @runtime_checkable
 class Informs(Protocol):
-    """What a sensor may offer besides: what its readings can tell at best, for the bounds on every filter's error."""
+    """Optional port of a sensor model: the Fisher information of its measurements, for Cramér-Rao bounds."""
 
     def information(self, points: Floats, positions: Floats, traits: Floats) -> Floats:
         """(S, P, P, N) Fisher's information about the position in one reading of each sensor, at points (P, N).
@@ -197,7 +197,7 @@ class Informs(Protocol):
 
 @runtime_checkable
 class Ranks(Protocol):
-    """What a sensor may offer besides: how near its readings say the target is, where a larger one is not nearer."""
+    """Optional port of a sensor model whose larger measurements do not mean a nearer target: ranks measurements."""
 
     def strength(self, reading: float) -> float:
         """The larger, the nearer."""
@@ -206,7 +206,7 @@ class Ranks(Protocol):
 
 @runtime_checkable
 class Detects(Protocol):
-    """What a sensor may offer besides: who gets a reading, where it is not everybody within `reach`."""
+    """Optional port of a sensor model: which nodes measure the target, if not all within `reach`."""
 
     def detects(self, points: Floats, positions: Floats) -> Bools:
         """(n, S) whether a target at each of the points (n, P) gives a reading at each of the sensors (S, 2)."""
@@ -220,7 +220,7 @@ class Deployment(Protocol):
     def field(self) -> Field: ...
 
     def draw(self, reach: float, rng: np.random.Generator) -> Floats:
-        """(N, 2) positions, covering the field if the part asks for it. Raises RunError where that cannot be had."""
+        """(N, 2) positions, covering the field if the component requires it. Raises RunError if that fails."""
         ...
 
 
@@ -296,9 +296,9 @@ class Recorder(Protocol):
 
 
 class Tracker(Protocol[B]):
-    """A tracking strategy: half mathematics, half protocol (see `base.asks`). State is argument and return value.
+    """A tracking strategy: half mathematics, half protocol (see `base.requests`). Its state is passed in and returned.
 
-    A tracker may state besides, as a property `member_cycles: float`, how many operations one member spends on one
+    A tracker may also declare, as a property `member_cycles: float`, how many operations one member spends on one
     step: the energy threshold of heads counts them (Jiang 2013, section 4, step 2). Without it, they are none.
     """
 
@@ -327,7 +327,7 @@ class Tracker(Protocol[B]):
 
 @runtime_checkable
 class Portable(Protocol):
-    """What a tracker may offer besides: a belief small enough to ride on a message that wakes nodes."""
+    """Optional port of a tracker: a belief small enough to be carried by a wake-up message."""
 
     def belief_bits(self, belief: Any) -> int:
         """Bits of the belief in such a message."""
@@ -336,7 +336,7 @@ class Portable(Protocol):
 
 @runtime_checkable
 class Foresees(Protocol):
-    """What a tracker may offer besides: whether its forecast is a prediction yet, or only its last fix."""
+    """Optional port of a tracker: whether its forecast is already a prediction, or only its last fix."""
 
     def foresees(self, belief: Any) -> bool:
         """True once it can predict. Trackers that do not say always can."""
@@ -345,7 +345,7 @@ class Foresees(Protocol):
 
 @runtime_checkable
 class Snapshots(Protocol):
-    """What a tracker may offer besides: a look at its particles, for the table `particles`. No node sees it."""
+    """Optional port of a tracker: its particles for the table `particles`; no node receives them."""
 
     def snapshot(self, belief: Any, members: Sequence[Member]) -> Iterator[tuple[int, Floats, Floats]]:
         """(node, states (D, n), weights (n,)) of each node that holds some; weights sum to 1 over the whole set."""

@@ -55,7 +55,7 @@ def log(x: float) -> float:
 
 @inlined
 def exp(y: float) -> float:
-    """e to the power y <= 700; below -700 it stays at e^-700 = 1e-304, so that the result is a normal number.
+    """The exponential e^y for y <= 700; below -700 it stays at e^-700 = 1e-304, a normal number.
 
     y = k log 2 + r with |r| <= log(2)/2, and e^r as its Taylor series to the 11th power (relative error 3e-14).
     """

@@ -1,4 +1,4 @@
-"""RIS as a tracker: a fix by least squares from whoever happens to be awake, anew at each step.
+"""RIS as a tracker: at each step, a least-squares fix from the nodes that happen to be awake.
 
 Requests of a step:
 

@@ -59,7 +59,7 @@ class Nests:
     def move_cycles(self) -> float:
         """Operations a particle: a flight and a replacement a generation, 50 each, as moves in the other trackers.
 
-        A Metropolis test needs a transition density besides: to predict, and to compare.
+        A Metropolis test also needs a transition density: to predict, and to compare.
         """
         return 2.0 * self.generations * (MOVE_CYCLES + (PREDICT_CYCLES if self.variant == "metropolis" else 0.0))
 

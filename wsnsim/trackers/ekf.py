@@ -31,7 +31,7 @@ LINEARISE_CYCLES = 20.0
 class ExtendedKalman(HeadFilter):
     """Extended Kalman filter on all readings that reach the head, or on that of the nearest sensor alone.
 
-    `nearest` asks only the member that is nearest to the predicted position: a packet down that polls it, and its
+    `nearest` polls only the member that is nearest to the predicted position: a packet down that polls it, and its
     reading up; nothing if it is the head. All readings are linearised at the predicted mean. The variance of a reading
     is taken there, too.
 

@@ -1,6 +1,6 @@
 """A particle filter in the head, whose particles are drawn where an extended Kalman filter expects the target.
 
-The baseline IPF of Jiang, Song, Lin (2013), after van der Merwe, Doucet, de Freitas, Wan (2000). A step asks:
+The baseline IPF of Jiang, Song, Lin (2013), after van der Merwe, Doucet, de Freitas, Wan (2000). Requests of a step:
 
     Gather: readings  Compute
 """

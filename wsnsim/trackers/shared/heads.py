@@ -1,6 +1,6 @@
 """Filters whose whole state is in the head: readings come up to it, and what it believes goes on with a handover.
 
-    Gather: readings  Compute                       what every step asks
+    Gather: readings  Compute                       the requests of every step
 
 `HeadFilter` is what all have in common, and enough for one whose belief between steps is a Gaussian. `HeadCloud` is a
 particle filter in the head: a tracker of this kind says how its prediction is weighed.

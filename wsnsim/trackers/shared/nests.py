@@ -2,7 +2,7 @@
 
     searched(search, prediction, seen, scene) -> belief
 
-`hunt` accepts what is fitter, as the paper does; `walk` asks Metropolis and Hastings, which is our repair.
+`hunt` accepts what is fitter, as the paper does; `walk` applies a Metropolis-Hastings test, which is our repair.
 """
 
 from __future__ import annotations
