@@ -24,7 +24,7 @@ from wsnsim.campaign import WHOLE, CampaignOutcome, CampaignProgress, Shard, run
 from wsnsim.campaign.engines import EngineError, FinishedTask, WorkerLost
 from wsnsim.campaign.runner import MAX_LOSSES
 from wsnsim.campaign.task import Task, TaskOutcome, is_timeout
-from wsnsim.recording.folder import Folder, runs_of
+from wsnsim.recording.folder import Folder, consecutive
 
 from .campaign_files import bare_campaign, files_of
 
@@ -182,7 +182,7 @@ def test_what_is_there_is_not_touched_and_files_do_not_cross_the_border_of_a_blo
 
 @given(numbers=st.sets(st.integers(0, 60)), block=st.integers(1, 9))
 def test_runs_cover_the_numbers_and_stay_within_blocks(numbers: set[int], block: int) -> None:
-    runs = list(runs_of(sorted(numbers), block))
+    runs = list(consecutive(sorted(numbers), block))
     assert [n for first, last in runs for n in range(first, last + 1)] == sorted(numbers)
     assert all(first // block == last // block for first, last in runs)
     for (_, last), (first, _) in itertools.pairwise(runs):

@@ -174,7 +174,7 @@ def test_nodes_with_the_radio_off_receive_nothing_and_pay_nothing():
 def test_broadcasts_are_counted_per_link():
     network = RadioNetwork(LINE, count_links=True)
     play(network, (0.1, 0, EVERYONE), (0.1 + AIRTIME / 2, 2, EVERYONE), (0.2, 0, EVERYONE))
-    rows = network.links.rows()
+    rows = network.links.columns()
     found = {(int(s), int(n)): (int(sent), int(got)) for s, n, sent, got in zip(
         rows["source"], rows["node"], rows["sent"], rows["received"], strict=True)}  # fmt: skip
     assert found == {(0, 1): (2, 1), (2, 1): (1, 0), (2, 3): (1, 1)}

@@ -1,4 +1,4 @@
-"""Former names of modules that plug-ins import: the one list of them, and the warning that each gives."""
+"""Former names of modules that plug-ins import: the list of them, and the deprecation warning at their use."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any, Final, NamedTuple
 
 
 class Moved(NamedTuple):
-    """Where the contents of a module are now, and the new names of those that were renamed as well."""
+    """The module that replaces a former one, and {former name: new name} for what was renamed in it."""
 
     module: str
     renamed: Mapping[str, str] = {}
@@ -30,11 +30,11 @@ MOVED: Final[Mapping[str, Moved]] = {
         },
     ),
 }
-"""Each former module has a file of its own, whose `__getattr__` calls `moved`."""
+"""Each former module still has a file, whose `__getattr__` calls `moved`."""
 
 
 def moved(module: str, name: str) -> Any:
-    """The value of `name` from where a former module's contents are now; gives a DeprecationWarning.
+    """Return what a former module called `name`, from its new module, with a DeprecationWarning.
 
     Raises:
         AttributeError: The module never had this name.

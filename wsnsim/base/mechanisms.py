@@ -168,7 +168,7 @@ class WakeUpServices(Protocol):
         ...
 
     def sleepers(self, nodes: Ints) -> set[int]:
-        """Those of the nodes that are up and asleep now."""
+        """The nodes, out of the given ones, that are up and asleep now."""
         ...
 
     def broadcast(

@@ -17,7 +17,7 @@ import wsnsim.experiment as experiment
 import wsnsim.scenario as scenario
 from wsnsim.campaign.status import WHOLE, Shard
 from wsnsim.recording import read_table
-from wsnsim.recording.folder import Folder, runs_of
+from wsnsim.recording.folder import Folder, consecutive
 from wsnsim.scenario.sweep_schema import Plan, Point
 
 MAX_TRIALS: Final = 3
@@ -74,7 +74,7 @@ def estimate_cost(plan: Plan, folder: Folder, workers: int, shard: Shard = WHOLE
     }
     missing = {point: sorted(set(numbers) - folder.done(point)) for point, numbers in wanted.items()}
     left = sum(map(len, missing.values()))
-    tasks = sum(1 for numbers in missing.values() for _ in runs_of(numbers, block))
+    tasks = sum(1 for numbers in missing.values() for _ in consecutive(numbers, block))
     seconds, size, source = _unit_cost(plan, folder) if left else (0.0, 0.0, "nothing is missing")
     total = sum(map(len, wanted.values()))
     cpu = seconds * left

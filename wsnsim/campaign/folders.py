@@ -12,7 +12,7 @@ from wsnsim.analysis.stopping import ReplicateCounts
 from wsnsim.base.errors import UsageError
 from wsnsim.base.version import __version__
 from wsnsim.recording import provenance
-from wsnsim.recording.folder import Folder, Manifest, PointOnDisk, runs_of
+from wsnsim.recording.folder import Folder, Manifest, PointOnDisk, consecutive
 from wsnsim.recording.layout import reason
 from wsnsim.scenario.sweep_schema import Plan
 
@@ -111,7 +111,7 @@ def describe_missing(missing: Mapping[str, Iterable[int]], manifest: Manifest, m
     lines = []
     for point, numbers in list(missing.items())[:most]:
         settings = ", ".join(f"{key} = {value}" for key, value in manifest.point(point).settings.items())
-        spans = ", ".join(f"{a}" if a == b else f"{a}-{b}" for a, b in runs_of(sorted(numbers), 10**9))
+        spans = ", ".join(f"{a}" if a == b else f"{a}-{b}" for a, b in consecutive(sorted(numbers), 10**9))
         lines.append(f"  {settings or point}: replicates {spans}")
     if len(missing) > most:
         lines.append(f"  and {len(missing) - most} more points")

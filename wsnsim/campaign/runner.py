@@ -19,7 +19,7 @@ from wsnsim.base.version import __version__
 from wsnsim.campaign.engines import Engine, EngineError, FinishedTask, WorkerLost
 from wsnsim.campaign.status import WHOLE, CampaignOutcome, CampaignProgress, Shard
 from wsnsim.campaign.task import Task, TaskOutcome, is_timeout
-from wsnsim.recording.folder import Folder, Manifest, runs_of
+from wsnsim.recording.folder import Folder, Manifest, consecutive
 
 GRACE: Final = 10.0
 """Seconds that running tasks get to finish after the campaign is stopped."""
@@ -27,9 +27,9 @@ POLL: Final = 0.25
 """Seconds to wait for workers before checking for a stop and reporting progress."""
 MAX_MARKER_TEXT: Final = 4000
 MAX_LOSSES: Final = 20
-"""Losses of workers before the task started, after which it fails."""
+"""A task fails that was lost with its worker this often without being the cause."""
 LOSSES_BEFORE_ISOLATION: Final = 3
-"""Losses after which a task is run alone."""
+"""A task that was lost this often is run alone."""
 
 
 def run_campaign(
@@ -60,15 +60,15 @@ def run_campaign(
 @final
 @dataclass
 class _CampaignRunner:
-    """The state of one session.
+    """One session of a campaign.
 
     Attributes:
         pending: tasks to submit.
         suspects: tasks whose worker died, to be run alone.
         running: submitted tasks by name.
-        failed: reasons by failed task, or by point if a file of it cannot be read.
-        left: unfinished replicates by point.
-        losses: how often a task was lost with its worker before it started.
+        failed: {task: reason}, or {point: reason} if a result file of the point cannot be read.
+        unfinished: number of unfinished replicates by point.
+        losses: how often a task was lost with its worker without being the cause.
         isolated: name of the task that runs alone, '' if none does.
     """
 
@@ -81,7 +81,7 @@ class _CampaignRunner:
     suspects: deque[Task] = field(default_factory=deque)
     running: dict[str, Task] = field(default_factory=dict)
     failed: dict[str, str] = field(default_factory=dict)
-    left: Counter[str] = field(default_factory=Counter)
+    unfinished: Counter[str] = field(default_factory=Counter)
     losses: Counter[str] = field(default_factory=Counter)
     isolated: str = ""
     stopped: str = ""
@@ -117,7 +117,7 @@ class _CampaignRunner:
         self.report_progress()
 
     def plan(self, point: str, first: int) -> None:
-        """Queue tasks for the missing replicates of a point from `first` on; if none is missing, ask the rule."""
+        """Queue tasks for missing replicates of a point, from `first` on. If none is missing, ask the stopping rule."""
         wanted = [number for number in range(first, self.wanted[point]) if self.is_ours(point, number)]
         done = self.folder.done(point)
         missing = [number for number in wanted if number not in done]
@@ -128,8 +128,8 @@ class _CampaignRunner:
 
     def queue(self, point: str, missing: Sequence[int]) -> None:
         """Queue tasks for these replicates, in order."""
-        self.left[point] += len(missing)
-        for first, last in runs_of(missing, self.manifest.block):
+        self.unfinished[point] += len(missing)
+        for first, last in consecutive(missing, self.manifest.block):
             self.pending.append(self.task(point, first, last))
 
     def is_ours(self, point: str, replicate: int) -> bool:
@@ -169,7 +169,7 @@ class _CampaignRunner:
             self.investigate(lost)
 
     def end_isolation(self, task: Task) -> bool:
-        """Whether the finished task ran alone; others may run from now on."""
+        """Return whether a finished task ran alone; if so, others may run again."""
         was_isolated = self.isolated == task.name
         if was_isolated:
             self.isolated = ""
@@ -198,12 +198,12 @@ class _CampaignRunner:
         for single in task.singly():
             if single.name in self.failed_before:
                 self.folder.forget_failure(single.name)
-        self.left[task.point] -= task.replicates
-        if not self.left[task.point]:
+        self.unfinished[task.point] -= task.replicates
+        if not self.unfinished[task.point]:
             self.extend_point(task.point)
 
     def extend_point(self, point: str) -> None:
-        """Ask the stopping rule whether a point, all of whose tasks are done, needs more replicates.
+        """Ask the stopping rule whether a point needs more replicates, once all its tasks are done.
 
         A file that the rule cannot read is set aside, and its replicates are run again.
         """
@@ -241,7 +241,7 @@ class _CampaignRunner:
                 self.give_up(task, f"killed its worker twice ({_cause(text)})", text, isolate=True)
 
     def retry(self, task: Task, was_isolated: bool) -> None:
-        """Run a task that is not to blame next; alone, or not at all, if it was lost too often."""
+        """Queue again a task that was lost without being the cause. After many losses it is run alone, or fails."""
         self.losses[task.name] += 1
         if self.losses[task.name] >= MAX_LOSSES and was_isolated:
             self.give_up(task, f"was lost with its worker {MAX_LOSSES} times", isolate=True)
@@ -251,13 +251,13 @@ class _CampaignRunner:
             self.pending.appendleft(task)
 
     def give_up(self, task: Task, reason: str, details: str = "", isolate: bool = False) -> None:
-        """Split a task of several replicates into single ones; a single one has failed."""
+        """Split a failed task into tasks of one replicate; if it has only one, write down its failure."""
         if task.replicates > 1:
             done = self.folder.done(task.point)
             missing = [single for single in task.singly() if single.first not in done]
             (self.suspects if isolate else self.pending).extend(missing)
             self.done += task.replicates - len(missing)
-            self.left[task.point] -= task.replicates - len(missing)
+            self.unfinished[task.point] -= task.replicates - len(missing)
             return
         self.failed[task.name] = reason
         settings = self.manifest.point(task.point).settings
@@ -275,16 +275,16 @@ class _CampaignRunner:
             self.report_progress()
 
     def report_progress(self) -> None:
-        """Report the progress, if anybody wants it."""
+        """Report the progress, if there is a callback for it."""
         if self.on_progress is None:
             return
-        wall, left = time.monotonic() - self.started_at, self.left.total()
-        total = self.found + self.done + left
-        rest = wall / self.done * (left - len(self.failed)) if self.done else None
-        self.on_progress(CampaignProgress(self.found + self.done, len(self.failed), total, wall, rest))
+        wall, unfinished = time.monotonic() - self.started_at, self.unfinished.total()
+        total = self.found + self.done + unfinished
+        left = wall / self.done * (unfinished - len(self.failed)) if self.done else None
+        self.on_progress(CampaignProgress(self.found + self.done, len(self.failed), total, wall, left))
 
     def outcome(self) -> CampaignOutcome:
-        """The outcome of the session. What is missing is looked up on disk."""
+        """The outcome of the session. The missing replicates are looked up on disk."""
         missing = {
             point: [number for number in self.folder.missing(point, count) if self.is_ours(point, number)]
             for point, count in self.wanted.items()

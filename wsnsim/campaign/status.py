@@ -1,4 +1,4 @@
-"""Shards, progress and outcome of a campaign, as the runner takes and reports them."""
+"""Shards, progress and outcome of a campaign, which the runner is given or reports."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ WHOLE: Final = Shard(1, 1)
 
 @dataclass(frozen=True, slots=True)
 class CampaignProgress:
-    """Progress in replicates.
+    """Progress of one session of a campaign.
 
     Attributes:
         done: replicates on disk, those of earlier sessions included.
@@ -48,8 +48,8 @@ class CampaignOutcome:
     Attributes:
         done: replicates computed in this session.
         found: replicates that were on disk before.
-        failed: the reason by failed task.
-        missing: the missing replicates by point.
+        failed: {task: reason}; also {point: reason} if a result file of a point cannot be read.
+        missing: {point: replicates that are not on disk}.
         stopped: why the session stopped early, '' if it tried every task.
         seconds: duration of the session (s).
     """
@@ -63,5 +63,5 @@ class CampaignOutcome:
 
     @property
     def complete(self) -> bool:
-        """Whether every replicate of the shard is on disk and the stopping rule could read its files."""
+        """Whether every replicate of the shard is on disk and nothing failed."""
         return not self.missing and not self.failed

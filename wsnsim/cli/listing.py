@@ -22,9 +22,9 @@ TRACKER_COLUMNS: Final = ("kind", "paper", "idea", "state", "messages", "variant
 
 
 def listed(word: str | None, as_json: bool) -> str | dict[str, Any]:
-    """The list that a word names: a role, 'scenarios', 'sweeps' or 'parts'; without a word, every role."""
+    """The table for a word: the name of a role, 'scenarios', 'sweeps' or 'parts'; without a word, all roles."""
     if word in ("scenario", "scenarios"):
-        # a file without a name is a base that scenarios extend
+        # a file without the key `name` is a base that scenarios extend
         named = {n: p for n, p in shipped().items() if re.search(r"^name:", _text(p), re.MULTILINE)}
         return _files("scenarios", ["scenario", "description"], named, as_json)
     if word in ("sweep", "sweeps"):
@@ -37,10 +37,10 @@ def listed(word: str | None, as_json: bool) -> str | dict[str, Any]:
     return "\n\n".join(_role_text(role) for role in roles)
 
 
-def _files(key: str, heads: list[str], files: Mapping[str, Path], as_json: bool) -> str | dict[str, Any]:
-    """Files and the first sentence of each."""
+def _files(key: str, headings: list[str], files: Mapping[str, Path], as_json: bool) -> str | dict[str, Any]:
+    """The table of files: name, and first sentence of the comment at the top."""
     descriptions = {name: _first_sentence(_text(path)) for name, path in files.items()}
-    return {key: descriptions} if as_json else table(heads, [list(row) for row in descriptions.items()])
+    return {key: descriptions} if as_json else table(headings, [list(row) for row in descriptions.items()])
 
 
 def _datasheets(as_json: bool) -> str | dict[str, Any]:
@@ -61,9 +61,9 @@ def _role_json(role: Role) -> dict[str, Any]:
 
 def _role_text(role: Role) -> str:
     columns = TRACKER_COLUMNS if role.name == "tracker" else COLUMNS
-    heads = [{"messages": "messages per step"}.get(name, name) for name in columns]
+    headings = [{"messages": "messages per step"}.get(name, name) for name in columns]
     cells = [[_cell(row, name, role) for name in columns] for row in kinds(role.name).values()]
-    return f"{role.plural}: {role.purpose}\n{table(heads, cells)}"
+    return f"{role.plural}: {role.purpose}\n{table(headings, cells)}"
 
 
 def _cell(row: Kind, name: str, role: Role) -> str:
@@ -83,21 +83,21 @@ def _first_sentence(text: str) -> str:
     return " ".join(line for line in lines if not line.startswith("(")).partition(". ")[0]
 
 
-def table(heads: list[str], rows: Sequence[list[str]]) -> str:
+def table(headings: list[str], rows: Sequence[list[str]]) -> str:
     """A table with aligned columns; on a terminal that is too narrow, a block of lines per row."""
-    widths = [max(map(len, column)) for column in zip(heads, *rows, strict=True)]
-    width = shutil.get_terminal_size().columns
-    if sys.stdout.isatty() and sum(widths) + 2 * len(widths) > width:
-        return "\n".join(_block(heads, row, width) for row in rows)
-    lines = ("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)) for row in [heads, *rows])
+    widths = [max(map(len, column)) for column in zip(headings, *rows, strict=True)]
+    available = shutil.get_terminal_size().columns
+    if sys.stdout.isatty() and sum(widths) + 2 * len(widths) > available:
+        return "\n".join(_block(headings, row, available) for row in rows)
+    lines = ("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)) for row in [headings, *rows])
     return "\n".join(f"  {line}".rstrip() for line in lines)
 
 
-def _block(heads: list[str], row: list[str], width: int) -> str:
-    """A row as lines: its first cell, then every other cell behind its head, wrapped."""
-    indent = 6 + max(map(len, heads))
+def _block(headings: list[str], row: list[str], width: int) -> str:
+    """A row as lines: its first cell, then every other cell after its heading, wrapped."""
+    indent = 6 + max(map(len, headings))
     lines = [f"  {row[0]}"]
-    for head, cell in zip(heads[1:], row[1:], strict=True):
-        start = f"    {head}".ljust(indent)
+    for heading, cell in zip(headings[1:], row[1:], strict=True):
+        start = f"    {heading}".ljust(indent)
         lines += textwrap.wrap(cell, max(width - 1, 2 * indent), initial_indent=start, subsequent_indent=" " * indent)
     return "\n".join(lines)

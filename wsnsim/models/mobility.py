@@ -53,7 +53,7 @@ class GaussMarkov:
     ] = None
 
     def __post_init__(self) -> None:
-        """Raises ValueError for a box that is none, or that the start is not in."""
+        """Raises ValueError if the box is empty or the start is outside it."""
         if self.box is None:
             return
         left, right, bottom, top = self.box

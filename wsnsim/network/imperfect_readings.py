@@ -1,4 +1,4 @@
-"""The readings of sensors that are not faithful, or whose clocks are wrong.
+"""The readings of sensors with imperfections: errors of detection or of value, or wrong clocks.
 
 Each step is computed when it is first asked for: readings are missed, false alarms are raised, values are distorted,
 and a node whose clock is wrong takes its reading at the wrong time. Without any of these the readings are, to the
@@ -44,8 +44,8 @@ class Imperfections:
         """Whether any reading is wrong while no fault is active."""
         probe = np.ones(1)
         keys = np.zeros(1, dtype=np.uint64)
-        faithful = self.detection.missed == self.detection.false_alarm == 0
-        return not faithful or self.clocks.drift or self.detection.distort(probe, keys) is not probe
+        detects_all = self.detection.missed == self.detection.false_alarm == 0
+        return not detects_all or self.clocks.drift or self.detection.distort(probe, keys) is not probe
 
 
 class ImperfectReadings(Readings):
@@ -201,12 +201,12 @@ def _readings(
     setup: NetworkSetup, trajectories: Sequence[Floats], nodes: Nodes, imperfections: Imperfections, key: int
 ) -> list[Readings]:
     sensors = SensorArray(nodes.positions, nodes.traits, setup.sensor, nodes.tree, key)
-    faithful = not imperfections.matter() and not change_readings(setup.faults)
+    perfect = not imperfections.matter() and not change_readings(setup.faults)
     result: list[Readings] = []
     for target, (trajectory, motion) in enumerate(zip(trajectories, setup.motions, strict=True)):
         points = trajectory[:, list(motion.position)]
         result.append(
-            Readings(sensors, target, points) if faithful else ImperfectReadings(sensors, target, points, imperfections)
+            Readings(sensors, target, points) if perfect else ImperfectReadings(sensors, target, points, imperfections)
         )
     return result
 

@@ -1,9 +1,9 @@
-"""The readings of sensors that are faithful: which nodes measure a target at each step, and what they read.
+"""The readings of sensors without imperfections: which nodes measure a target at each step, and the values.
 
     readings.readings(step) -> {node: reading}      readings.appeared(step), readings.vanished(step) -> [node, ...]
 
-Each target has readings of its own; a reading is known to be of its target (our choice: no data association). A
-reading is a function of (seed, run, target, step, node), so it does not depend on which nodes are awake to take it.
+It is known which target each reading belongs to (our choice: no data association). A reading is a function
+of (seed, run, target, step, node), so it does not depend on which nodes are awake to take it.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from wsnsim.base.rng import derive, reading_noise
 
 @dataclass(frozen=True, slots=True)
 class SensorArray:
-    """The sensors of all nodes: positions (N, 2), traits (N, T), the sensor model, and the random key of readings."""
+    """The sensors of all nodes: positions (N, 2), traits such as gains (N, T), sensor model, and key of the noise."""
 
     positions: Floats
     traits: Floats
@@ -36,7 +36,7 @@ class Readings:
     Args:
         sensors: The sensors of all nodes.
         target: Number of the target.
-        points: (steps, P) its positions.
+        points: Its positions (steps, P).
     """
 
     def __init__(self, sensors: SensorArray, target: int, points: Floats) -> None:
@@ -59,17 +59,17 @@ class Readings:
         return dict(zip(self.ids[step], self._values[step], strict=True))
 
     def appeared(self, step: int) -> list[int]:
-        """Nodes that measure the target at this step and did not at the one before, ascending."""
+        """Nodes that measure the target at this step but did not at the previous one, ascending."""
         before = set(self.ids[step - 1]) if step else set()
         return [node for node in self.ids[step] if node not in before]
 
     def vanished(self, step: int) -> list[int]:
-        """Nodes that measured the target at the step before and do not at this one, ascending."""
+        """Nodes that measured the target at the previous step but do not at this one, ascending."""
         now = set(self.ids[step])
         return [node for node in self.ids[step - 1] if node not in now] if step else []
 
 
 def _detecting(model: Detects, point: Floats, ids: list[int], positions: Floats) -> list[int]:
-    """Those of the nodes within range whose sensor detects a target at a point."""
+    """The nodes whose sensor detects a target at a point; `ids` are the nodes within sensing range."""
     detected = model.detects(point[None], positions[ids])[0]
     return [node for node, yes in zip(ids, detected.tolist(), strict=True) if yes]

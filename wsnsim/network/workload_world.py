@@ -139,9 +139,9 @@ class WorkloadWorld:
         self._router.remove(node)
 
     def _write_links(self) -> None:
-        rows = self._stack.links.rows()
-        if rows:
-            self._recorder.write("links", {"replicate": self._replicate, **rows})
+        columns = self._stack.links.columns()
+        if columns:
+            self._recorder.write("links", {"replicate": self._replicate, **columns})
 
 
 def _ignore_hearers(heard: Any) -> None:

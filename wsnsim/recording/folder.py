@@ -269,8 +269,8 @@ class Folder:
         tmp.replace(place)
 
 
-def runs_of(numbers: Sequence[int], block: int) -> Iterator[tuple[int, int]]:
-    """Consecutive numbers as (first, last), split at multiples of `block`.
+def consecutive(numbers: Sequence[int], block: int) -> Iterator[tuple[int, int]]:
+    """(first, last) of each range of consecutive numbers, split at multiples of `block`.
 
     The splits are at fixed numbers, so that they do not depend on how many replicates are wanted.
     """

@@ -107,7 +107,7 @@ class WakeUpService:
         return np.array(self._nodes.tree.query_ball_point(centre, radius), dtype=np.int64)
 
     def sleepers(self, nodes: Ints) -> set[int]:
-        """Those of the nodes that are up and asleep now."""
+        """The nodes, out of the given ones, that are up and asleep now."""
         if not self._nodes.follows_schedules:
             return set()
         asleep = self._nodes.living[nodes] & ~self._nodes.hears(nodes, self._env.now)

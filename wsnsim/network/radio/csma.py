@@ -25,13 +25,13 @@ class _Sender:
 
     Attributes:
         clock_scale: True seconds in one second of the node's clock.
-        state: State of its random numbers, which starts from the step's key: they do not depend on earlier steps.
-        step: The step of that state.
+        state: State of its random number generator, seeded for each step, independently of earlier steps.
+        step: The step for which the generator is seeded.
         queue: Frames that wait.
         frame: The frame in progress, or None.
         attempts: Backoffs of this frame after the first (NB of the standard).
         exponent: Backoff exponent (BE).
-        received: Whether the destination has received the frame, though perhaps not the sender its acknowledgement.
+        received: Whether the destination has received the frame, even if its acknowledgement was lost.
         free_at: The end of the spacing after the last frame, in s.
         stopped: Whether the node died or crashed.
     """
@@ -76,7 +76,7 @@ class CsmaMechanism:
         self._mac = mac
         self._key = services.key("mac")
         self._senders: dict[int, _Sender] = {}
-        self._log.code("no_channel")  # First, so that the codes in result files stay the same.
+        self._log.code("no_channel")  # Registered first, so that the codes in result files stay the same.
         self._ack = self._log.code("ack")
         self.channel = services.open_channel(mac, mac.cca)
         self.fragmentation = services.fragmentation(mac)
@@ -105,7 +105,7 @@ class CsmaMechanism:
         return event
 
     def offer(self, node: int, payload_bits: int, done: Callable[[Received | None], None], code: int = 0) -> None:
-        """Broadcast one payload; `done(ids)` at its end, `done(None)` if it never got the channel."""
+        """Broadcast one payload, then call `done` with the receivers, or with None if it never got the channel."""
         self._enqueue(node, OfferedFrame(self._mac.bits(payload_bits), code, done))
 
     def silence(self, node: int) -> None:
@@ -143,7 +143,7 @@ class CsmaMechanism:
         self._back_off(sender, max(sender.free_at - self._env.now, 0.0))
 
     def _back_off(self, sender: _Sender, pause: float = 0.0) -> None:
-        """Wait for a random number of backoff periods, then assess the channel."""
+        """Wait for a random number of backoff periods below 2^BE, then assess the channel."""
         mac = self._mac
         if sender.step != self._log.step:
             sender.step = self._log.step
@@ -171,7 +171,7 @@ class CsmaMechanism:
             self._finish(sender, True if sender.received else None)
 
     def _sent(self, transmission: Transmission, received: Received) -> None:
-        """A frame has ended: finish it, or have it acknowledged, or wait for the acknowledgement in vain."""
+        """Finish a frame that was sent, or send its acknowledgement; if none will come, wait until it is overdue."""
         frame = transmission.frame
         sender: _Sender = frame.owner
         if sender.stopped:

@@ -17,24 +17,24 @@ class NoLinkCounters:
     def count(self, transmission: Transmission, received: Ints) -> None:
         """Ignore a broadcast."""
 
-    def rows(self) -> dict[str, Any]:
+    def columns(self) -> dict[str, Any]:
         """Return no columns."""
         return {}
 
 
 class LinkCounters:
-    """How many broadcasts were sent over each link, and how many of them arrived."""
+    """How many broadcasts were sent over each link, and how many arrived; `chance` is for the size of the last one."""
 
     def __init__(self, positions: Floats, topology: Topology) -> None:
         self._positions = positions
         self._topology = topology
-        self._bits = 0
+        self._last_bits = 0
         self._received: dict[int, Ints] = {}
         self._sent: dict[int, int] = {}
 
     def count(self, transmission: Transmission, received: Ints) -> None:
         """Count a broadcast on each link of its sender."""
-        source, neighbours, self._bits = transmission.source, transmission.neighbours, transmission.frame.bits
+        source, neighbours, self._last_bits = transmission.source, transmission.neighbours, transmission.frame.bits
         row = self._received.get(source)
         if row is None:
             row = self._received[source] = np.zeros(neighbours.ids.size, dtype=np.int64)
@@ -44,7 +44,7 @@ class LinkCounters:
         else:
             row[np.searchsorted(neighbours.ids, received)] += 1
 
-    def rows(self) -> dict[str, Any]:
+    def columns(self) -> dict[str, Any]:
         """Return the columns of the table: one row for every link of a node that sent; none if no node sent."""
         sources = sorted(self._received)
         if not sources:
@@ -53,13 +53,13 @@ class LinkCounters:
         repeats = [len(one.id_list) for one in neighbours]
         ids = np.concatenate([one.ids for one in neighbours])
         source = np.repeat(np.array(sources, dtype=np.int64), repeats)
-        apart = self._positions[source] - self._positions[ids]
+        offsets = self._positions[source] - self._positions[ids]
         return {
             "source": source,
             "node": ids,
-            "distance": np.sqrt((apart**2).sum(axis=1)),
+            "distance": np.sqrt((offsets**2).sum(axis=1)),
             "power": np.concatenate([one.powers for one in neighbours]),
-            "chance": np.concatenate([self._topology.probabilities(one, self._bits) for one in neighbours]),
+            "chance": np.concatenate([self._topology.probabilities(one, self._last_bits) for one in neighbours]),
             "sent": np.repeat(np.array([self._sent[source] for source in sources], dtype=np.int64), repeats),
             "received": np.concatenate([self._received[source] for source in sources]),
         }
