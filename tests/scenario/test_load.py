@@ -38,7 +38,7 @@ seed: 2
         "unknown key, did you mean 'height'?",
         f"bad.yaml:4:{bad.splitlines()[3].index('2 s') + 1}: error: motion.start.1: "
         "'s' is a unit of time, expected length (for example '1 m')",
-        "bad.yaml:5:18: error: link.reach: 'kbit/s' is a unit of rate, expected length (for example '1 m')",
+        "bad.yaml:5:18: error: link.reach: 'kbit/s' is a unit of data rate, expected length (for example '1 m')",
         f"bad.yaml:6:{bad.splitlines()[5].index('-60') + 1}: error: sensor.reach: must be greater than 0, is -60",
         f"bad.yaml:6:{bad.splitlines()[5].index('10.5') + 1}: error: sensor.samples: expected a whole number, got 10.5",
         "bad.yaml:7:16: error: energy.kind: unknown energy 'frist_order' (did you mean 'first_order'?)",

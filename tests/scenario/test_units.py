@@ -69,7 +69,7 @@ def test_a_quantity_is_its_exact_product_rounded_once(number, symbol: str) -> No
 @pytest.mark.parametrize(
     ("text", "unit", "message"),
     [
-        ("75 kbit/s", "m", "'kbit/s' is a unit of rate, expected length (for example '1 m')"),
+        ("75 kbit/s", "m", "'kbit/s' is a unit of data rate, expected length (for example '1 m')"),
         ("1 kJ", "m", "'kJ' is a unit of energy, expected length (for example '1 m')"),
         ("1 J/m", "m", "'J/m' is a unit of energy per length, expected length (for example '1 m')"),
         ("3 m", "", "'m' is a unit of length, expected a pure number"),
@@ -80,9 +80,9 @@ def test_a_quantity_is_its_exact_product_rounded_once(number, symbol: str) -> No
         ("far", "m", "expected length (for example '1 m'), got the text 'far'"),
         ("60", "m", "expected length (for example '1 m'), got the text '60': remove the quotes, or name a unit"),
         ("60 12", "", "expected a pure number, got the text '60 12'"),
-        ("1e400 m", "m", "'1e400 m' is too large for a number"),
-        ("1e99999999999999999999 km", "m", "'1e99999999999999999999 km' is too large for a number"),
-        ("0 W", "dBm", "'0 W' is too large for a number"),
+        ("1e400 m", "m", "'1e400 m' is outside the range of numbers"),
+        ("1e99999999999999999999 km", "m", "'1e99999999999999999999 km' is outside the range of numbers"),
+        ("0 W", "dBm", "'0 W' is outside the range of numbers"),
         ("7 lx", "m", "unknown unit 'lx', expected length (for example '1 m')"),
     ],
 )

@@ -18,7 +18,7 @@ from wsnsim.recording import read_table
 
 SCHEMA_VERSION = 1
 NAN = float("nan")
-NEIGHBOUR = 0.5
+IN_RANGE = 0.5
 """Reception probability from which on a link counts as in range."""
 
 
@@ -31,8 +31,8 @@ def as_json(report: Report) -> dict[str, Any]:
     """
     runs = [summary.run for summary in report.summaries]
     causes = sorted({cause for summary in report.summaries for cause in summary.joules})
-    means = {name: float(np.mean([run[name] for run in runs])) for name in COUNTED}
-    in_range = max(means["in_range"], 1e-300)
+    means = {name: float(np.mean([run[name] for run in runs])) for name in MEAN_COLUMNS}
+    in_range = means["in_range"]
     return {
         "schema_version": SCHEMA_VERSION,
         "name": report.scenario.name,
@@ -41,8 +41,8 @@ def as_json(report: Report) -> dict[str, Any]:
         "replicates": len(runs),
         "duration": report.scenario.duration,
         **means,
-        "delivered_share": means["delivered"] / in_range if means["in_range"] else NAN,
-        "collided_share": means["collided"] / in_range if means["in_range"] else NAN,
+        "delivered_share": means["delivered"] / in_range if in_range else NAN,
+        "collided_share": means["collided"] / in_range if in_range else NAN,
         **_links(report),
         "energy": float(np.mean([run["energy"] for run in runs])),
         "joules": {cause: float(np.mean([s.joules.get(cause, 0.0) for s in report.summaries])) for cause in causes},
@@ -59,7 +59,7 @@ def text(report: Report) -> str:
     heading = (
         f"{figures['name']}: {runs} of {figures['duration']:g} s of beacons, seed {figures['seed']} → {figures['file']}"
     )
-    rows = [*_air_rows(figures), *_link_rows(figures), *_energy_rows(figures)]
+    rows = [*_radio_rows(figures), *_link_rows(figures), *_energy_rows(figures)]
     widths = [max(len(row[i]) for row in rows) for i in range(2)]
     lines = [f"  {name:<{widths[0]}}  {value:>{widths[1]}}" for name, value in rows]
     cpu = QUANTITIES["cpu_seconds"]
@@ -68,7 +68,7 @@ def text(report: Report) -> str:
     return "\n".join([heading, *lines, took])
 
 
-COUNTED = (
+MEAN_COLUMNS = (
     "frames_sent", "in_range", "delivered", "collided", "access_failures", "alive",
 )  # fmt: skip
 """The columns of `runs` whose mean is shown."""
@@ -80,7 +80,7 @@ def _links(report: Report) -> dict[str, float]:
     if not dict(report.scenario.record).get("links"):
         return unknown
     table = read_table(report.out, "links", ["replicate", "source", "chance", "received"])
-    strong = table["chance"] >= NEIGHBOUR
+    strong = table["chance"] >= IN_RANGE
     if not strong.any():
         return unknown
     senders = len(set(zip(table["replicate"].tolist(), table["source"].tolist(), strict=True)))
@@ -92,9 +92,9 @@ def _links(report: Report) -> dict[str, float]:
     }
 
 
-def _air_rows(figures: Mapping[str, Any]) -> list[tuple[str, str]]:
+def _radio_rows(figures: Mapping[str, Any]) -> list[tuple[str, str]]:
     ratio = QUANTITIES["packet_delivery_ratio"]
-    others = round(figures["in_range"] - figures["delivered"] - figures["collided"])
+    otherwise_lost = round(figures["in_range"] - figures["delivered"] - figures["collided"])
     rows = [
         ("beacons sent", f"{figures['frames_sent']:,.0f}"),
         *(
@@ -103,7 +103,7 @@ def _air_rows(figures: Mapping[str, Any]) -> list[tuple[str, str]]:
         ),
         (ratio.name, ratio.text(figures["delivered_share"], "")),
         (QUANTITIES["collided"].name, f"{figures['collided']:,.0f} ({ratio.text(figures['collided_share'], '')})"),
-        ("receptions lost to fading, or by a dead node", f"{others:,}"),
+        ("receptions lost to fading or dead nodes", f"{otherwise_lost:,}"),
     ]
     if figures["over_weak_links"] > 0:
         rows.append(("receptions over links out of range", f"{figures['over_weak_links']:,.0f}"))

@@ -1,6 +1,6 @@
-"""The error covariances of a bound, from initial conditions and used readings, by the recursion that fits.
+"""The error covariances of a bound, from initial conditions and used readings, by the recursion of its kind.
 
-covariances(setup, conditions, used_by, kind, gains) -> (R, targets, steps, D, D)
+covariances(setup, conditions, readings_of, kind, gains) -> (R, targets, steps, D, D)
 """
 
 from __future__ import annotations
@@ -18,24 +18,24 @@ from wsnsim.bounds.information import UsedReadings, information
 from wsnsim.bounds.initial_conditions import process_noise
 from wsnsim.bounds.recursion import LinearisedMotion, along_trajectories, over_trajectories
 
-UsedBy = Callable[[int, int], UsedReadings]
-"""(row of the run among the initial conditions, target) -> the readings that count."""
+ReadingsOf = Callable[[int, int], UsedReadings]
+"""(index of the run in the initial conditions, target) -> the readings that the bound uses."""
 
 
 def covariances(
     setup: TrackingSetup,
     conditions: Sequence[InitialConditions],
-    used_by: UsedBy,
+    readings_of: ReadingsOf,
     kind: str,
     gains: str,
     detected: float = 1.0,
 ) -> Floats:
-    """The least error covariances, (R, targets, steps, D, D): R is the number of runs per trajectory, else 1.
+    """The least error covariances, (R, targets, steps, D, D). R is the number of runs for `per_trajectory`, else 1.
 
     Args:
         setup: motion models, sensor model and steps.
         conditions: one per run.
-        used_by: which readings count.
+        readings_of: which readings the bound uses.
         kind: `unconditional` or `per_trajectory`.
         gains: `known` or `unknown` to the filters.
         detected: the probability of detection in range; expected information is scaled by it.
@@ -46,46 +46,46 @@ def covariances(
     along = kind == "per_trajectory"
     targets = range(len(setup.motions))
     if along and gains == "unknown" and unknown_gains.has_gains(setup.sensor):
-        found = [_with_unknown_gains(setup, conditions, used_by, target, detected) for target in targets]
+        found = [_with_unknown_gains(setup, conditions, readings_of, target, detected) for target in targets]
     else:
-        found = [_with_known_gains(setup, conditions, used_by, target, along, detected) for target in targets]
+        found = [_with_known_gains(setup, conditions, readings_of, target, along, detected) for target in targets]
     return np.stack(found, axis=1)
 
 
 def _with_known_gains(
     setup: TrackingSetup,
     conditions: Sequence[InitialConditions],
-    used_by: UsedBy,
+    readings_of: ReadingsOf,
     target: int,
     along: bool,
     detected: float,
 ) -> Floats:
     """(R, steps, D, D) of one target."""
     motion, truths, priors = _of_target(setup, conditions, target)
-    place = list(motion.position)
-    told = np.stack([
-        information(setup.sensor, truth[:, place], one.positions, one.traits, used_by(row, target))[1:]
-        for row, (one, truth) in enumerate(zip(conditions, truths, strict=True))
+    columns = list(motion.position)
+    informations = np.stack([
+        information(setup.sensor, truth[:, columns], run.positions, run.traits, readings_of(row, target))[1:]
+        for row, (run, truth) in enumerate(zip(conditions, truths, strict=True))
     ], axis=1)  # fmt: skip
     motions = _linearised(motion, truths, setup.dt)
     if along:
-        return along_trajectories(motions, priors, detected * told, place).swapaxes(0, 1)
-    return over_trajectories(motions, priors, detected * told, place)[None]
+        return along_trajectories(motions, priors, detected * informations, columns).swapaxes(0, 1)
+    return over_trajectories(motions, priors, detected * informations, columns)[None]
 
 
 def _with_unknown_gains(
-    setup: TrackingSetup, conditions: Sequence[InitialConditions], used_by: UsedBy, target: int, detected: float
+    setup: TrackingSetup, conditions: Sequence[InitialConditions], readings_of: ReadingsOf, target: int, detected: float
 ) -> Floats:
     """(R, steps, D, D) of one target, for filters that do not know the gains."""
     motion, truths, priors = _of_target(setup, conditions, target)
-    place, result = list(motion.position), []
-    for row, (one, truth) in enumerate(zip(conditions, truths, strict=True)):
-        used = used_by(row, target)
-        readings = unknown_gains.linearised_readings(setup.sensor, truth[:, place], one.positions, one.traits, used)
+    columns, result = list(motion.position), []
+    for row, (run, truth) in enumerate(zip(conditions, truths, strict=True)):
+        used = readings_of(row, target)
+        readings = unknown_gains.linearised_readings(setup.sensor, truth[:, columns], run.positions, run.traits, used)
         readings = readings._replace(weights=detected * readings.weights)
         motions = _linearised(motion, truth[None], setup.dt)
         spread = setup.sensor.gain_spread  # type: ignore[attr-defined]
-        result.append(unknown_gains.along_trajectory(motions, priors[row], readings, used, place, spread))
+        result.append(unknown_gains.along_trajectory(motions, priors[row], readings, used, columns, spread))
     return np.array(result)
 
 
@@ -93,8 +93,8 @@ def _of_target(
     setup: TrackingSetup, conditions: Sequence[InitialConditions], target: int
 ) -> tuple[MotionModel, Floats, Floats]:
     """A target's motion model, trajectories (R, steps + 1, D) and prior covariances (R, D, D)."""
-    truths = np.array([one.truths[target] for one in conditions])
-    return setup.motions[target], truths, np.array([one.priors[target].cov for one in conditions])
+    truths = np.array([run.truths[target] for run in conditions])
+    return setup.motions[target], truths, np.array([run.priors[target].cov for run in conditions])
 
 
 def _linearised(motion: MotionModel, truths: Floats, dt: float) -> Iterator[LinearisedMotion]:

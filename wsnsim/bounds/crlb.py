@@ -32,7 +32,7 @@ from wsnsim.base.errors import ResultError, UsageError, did_you_mean
 from wsnsim.base.initial_conditions import InitialConditions, sample_initial_conditions
 from wsnsim.base.ports import Informs
 from wsnsim.base.setups import BeaconSetup, NetworkSetup, TrackingSetup
-from wsnsim.bounds.covariances import UsedBy, covariances
+from wsnsim.bounds.covariances import ReadingsOf, covariances
 from wsnsim.bounds.information import in_range
 from wsnsim.bounds.initial_conditions import (
     cautions,
@@ -219,17 +219,17 @@ def _bound(
     setup: TrackingSetup,
     query: BoundQuery,
     conditions: Sequence[InitialConditions],
-    used_by: UsedBy,
+    readings_of: ReadingsOf,
     detected: float = 1.0,
 ) -> Bound:
     try:
-        found = covariances(setup, conditions, used_by, query.kind, query.gains, detected)
+        found = covariances(setup, conditions, readings_of, query.kind, query.gains, detected)
     except ValueError as reason:
         return _no_bound(query, str(reason))
     return Bound(query, tuple(setup.motions[0].position), found, "", tuple(cautions(setup, conditions)))
 
 
-def _all_in_range(setup: TrackingSetup, conditions: Sequence[InitialConditions]) -> UsedBy:
+def _all_in_range(setup: TrackingSetup, conditions: Sequence[InitialConditions]) -> ReadingsOf:
     """The rule that every node in range has a reading."""
     places = [list(motion.position) for motion in setup.motions]
     return lambda row, target: in_range(

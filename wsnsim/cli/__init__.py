@@ -4,7 +4,7 @@
            diff | plot | verify | recover
 
 Only click is imported here. Every command imports what it needs, so that `wsnsim --help` and `wsnsim list` answer at
-once. Answers go to stdout, progress and errors to stderr. Exit codes: 0 success; 1 a run failed; 2 wrong usage or
+once. Results go to stdout, progress and errors to stderr. Exit codes: 0 success; 1 a run failed; 2 wrong usage or
 scenario; 3 a campaign is incomplete; 130 Ctrl-C; 141 broken pipe; 143 SIGTERM.
 """
 
@@ -29,11 +29,11 @@ THREADS: Final = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", 
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """The exit code of a command line. An error prints a traceback only if WSNSIM_TRACEBACK is set."""
+    """Run a command line and return its exit code. An error prints a traceback only if WSNSIM_TRACEBACK is set."""
     for name in THREADS:
         os.environ.setdefault(name, "1")
     if "" not in sys.path and str(Path.cwd()) not in sys.path:
-        sys.path.append(str(Path.cwd()))  # for kinds such as mylab.trackers:Mine, defined beside the scenario
+        sys.path.append(str(Path.cwd()))  # for kinds such as mylab.trackers:Mine in the working directory
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="replace")  # for terminals whose encoding lacks ×
@@ -41,12 +41,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         with interrupts.raising():
             return _perform(list(sys.argv[1:] if arguments is None else arguments), interrupts)
-    except KeyboardInterrupt:  # while the answer was printed
+    except KeyboardInterrupt:  # while results were printed
         return interrupts.code
 
 
 def _perform(arguments: list[str], interrupts: Interrupts) -> int:
-    """Run the command. An error after a signal is due to the signal, whatever compiled code made of it."""
+    """Run the command. After a signal every error is reported as the signal: compiled code may raise another one."""
     try:
         with group.make_context("wsnsim", arguments or ["--help"], obj=interrupts) as context:
             code = group.invoke(context)
@@ -57,11 +57,11 @@ def _perform(arguments: list[str], interrupts: Interrupts) -> int:
     except BaseException as error:
         if interrupts.number:
             return _print_error(interrupts.reason, interrupts.code)
-        return _failed(error)
+        return _report(error)
 
 
-def _failed(raised: BaseException) -> int:
-    """Print the message of an error; the exit code."""
+def _report(raised: BaseException) -> int:
+    """Print the message of an error and return the exit code."""
     try:
         raise raised
     except click.ClickException as error:
@@ -100,7 +100,7 @@ def _hint(error: click.ClickException) -> str:
 
 
 def _close_stdout() -> int:
-    """Redirect stdout to nowhere, so that the interpreter's last flush does not fail; the exit code."""
+    """Redirect stdout to nowhere, so that the interpreter's last flush does not fail. Return the exit code."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 1)
     os.close(nowhere)

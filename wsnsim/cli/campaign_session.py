@@ -56,7 +56,7 @@ class SessionOptions(NamedTuple):
 
 
 def run_plan(plan: Plan, options: SessionOptions, interrupts: Interrupts, by: tuple[str, ...]) -> int:
-    """Prepare the campaign of a sweep, or resume it, and run what is missing; the exit code."""
+    """Prepare the campaign of a sweep, or resume it, run what is missing, and return the exit code."""
     import wsnsim.campaign as campaign
     from wsnsim.recording.folder import Folder
 
@@ -75,7 +75,7 @@ def run_plan(plan: Plan, options: SessionOptions, interrupts: Interrupts, by: tu
 
 
 def resume(source: str, options: SessionOptions, interrupts: Interrupts) -> int:
-    """Resume the campaign in a folder; the exit code."""
+    """Resume the campaign in a folder and return the exit code."""
     import wsnsim.campaign as campaign
 
     if options.dry_run:
@@ -191,7 +191,7 @@ def _write_csv(table: Any, path: Path) -> None:
 def _report_outcome(
     folder: Folder, outcome: CampaignOutcome, shard: Shard, options: SessionOptions, interrupts: Interrupts
 ) -> int:
-    """Print what failed, what is missing and how to resume; the exit code."""
+    """Print what failed, what is missing and how to resume; return the exit code."""
     import wsnsim.campaign as campaign
 
     manifest = folder.manifest()

@@ -76,7 +76,7 @@ class _ReproductionSession:
     lines: list[str] = field(default_factory=list)
 
     def run_all(self, chosen: Sequence[tuple[str, Experiment]], interrupts: Interrupts) -> int:
-        """Run the experiments one after the other; the exit code."""
+        """Run the experiments one after the other and return the exit code."""
         from wsnsim.papers import reproduce as reproducing
 
         for paper, experiment in chosen:  # before anything runs, so that a folder that cannot be used is found at once

@@ -25,7 +25,7 @@ def make_workload(component: Workload, services: WorkloadServices) -> WorkloadMe
     if component.mechanism not in MECHANISMS:
         known = ", ".join(["tracking", *MECHANISMS])
         raise RunError(
-            f"workload: no mechanism '{component.mechanism}' in this network, and the component has no "
-            f"start(services); known: {known}"
+            f"workload: unknown mechanism '{component.mechanism}', and the component has no start(services); "
+            f"known: {known}"
         )
     return MECHANISMS[component.mechanism](component, services)

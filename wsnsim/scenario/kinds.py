@@ -316,7 +316,7 @@ _ROLES: Final = (
             messages="a reading up per member",
             variants=""),
         Kind("trilateration", "wsnsim.trackers.trilateration:Trilateration",
-            "the weighted centroid of the circles' crossings, without memory: a baseline", RUAN,
+            "the weighted centroid of the circles' intersections, without memory: a baseline", RUAN,
             state="the last position found",
             messages="a reading up per member",
             variants=""),

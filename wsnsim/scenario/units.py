@@ -3,8 +3,8 @@
     si('50 nJ/bit', 'J/bit') -> 5e-8
 
 The table is exact: number and factor are multiplied as decimals of 60 digits and rounded once, so '50 nJ' and 5e-8 are
-the same float. Quotients and powers compose freely ('100 pJ/bit/m2', 'm^2', 'm²'). A unit that the table does not know
-(a plug-in's 'lx') means just itself.
+the same float. Quotients and powers compose freely ('100 pJ/bit/m2', 'm^2', 'm²'). A unit that is not in the table
+(a plug-in's 'lx') is accepted only where exactly this unit is expected.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from wsnsim.base.errors import did_you_mean
 
 BASES: Final = ("m", "kg", "s", "A", "rad", "bit", "dB")
 Dimension = tuple[int, ...]
-NONE: Final[Dimension] = (0,) * len(BASES)
+DIMENSIONLESS: Final[Dimension] = (0,) * len(BASES)
 EXACT: Final = Context(prec=60, Emax=99_999, Emin=-99_999, traps=[])
 PREFIXES: Final = {"p": "1e-12", "n": "1e-9", "u": "1e-6", "m": "1e-3", "c": "1e-2", "k": "1e3", "M": "1e6", "G": "1e9"}
 PI: Final = "3.14159265358979323846264338327950288419716939937510582097494"
@@ -53,8 +53,8 @@ SYMBOLS: Final[dict[str, tuple[str, dict[str, int], str]]] = {
 WORDS: Final = {
     "m": "length", "m2": "area", "m3": "volume", "kg": "mass", "s": "time", "Hz": "frequency", "m/s": "speed",
     "m/s2": "acceleration", "A": "current", "Ah": "charge", "V": "voltage", "F": "capacitance", "J": "energy",
-    "W": "power", "bit": "information", "bit/s": "rate", "rad": "angle", "dB": "level", "J/bit": "energy per bit",
-    "J/bit/m2": "energy per bit and area", "J/bit/m4": "energy per bit and squared area",
+    "W": "power", "bit": "amount of data", "bit/s": "data rate", "rad": "angle", "dB": "level",
+    "J/bit": "energy per bit", "J/bit/m2": "energy per bit and area", "J/bit/m4": "energy per bit and squared area",
 }  # fmt: skip
 NUMBER: Final = r"[-+]?(?:\.\d+|\d+(?:\.\d*)?)(?:[eE][-+]?\d+)?|[-+]?\.inf"
 QUANTITY: Final = re.compile(rf"({NUMBER})\s*([^\d\s].*|1\s*/.*)?", re.ASCII)
@@ -68,7 +68,7 @@ class UnitError(ValueError):
 
 @dataclass(frozen=True)
 class Unit:
-    """A unit: its factor to SI, the powers of `BASES`, the dimension in words, and whether it is dBm (not a factor)."""
+    """A unit: its factor to SI, the powers of `BASES`, the dimension in words, and whether it is dBm, a logarithm."""
 
     factor: Decimal
     dimension: Dimension
@@ -81,7 +81,7 @@ def si(text: str, unit: str) -> float:
 
     Args:
         text: a number with a unit, such as '60 m'.
-        unit: a unit of the expected dimension; '' for a pure number; 'dBm' stays dBm.
+        unit: a unit of the expected dimension; '' for a pure number; with 'dBm' the result is in dBm.
 
     Raises:
         UnitError: no number, an unknown unit, another dimension, or a value too large for a float.
@@ -89,27 +89,28 @@ def si(text: str, unit: str) -> float:
     match = QUANTITY.fullmatch(text.strip())
     if match is None:
         raise UnitError(f"expected {wanted(unit)}, got the text {shown(text)}")
-    number, written = match.group(1), match.group(2)
+    number, unit_text = match.group(1), match.group(2)
     if number.endswith(".inf"):
         number = number.replace(".inf", "Infinity")
-    elif not written:
+    elif not unit_text:
         raise UnitError(f"expected {wanted(unit)}, got the text {shown(text)}: remove the quotes, or name a unit")
     with localcontext(EXACT):
-        value = float(_convert(Decimal(number), (written or "").strip(), unit))
+        value = float(_convert(Decimal(number), (unit_text or "").strip(), unit))
     if math.isnan(value) or (math.isinf(value) and "Inf" not in number):
-        raise UnitError(f"{shown(text)} is too large for a number")
+        raise UnitError(f"{shown(text)} is outside the range of numbers")
     return value
 
 
-def _convert(number: Decimal, written: str, unit: str) -> Decimal:
+def _convert(number: Decimal, unit_text: str, unit: str) -> Decimal:
+    """Return the number in SI units, or in dBm if `unit` is dBm."""
     expected = parse(unit)
-    if not written or (written == unit and (expected is None or expected.decibel)):
-        return number
-    given = parse(written)
+    if not unit_text or (unit_text == unit and (expected is None or expected.decibel)):
+        return number  # infinity, dBm, or a unit outside the table
+    given = parse(unit_text)
     if given is None:
-        raise UnitError(f"unknown unit {shown(written)}{_nearest(written)}, expected {wanted(unit)}")
+        raise UnitError(f"unknown unit {shown(unit_text)}{_suggestion(unit_text)}, expected {wanted(unit)}")
     if expected is None or given.dimension != expected.dimension:
-        raise UnitError(f"{shown(written)} is {_article(given)}, expected {wanted(unit)}")
+        raise UnitError(f"{shown(unit_text)} is {_description(given)}, expected {wanted(unit)}")
     if given.decibel:
         return Decimal(10) ** ((number - 30) / 10)
     value = number * given.factor
@@ -120,10 +121,10 @@ def _convert(number: Decimal, written: str, unit: str) -> Decimal:
 def parse(text: str) -> Unit | None:
     """Return the unit of a text such as 'nJ/bit/m2', or None if it is unknown."""
     if not text:
-        return Unit(Decimal(1), NONE, "pure number")
+        return Unit(Decimal(1), DIMENSIONLESS, "pure number")
     if text == "dBm":
         return Unit(Decimal(1), _dimension({"kg": 1, "m": 2, "s": -3}), "power", decibel=True)
-    factor, dimension = Decimal(1), NONE
+    factor, dimension = Decimal(1), DIMENSIONLESS
     words: list[str] = []
     pieces = re.split(r"\s*([/*])\s*", text.translate(SPELLING))
     for sign, piece in zip(["*", *pieces[1::2]], pieces[::2], strict=True):
@@ -133,19 +134,19 @@ def parse(text: str) -> Unit | None:
             return None
         power = int(match.group(2) or 1)
         joint = "" if not words else " per " if sign == "/" else " times "
-        words.append(joint + _word(_times(known[1], power), piece))
+        words.append(joint + _dimension_name(_to_power(known[1], power), piece))
         power = -power if sign == "/" else power
         factor = EXACT.multiply(factor, EXACT.power(known[0], power))
-        dimension = tuple(a + b for a, b in zip(dimension, _times(known[1], power), strict=True))
-    return Unit(factor, dimension, _words().get(dimension) or "".join(words))
+        dimension = tuple(a + b for a, b in zip(dimension, _to_power(known[1], power), strict=True))
+    return Unit(factor, dimension, _dimension_names().get(dimension) or "".join(words))
 
 
 def wanted(unit: str) -> str:
-    """Return what a message expects: "length (for example '1 m')"."""
+    """Return how an error message names the expected quantity: "length (for example '1 m')"."""
     known = parse(unit)
     if known is None:
         return f"a number (of {unit})"
-    return "a pure number" if known.dimension == NONE else f"{known.words} (for example '1 {unit}')"
+    return "a pure number" if known.dimension == DIMENSIONLESS else f"{known.words} (for example '1 {unit}')"
 
 
 def shown(value: object) -> str:
@@ -154,20 +155,20 @@ def shown(value: object) -> str:
     return text if len(text) <= 60 else f"{text[:50]}…{text[-8:]}"
 
 
-def _nearest(written: str) -> str:
-    guess = did_you_mean(written, [*_table(), "dBm"])
+def _suggestion(unit_text: str) -> str:
+    guess = did_you_mean(unit_text, [*_table(), "dBm"])
     return f" ({guess})" if guess.startswith("did") else ""
 
 
-def _article(unit: Unit) -> str:
-    return "a pure number" if unit.dimension == NONE else f"a unit of {unit.words}"
+def _description(unit: Unit) -> str:
+    return "a pure number" if unit.dimension == DIMENSIONLESS else f"a unit of {unit.words}"
 
 
-def _word(dimension: Dimension, piece: str) -> str:
-    return "one" if dimension == NONE else _words().get(dimension, piece)
+def _dimension_name(dimension: Dimension, piece: str) -> str:
+    return "one" if dimension == DIMENSIONLESS else _dimension_names().get(dimension, piece)
 
 
-def _times(dimension: Dimension, power: int) -> Dimension:
+def _to_power(dimension: Dimension, power: int) -> Dimension:
     return tuple(power * exponent for exponent in dimension)
 
 
@@ -188,15 +189,16 @@ def _table() -> dict[str, tuple[Decimal, Dimension]]:
 
 
 @functools.cache
-def _words() -> dict[Dimension, str]:
+def _dimension_names() -> dict[Dimension, str]:
     """Return the name of each dimension."""
     words = {}
     for text, word in WORDS.items():
-        dimension = NONE
+        dimension = DIMENSIONLESS
         for sign, piece in zip(["*", *re.findall(r"[/*]", text)], re.split(r"[/*]", text), strict=True):
             match = FACTOR.fullmatch(piece)
-            assert match, f"{text} in the table of words is no unit"
+            assert match, f"{text} in the table of words is not a unit"
             power = int(match.group(2) or 1) * (-1 if sign == "/" else 1)
-            dimension = tuple(a + b for a, b in zip(dimension, _times(_table()[match.group(1)][1], power), strict=True))
+            factor = _to_power(_table()[match.group(1)][1], power)
+            dimension = tuple(a + b for a, b in zip(dimension, factor, strict=True))
         words[dimension] = word
     return words

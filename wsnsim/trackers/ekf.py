@@ -24,7 +24,7 @@ from wsnsim.trackers.shared.readings import Evidence, gather_readings, reading_p
 
 POLL = "poll"
 LINEARISE_CYCLES = 20.0
-"""To linearise one reading."""
+"""CPU cycles to linearise one reading."""
 
 
 @part

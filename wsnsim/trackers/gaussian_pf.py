@@ -41,7 +41,7 @@ from wsnsim.trackers.shared.readings import gather_readings
 from wsnsim.trackers.shared.stacks import DRAW, MOVE, Score, place_of, propagated_by, snapshot
 
 PAIR_CYCLES = 20.0
-"""To pull one particle towards another: a distance, a random number, a quotient, a sum (our count)."""
+"""CPU cycles to pull one particle towards another: a distance, a random number, a quotient, a sum (our count)."""
 
 Move = Literal["position", "all"]
 
@@ -89,7 +89,7 @@ class HeadSampling(HeadFilter):
             yield from snapshot([(belief.head, belief.pool.cloud, belief.pool.log_weights)])
 
     def _cycles(self, readings: int, steps: int) -> float:
-        """To draw and predict, 40 each a particle; 30 S a likelihood; and the move."""
+        """CPU cycles: to draw and to predict a particle 40 each, a likelihood 30 S; and the move."""
         a_particle = PREDICT_CYCLES * (1 + steps) + WEIGH_CYCLES * readings * self.evaluations
         return a_particle * self.particles + self.move_cycles
 

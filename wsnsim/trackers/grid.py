@@ -25,7 +25,7 @@ from wsnsim.trackers.shared.parcels import moment_packets, parcel, weight_packet
 from wsnsim.trackers.shared.readings import gather_readings
 
 SPREAD_CYCLES = 15.0
-"""To give one cell its part of another cell's mass."""
+"""CPU cycles to give one cell its part of another cell's mass."""
 EDGE = Quantity("", ge=-1e9, le=1e9)
 LEAST_EXTENT = 1e-6
 

@@ -13,7 +13,7 @@ from wsnsim.base.part import part
 from wsnsim.trackers.shared.fixes import Fixes, RangeFix
 
 HEADING_CYCLES = 2.0
-"""The displacement of the last two fixes."""
+"""CPU cycles to compute the displacement of the last two fixes."""
 HANDOVER_BITS = 136
 """17 bytes, as the invitation."""
 POSITION_BITS = 32

@@ -27,19 +27,19 @@ from wsnsim.trackers.shared.heads import GaussianBelief, HeadFilter, only_predic
 from wsnsim.trackers.shared.readings import Evidence, gather_readings, ranges_of
 
 PAIR_CYCLES = 40.0
-"""To cross two circles (our count)."""
+"""CPU cycles to intersect two circles (our count)."""
 MISFIT_CYCLES = 10.0
-"""To hold one crossing against one circle (our count)."""
+"""CPU cycles to compare one intersection with one circle (our count)."""
 FARTHEST: Final = 1e9
-"""m: a longer distance is none (our choice)."""
+"""Longer distances (m) are ignored (our choice)."""
 SHORTEST: Final = 1e-6
-"""m: two radii count as no less, so that no pair's weight is infinite; nodes nearer are in one place (our choice)."""
-ALIKE: Final = 1e-9
-"""Relative: crossings whose misfits differ by less fit equally well (our choice)."""
+"""Least sum of two radii (m), so that weights are finite; nodes closer than this form no pair (our choice)."""
+EQUAL_FIT: Final = 1e-9
+"""Two points fit equally well if their misfits differ by less than this share of the sum of all radii (our choice)."""
 
 
 class Circles(NamedTuple):
-    """About centres (S, 2), with radii (S,)."""
+    """Circles with centres (S, 2) and radii (S,)."""
 
     centres: Floats
     radii: Floats
@@ -47,21 +47,21 @@ class Circles(NamedTuple):
 
 @part
 class Trilateration(HeadFilter):
-    """The weighted centroid of the points where circles about the nodes cross, each pair of circles giving one point.
+    """The weighted centroid of the points where circles about the nodes intersect; each pair of circles gives one.
 
-    Two crossings: the one that fits the other circles better, by the sum of its distances from all circles; if both fit
-    alike (there are only two circles, or all nodes stand in a line), the one nearer to where the motion expects the
-    target. Circles that do not meet: the point between them that shares the gap in proportion to their radii, also
-    where one lies in the other. A pair weighs 1/(d_i + d_j). Nodes in the same place make no pair.
+    Of two intersections it is the one with the smaller misfit, the sum of its distances from all circles. If both fit
+    equally well (there are only two circles, or all nodes stand in a line), it is the one nearer to the predicted
+    position. Circles that do not meet give the point that divides the gap between them in proportion to their radii,
+    also if one lies in the other. A pair has the weight 1/(d_i + d_j). Nodes in the same place form no pair.
 
     Only the position is measured: the rest of the state is the motion's prediction of the last belief, uncorrelated
     with it. The position's covariance is the weighted spread of the pairs' points, plus `floor`² on each axis. With
-    fewer than two distances the whole belief is predicted. Which crossing is taken, the covariance and the prediction
-    are our choice: the paper gives only the centroid.
+    fewer than two distances the whole belief is predicted. How an intersection is chosen, the covariance
+    and the prediction are our choice: the paper gives only the centroid.
     """
 
     paper: ClassVar[str] = "Ruan, Wang, Yang, Zhang (2020)"
-    idea: ClassVar[str] = "the weighted centroid of the circles' crossings, without memory: a baseline"
+    idea: ClassVar[str] = "the weighted centroid of the circles' intersections, without memory: a baseline"
     state: ClassVar[str] = "the last position found"
     messages: ClassVar[str] = "a reading up per member"
     variants: ClassVar[str] = ""
@@ -73,47 +73,47 @@ class Trilateration(HeadFilter):
     ] = 0.1
 
     def check(self, setup: TrackingSetup) -> Iterator[Issue]:
-        """The motion must have a position of two columns."""
+        """The position of the motion model must have two columns."""
         if any(len(motion.position) != 2 for motion in setup.filter_motions):
             yield Issue(
                 ("tracker", "kind"),
-                "trilateration finds a position of two columns; this motion has one; it can use constant_velocity or "
+                "trilateration needs a motion model whose position has two columns, such as constant_velocity or "
                 "bounded_velocity",
             )
 
     def step(self, belief: GaussianBelief, scene: Scene) -> Flow[GaussianBelief]:
-        """One step: N_act - 1 readings reach the head; all pairs of them are crossed there."""
+        """One step: N_act - 1 readings reach the head; it intersects the circles of each pair."""
         seen = yield from gather_readings(scene)
         count = len(seen.ids)
         pairs = count * (count - 1) // 2
         yield Compute(PREDICT_CYCLES * scene.steps + pairs * (PAIR_CYCLES + 2.0 * MISFIT_CYCLES * count))
         expected = only_predicted(belief, scene)
-        place = np.array(scene.motion.position)
-        found = located(_circles(seen, scene), expected.mean[place])
+        columns = np.array(scene.motion.position)
+        found = weighted_centroid(_circles(seen, scene), expected.mean[columns])
         if found is None:
             return expected
         mean, cov = expected.mean.copy(), expected.cov.copy()
-        cov[place, :] = cov[:, place] = 0.0
-        mean[place], cov[np.ix_(place, place)] = found[0], found[1] + self.floor**2 * np.eye(2)
+        cov[columns, :] = cov[:, columns] = 0.0
+        mean[columns], cov[np.ix_(columns, columns)] = found[0], found[1] + self.floor**2 * np.eye(2)
         return replace(expected, mean=mean, cov=cov)
 
 
-def located(circles: Circles, expected: Floats) -> tuple[Floats, Floats] | None:
+def weighted_centroid(circles: Circles, expected: Floats) -> tuple[Floats, Floats] | None:
     """The weighted centroid (2,) of the pairs' points, and their weighted spread (2, 2); None if there is no pair.
 
-    `expected` (2,) decides between crossings that fit all circles alike.
+    `expected` (2,) decides between intersections that fit all circles equally well.
     """
     points, weights = _pair_points(circles, expected)
     if not weights.size:
         return None
     shares = weights / weights.sum()
     mean = shares @ points
-    around = np.sqrt(shares)[:, None] * (points - mean)
-    return mean, around.T @ around
+    deviations = np.sqrt(shares)[:, None] * (points - mean)
+    return mean, deviations.T @ deviations
 
 
 def _circles(seen: Evidence, scene: Scene) -> Circles:
-    """A circle a reading, but for distances that are no number or beyond measure."""
+    """One circle per reading, without distances that are NaN, negative or at least `FARTHEST`."""
     radii = ranges_of(seen.readings, scene.sensor)
     known = (radii >= 0.0) & (radii < FARTHEST)
     return Circles(seen.positions[known], radii[known])
@@ -123,39 +123,39 @@ def _pair_points(circles: Circles, expected: Floats) -> tuple[Floats, Floats]:
     """A point (pairs, 2) for each pair of circles, and its weight (pairs,)."""
     centres, radii = circles
     first, second = np.triu_indices(radii.size, 1)
-    apart = np.linalg.norm(centres[second] - centres[first], axis=1)
-    pairs = apart > SHORTEST
-    first, second, apart = first[pairs], second[pairs], apart[pairs]
-    along = (centres[second] - centres[first]) / apart[:, None]
-    from_first, aside = _crossed(radii[first], radii[second], apart)
+    distances = np.linalg.norm(centres[second] - centres[first], axis=1)
+    pairs = distances > SHORTEST
+    first, second, distances = first[pairs], second[pairs], distances[pairs]
+    along = (centres[second] - centres[first]) / distances[:, None]
+    from_first, offset = _intersections(radii[first], radii[second], distances)
     middle = centres[first] + from_first[:, None] * along
-    sideways = aside[:, None] * np.stack([-along[:, 1], along[:, 0]], axis=1)
-    points = _better(np.stack([middle - sideways, middle + sideways]), circles, expected)
+    sideways = offset[:, None] * np.stack([-along[:, 1], along[:, 0]], axis=1)
+    points = _better_fit(np.stack([middle - sideways, middle + sideways]), circles, expected)
     return points, 1.0 / np.maximum(radii[first] + radii[second], SHORTEST)
 
 
-def _crossed(first: Floats, second: Floats, apart: Floats) -> tuple[Floats, Floats]:
-    """Where two circles cross: how far from the first centre towards the second, and how far aside, each (pairs,).
+def _intersections(first: Floats, second: Floats, distances: Floats) -> tuple[Floats, Floats]:
+    """Return where circles intersect: distance from the first centre towards the second, and offset from that line.
 
-    Circles that do not meet cross nowhere aside, but between them.
+    Circles with radii `first` and `second` (pairs,) that do not meet get the point between them, with offset 0.
     """
     total = np.maximum(first + second, SHORTEST)
-    outside, within = apart > first + second, apart < np.abs(first - second)
-    chord = 0.5 * (apart + (first - second) * (first + second) / apart)
-    between = first + (apart - first - second) * first / total
-    side = np.where(first > second, 1.0, -1.0)  # one in the other: beyond the second centre, or behind the first
-    beside = side * first - (np.abs(first - second) - apart) * first / total
-    along = np.where(outside, between, np.where(within, beside, chord))
-    aside = np.sqrt(np.maximum((first - chord) * (first + chord), 0.0))
-    return along, np.where(outside | within, 0.0, aside)
+    outside, within = distances > first + second, distances < np.abs(first - second)
+    chord = 0.5 * (distances + (first - second) * (first + second) / distances)
+    between = first + (distances - first - second) * first / total
+    side = np.where(first > second, 1.0, -1.0)  # one lies in the other: beyond the second centre, or behind the first
+    nested = side * first - (np.abs(first - second) - distances) * first / total
+    along = np.where(outside, between, np.where(within, nested, chord))
+    offset = np.sqrt(np.maximum((first - chord) * (first + chord), 0.0))
+    return along, np.where(outside | within, 0.0, offset)
 
 
-def _better(crossings: Floats, circles: Circles, expected: Floats) -> Floats:
-    """Of two crossings (2, pairs, 2) of each pair, the one (pairs, 2) that fits all circles better."""
+def _better_fit(intersections: Floats, circles: Circles, expected: Floats) -> Floats:
+    """Return which of the two intersections (2, pairs, 2) fits all circles better, (pairs, 2)."""
     centres, radii = circles
-    off = np.abs(np.linalg.norm(crossings[:, :, None, :] - centres, axis=-1) - radii).sum(axis=-1)
-    far = np.linalg.norm(crossings - expected, axis=-1)
-    alike = np.abs(off[1] - off[0]) <= ALIKE * radii.sum()
-    second = np.where(alike, far[1] < far[0], off[1] < off[0])
-    chosen: Floats = np.where(second[:, None], crossings[1], crossings[0])
+    misfits = np.abs(np.linalg.norm(intersections[:, :, None, :] - centres, axis=-1) - radii).sum(axis=-1)
+    errors = np.linalg.norm(intersections - expected, axis=-1)
+    equal = np.abs(misfits[1] - misfits[0]) <= EQUAL_FIT * radii.sum()
+    second = np.where(equal, errors[1] < errors[0], misfits[1] < misfits[0])
+    chosen: Floats = np.where(second[:, None], intersections[1], intersections[0])
     return chosen

@@ -134,7 +134,7 @@ def make_mechanism(component: WakeUp, services: WakeUpServices) -> WakeUpMechani
     if component.mechanism not in MECHANISMS:
         known = ", ".join(["none", *MECHANISMS])
         raise RunError(
-            f"wakeup: no mechanism '{component.mechanism}' in this network, and the component has no start(services); "
+            f"wakeup: unknown mechanism '{component.mechanism}', and the component has no start(services); "
             f"known: {known}"
         )
     return MECHANISMS[component.mechanism](component, services)

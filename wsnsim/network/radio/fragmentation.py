@@ -29,7 +29,7 @@ class Fragment(MacFrame):
         self.last = last
 
     def finish(self, received: Received | None) -> None:
-        """Add the final result of the fragment to its burst; None if it never got the channel."""
+        """Add the result of the fragment to its burst; `received` is None if the fragment never got the channel."""
         self._reassembly.burst.sent += self.bits * self.sends
         self._reassembly.add(self, received)
 
@@ -37,11 +37,11 @@ class Fragment(MacFrame):
 class _Reassembly:
     """A burst whose fragments are on their way: how many are missing, and what was received so far."""
 
-    def __init__(self, burst: Burst, spans: Sequence[tuple[int, int]], ended: Callable[[], None]) -> None:
+    def __init__(self, burst: Burst, spans: Sequence[tuple[int, int]], on_end: Callable[[], None]) -> None:
         self.burst = burst
         self._missing = len(spans)
         self._spans = spans
-        self._ended = ended
+        self._on_end = on_end
         self._lost = np.zeros(burst.mask.size, dtype=np.bool_)
         self._received: dict[int, list[tuple[int, int]]] = {}
 
@@ -63,22 +63,22 @@ class _Reassembly:
         else:
             mask = burst.mask & ~self._lost
             burst.mask, burst.packets = mask, int(mask.sum())
-        self._ended()
+        self._on_end()
 
     def _mask_of(self, received: Sequence[tuple[int, int]]) -> Bools:
         """Which packets of a broadcast are complete at a node that received these fragments."""
         if len(received) == len(self._spans):
             return self.burst.mask
-        got, sent = (np.zeros(self.burst.mask.size, dtype=np.int64) for _ in range(2))
-        for counts, spans in ((got, received), (sent, self._spans)):
+        arrived, sent = (np.zeros(self.burst.mask.size, dtype=np.int64) for _ in range(2))
+        for counts, spans in ((arrived, received), (sent, self._spans)):
             for first, last in spans:
                 counts[first:last] += 1
-        result: Bools = self.burst.mask & (got == sent)
+        result: Bools = self.burst.mask & (arrived == sent)
         return result
 
 
 class Fragmentation:
-    """Splits bursts into MAC frames, with as many packets in each as the packing allows and the payload holds."""
+    """Splits bursts into MAC frames. The packing and the payload of a frame limit the number of packets in it."""
 
     def __init__(self, mac: FramedMac, packing: Packing, log: EventLog) -> None:
         self._mac = mac
@@ -86,11 +86,11 @@ class Fragmentation:
         self._log = log
         self._sequence = 0
 
-    def split(self, burst: Burst, ended: Callable[[], None]) -> list[MacFrame]:
+    def split(self, burst: Burst, on_end: Callable[[], None]) -> list[MacFrame]:
         """Return the fragments of a burst, in order; none for a burst without packets.
 
-        The MAC calls `finish` on each of them once. After the last one the burst holds what arrived, and `ended` is
-        called.
+        The MAC calls `finish` on each of them once. After the last one the burst holds what arrived, and `on_end`
+        is called.
         """
         if burst.packets == 0:
             return []
@@ -98,7 +98,7 @@ class Fragmentation:
             self._sequence += 1
             burst.sequence = self._sequence
         spans = self._spans(burst)
-        reassembly = _Reassembly(burst, [(first, last) for first, last, _, _ in spans], ended)
+        reassembly = _Reassembly(burst, [(first, last) for first, last, _, _ in spans], on_end)
         code = self._log.code(burst.parcel.what)
         return [
             Fragment(reassembly, first, last, packets, self._mac.bits(bits), code)
@@ -107,11 +107,11 @@ class Fragmentation:
 
     def _spans(self, burst: Burst) -> list[tuple[int, int, int, int]]:
         """(first, last, packets, payload bits) of each fragment."""
-        size, most = burst.parcel.packet_bits, self._mac.payload_bits
+        size, capacity = burst.parcel.packet_bits, self._mac.payload_bits
         present = [int(i) for i in np.flatnonzero(burst.mask)]
-        if size > most:
-            sizes = [most] * (size // most) + ([size % most] if size % most else [])
+        if size > capacity:
+            sizes = [capacity] * (size // capacity) + ([size % capacity] if size % capacity else [])
             return [(i, i + 1, 1, bits) for i in present for bits in sizes]
-        each = max(self._packing.packets(size, most), 1)
-        groups = [present[i : i + each] for i in range(0, len(present), each)]
+        per_frame = max(self._packing.packets(size, capacity), 1)
+        groups = [present[i : i + per_frame] for i in range(0, len(present), per_frame)]
         return [(group[0], group[-1] + 1, len(group), len(group) * size) for group in groups]

@@ -89,7 +89,7 @@ def make_mac(mac: Mac, services: NetworkMacServices) -> MacMechanism:
         return mac.start(services)
     if mac.mechanism not in MECHANISMS:
         raise RunError(
-            f"mac: no mechanism '{mac.mechanism}' in this network, and the component has no start(services); "
+            f"mac: unknown mechanism '{mac.mechanism}', and the component has no start(services); "
             f"known: {', '.join(MECHANISMS)}"
         )
     return MECHANISMS[mac.mechanism](mac, services)

@@ -93,11 +93,11 @@ class RangeFix(HeadFilter):
         return self._placed(moved, belief, scene.time + ahead * scene.dt, scene)
 
     def check(self, setup: TrackingSetup) -> Iterator[Issue]:
-        """The motion must have a position of two columns."""
+        """The position of the motion model must have two columns."""
         if any(len(motion.position) != 2 for motion in setup.filter_motions):
             yield Issue(
                 ("tracker", "kind"),
-                "it fixes a position of two columns by ranges; this motion has one; take a motion in the plane",
+                "a fix from ranges needs a motion model whose position has two columns, such as constant_velocity",
             )
 
     @property

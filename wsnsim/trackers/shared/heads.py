@@ -35,9 +35,9 @@ from wsnsim.trackers.shared.readings import Evidence, gather_readings
 from wsnsim.trackers.shared.stacks import Score, place_of, propagated_by, snapshot
 
 WEIGH_CYCLES = 30.0
-"""To weigh one particle with one reading."""
+"""CPU cycles to weight one particle by one reading."""
 MOVE_CYCLES = 50.0
-"""To move one particle after its prediction, as a swarm does (Jiang 2013, section 5); the same for other searches."""
+"""CPU cycles to move one particle after its prediction, as a swarm (Jiang 2013, section 5) and other searches do."""
 NOTHING = no_particles(0)
 RESTORE = 5
 """Makes the key that losses on a handover are made good with another than that of the step's own resampling."""

@@ -20,21 +20,21 @@ from wsnsim.trackers.shared.moments import symmetric
 from wsnsim.trackers.shared.readings import Evidence, ranges_of
 
 ITERATIONS: Final = 30
-"""At most (our choice): most fixes take five or six."""
+"""Maximum number of iterations (our choice); most fixes take five or six."""
 ENOUGH: Final = 1e-6
-"""m: a step that is shorter ends the iteration (our choice)."""
+"""A step (m) shorter than this ends the iteration (our choice)."""
 DAMPING: Final = 1e-3
-"""At the start (our choice)."""
+"""Damping at the start (our choice)."""
 LEAST_DAMPING: Final = 1e-9
-"""Without any, nodes in a line leave equations that cannot be solved (our choice)."""
+"""Least damping (our choice): without any, the equations of nodes in a line are singular."""
 ASIDE: Final = 1e-6 * math.cos(1.0), 1e-6 * math.sin(1.0)
 """Of the mean range: what the descent starts beside its start. On a line of nodes there is no slope across it."""
-ALIKE: Final = 1e-9
-"""Relative: solutions that differ by less in their distance from the start are equally near (our choice)."""
+EQUALLY_NEAR: Final = 1e-9
+"""Two solutions are equally near the start if their distances from it differ by less than this share (our choice)."""
 OPEN: Final = 0.01
 """Of the sum of both: an axis with a smaller share is left open by the ranges: nodes within 11 degrees (our choice)."""
 FARTHEST: Final = 1e9
-"""m: a longer range is none (our choice)."""
+"""Longer ranges (m) are ignored (our choice)."""
 
 Circle = tuple[float, float, float]
 Point = tuple[float, float]
@@ -56,7 +56,7 @@ class Fix(NamedTuple):
 
 
 def usable(seen: Evidence, scene: Scene) -> Ranged:
-    """The measurements whose distances are finite and at most `FARTHEST`."""
+    """The measurements whose distances are neither negative nor NaN, and below `FARTHEST`."""
     ranges = ranges_of(seen.readings, scene.sensor)
     known = (ranges >= 0.0) & (ranges < FARTHEST)
     if known.all():
@@ -128,7 +128,7 @@ def _merged(circles: Sequence[Circle]) -> list[Circle]:
 def _on_circle(circle: Circle, x: float, y: float) -> Point:
     cx, cy, radius = circle
     away = math.hypot(x - cx, y - cy)
-    if away <= ALIKE * radius:
+    if away <= EQUALLY_NEAR * radius:
         return cx, cy
     return cx + (x - cx) * radius / away, cy + (y - cy) * radius / away
 
@@ -147,7 +147,7 @@ def _crossing(one: Circle, other: Circle, x: float, y: float) -> Point:
         aside = math.sqrt(max((a - along) * (a + along), 0.0))
     left, right = ((ax + along * ex - side * ey, ay + along * ey + side * ex) for side in (aside, -aside))
     to_left, to_right = (math.hypot(px - x, py - y) for px, py in (left, right))
-    if abs(to_left - to_right) <= ALIKE * (to_left + to_right):
+    if abs(to_left - to_right) <= EQUALLY_NEAR * (to_left + to_right):
         return (left[0] + right[0]) / 2.0, (left[1] + right[1]) / 2.0
     return left if to_left < to_right else right
 
