@@ -77,7 +77,7 @@ class Nodes:
 
     def is_awake(self, node: int) -> bool:
         """Whether a node is up and listens now."""
-        return self.alive[node] and self.duty_cycles.is_awake(node)
+        return self.alive[node] and (not self.follows_schedules or self.duty_cycles.is_awake(node))
 
     def is_scheduled_awake(self, node: int) -> bool:
         """Whether a node has a schedule that says that it is awake now."""

@@ -35,6 +35,7 @@ class Processors:
         if joules > 0:
             spent = self._nodes.spend(node, CPU_CAUSE, joules)
             clock = self._clock
-            row = event(clock.env.now, clock.step, target, node, COMPUTE, joules=spent, cause=CPU_EVENT_CAUSE)
-            self._event_log.add(row)
+            self._event_log.add(
+                event(clock.env.now, clock.step, target, node, COMPUTE, 0, 0, 0, -1, 0, 0, spent, CPU_EVENT_CAUSE)
+            )
         return self._cpu.seconds(cycles)

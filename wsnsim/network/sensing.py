@@ -77,7 +77,7 @@ class _CurrentSensing:
         now, step = services.clock.now, services.clock.step
         cause = EVENT_CAUSE["sense" if services.joules else "none"]
         services.event_log.extend(
-            [event(now, step, target, index, SENSE, joules=spent, cause=cause) for index, spent in paid.items()]
+            [event(now, step, target, index, SENSE, 0, 0, 0, -1, 0, 0, spent, cause) for index, spent in paid.items()]
         )
         return readings
 

@@ -16,7 +16,7 @@ from wsnsim.network.radio.radio_services import RadioServices
 from wsnsim.network.radio.use_counter import UseCounter
 
 RELAY, RECEIVE, DROP = KIND["relay"], KIND["receive"], KIND["drop"]
-NONE, TX, RX = EVENT_CAUSE["none"], EVENT_CAUSE["tx"], EVENT_CAUSE["rx"]
+TX, RX = EVENT_CAUSE["tx"], EVENT_CAUSE["rx"]
 
 
 class IdealMedium:
@@ -108,7 +108,10 @@ class IdealMedium:
         if burst.sent < bits:
             joules *= burst.sent / bits
         kind = RELAY if burst.relayed else SEND
-        self._add(burst, source, kind, code, number, burst.to, burst.packets, burst.sent, joules, TX)
+        self._log.add(
+            event(self._env.now, self._log.step, burst.target, source, kind, code, number, burst.sequence, burst.to,
+                  burst.packets, burst.sent, joules, TX)
+        )  # fmt: skip
         result: bool = nodes.alive[source]
         return result
 
@@ -122,11 +125,14 @@ class IdealMedium:
         nodes, bits = self._nodes, got * burst.parcel.packet_bits
         joules = self._energy.receive(bits)
         paid = nodes.spend_receive(node, joules, bits, seconds=bits * self._seconds_per_bit)
-        if nodes.alive[node]:
-            self._add(burst, node, RECEIVE, code, number, burst.source, got, bits, joules, RX)
-            return mask, got
-        self._add(burst, node, DROP, code, number, burst.source, burst.packets, paid, joules * paid / bits, RX)
-        return mask, 0
+        kind, packets = RECEIVE, got
+        if not nodes.alive[node]:
+            kind, packets, joules, bits, got = DROP, burst.packets, joules * paid / bits, paid, 0
+        self._log.add(
+            event(self._env.now, self._log.step, burst.target, node, kind, code, number, burst.sequence, burst.source,
+                  packets, bits, joules, RX)
+        )  # fmt: skip
+        return mask, got
 
     def _arrivals(self, burst: Burst, node: int) -> tuple[Bools, int]:
         """The mask and the number of the packets that reach a node, by link and faults."""
@@ -150,13 +156,7 @@ class IdealMedium:
         return derive(self._key, source, node, step, self._uses.next((source, node), step))
 
     def _drop(self, burst: Burst, number: int, code: int, node: int) -> None:
-        self._add(burst, node, DROP, code, number, burst.source, burst.packets, 0, 0.0, NONE)
-
-    def _add(  # noqa: PLR0913
-        self, burst: Burst, node: int, kind: int, code: int, number: int, peer: int, packets: int, bits: int,
-        joules: float, cause: int,
-    ) -> None:  # fmt: skip
         self._log.add(
-            event(self._env.now, self._log.step, burst.target, node, kind, code, number, burst.sequence, peer,
-                  packets, bits, joules, cause)
+            event(self._env.now, self._log.step, burst.target, node, DROP, code, number, burst.sequence, burst.source,
+                  burst.packets)
         )  # fmt: skip

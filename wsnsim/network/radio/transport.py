@@ -82,10 +82,13 @@ class Transport:
             An event that fires when the last datagram has ended.
         """
         direct, relayed = [], []
+        may_wake = self.wake_neighbour is not None
         for datagram in datagrams:
             if datagram.source == datagram.to:
                 datagram.arrived = True
-            elif self._topology.connected(datagram.source, datagram.to) and not self._must_wake(datagram.to):
+            elif self._topology.connected(datagram.source, datagram.to) and not (
+                may_wake and self._must_wake(datagram.to)
+            ):
                 direct.append(datagram)
             else:
                 relayed.append(datagram)
