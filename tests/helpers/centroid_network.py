@@ -24,8 +24,7 @@ from wsnsim.models.motion import BoundedVelocity
 from wsnsim.models.sensing import AcousticEnergy
 from wsnsim.models.sleep import EventWake
 from wsnsim.models.wakeup import NoWakeUp
-from wsnsim.network.outcome import NetworkOutcome
-from wsnsim.network.result_rows import woken_rows, write_tables
+from wsnsim.network.result_rows import NetworkOutcome, woken_rows, write_tables
 from wsnsim.network.world import Sensors, Targets, World
 
 

@@ -20,7 +20,7 @@ from wsnsim.models.hardware import DriftingClock, NoPacking, PerfectClock, Proce
 from wsnsim.models.links import Disk, MinimumEnergy
 from wsnsim.models.sleep import EventWake
 from wsnsim.models.workload import Periodic
-from wsnsim.network.workload_world import WorkloadWorld
+from wsnsim.network.workloads.workload_world import WorkloadWorld
 
 REACH, AIRTIME, TURNAROUND = 75.0, 29 * 8 / 250e3, 192e-6
 SEND, RECEIVE, COLLIDE, DROP = (KIND[name] for name in ("send", "receive", "collide", "drop"))
@@ -94,27 +94,27 @@ def events_of_kind(run, kind):
 
 def test_the_packet_delivery_ratio_is_that_of_other_simulators():
     """97 to 99.5 %: ns-3.37 98.5, Castalia 3.3 98.8, wsnsimpy 97.0 %, for other samples of the same network."""
-    counts = cross_check().outcome.counts
-    assert 0.97 < counts.delivered / counts.in_range < 0.995
+    counters = cross_check().outcome.counters
+    assert 0.97 < counters.delivered / counters.in_range < 0.995
     near = in_range(cross_check())
-    assert counts.in_range == pytest.approx(20 * near.sum(), rel=2e-3)
+    assert counters.in_range == pytest.approx(20 * near.sum(), rel=2e-3)
 
 
 def test_the_counts_are_those_of_the_event_log():
     run = cross_check()
-    counts, sends = run.outcome.counts, events_of_kind(run, SEND)
+    counters, sends = run.outcome.counters, events_of_kind(run, SEND)
     neighbours = in_range(run).sum(axis=1)
     received, collided = (len(events_of_kind(run, kind)["time"]) for kind in (RECEIVE, COLLIDE))
-    assert counts.in_range == neighbours[sends["node"]].sum() == received + collided
-    assert (counts.delivered, counts.collided) == (received, collided)
-    assert counts.frames_sent == counts.packets_sent == counts.transmissions == len(sends["time"])
+    assert counters.in_range == neighbours[sends["node"]].sum() == received + collided
+    assert (counters.delivered, counters.collided) == (received, collided)
+    assert counters.frames_sent == counters.packets_sent == counters.transmissions == len(sends["time"])
     given_up = events_of_kind(run, DROP)
     assert set(given_up["what"].tolist()) <= {run.memory.words.code("no_channel")}
-    assert counts.access_failures == len(given_up["time"])
-    under_way = run.beacons - counts.frames_sent - counts.access_failures
+    assert counters.access_failures == len(given_up["time"])
+    under_way = run.beacons - counters.frames_sent - counters.access_failures
     assert run.beacons == 8000 and 0 <= under_way < 20
     spoilt = set(events_of_kind(run, COLLIDE)["frame"].tolist())
-    assert counts.frames_lost == len(spoilt)
+    assert counters.frames_lost == len(spoilt)
 
 
 def test_a_beacon_arrives_where_no_other_frame_is_heard_meanwhile():
@@ -131,13 +131,13 @@ def test_a_beacon_arrives_where_no_other_frame_is_heard_meanwhile():
                 spoilt |= near[sources[j]]
                 spoilt[sources[j]] = True
         expected += int((near[source] & ~spoilt).sum())
-    assert run.outcome.counts.delivered == expected
+    assert run.outcome.counters.delivered == expected
 
 
 def test_the_links_add_up_to_the_counts():
     run = cross_check()
-    links, counts = run.memory.table("links"), run.outcome.counts
-    assert (links["sent"].sum(), links["received"].sum()) == (counts.in_range, counts.delivered)
+    links, counters = run.memory.table("links"), run.outcome.counters
+    assert (links["sent"].sum(), links["received"].sum()) == (counters.in_range, counters.delivered)
     near = in_range(run)
     pairs = set(zip(links["source"].tolist(), links["node"].tolist(), strict=True))
     assert pairs == {(int(a), int(b)) for a, b in np.argwhere(near)}
@@ -172,10 +172,10 @@ def test_a_radio_with_a_datasheet_consumes_its_power_in_every_second():
 
 def test_without_contention_every_beacon_reaches_all_nodes_in_range():
     run = run_of(beacon_setup(mac=IdealMac(), steps=5))
-    counts = run.outcome.counts
-    assert counts.delivered == counts.in_range == 5 * in_range(run).sum()
-    assert counts.collided == counts.access_failures == counts.frames_lost == 0
-    assert counts.frames_sent == run.beacons == 5 * 400
+    counters = run.outcome.counters
+    assert counters.delivered == counters.in_range == 5 * in_range(run).sum()
+    assert counters.collided == counters.access_failures == counters.frames_lost == 0
+    assert counters.frames_sent == run.beacons == 5 * 400
 
 
 def test_a_node_that_is_down_sends_no_beacons_and_keeps_its_phase():
@@ -204,14 +204,14 @@ def test_a_run_equals_the_run_without_the_fault_until_the_fault_begins():
     assert len(before[0]["time"]) > 500
     for name in ("time", "node", "kind", "peer", "bits", "joules"):
         assert np.array_equal(before[0][name], before[1][name])
-    assert run.outcome.counts.delivered < calm.outcome.counts.delivered
+    assert run.outcome.counters.delivered < calm.outcome.counters.delivered
 
 
 def test_in_a_blackout_of_all_nodes_every_beacon_fails_to_get_the_channel():
     run = run_of(small_network(faults=(Blackout(at=4.0, duration=10.0, fraction=1.0),)))
     sends = events_of_kind(run, SEND)["time"]
     assert not ((sends > 4.0 + TURNAROUND + AIRTIME) & (sends < 14.0)).any() and (sends > 14.0).any()
-    assert run.outcome.counts.access_failures == pytest.approx(10 * 40, abs=8)
+    assert run.outcome.counters.access_failures == pytest.approx(10 * 40, abs=8)
     assert run.outcome.nodes.ledger.joules.sum(axis=0) == pytest.approx(run.outcome.nodes.ledger.spent, rel=1e-9)
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from wsnsim import scenario, simulate
 from wsnsim.base.tables import CAUSES, EVENT_CAUSES, KIND, Memory
-from wsnsim.network import node_factory
+from wsnsim.network.radio import radio_stack
 
 SHORT = ["duration=2 s"]
 FAULTY = [
@@ -64,7 +64,7 @@ def test_the_fingerprint_depends_neither_on_the_log_nor_on_workers_nor_on_readin
     context = multiprocessing.get_context("spawn")
     with concurrent.futures.ProcessPoolExecutor(2, mp_context=context) as pool:
         assert set(pool.map(fingerprint, [name] * 2, [changes] * 2)) == {plain}
-    made = node_factory.make_nodes
+    made = radio_stack.make_nodes
     looked = []
 
     def curious(env, *rest):
@@ -80,7 +80,7 @@ def test_the_fingerprint_depends_neither_on_the_log_nor_on_workers_nor_on_readin
         env.process(look())
         return nodes
 
-    monkeypatch.setattr("wsnsim.network.radio.radio_stack.make_nodes", curious)
+    monkeypatch.setattr(radio_stack, "make_nodes", curious)
     assert fingerprint(name, changes) == plain and len(looked) > 50
 
 

@@ -18,7 +18,7 @@ from wsnsim.experiment import simulate
 from wsnsim.models.access import Csma
 from wsnsim.network.clusters.target_search import TargetSearch
 from wsnsim.network.radio.channel import Channel
-from wsnsim.network.sensing import ContinuousSensing
+from wsnsim.network.sensing.sensing import ContinuousSensing
 from wsnsim.trackers.ekf import ExtendedKalman
 
 

@@ -162,7 +162,7 @@ def test_frames_that_are_lost_are_missing_from_the_answers_and_the_loss_does_not
     first = [set(answer) for answer in lossy[0].parts.tracker.answers]
     assert first == [set(answer) for answer in lossy[1].parts.tracker.answers]
     assert len({len(answer) for answer in first}) > 1
-    assert lossy[0].outcome.counts.frames_lost > 0
+    assert lossy[0].outcome.counters.frames_lost > 0
     assert len(lossy[0].events("drop")) > 0
 
 
@@ -326,7 +326,7 @@ def test_on_a_lossy_channel_a_track_survives_its_handovers_or_is_reacquired_and_
     run = Run(parts(steps=400, link=Disk(reach=75.0, loss=0.4)), truths=[gone_at((-100.0, -60.0), 400)])
     assert len(run.outcome.tracks[0].clusters) > 2
     drops = {int(row["frame"]) for row in run.events("drop")} - {0}
-    assert run.outcome.counts.frames_lost >= len(drops) > 0
+    assert run.outcome.counters.frames_lost >= len(drops) > 0
     assert_radio_energy_is_in_the_events(run)
     assert_no_track_waits_for_a_dead_node(run)
 

@@ -1,18 +1,19 @@
-"""The outcome of a run of a network as rows of the result's tables.
+"""The outcome of a run of a network, and its rows of the result's tables.
 
 write_tables(outcome, replicate, setup, recorder)     network_result(outcome, setup, coverage) -> RunResult
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import fields
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields
 from operator import attrgetter
 from typing import Any
 
 import numpy as np
 
-from wsnsim.base.arrays import Floats
+from wsnsim.base.arrays import Floats, Ints
+from wsnsim.base.counters import Counters
 from wsnsim.base.ports import Recorder
 from wsnsim.base.results import RADIO_COUNTERS, RunResult, RunTotals, TrackResult
 from wsnsim.base.setups import NetworkSetup, RadioSetup
@@ -20,9 +21,39 @@ from wsnsim.base.sleeping import WakeUpRound
 from wsnsim.base.tables import CAUSES
 from wsnsim.network.clusters.track import ClusterRecord, Track
 from wsnsim.network.nodes import Nodes
-from wsnsim.network.outcome import NetworkOutcome
 
 NAN = float("nan")
+
+
+def _none_woken() -> Ints:
+    return np.zeros((0, 1, 2), dtype=np.int64)
+
+
+@dataclass(frozen=True, slots=True)
+class NetworkOutcome:
+    """The state of a network at the end of a run.
+
+    Attributes:
+        nodes: with the energy that each has spent.
+        counters: those of the radio.
+        event_fingerprint: of the event log.
+        awake: share of the nodes' time that they were awake.
+        cycles: operations that trackers computed.
+        steps: the last step.
+        tracks: one per target; none in a network without targets.
+        woken: (targets, steps + 1, 2) nodes that woke, and how many of them unnecessarily.
+        received: time in s at which the sink received the estimate of (target, step).
+    """
+
+    nodes: Nodes
+    counters: Counters
+    event_fingerprint: int
+    awake: float
+    cycles: float = 0.0
+    steps: int = 0
+    tracks: tuple[Track, ...] = ()
+    woken: Ints = field(default_factory=_none_woken)
+    received: Mapping[tuple[int, int], float] = field(default_factory=dict)
 
 
 def write_tables(outcome: NetworkOutcome, replicate: int, setup: RadioSetup, recorder: Recorder) -> None:
@@ -82,7 +113,7 @@ def _totals(outcome: NetworkOutcome, coverage: float) -> RunTotals:
         first_death=deaths[0] if deaths else NAN,
         half_dead=deaths[half - 1] if len(deaths) >= half else NAN,
         coverage=coverage,
-        **{name: getattr(outcome.counts, name) for name in RADIO_COUNTERS},
+        **{name: getattr(outcome.counters, name) for name in RADIO_COUNTERS},
     )
 
 

@@ -26,25 +26,25 @@ from wsnsim.network.clusters.head_messages import HeadMessages
 from wsnsim.network.clusters.head_protocol import HeadServices
 from wsnsim.network.clusters.head_protocols import make_head_protocol
 from wsnsim.network.clusters.network_view import NetworkView
+from wsnsim.network.clusters.processors import Processors
+from wsnsim.network.clusters.sink_reports import SinkReports
 from wsnsim.network.clusters.target_search import TargetSearch
 from wsnsim.network.clusters.track import Track
 from wsnsim.network.clusters.wake_ahead import NoWakeAhead, WakeAhead, WakesAhead
+from wsnsim.network.clusters.wake_up_counters import WakeUpCounters
 from wsnsim.network.clusters.wake_up_service import WakeUpNetwork, WakeUpService
 from wsnsim.network.energy.energy_steps import EnergySteps
 from wsnsim.network.event_log import EventLog
-from wsnsim.network.fault_services import FaultSite, NodeControl
-from wsnsim.network.faults import FaultSchedule
-from wsnsim.network.imperfect_readings import make_readings
+from wsnsim.network.faults.schedule import FaultSchedule
+from wsnsim.network.faults.services import FaultSite, NodeControl
 from wsnsim.network.node import NodeProcesses, NodeServices
-from wsnsim.network.outcome import NetworkOutcome
-from wsnsim.network.processors import Processors
 from wsnsim.network.radio.radio_stack import make_radio_stack, run_until
 from wsnsim.network.radio.routing import Router
 from wsnsim.network.radio.transport import Transport
-from wsnsim.network.sensing import CurrentReadings, SensingServices, make_sensing
-from wsnsim.network.sink_reports import SinkReports
+from wsnsim.network.result_rows import NetworkOutcome
+from wsnsim.network.sensing.imperfect_readings import make_readings
+from wsnsim.network.sensing.sensing import CurrentReadings, SensingServices, make_sensing
 from wsnsim.network.step_clock import ProtocolLog, StepClock
-from wsnsim.network.wake_up_counts import WakeUpCounts
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,9 +105,9 @@ class World:
         available, imperfections = make_readings(setup, targets.truths, nodes, self._stack.clocks, streams.key("sense"))
         readings: CurrentReadings = [{} for _ in points]
         network = NetworkView(setup, clock, nodes, readings, setup.head_threshold, streams.key("tracker"))
-        self._wake_up_counts = WakeUpCounts(network, points)
+        self._wake_up_counters = WakeUpCounters(network, points)
         wakes_ahead = setup.wakeup.mechanism != "none"
-        on_wake = _ignore_wake if wakes_ahead else self._wake_up_counts.count_wake
+        on_wake = _ignore_wake if wakes_ahead else self._wake_up_counters.count_wake
         self._processes = NodeProcesses(NodeServices(self._env, nodes, self._log, on_wake))
         sensing = SensingServices(clock, nodes, self._processes, self._event_log, available, setup.energy.sense())
         self._sensing = make_sensing(sensing, readings, setup.nodes_search)
@@ -154,7 +154,7 @@ class World:
             cycles=self._processors.operations,
             steps=self._clock.step,
             tracks=self._tracks,
-            woken=self._wake_up_counts.woken,
+            woken=self._wake_up_counters.woken,
             received=self._reports.received,
         )
 
@@ -186,7 +186,7 @@ class World:
 
     def _tick(self, track: Track) -> None:
         """Give the track's head its tick; find a head first, if there is none."""
-        self._wake_up_counts.count_rounds(track)
+        self._wake_up_counters.count_rounds(track)
         tick, track.tick = track.tick, self._env.event()
         track.heads.append(-1 if track.head is None else track.head)
         self._coordination.fill_vacancy(track, 0)

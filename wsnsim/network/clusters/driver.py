@@ -16,8 +16,8 @@ import simpy
 from wsnsim.base.arrays import Bools
 from wsnsim.base.errors import RunError
 from wsnsim.base.requests import Broadcast, Compute, Delivery, Flow, Gather, Local, Member, Parcel, Scatter, Send
+from wsnsim.network.clusters.processors import Processors
 from wsnsim.network.nodes import Nodes
-from wsnsim.network.processors import Processors
 from wsnsim.network.radio.transport import Datagram, Transport
 from wsnsim.network.step_clock import ProtocolLog
 

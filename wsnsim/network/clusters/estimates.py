@@ -14,8 +14,8 @@ from wsnsim.base.rows import Issued, wants_belief, write_belief
 from wsnsim.network.clusters.cluster import Cluster
 from wsnsim.network.clusters.driver import Driver
 from wsnsim.network.clusters.network_view import NetworkView
+from wsnsim.network.clusters.sink_reports import SinkReports
 from wsnsim.network.clusters.track import Track
-from wsnsim.network.sink_reports import SinkReports
 from wsnsim.network.step_clock import ProtocolLog
 
 

@@ -12,8 +12,8 @@ import numpy as np
 from wsnsim.base.arrays import Floats
 from wsnsim.base.rng import derive, derive_all, uniforms
 from wsnsim.network.clusters.network_view import NetworkView
-from wsnsim.network.imperfect_readings import Imperfections, make_search_readings
-from wsnsim.network.readings import Readings
+from wsnsim.network.sensing.imperfect_readings import Imperfections, make_search_readings
+from wsnsim.network.sensing.readings import Readings
 
 
 class TargetSearch:

@@ -13,7 +13,7 @@ from wsnsim.base.tables import CAUSE, EVENT_CAUSE, KIND
 from wsnsim.network.event_log import EventLog, event
 from wsnsim.network.node import NodeProcesses
 from wsnsim.network.nodes import Nodes
-from wsnsim.network.readings import Readings
+from wsnsim.network.sensing.readings import Readings
 from wsnsim.network.step_clock import StepClock
 
 SENSE: Final = KIND["sense"]

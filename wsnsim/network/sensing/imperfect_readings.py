@@ -19,9 +19,9 @@ from wsnsim.base.ports import Detection, Detects
 from wsnsim.base.rng import HEAD_KEY, derive, derive_all, normals, uniforms
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.network.clocks import Clocks
-from wsnsim.network.faults import change_readings
+from wsnsim.network.faults.mechanisms import change_readings
 from wsnsim.network.nodes import Nodes
-from wsnsim.network.readings import Readings, SensorArray
+from wsnsim.network.sensing.readings import Readings, SensorArray
 
 DISTORTION: Final = HEAD_KEY
 """In a random key, stands for a target: for what distorts a node's readings at every step."""

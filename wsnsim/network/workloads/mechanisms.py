@@ -8,7 +8,7 @@ from typing import Any, Final
 from wsnsim.base.errors import RunError
 from wsnsim.base.mechanisms import StartsWorkload, WorkloadMechanism, WorkloadServices
 from wsnsim.base.radio import Workload
-from wsnsim.network.beacons import Beacons
+from wsnsim.network.workloads.beacons import Beacons
 
 MECHANISMS: Final[Mapping[str, Callable[[Any, WorkloadServices], WorkloadMechanism]]] = {"beacons": Beacons}
 """The built-in mechanisms by name. The workload 'tracking' has targets: see `world`."""

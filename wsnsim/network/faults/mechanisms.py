@@ -1,16 +1,8 @@
-"""The faults of a scenario in simulated time: each begins at its time, and passes when its duration has ended.
-
-    FaultSchedule(faults, site, key, dt).start()
-
-The nodes that a fault hits are chosen at its beginning. A share of all nodes depends on the key and the number of the
-fault alone, so that the rest of a run draws the same random numbers as without faults. Of the faults of one time,
-those that end come first, then those that begin, in the order of the scenario; all come before the step of that time.
-"""
+"""The mechanisms of faults: the built-in ones, and the table that binds them to the names of fault components."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import partial
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Final
 
 import numpy as np
@@ -19,66 +11,9 @@ from wsnsim.base.arrays import Ints
 from wsnsim.base.errors import RunError
 from wsnsim.base.mechanisms import NOBODY, FaultMechanism, FaultServices, SensorDefect, StartsFault
 from wsnsim.base.radio import FaultEvent
-from wsnsim.base.rng import derive, derive_all, uniforms
-from wsnsim.network.fault_services import Combination, FaultSite, Outages, RadioDisturbances, SiteServices, Timeline
 
 CHANGE_READINGS: Final = frozenset({"clock_step", "stuck", "bias"})
 """Built-in mechanisms that change what sensors read."""
-
-
-class FaultSchedule:
-    """The faults of one run. `key` is the random key of all faults, `dt` the length of a step in s."""
-
-    def __init__(self, faults: Sequence[FaultEvent], site: FaultSite, key: int, dt: float) -> None:
-        self._faults = tuple(faults)
-        self._site = site
-        self._key = key
-        self._timeline = Timeline(site.env, site.log, dt)
-        shared = Combination(self._timeline, Outages(), RadioDisturbances(site.nodes), key)
-        self._services = [SiteServices(site, shared, fault, number) for number, fault in enumerate(self._faults)]
-        self._mechanisms = [_start(*each) for each in zip(self._faults, self._services, strict=True)]
-        self._hit: dict[int, Ints] = {}
-
-    def start(self) -> None:
-        """Set a timer for each beginning and end, before any other event; a fault at time 0 begins at once."""
-        when = self._timeline.snapped
-        changes = [(when(fault.at), 1, number) for number, fault in enumerate(self._faults)]
-        for number, fault in enumerate(self._faults):
-            if fault.duration is not None:
-                ends = when(fault.at + fault.duration)
-                changes.append((ends, 0 if ends > when(fault.at) else 2, number))
-        for time, order, number in sorted(changes):
-            act = self._begin if order == 1 else self._end
-            self._timeline.call_at(time, partial(act, number))
-
-    def _begin(self, number: int) -> None:
-        dead = self._site.nodes.died_at
-        hit = [node for node in self.aimed(number) if node not in dead]
-        if not hit:
-            self._services[number].log_start(NOBODY)
-            return
-        self._hit[number] = np.array(hit, dtype=np.int64)
-        self._mechanisms[number].begin(self._hit[number])
-
-    def _end(self, number: int) -> None:
-        nodes = self._hit.pop(number, None)
-        if nodes is not None:
-            self._mechanisms[number].end(nodes)
-
-    def aimed(self, number: int) -> list[int]:
-        """Return the nodes at which a fault is aimed now, ascending, dead ones included."""
-        fault, nodes = self._faults[number], self._site.nodes
-        if fault.nodes is not None:
-            return sorted({node for node in fault.nodes if node < nodes.size})
-        if fault.fraction is not None:
-            samples = uniforms(derive_all(derive(self._key, number), np.arange(nodes.size)), 0)
-            chosen: list[int] = np.argsort(samples, kind="stable")[: round(fault.fraction * nodes.size)].tolist()
-            return sorted(chosen)
-        if fault.region is not None:
-            x, y, radius = fault.region
-            return sorted(nodes.tree.query_ball_point((x, y), radius))
-        head = None if fault.head is None else self._site.control.head_of(fault.head)
-        return [] if head is None else [head]
 
 
 class OutageMechanism:
@@ -192,8 +127,12 @@ def change_readings(faults: Iterable[FaultEvent]) -> bool:
     return any(fault.mechanism in CHANGE_READINGS or isinstance(fault, StartsFault) for fault in faults)
 
 
-def _start(fault: FaultEvent, services: FaultServices) -> FaultMechanism:
-    """Return the mechanism of a fault: its own, or the built-in one of that name."""
+def make_fault(fault: FaultEvent, services: FaultServices) -> FaultMechanism:
+    """Return the mechanism of a fault: its own, or the built-in one of that name.
+
+    Raises:
+        RunError: There is neither.
+    """
     if isinstance(fault, StartsFault):
         return fault.start(services)
     if fault.mechanism not in MECHANISMS:

@@ -20,13 +20,13 @@ from wsnsim.base.setups import BeaconSetup
 from wsnsim.base.tables import KIND
 from wsnsim.network.energy.energy_steps import EnergySteps
 from wsnsim.network.event_log import EventLog, event
-from wsnsim.network.fault_services import FaultSite, NodeControl
-from wsnsim.network.faults import FaultSchedule
-from wsnsim.network.outcome import NetworkOutcome
+from wsnsim.network.faults.schedule import FaultSchedule
+from wsnsim.network.faults.services import FaultSite, NodeControl
 from wsnsim.network.radio.radio_stack import RadioStack, make_radio_stack, run_until
 from wsnsim.network.radio.routing import Router
 from wsnsim.network.radio.transport import Datagram, Transport
-from wsnsim.network.workloads import make_workload
+from wsnsim.network.result_rows import NetworkOutcome
+from wsnsim.network.workloads.mechanisms import make_workload
 
 
 class WorkloadNetwork:

@@ -12,7 +12,7 @@ from wsnsim.network.clusters.network_view import NetworkView
 from wsnsim.network.clusters.track import Track
 
 
-class WakeUpCounts:
+class WakeUpCounters:
     """Counts wake-ups. One is unnecessary if the target is out of the node's sensing range.
 
     `woken` (targets, steps + 1, 2) holds the nodes that woke and, of these, the unnecessary wake-ups. `points` holds

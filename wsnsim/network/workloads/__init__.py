@@ -1,0 +1,1 @@
+"""Workloads: networks without targets, and what their nodes do."""
