@@ -62,7 +62,7 @@ class Deploy(_Port):
 
     def check(self, setup: Any) -> Iterator[Issue]:
         if self.nodes < 3:
-            yield Issue(("deploy", "nodes"), f"{self.nodes} nodes cannot make a cluster")
+            yield Issue(("deploy", "nodes"), f"{self.nodes} nodes cannot form a cluster")
         if self.nodes < 2:
             yield Issue(("clusters", "minimum_active"), "more members than nodes")
 

@@ -105,5 +105,5 @@ def test_columns_of_a_larger_cloud_are_taken_as_they_are():
 
 def test_a_target_that_a_long_step_throws_out_is_an_error():
     """At 10 s a step the drag of 1/s turns the velocity round nine times over."""
-    with pytest.raises(RunError, match="runs away"):
+    with pytest.raises(RunError, match="diverges"):
         BoundedVelocity().truth(1000, 10.0, np.random.default_rng(3))

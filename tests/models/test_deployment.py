@@ -61,12 +61,12 @@ def test_a_uniform_deployment_is_uniform():
 
 
 def test_a_field_that_no_draw_covers_is_an_error_that_counts_the_draws():
-    with pytest.raises(RunError, match="none of 3 draws of 20 nodes"):
+    with pytest.raises(RunError, match="none of 3 sampled deployments of 20 nodes"):
         Uniform(nodes=20, draws=3).draw(60.0, generator())
 
 
 def test_too_few_nodes_to_cover_are_a_fault_that_says_how_many_are_needed():
-    said = "17 nodes with a sensing reach of 60 m cannot cover 400 m by 400 m: at least 18 are needed, or cover: false"
+    said = "17 nodes with a sensing range of 60 m cannot cover 400 m by 400 m: at least 18 are needed, or cover: false"
     assert issues(Uniform(nodes=17)) == [("deploy.cover", said)]
     assert not issues(Uniform(nodes=18))
     assert not issues(Uniform(nodes=17, cover=False))
@@ -74,7 +74,7 @@ def test_too_few_nodes_to_cover_are_a_fault_that_says_how_many_are_needed():
 
 def test_fewer_nodes_than_a_cluster_needs_are_a_fault():
     assert issues(Uniform(nodes=2, cover=False)) == [
-        ("deploy.nodes", "2 nodes cannot make a cluster of clusters.minimum_active = 3 members")
+        ("deploy.nodes", "2 nodes cannot form a cluster of clusters.minimum_active = 3 members")
     ]
 
 
@@ -111,7 +111,7 @@ def test_jitter_keeps_a_node_in_its_part_of_the_cell():
 
 
 def test_a_jittered_grid_that_cannot_cover_gives_up():
-    with pytest.raises(RunError, match="none of 5 draws of 16 nodes"):
+    with pytest.raises(RunError, match="none of 5 sampled deployments of 16 nodes"):
         JitteredGrid(nodes=16, jitter=1.0, draws=5).draw(65.0, generator())
 
 
@@ -127,7 +127,7 @@ def test_positions_come_from_a_file_in_its_order(tmp_path):
     [
         ("", "nodes.csv:1: the header must name the columns x and y"),
         ("x;y\n1;2\n", "nodes.csv:1: the header must name"),
-        ("x,y\n", "nodes.csv: holds no positions"),
+        ("x,y\n", "nodes.csv: contains no positions"),
         ("x,y\n1,2\n3,four\n", "nodes.csv:3: x and y must be numbers, got '3' and 'four'"),
         ("x,y\n1,2\n3\n", "nodes.csv:3: x and y must be numbers, got '3' and ''"),
         ("x,y\n1,2\n\n0,201\n", "nodes.csv:4: (0, 201) m is outside the field of 400 m by 400 m"),
@@ -149,7 +149,8 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path):
     binary.write_bytes(b"\xff\xfe\x00\x01")
     endless = Path("/dev/zero")
     for path, said in (
-        (tmp_path / "none.csv", "No such file"), (tmp_path, "directory"), (binary, "no CSV text"), (endless, "no end"),
+        (tmp_path / "none.csv", "No such file"), (tmp_path, "directory"), (binary, "not a CSV text"),
+        (endless, "not a regular file"),
     ):  # fmt: skip
         with pytest.raises(RunError, match="cannot be read") as caught:
             FromFile(path=str(path)).draw(60.0, generator())

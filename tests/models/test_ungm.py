@@ -188,7 +188,7 @@ def test_a_target_in_the_plane_is_a_fault() -> None:
     plane: Any = SimpleNamespace(motions=(ConstantVelocity(),))
     (issue,) = Squared().check(plane)
     assert issue.path == ("sensor", "kind")
-    assert "2 (px py); it can go with ungm or constant_acceleration" in issue.message
+    assert "2 (px py); use it with ungm or constant_acceleration" in issue.message
     for motion in (Ungm(), ConstantAcceleration()):
         line: Any = SimpleNamespace(motions=(motion,))
         assert not list(Squared().check(line))

@@ -246,8 +246,8 @@ BAD = {
     "t,x,y\n0,1,2\n1,z,3\n": r":3: .*must be numbers, got '1', 'z' and '3'",
     "t,x,y\n0,1\n1,2,3\n": r":2: .*must be numbers",
     "t,x,y\n5,1,2\n\n5,1,3\n": r":4: .*5 s must be later than .*5 s",
-    "t,x,y\n0,1,2\n": r"two points or more",
-    "t,x,y\n": r"holds no way-points",
+    "t,x,y\n0,1,2\n": r"at least two points are needed",
+    "t,x,y\n": r"contains no waypoints",
     "t,x,y\n0,inf,2\n1,2,3\n": r":2: .*finite",
     "t,x,y\n0,1,2\n1,1e300,3\n": r":3: .*within",
 }
@@ -275,7 +275,7 @@ def test_a_missing_file_is_a_fault_and_so_are_both_or_neither(tmp_path: Path) ->
 @pytest.mark.parametrize(
     ("points", "said"),
     [
-        (STOPS[:1], "two points or more"),
+        (STOPS[:1], "at least two points are needed"),
         ((STOPS[1], STOPS[0]), r"points\[1\]: its time 10 s must be later than .*20 s"),
     ],
 )

@@ -59,7 +59,7 @@ def test_what_parts_find_in_one_another_is_told_at_its_place(tmp_path: Path) -> 
     path.write_text(text)
     rows = {key: 1 + text.splitlines().index(f"{key}:") for key in ("deploy", "clusters")}
     assert faults_of(path) == [
-        f"{path}:{rows['deploy'] + 2}:10: error: deploy.nodes: 1 nodes cannot make a cluster",
+        f"{path}:{rows['deploy'] + 2}:10: error: deploy.nodes: 1 nodes cannot form a cluster",
         f"{path}:{rows['clusters'] + 1}:3: error: clusters.minimum_active: more members than nodes",
     ]
 

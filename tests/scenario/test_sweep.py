@@ -303,7 +303,7 @@ PLACES = [
      "link.reach: 's' is a unit of time, expected length (for example '1 m')"),
     ("grid: {tracker.kind: [pso_mhfp]}", "pso_mhfp",
      "tracker.kind: unknown tracker 'pso_mhfp' (did you mean 'pso_mhpf'?)"),
-    ("grid: {deploy.nodes: [16, 2]}", "2]", "deploy.nodes: 2 nodes cannot make a cluster"),
+    ("grid: {deploy.nodes: [16, 2]}", "2]", "deploy.nodes: 2 nodes cannot form a cluster"),
     ("grid: {tracker.particles: []}", "[]", "grid.tracker.particles: is an empty list: an axis needs a value"),
     ("grid: {tracker.particles: [1, 2, 1]}", "1]", "grid.tracker.particles.2: 1 is in the list twice"),
     ("grid: {tracker.particles: [100, 100.0]}", "100.0",

@@ -1,4 +1,4 @@
-"""Bounds that several models share: far beyond any network, and near enough that no square or product overflows.
+"""Limits of values that several models share: beyond any network, and small enough that no product overflows.
 
 All are our choice.
 """
@@ -11,10 +11,11 @@ from wsnsim.base.part import Quantity
 
 MOST_NODES: Final = 10_000_000
 LENGTH: Final = Quantity("m", ge=1e-3, le=1e7)
-"""Of a field or a reach."""
+"""A side of the field, or a range."""
 PLACE: Final = Quantity("m", ge=-1e7, le=1e7)
+"""A coordinate of a position."""
 STATE: Final = Quantity("", ge=-1e7, le=1e7)
-"""A column of a state, in SI units: m, m/s."""
+"""A column of a state, in SI units."""
 DEVIATION: Final = Quantity("", ge=1e-6, le=1e7)
 """The standard deviation of a column of a state."""
 POWER_OF_SOUND: Final = Quantity("", ge=1e-12, le=1e18)

@@ -1,8 +1,8 @@
-"""Whether nodes cover the field: whether every point of it is within reach of one.
+"""Coverage of the field by sensing ranges: nodes cover it if every point is within the range of at least one node.
 
 covers(positions (N, 2), reach, width, height) -> bool, exactly      coverage(...) -> fraction, on a fixed lattice
 
-Positions are relative to the field's middle. A reach may be infinite: one node then covers any field.
+Positions are relative to the field's centre. The range `reach` may be infinite: one node then covers any field.
 """
 
 from __future__ import annotations
@@ -16,16 +16,17 @@ from wsnsim.base.arrays import Bools, Floats, Ints
 
 TURN = 2.0 * math.pi
 TOLERANCE = 1e-9
-"""Arcs that meet within so many radians leave no gap: it is what rounding takes from circles that touch exactly."""
+"""Gaps between arcs below this angle (rad) are rounding error, as where circles touch exactly."""
 NEAREST = 16
-"""Neighbours tried first: they nearly always hide a circle, and a hidden circle stays hidden whoever else is there."""
+"""Number of nearest neighbours tried first. They usually hide a circle, and further neighbours cannot uncover it."""
 AT_ONCE = 20_000
-"""Circles looked at together: what is sorted at once stays small, and so does the memory."""
+"""Circles examined together: bounds the memory for sorting."""
 
 
 def nodes_needed(reach: float, width: float, height: float) -> int:
-    """The least number of nodes that might cover the field: no disc can do more than a hexagon that it circumscribes.
+    """A lower bound on the number of nodes that cover the field.
 
+    In a covering, a disc accounts for at most the area of its inscribed regular hexagon:
     N >= 2 / (3 sqrt(3)) · area / reach² (Kershner 1939; for a convex polygon of at most six sides, Fejes Tóth 1953).
     """
     hexagons = 2.0 / (3.0 * math.sqrt(3.0)) * width * height / (reach * reach)
@@ -33,12 +34,12 @@ def nodes_needed(reach: float, width: float, height: float) -> int:
 
 
 def covers(positions: Floats, reach: float, width: float, height: float) -> bool:
-    """Whether every point of the field, its edge included, is within reach of a node. Exact up to 1e-9 rad.
+    """Whether every point of the field, its edge included, is within range of a node. Exact up to 1e-9 rad.
 
-    If some of the field is covered and some is not, the border between them runs along an arc of a node's circle that
-    lies in the field and in no other disc. So it suffices that each circle is hidden: by other discs, or by lying
-    outside the field. Positions (N, 2) must be in the field. Costs O(N log N) where the nearest neighbours hide the
-    circle.
+    If the field is covered in part only, the border between the parts includes an arc of a node's circle that lies in
+    the field and in no other disc. So the field is covered if every circle is hidden: each of its points lies in
+    another disc or outside the field. Positions (N, 2) must be in the field. The cost is O(N log N) where the nearest
+    neighbours hide the circles.
 
     Source: the perimeter coverage of Huang and Tseng (2003), "The coverage problem in a wireless sensor network".
     """
@@ -61,9 +62,15 @@ def covers(positions: Floats, reach: float, width: float, height: float) -> bool
 def coverage(
     positions: Floats, reach: float, width: float, height: float, side: int = 200, tree: KDTree | None = None
 ) -> float:
-    """The fraction of the field within reach of a node, on the centres of a fixed lattice of side² cells.
+    """The fraction of the field within range of a node, evaluated at the centres of side² cells.
 
-    `tree`: of just these positions, if there is one.
+    Args:
+        positions: (N, 2) in m, relative to the field's centre.
+        reach: range of a node, in m.
+        width: of the field, in x, in m.
+        height: of the field, in y, in m.
+        side: cells along each side.
+        tree: a tree of the same positions, if the caller has one.
     """
     if not len(positions):
         return 0.0
@@ -75,7 +82,7 @@ def coverage(
 
 
 def _nearest_pairs(tree: cKDTree, circles: Ints, reach: float) -> tuple[Ints, Ints]:
-    """(index into circles, neighbour) pairs: each with its nearest nodes whose discs meet its own."""
+    """(index into circles, neighbour) pairs: each circle with the nearest nodes whose discs overlap its disc."""
     near = tree.query(tree.data[circles], k=min(NEAREST + 1, tree.n), distance_upper_bound=2 * reach)
     distances, neighbours = (np.reshape(values, (circles.size, -1)) for values in near)
     chosen = np.isfinite(distances) & (neighbours != circles[:, None])
@@ -83,7 +90,7 @@ def _nearest_pairs(tree: cKDTree, circles: Ints, reach: float) -> tuple[Ints, In
 
 
 def _all_pairs(tree: cKDTree, node: int, reach: float) -> tuple[Ints, Ints]:
-    """(circle, neighbour) index pairs of one node, as 0 and the neighbours' indices."""
+    """(circle, neighbour) pairs of one node with all nodes whose discs overlap its disc; the circle's index is 0."""
     neighbours = np.array([i for i in tree.query_ball_point(tree.data[node], 2 * reach) if i != node], dtype=np.int64)
     return np.zeros(neighbours.size, dtype=np.int64), neighbours
 
@@ -91,7 +98,7 @@ def _all_pairs(tree: cKDTree, node: int, reach: float) -> tuple[Ints, Ints]:
 def _hidden(
     centres: Floats, circles: Ints, owner: Ints, neighbour: Ints, reach: float, width: float, height: float
 ) -> Bools:
-    """(n,) whether each of the circles is hidden by its neighbours: pairs (index into circles, index into centres)."""
+    """(n,) whether each circle is hidden, from pairs of `owner` (index into circles) and `neighbour` (into centres)."""
     apart = centres[neighbour] - centres[circles[owner]]
     middle = np.arctan2(apart[:, 1], apart[:, 0])
     half = np.arccos(np.minimum(np.hypot(apart[:, 0], apart[:, 1]) / (2 * reach), 1.0))
@@ -105,7 +112,7 @@ def _hidden(
 
 
 def _outside(centres: Floats, reach: float, width: float, height: float) -> tuple[Ints, Floats, Floats]:
-    """The arcs of circles that lie outside the field: (circle, middle, half angle), up to four a circle."""
+    """The arcs of circles that lie outside the field, up to four per circle: (circle, middle, half angle)."""
     corner = np.array([width, height]) / 2
     gaps = np.concatenate([corner - centres, corner + centres], axis=1)
     circle, edge = np.nonzero(gaps < reach)

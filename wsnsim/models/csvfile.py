@@ -1,4 +1,4 @@
-"""Numbers from a CSV file whose header names its columns.
+"""Reader of numbers from a CSV file whose header names its columns.
 
 read_columns(path, ("x", "y"), "positions") -> [(place, (x, y)), ...]      place: 'file:line', for messages
 """
@@ -16,22 +16,22 @@ Row = tuple[str, tuple[float, ...]]
 
 
 def read_columns(path: str, names: tuple[str, ...], what: str) -> list[Row]:
-    """The named columns of every line that is not empty, in the file's order; other columns are ignored.
+    """The named columns of every non-empty line, in the file's order; other columns are ignored.
 
     Raises:
-        RunError: the file cannot be read, lacks a column, or holds nothing, or a line holds no number: names file and
-            line.
+        RunError: the file cannot be read, lacks a column or is empty, or a cell is not a number. The message names
+            file and line.
     """
     if Path(path).exists() and not (Path(path).is_file() or Path(path).is_dir()):
-        raise RunError(f"{path}: cannot be read: a device or a pipe, which has no end")
+        raise RunError(f"{path}: cannot be read: it is a device or a pipe, not a regular file")
     try:
         with Path(path).open(newline="", encoding="utf-8-sig") as file:
             found = list(_rows(path, csv.reader(file), names))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
-        reason = error.strerror if isinstance(error, OSError) else f"no CSV text ({error})"
+        reason = error.strerror if isinstance(error, OSError) else f"not a CSV text ({error})"
         raise RunError(f"{path}: cannot be read: {reason}") from error
     if not found:
-        raise RunError(f"{path}: holds no {what}")
+        raise RunError(f"{path}: contains no {what}")
     return found
 
 

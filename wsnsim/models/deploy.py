@@ -1,7 +1,6 @@
-"""Where the nodes stand, and whether they cover the field: whether every point of it is within reach of a node.
+"""Deployments: where the nodes stand, and which rectangle they monitor.
 
-draw(reach, rng) -> positions (N, 2)          field -> Field, the rectangle that is monitored
-covers(positions, reach, width, height) -> bool, exactly      coverage(...) -> fraction, on a fixed lattice
+draw(reach, rng) -> positions (N, 2)          field -> Field, the monitored rectangle
 """
 
 from __future__ import annotations
@@ -23,107 +22,107 @@ from wsnsim.models.coverage import TOLERANCE, coverage, covers, nodes_needed
 from wsnsim.models.csvfile import read_columns
 
 LEAST_SIDE: Final = 1.0
-"""m: of a field that is taken from places along a line, or from one place."""
+"""Least side (m) of a field that is derived from the positions of the nodes, as with one node or nodes on a line."""
 
 
 @part
 class Uniform:
-    """Nodes uniform over the field, redrawn until every point of it is within sensing reach of a node.
+    """Nodes uniform over the field, sampled again until every point of it is within sensing range of a node.
 
-    Source: Jiang, Song, Lin (2013), table 2; about 1.05 draws are needed there. The cap on draws is our choice.
+    Source: Jiang, Song, Lin (2013), table 2; about 1.05 samples are needed there. The limit on samples is our choice.
     """
 
     nodes: Annotated[int, Quantity("", ge=1, le=MOST_NODES), "number of nodes"] = 256
     width: Annotated[float, LENGTH, "of the field, in x"] = 400.0
     height: Annotated[float, LENGTH, "of the field, in y"] = 400.0
-    cover: Annotated[bool, "whether every point of the field must be within sensing reach of a node"] = True
-    draws: Annotated[int, Quantity("", ge=1, le=100_000), "draws after which coverage is given up"] = 1000
+    cover: Annotated[bool, "whether every point of the field must be within sensing range of a node"] = True
+    draws: Annotated[int, Quantity("", ge=1, le=100_000), "most deployments sampled until one covers the field"] = 1000
 
     @property
     def field(self) -> Field:
-        """The rectangle of `width` by `height` about (0, 0)."""
+        """The rectangle of `width` by `height`, centred at (0, 0)."""
         return Field(self.width, self.height)
 
     def draw(self, reach: float, rng: np.random.Generator) -> Floats:
-        """(N, 2) positions. Raises RunError if no draw covers the field."""
+        """(N, 2) positions. Raises RunError if no sample covers the field."""
         size = np.array([self.width, self.height])
         return _until_covered(self, lambda: (rng.random((self.nodes, 2)) - 0.5) * size, reach)
 
     def check(self, setup: Setup) -> Iterator[Issue]:
-        """Too few nodes to cover the field, or to make a cluster."""
+        """Yield an issue if the nodes are too few to cover the field or to form a cluster."""
         yield from _too_few(self, setup)
 
 
 @part
 class Grid:
-    """Nodes at the centres of nearly square cells, row by row; the last row holds the rest, spread evenly."""
+    """Nodes at the centres of nearly square cells, row by row; an incomplete last row is spread evenly."""
 
     nodes: Annotated[int, Quantity("", ge=1, le=MOST_NODES), "number of nodes"] = 256
     width: Annotated[float, LENGTH, "of the field, in x"] = 400.0
     height: Annotated[float, LENGTH, "of the field, in y"] = 400.0
-    cover: Annotated[bool, "whether every point of the field must be within sensing reach of a node"] = True
+    cover: Annotated[bool, "whether every point of the field must be within sensing range of a node"] = True
 
     @property
     def field(self) -> Field:
-        """The rectangle of `width` by `height` about (0, 0)."""
+        """The rectangle of `width` by `height`, centred at (0, 0)."""
         return Field(self.width, self.height)
 
     def draw(self, reach: float, rng: np.random.Generator) -> Floats:
-        """(N, 2) positions, row by row from the lower left; nothing is drawn."""
+        """(N, 2) positions, row by row from the lower left; `rng` is not used."""
         return cells(self.nodes, self.width, self.height)[0]
 
     def check(self, setup: Setup) -> Iterator[Issue]:
-        """Too few nodes to make a cluster, or a grid that does not cover the field."""
+        """Yield an issue if the nodes are too few to form a cluster or do not cover the field."""
         yield from _too_few(self, setup)
         yield from _uncovered(self, cells(self.nodes, self.width, self.height)[0], setup)
 
 
 @part
 class JitteredGrid:
-    """Nodes on a grid as in `Grid`, each moved within a part of its cell; redrawn until the field is covered."""
+    """Nodes on a grid as in `Grid`, each moved at random in its cell; sampled again until the field is covered."""
 
     nodes: Annotated[int, Quantity("", ge=1, le=MOST_NODES), "number of nodes"] = 256
     width: Annotated[float, LENGTH, "of the field, in x"] = 400.0
     height: Annotated[float, LENGTH, "of the field, in y"] = 400.0
-    jitter: Annotated[float, Quantity("", ge=0, le=1), "fraction of its cell within which a node is moved"] = 0.5
-    cover: Annotated[bool, "whether every point of the field must be within sensing reach of a node"] = True
-    draws: Annotated[int, Quantity("", ge=1, le=100_000), "draws after which coverage is given up"] = 1000
+    jitter: Annotated[float, Quantity("", ge=0, le=1), "fraction of its cell over which a node is spread"] = 0.5
+    cover: Annotated[bool, "whether every point of the field must be within sensing range of a node"] = True
+    draws: Annotated[int, Quantity("", ge=1, le=100_000), "most deployments sampled until one covers the field"] = 1000
 
     @property
     def field(self) -> Field:
-        """The rectangle of `width` by `height` about (0, 0)."""
+        """The rectangle of `width` by `height`, centred at (0, 0)."""
         return Field(self.width, self.height)
 
     def draw(self, reach: float, rng: np.random.Generator) -> Floats:
-        """(N, 2) positions. Raises RunError if no draw covers the field."""
+        """(N, 2) positions. Raises RunError if no sample covers the field."""
         centres, sizes = cells(self.nodes, self.width, self.height)
         return _until_covered(self, lambda: centres + self.jitter * sizes * (rng.random((self.nodes, 2)) - 0.5), reach)
 
     def check(self, setup: Setup) -> Iterator[Issue]:
-        """Too few nodes to cover the field, or to make a cluster."""
+        """Yield an issue if the nodes are too few to cover the field or to form a cluster."""
         yield from _too_few(self, setup)
 
 
 @part
 class FromFile:
-    """Nodes at positions from a CSV file with the columns x and y, in m, the field's centre being (0, 0)."""
+    """Nodes at positions from a CSV file with the columns x and y, in m; the field is centred at (0, 0)."""
 
     path: Annotated[str, "CSV file with a header that names x and y; other columns are ignored"]
     width: Annotated[float, LENGTH, "of the field, in x"] = 400.0
     height: Annotated[float, LENGTH, "of the field, in y"] = 400.0
-    cover: Annotated[bool, "whether every point of the field must be within sensing reach of a node"] = True
+    cover: Annotated[bool, "whether every point of the field must be within sensing range of a node"] = True
 
     @property
     def field(self) -> Field:
-        """The rectangle of `width` by `height` about (0, 0)."""
+        """The rectangle of `width` by `height`, centred at (0, 0)."""
         return Field(self.width, self.height)
 
     def draw(self, reach: float, rng: np.random.Generator) -> Floats:
-        """(N, 2) positions in the file's order. Raises RunError naming file and line if it cannot be read."""
+        """(N, 2) positions in the file's order. Raises RunError with file and line if it cannot be read."""
         return read_positions(self.path, self.field)
 
     def check(self, setup: Setup) -> Iterator[Issue]:
-        """A file that cannot be read, too few nodes in it, or nodes that do not cover the field."""
+        """Yield an issue if the file cannot be read, or its nodes are too few or do not cover the field."""
         try:
             positions = read_positions(self.path, self.field)
         except RunError as error:
@@ -135,28 +134,28 @@ class FromFile:
 
 @part
 class Anchors:
-    """Nodes at the places that the scenario names.
+    """Nodes at the positions that the scenario lists.
 
-    The field is `width` by `height` about `centre`. What is left out is taken from the places: the sides and the
-    middle of the smallest rectangle that holds them, sides of less than 1 m being taken as 1 m (our choice).
+    The field is `width` by `height`, centred at `centre`. The default of each is that of the smallest rectangle that
+    contains the nodes, with sides of at least 1 m (our choice).
     """
 
     places: Annotated[tuple[tuple[float, float], ...], PLACE, "x and y of each node"] = ((0.0, 0.0),)
-    width: Annotated[float | None, LENGTH, "of the field, in x; left out: what the places span"] = None
-    height: Annotated[float | None, LENGTH, "of the field, in y; left out: what the places span"] = None
+    width: Annotated[float | None, LENGTH, "of the field, in x; default: the extent of the nodes"] = None
+    height: Annotated[float | None, LENGTH, "of the field, in y; default: the extent of the nodes"] = None
     centre: Annotated[
-        tuple[float, float] | None, PLACE, "x and y of the field's middle; left out: that of what the places span"
+        tuple[float, float] | None, PLACE, "x and y of the field's centre; default: the centre of the nodes' extent"
     ] = None
-    cover: Annotated[bool, "whether every point of the field must be within sensing reach of a node"] = False
+    cover: Annotated[bool, "whether every point of the field must be within sensing range of a node"] = False
 
     def __post_init__(self) -> None:
-        """Refuse a list without places: there is no field about them. Raises ValueError."""
+        """Raises ValueError if no node is listed."""
         if not self.places:
-            raise ValueError("places must name at least one node, such as [[0, 0]]")
+            raise ValueError("places must list at least one node, such as [[0, 0]]")
 
     @cached_property
     def field(self) -> Field:
-        """The rectangle that is monitored: what the scenario says of it, the rest from the places."""
+        """The monitored rectangle: as the scenario gives it, with defaults from the positions."""
         places = np.array(self.places, dtype=np.float64)
         low, high = places.min(axis=0), places.max(axis=0)
         sides, middle = np.maximum(high - low, LEAST_SIDE).tolist(), ((low + high) / 2).tolist()
@@ -167,11 +166,11 @@ class Anchors:
         )
 
     def draw(self, reach: float, rng: np.random.Generator) -> Floats:
-        """(N, 2) positions in the order of the places; nothing is drawn."""
+        """(N, 2) positions in the order of the scenario; `rng` is not used."""
         return np.array(self.places, dtype=np.float64)
 
     def check(self, setup: Setup) -> Iterator[Issue]:
-        """Nodes outside the field, too few to make a cluster, or nodes that do not cover the field."""
+        """Yield an issue for nodes outside the field, too few for a cluster, or not covering the field."""
         positions = np.array(self.places, dtype=np.float64)
         inside = self.field.contains(positions)
         for i in np.nonzero(~inside)[0].tolist():
@@ -182,7 +181,10 @@ class Anchors:
 
 
 def cells(nodes: int, width: float, height: float) -> tuple[Floats, Floats]:
-    """Centres (N, 2) and sizes (N, 2) of a grid's cells: ceil(sqrt(N width / height)) a row, the last what is left."""
+    """Centres (N, 2) and sizes (N, 2) of the cells of a grid.
+
+    A row has ceil(sqrt(N width / height)) cells; the last row has the remaining ones, which are wider.
+    """
     columns = min(nodes, math.ceil(math.sqrt(nodes * width / height) - TOLERANCE))
     rows = math.ceil(nodes / columns)
     number = np.arange(nodes)
@@ -196,7 +198,7 @@ def read_positions(path: str, field: Field) -> Floats:
     """(N, 2) positions in the file's order; several nodes may share one.
 
     Raises:
-        RunError: the file cannot be read, or a line of it is no position in the field: names file and line.
+        RunError: the file cannot be read, or a position is outside the field. The message names file and line.
     """
     positions = []
     for place, (x, y) in read_columns(path, ("x", "y"), "positions"):
@@ -207,7 +209,7 @@ def read_positions(path: str, field: Field) -> Floats:
 
 
 def _outside(place: tuple[float, float], field: Field) -> str:
-    """What a message says of a place that is not in the field."""
+    """The message about a position outside the field."""
     return (
         f"({place[0]:g}, {place[1]:g}) m is outside the field of {field.width:g} m by {field.height:g} m around "
         f"({field.centre[0]:g}, {field.centre[1]:g})"
@@ -220,17 +222,17 @@ def _until_covered(part: Uniform | JitteredGrid, draw: Callable[[], Floats], rea
         if not part.cover or covers(positions, reach, part.width, part.height):
             return positions
     raise RunError(
-        f"deploy: none of {part.draws} draws of {part.nodes} nodes with a sensing reach of {reach:g} m covered the "
-        f"field of {part.width:g} m by {part.height:g} m; use more nodes, a longer reach, or cover: false"
+        f"deploy: none of {part.draws} sampled deployments of {part.nodes} nodes with a sensing range of {reach:g} m "
+        f"covered the field of {part.width:g} m by {part.height:g} m; use more nodes, a longer range, or cover: false"
     )
 
 
 def _covering(setup: Setup) -> tuple[str, float]:
-    """What covers the field: the sensors; without any, the links."""
+    """The name and length of the range that must cover the field: of the sensors, or of the links without sensors."""
     if isinstance(setup, TrackingSetup):
-        return "a sensing reach", setup.sensor.reach
+        return "a sensing range", setup.sensor.reach
     assert isinstance(setup, RadioSetup)
-    return "a link's reach", setup.link.reach
+    return "a communication range", setup.link.reach
 
 
 def _too_few(part: Uniform | Grid | JitteredGrid, setup: Setup) -> Iterator[Issue]:
@@ -246,16 +248,16 @@ def _too_few(part: Uniform | Grid | JitteredGrid, setup: Setup) -> Iterator[Issu
 
 
 def _too_few_for_a_cluster(nodes: int, key: str, setup: Setup) -> Iterator[Issue]:
-    """Fewer nodes than a cluster needs, where there is a network and so are clusters."""
+    """Yield an issue if a network has fewer nodes than a cluster needs."""
     minimum = setup.clusters.minimum_active if isinstance(setup, NetworkSetup) else 0
     if nodes < minimum:
         yield Issue(
-            ("deploy", key), f"{nodes} nodes cannot make a cluster of clusters.minimum_active = {minimum} members"
+            ("deploy", key), f"{nodes} nodes cannot form a cluster of clusters.minimum_active = {minimum} members"
         )
 
 
 def _uncovered(part: Grid | FromFile | Anchors, positions: Floats, setup: Setup) -> Iterator[Issue]:
-    """Fixed positions that leave a part of the field out of reach, unless their number alone is too small."""
+    """Yield an issue if fixed positions do not cover the field, though their number might suffice."""
     (what, reach), width, height = _covering(setup), part.field.width, part.field.height
     about = positions - np.array(part.field.centre)
     if part.cover and len(about) >= nodes_needed(reach, width, height) and not covers(about, reach, width, height):
@@ -263,5 +265,5 @@ def _uncovered(part: Grid | FromFile | Anchors, positions: Floats, setup: Setup)
         yield Issue(
             ("deploy", "cover"),
             f"these {len(about)} nodes with {what} of {reach:g} m leave about "
-            f"{100 * (1 - share):.2g} % of the field uncovered; use more nodes, a longer reach, or cover: false",
+            f"{100 * (1 - share):.2g} % of the field uncovered; use more nodes, a longer range, or cover: false",
         )

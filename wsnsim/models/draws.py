@@ -1,4 +1,4 @@
-"""Draws that several models share."""
+"""Random samples that several models share."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from wsnsim.base.arrays import Floats, Keys
 from wsnsim.base.rng import normals
 
 MOST_DEVIATIONS: Final = 3.0
-"""Standard deviations at which a truncated normal ends (our choice): 0.27 % of the draws are repeated."""
+"""Standard deviations at which a normal is truncated (our choice): 0.27 % of the samples are repeated."""
 
 
 def truncated_normals(keys: Keys) -> Floats:
-    """(n,) standard normals of each key within ±3: a draw beyond is repeated with the key's next one."""
+    """(n,) standard normals, one per key, truncated at ±3: a sample beyond is replaced by the key's next one."""
     draws = normals(keys, 0)
     beyond, turn = np.flatnonzero(np.abs(draws) > MOST_DEVIATIONS), 1
     while beyond.size:

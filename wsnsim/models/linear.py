@@ -1,16 +1,15 @@
-"""Targets that move linearly with Gaussian noise: constant acceleration on a line, constant velocity in the plane.
+"""Linear Gaussian motion models: constant acceleration on a line, constant velocity in the plane; x⁺ = F x + Γ w.
 
 propagate(states (D, N), dt, keys (N,), time) -> (D, N)
 
-x⁺ = F x + Γ w. Nothing here depends on `time`, which is when the states given hold, in s.
+`time` is the instant of the given states, in s; these models do not depend on it.
 """
 
 from __future__ import annotations
 
 import dataclasses
-import functools
 from collections.abc import Iterator
-from typing import Annotated, ClassVar, Final, Literal, NamedTuple
+from typing import Annotated, ClassVar, Final, Literal
 
 import numpy as np
 
@@ -22,23 +21,22 @@ from wsnsim.kernels import linear as kernels
 from wsnsim.models.bounds import PLACE, STATE
 from wsnsim.models.motion import FARTHEST
 from wsnsim.models.starts import start_issues
+from wsnsim.models.transitions import LinearProcess, NoiseInput, accelerating, coasting
 
 BATCH: Final = 256
-"""How many truths are drawn at once where most are thrown away; fewer where they are longer than 1024 steps."""
+"""Trajectories that rejection sampling computes together; fewer if they are longer than 1024 steps."""
 INPUTS: Final = {"accelerations": 2, "diagonal": 4, "direct": 4}
-"""How many noise inputs Γ has columns for."""
-
-NoiseInput = Literal["accelerations", "diagonal", "direct"]
+"""Number of noise inputs: the columns of Γ."""
 
 
 @part
 class ConstantAcceleration:
-    """A target on the x-axis whose acceleration is constant but for noise.
+    """Near-constant acceleration of a target on the x-axis.
 
     x⁺ = F x + G w with F = [1 T T²/2; 0 1 T; 0 0 1], G = [T²/2; T; 1] and w ~ N(0, q): the process covariance G q Gᵀ
     has rank one.
 
-    Source: Liu, Wang (2012), eqs. 15-17 and 26, which print Q where G Q Gᵀ is meant.
+    Source: Liu, Wang (2012), eqs. 15-17 and 26; the paper prints Q for G Q Gᵀ.
     """
 
     columns: ClassVar[tuple[str, ...]] = ("px", "vx", "ax")
@@ -47,59 +45,59 @@ class ConstantAcceleration:
 
     q: Annotated[float, Quantity("m2/s4", ge=0, le=1e9), "variance of the noise in the acceleration"] = 1e-6
     start: Annotated[tuple[float, float, float], STATE, "px, vx, ax at time 0, in SI units"] = (1.0, 0.1, 0.01)
-    truth_noise: Annotated[bool, "whether the truth has process noise, in which filters always believe"] = True
+    truth_noise: Annotated[bool, "whether the ground truth has process noise; filters always assume it"] = True
 
     def truth(self, steps: int, dt: float, rng: np.random.Generator) -> Floats:
-        """(steps + 1, 3): one trajectory from the start state. Raises RunError if the target runs away."""
+        """(steps + 1, 3) one trajectory from the start state. Raises RunError if it diverges."""
         walk = _walk(np.array(self.start)[:, None], _root(self, dt), self._process(dt).transition, steps, rng)
         return _kept_near(np.array([states[:, 0] for states in walk]), self.position, dt)
 
     def propagate(self, states: Floats, dt: float, keys: Keys, time: float = 0.0) -> Floats:
-        """(3, N): each state one step on, with process noise (eq. 15)."""
+        """(3, N) the states one step later, with process noise (eq. 15)."""
         process = self._process(dt)
         return kernels.propagate(stateful(states, len(self.columns)), keys, process.transition, process.root)
 
     def advance(self, states: Floats, dt: float, time: float = 0.0) -> Floats:
-        """(3, N): each state one step on, without noise."""
+        """(3, N) the states one step later, without noise."""
         return kernels.advance(stateful(states, len(self.columns)), self._process(dt).transition)
 
     def matrices(self, states: Floats, dt: float, time: float = 0.0) -> tuple[Floats, Floats]:
-        """F (N, 3, 3), one read-only matrix seen N times, and the process covariance G q Gᵀ (3, 3)."""
-        return _matrices(self._process(dt), states)
+        """F (N, 3, 3), one read-only matrix repeated, and the process covariance G q Gᵀ (3, 3)."""
+        return self._process(dt).matrices(states.shape[1])
 
     def log_transition(self, after: Floats, before: Floats, dt: float, time: float = 0.0) -> Floats:
-        """Raises RunError, always: noise of one input on three columns is singular, and has no density."""
+        """Always raises RunError: the noise has one input for three columns, so the transition has no density."""
         raise RunError(
             "motion: the process noise is singular (constant_acceleration has one noise input for three columns), so "
-            "the transition has no density; use a tracker, or a variant of it, that does not ask for it"
+            "the transition has no density; use a tracker, or a variant of it, that does not need the density"
         )
 
     def check(self, setup: TrackingSetup) -> Iterator[Issue]:
-        """A start outside the field of a network."""
+        """Yield an issue if the target starts outside the field of a network."""
         yield from start_issues(self, setup)
 
     def assumed(self, noise_scale: float) -> ConstantAcceleration:
-        """The model as a filter believes it: process covariance times `noise_scale`."""
+        """The model that a filter assumes: process covariance times `noise_scale`."""
         return dataclasses.replace(self, q=self.q * noise_scale)
 
     def _process(self, dt: float) -> LinearProcess:
-        return _accelerating(self.q, dt)
+        return accelerating(self.q, dt)
 
 
 @part
 class ConstantVelocity:
-    """A target in the plane whose velocity is constant but for noise.
+    """Near-constant velocity of a target in the plane.
 
-    x⁺ = F x + Γ w with F = blkdiag([1 T; 0 1], [1 T; 0 1]). `noise_input` says what Γ is: `accelerations`
-    [T²/2 0; T 0; 0 T²/2; 0 T] with w in m/s² (Wei), `diagonal` diag(T²/2, T, T²/2, T), or `direct`, the identity. The
-    last two are readings of Ruan, whose 4 x 4 covariance of w does not fit the printed Γ of two columns.
+    x⁺ = F x + Γ w with F = blkdiag([1 T; 0 1], [1 T; 0 1]). `noise_input` selects Γ: `accelerations` is
+    [T²/2 0; T 0; 0 T²/2; 0 T] with w in m/s² (Wei), `diagonal` is diag(T²/2, T, T²/2, T), `direct` is the identity.
+    The last two are interpretations of Ruan, whose 4 x 4 covariance of w does not fit the printed Γ of two columns.
 
-    The truth's `course` is `free`; or `turn`: from half of its steps (rounded up) on, the vy that it has there is
-    reversed; or `in_room`: whole truths are drawn until one stays in the `room` enlarged by `slack`, so that it is a
-    draw of the model on that condition. No filter is told of the course.
+    The ground truth follows a `course`, which filters do not know. `free`: the model alone. `turn`: vy is reversed
+    after half of the steps, rounded up. `in_room`: trajectories are sampled until one stays in the `room` enlarged by
+    `slack`, so that the truth is a sample of the model under that condition.
 
     Source: Wei, Guo (2022), experiment 3, whose values are the defaults; Ruan, Wang, Yang, Zhang (2020), eq. 3. The
-    courses are our reading of Ruan's tracks; the cap on draws and the truth's `start_sd` are our choice.
+    courses are our interpretation of Ruan's figures; the limit on samples and `start_sd` are our choice.
     """
 
     columns: ClassVar[tuple[str, ...]] = ("px", "vx", "py", "vy")
@@ -108,7 +106,9 @@ class ConstantVelocity:
 
     noise_input: Annotated[NoiseInput, "Γ: what the process noise acts on"] = "accelerations"
     variances: Annotated[
-        tuple[float, ...], Quantity("", ge=0, le=1e9), "of the noise inputs, in SI units: one for all, or one each"
+        tuple[float, ...],
+        Quantity("", ge=0, le=1e9),
+        "variances of the noise inputs, in SI units: one for all, or one each",
     ] = (0.72,)
     start: Annotated[tuple[float, float, float, float], STATE, "px, vx, py, vy at time 0, in m and m/s"] = (
         70.0, 5.0, 21.0, 8.0,
@@ -116,18 +116,18 @@ class ConstantVelocity:
     start_sd: Annotated[
         tuple[float, float, float, float] | None,
         Quantity("", ge=0, le=1e7),
-        "deviations of the truth's start about `start`, in m and m/s; left out: it is `start`",
+        "standard deviations of the ground truth's start about `start`, in m and m/s; default: none",
     ] = None
-    truth_noise: Annotated[bool, "whether the truth has process noise, in which filters always believe"] = True
-    course: Annotated[Literal["free", "in_room", "turn"], "what the truth keeps to"] = "free"
+    truth_noise: Annotated[bool, "whether the ground truth has process noise; filters always assume it"] = True
+    course: Annotated[Literal["free", "in_room", "turn"], "constraint on the ground truth"] = "free"
     room: Annotated[
-        tuple[float, float, float, float] | None, PLACE, "xmin, xmax, ymin, ymax that `in_room` keeps to, in m"
+        tuple[float, float, float, float] | None, PLACE, "xmin, xmax, ymin, ymax of the room of `in_room`, in m"
     ] = None
-    slack: Annotated[float, Quantity("m", ge=0, le=1e7), "how far out of the room the truth may go"] = 0.5
-    draws: Annotated[int, Quantity("", ge=1, le=10**7), "truths drawn before `in_room` is given up"] = 100_000
+    slack: Annotated[float, Quantity("m", ge=0, le=1e7), "how far outside the room the target may be"] = 0.5
+    draws: Annotated[int, Quantity("", ge=1, le=10**7), "most trajectories sampled for `in_room`"] = 100_000
 
     def __post_init__(self) -> None:
-        """Raises ValueError for a wrong number of variances, and for a room that is missing or cannot be kept to."""
+        """Raises ValueError for a wrong number of variances, or if `in_room` has no room or cannot succeed."""
         inputs = INPUTS[self.noise_input]
         if len(self.variances) not in (1, inputs):
             raise ValueError(
@@ -143,18 +143,20 @@ class ConstantVelocity:
         if not (self.room[0] < self.room[1] and self.room[2] < self.room[3]):
             raise ValueError(f"room: xmin < xmax and ymin < ymax are needed, got {list(self.room)}")
         if not self.truth_noise and self.start_sd is None:
-            raise ValueError("course: in_room draws the truth anew, but truth_noise: false leaves nothing to draw")
+            raise ValueError(
+                "course: in_room samples the truth again, but with truth_noise: false all samples are equal"
+            )
         if self.start_sd is None and not self._inside(np.array(self.start)[:, None])[0]:
             raise ValueError(
-                f"start: ({self.start[0]:g}, {self.start[2]:g}) m is outside {self._room_in_words()}, where "
-                "course: in_room is to keep it"
+                f"start: ({self.start[0]:g}, {self.start[2]:g}) m is outside {self._room_in_words()}, in which "
+                "course: in_room must keep it"
             )
 
     def truth(self, steps: int, dt: float, rng: np.random.Generator) -> Floats:
-        """(steps + 1, 4): one trajectory on the course.
+        """(steps + 1, 4) one trajectory on the course.
 
         Raises:
-            RunError: the target runs away, or none of `draws` truths stayed in the room.
+            RunError: the trajectory diverges, or none of `draws` samples stayed in the room.
         """
         if self.course == "in_room":
             return self._truth_in_room(steps, dt, rng)
@@ -162,17 +164,17 @@ class ConstantVelocity:
         return _kept_near(np.array([states[:, 0] for states in self._walk(1, steps, dt, rng, turn)]), self.position, dt)
 
     def propagate(self, states: Floats, dt: float, keys: Keys, time: float = 0.0) -> Floats:
-        """(4, N): each state one step on, with process noise (Ruan, eq. 3)."""
+        """(4, N) the states one step later, with process noise (Ruan, eq. 3)."""
         process = self._process(dt)
         return kernels.propagate(stateful(states, len(self.columns)), keys, process.transition, process.root)
 
     def advance(self, states: Floats, dt: float, time: float = 0.0) -> Floats:
-        """(4, N): each state one step on, without noise."""
+        """(4, N) the states one step later, without noise."""
         return kernels.advance(stateful(states, len(self.columns)), self._process(dt).transition)
 
     def matrices(self, states: Floats, dt: float, time: float = 0.0) -> tuple[Floats, Floats]:
-        """F (N, 4, 4), one read-only matrix seen N times, and the process covariance (4, 4)."""
-        return _matrices(self._process(dt), states)
+        """F (N, 4, 4), one read-only matrix repeated, and the process covariance (4, 4)."""
+        return self._process(dt).matrices(states.shape[1])
 
     def log_transition(self, after: Floats, before: Floats, dt: float, time: float = 0.0) -> Floats:
         """(N,) log p(after | before); -inf where either is not finite.
@@ -190,27 +192,27 @@ class ConstantVelocity:
         return kernels.log_transition(after, before, process.transition, process.root)
 
     def check(self, setup: TrackingSetup) -> Iterator[Issue]:
-        """A start outside the field of a network."""
+        """Yield an issue if the target starts outside the field of a network."""
         yield from start_issues(self, setup)
 
     def assumed(self, noise_scale: float) -> ConstantVelocity:
-        """The model as a filter believes it: process covariance times `noise_scale`."""
+        """The model that a filter assumes: process covariance times `noise_scale`."""
         return dataclasses.replace(self, variances=tuple(variance * noise_scale for variance in self.variances))
 
     def _process(self, dt: float) -> LinearProcess:
-        return _coasting(self.noise_input, self.variances, dt)
+        return coasting(self.noise_input, self.variances, dt)
 
     def _walk(
         self, count: int, steps: int, dt: float, rng: np.random.Generator, turn: int | None = None
     ) -> Iterator[Floats]:
-        """`count` truths side by side, from starts of their own."""
+        """(4, count) the states of `count` trajectories at each step, from independent starts."""
         starts = np.repeat(np.array(self.start)[:, None], count, axis=1)
         if self.start_sd is not None:
             starts = starts + np.array(self.start_sd)[:, None] * rng.standard_normal((4, count))
         return _walk(starts, _root(self, dt), self._process(dt).transition, steps, rng, turn)
 
     def _truth_in_room(self, steps: int, dt: float, rng: np.random.Generator) -> Floats:
-        """The first truth that stays in the room, of batches that end when the last of their truths has left."""
+        """The first trajectory that stays in the room; a batch ends early when all of its trajectories have left."""
         most = min(BATCH, max(1, 1024 * BATCH // (steps + 1)))
         for done in range(0, self.draws, most):
             count = min(most, self.draws - done)
@@ -223,13 +225,13 @@ class ConstantVelocity:
             else:
                 return np.array([states[:, inside.argmax()] for states in track])
         raise RunError(
-            f"motion: none of {self.draws} truths of {steps} steps stayed in {self._room_in_words()}; enlarge room or "
-            "slack, shorten the duration, lower variances, or raise draws"
+            f"motion: none of {self.draws} sampled trajectories of {steps} steps stayed in {self._room_in_words()}; "
+            "enlarge room or slack, shorten the duration, lower variances, or raise draws"
         )
 
     def _inside(self, states: Floats) -> Bools:
-        """(B,) whether each position is in the room enlarged by the slack, its edge included."""
-        assert self.room is not None, "a course in a room has one"
+        """(B,) whether each position is in the room enlarged by the slack, edges included."""
+        assert self.room is not None, "__post_init__ requires a room for this course"
         left, right, bottom, top = self.room
         x, y = states[0], states[2]
         across = (left - self.slack <= x) & (x <= right + self.slack)
@@ -238,43 +240,13 @@ class ConstantVelocity:
         return result
 
     def _room_in_words(self) -> str:
-        assert self.room is not None, "a course in a room has one"
+        assert self.room is not None, "__post_init__ requires a room for this course"
         left, right, bottom, top = self.room
         return f"the room x {left:g} to {right:g} m, y {bottom:g} to {top:g} m with {self.slack:g} m of slack"
 
 
-class LinearProcess(NamedTuple):
-    """One step of a linear motion: F (D, D), a root L (D, K) of the process covariance Q, and Q = L Lᵀ (D, D)."""
-
-    transition: Floats
-    root: Floats
-    covariance: Floats
-
-
-@functools.lru_cache(maxsize=64)
-def _accelerating(q: float, dt: float) -> LinearProcess:
-    """F and G of Liu, Wang (2012), eqs. 16-17."""
-    transition = np.array([[1.0, dt, dt**2 / 2], [0.0, 1.0, dt], [0.0, 0.0, 1.0]])
-    root = np.sqrt(q) * np.array([[dt**2 / 2], [dt], [1.0]])
-    return LinearProcess(transition, root, root @ root.T)
-
-
-@functools.lru_cache(maxsize=64)
-def _coasting(noise_input: NoiseInput, variances: tuple[float, ...], dt: float) -> LinearProcess:
-    """F and Γ of Wei, Guo (2022), experiment 3, or of Ruan et al. (2020), eq. 3."""
-    transition = np.kron(np.eye(2), np.array([[1.0, dt], [0.0, 1.0]]))
-    lever = np.array([[dt**2 / 2], [dt]])
-    gammas = {
-        "accelerations": np.kron(np.eye(2), lever),
-        "diagonal": np.diag(np.tile(lever[:, 0], 2)),
-        "direct": np.eye(4),
-    }
-    root = gammas[noise_input] * np.sqrt(variances)
-    return LinearProcess(transition, root, root @ root.T)
-
-
 def _root(motion: ConstantAcceleration | ConstantVelocity, dt: float) -> Floats:
-    """L of the truth's noise: without columns where there is none."""
+    """L of the ground truth's noise, without columns if it has no noise."""
     root = motion._process(dt).root
     return root if motion.truth_noise else root[:, :0]
 
@@ -282,7 +254,7 @@ def _root(motion: ConstantAcceleration | ConstantVelocity, dt: float) -> Floats:
 def _walk(
     states: Floats, root: Floats, transition: Floats, steps: int, rng: np.random.Generator, turn: int | None = None
 ) -> Iterator[Floats]:
-    """(D, B) states of B tracks at the steps 0, 1, ... `steps`; vy is reversed at the step `turn`."""
+    """(D, B) states of B trajectories at the steps 0, 1, ... `steps`; vy is reversed at the step `turn`."""
     for step in range(steps + 1):
         if step > 0:
             states = transition @ states + root @ rng.standard_normal((root.shape[1], states.shape[1]))
@@ -291,14 +263,9 @@ def _walk(
         yield states
 
 
-def _matrices(process: LinearProcess, states: Floats) -> tuple[Floats, Floats]:
-    size = process.transition.shape[0]
-    return np.broadcast_to(process.transition, (states.shape[1], size, size)), process.covariance.copy()
-
-
 def _kept_near(states: Floats, position: tuple[int, ...], dt: float) -> Floats:
-    """The trajectory itself. Raises RunError with the time at which it is beyond any field."""
+    """The trajectory itself. Raises RunError with the time at which it diverges."""
     near = np.all(np.abs(states[:, position]) < FARTHEST, axis=1)
     if not near.all():
-        raise RunError(f"motion: the target runs away: it is beyond {FARTHEST:g} m at {near.argmin() * dt:g} s")
+        raise RunError(f"motion: the trajectory diverges: it is beyond {FARTHEST:g} m at {near.argmin() * dt:g} s")
     return states

@@ -1,14 +1,13 @@
-"""Targets whose velocity changes gradually: by forgetting itself, or by turning.
+"""Motion models with a gradually changing velocity: Gauss-Markov, and the coordinated turn.
 
 propagate(states (D, N), dt, keys (N,), time) -> (D, N)
 
-Nothing here depends on `time`, which is when the states given hold, in s.
+`time` is the instant of the given states, in s; these models do not depend on it.
 """
 
 from __future__ import annotations
 
 import dataclasses
-import functools
 import math
 from typing import Annotated, ClassVar, NamedTuple
 
@@ -19,23 +18,22 @@ from wsnsim.base.errors import RunError
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.rng import normals
 from wsnsim.models.bounds import PLACE, STATE
-from wsnsim.models.linear import LinearProcess
 from wsnsim.models.motion import FARTHEST
-from wsnsim.models.waypoints import near_constant_velocity
+from wsnsim.models.transitions import LinearProcess, mean_reverting, near_constant_velocity
 
 SMALL = 1e-4
-"""rad: an angle of which the series is used, where its quotient would lose digits."""
+"""rad: below this angle a series is used, since the quotient loses digits."""
 LOG_TWO_PI = math.log(2.0 * math.pi)
 
 
 @part
 class GaussMarkov:
-    """A velocity that is drawn towards its mean and driven by noise, on each axis: dv = -(v - v̄)/τ dt + σ √(2/τ) dw.
+    """A velocity that reverts to its mean and is driven by noise, on each axis: dv = -(v - v̄)/τ dt + σ √(2/τ) dw.
 
-    v⁺ = v̄ + α (v - v̄) + σ √(1 - α²) w with α = exp(-dt/τ), and the position is its integral, exactly: both have a
-    joint Gaussian law, which filters know. τ long against dt is straight motion, τ short a random walk.
+    v⁺ = v̄ + α (v - v̄) + σ √(1 - α²) w with α = exp(-dt/τ). The position is the exact integral of the velocity; filters
+    use their joint Gaussian distribution. Motion is nearly straight if τ is long, and a random walk if τ is short.
 
-    The truth may be kept in a `box`, off whose walls it is reflected; filters do not know of it (our choice).
+    The ground truth may be kept in a `box` with reflecting walls, which filters do not know (our choice).
 
     Source: Liang, Haas (2003), eq. 2.
     """
@@ -44,12 +42,14 @@ class GaussMarkov:
     units: ClassVar[tuple[str, ...]] = ("m", "m/s", "m", "m/s")
     position: ClassVar[tuple[int, ...]] = (0, 2)
 
-    memory: Annotated[float, Quantity("s", gt=0.0, le=1e9), "τ: after which a velocity is forgotten to 1/e"] = 20.0
-    mean: Annotated[tuple[float, float], Quantity("m/s", ge=-1e6, le=1e6), "v̄: of the velocity"] = (0.0, 0.0)
-    sd: Annotated[float, Quantity("m/s", ge=0.0, le=1e6), "σ: of the velocity about its mean, on each axis"] = 3.0
-    start: Annotated[tuple[float, float], PLACE, "x and y at time 0; the velocity there is drawn"] = (0.0, 0.0)
+    memory: Annotated[
+        float, Quantity("s", gt=0.0, le=1e9), "τ: after which the autocorrelation of the velocity is 1/e"
+    ] = 20.0
+    mean: Annotated[tuple[float, float], Quantity("m/s", ge=-1e6, le=1e6), "v̄: mean velocity"] = (0.0, 0.0)
+    sd: Annotated[float, Quantity("m/s", ge=0.0, le=1e6), "σ: standard deviation of the velocity, on each axis"] = 3.0
+    start: Annotated[tuple[float, float], PLACE, "x and y at time 0; the velocity is random"] = (0.0, 0.0)
     box: Annotated[
-        tuple[float, float, float, float] | None, PLACE, "xmin, xmax, ymin, ymax that the truth is kept in, in m"
+        tuple[float, float, float, float] | None, PLACE, "xmin, xmax, ymin, ymax of a box around the ground truth, in m"
     ] = None
 
     def __post_init__(self) -> None:
@@ -63,38 +63,37 @@ class GaussMarkov:
             raise ValueError(f"start: {list(self.start)} is outside the box {list(self.box)}")
 
     def truth(self, steps: int, dt: float, rng: np.random.Generator) -> Floats:
-        """(steps + 1, 4): one trajectory; its velocity at the start is drawn from what it is in the long run."""
-        process = _forgetting(self.memory, self.sd, dt)
+        """(steps + 1, 4) one trajectory; its first velocity is a sample of the stationary distribution."""
+        process = mean_reverting(self.memory, self.sd, dt)
         states = np.empty((steps + 1, 4))
-        drawn = rng.standard_normal(2)
-        states[0] = (self.start[0], self.mean[0] + self.sd * drawn[0], self.start[1], self.mean[1] + self.sd * drawn[1])
+        vx, vy = self.mean + self.sd * rng.standard_normal(2)
+        states[0] = (self.start[0], vx, self.start[1], vy)
         for step in range(steps):
             noise = process.root @ rng.standard_normal(4)
             states[step + 1] = self._reflected(self._moved(states[step, :, None], process, dt)[:, 0] + noise)
         return states
 
     def propagate(self, states: Floats, dt: float, keys: Keys, time: float = 0.0) -> Floats:
-        """(4, N): each state one step on, with process noise."""
-        process = _forgetting(self.memory, self.sd, dt)
+        """(4, N) the states one step later, with process noise."""
+        process = mean_reverting(self.memory, self.sd, dt)
         noise = np.stack([normals(keys, draw) for draw in range(4)])
         return self._moved(stateful(states, 4), process, dt) + process.root @ noise
 
     def advance(self, states: Floats, dt: float, time: float = 0.0) -> Floats:
-        """(4, N): each state one step on, without noise."""
-        return self._moved(stateful(states, 4), _forgetting(self.memory, self.sd, dt), dt)
+        """(4, N) the states one step later, without noise."""
+        return self._moved(stateful(states, 4), mean_reverting(self.memory, self.sd, dt), dt)
 
     def matrices(self, states: Floats, dt: float, time: float = 0.0) -> tuple[Floats, Floats]:
-        """F (N, 4, 4), one read-only matrix seen N times, and the process covariance (4, 4)."""
-        process = _forgetting(self.memory, self.sd, dt)
-        return np.broadcast_to(process.transition, (states.shape[1], 4, 4)), process.covariance.copy()
+        """F (N, 4, 4), one read-only matrix repeated, and the process covariance (4, 4)."""
+        return mean_reverting(self.memory, self.sd, dt).matrices(states.shape[1])
 
     def log_transition(self, after: Floats, before: Floats, dt: float, time: float = 0.0) -> Floats:
-        """(N,) log p(after | before). Raises RunError where sd = 0: there is no density."""
-        process = _forgetting(self.memory, self.sd, dt)
+        """(N,) log p(after | before). Raises RunError if sd = 0, since there is no density."""
+        process = mean_reverting(self.memory, self.sd, dt)
         return _log_gaussian(stateful(after, 4) - self._moved(stateful(before, 4), process, dt), process.covariance)
 
     def assumed(self, noise_scale: float) -> GaussMarkov:
-        """The model as a filter believes it: process covariance times `noise_scale`."""
+        """The model that a filter assumes: process covariance times `noise_scale`."""
         return dataclasses.replace(self, sd=self.sd * math.sqrt(noise_scale))
 
     def _moved(self, states: Floats, process: LinearProcess, dt: float) -> Floats:
@@ -104,7 +103,7 @@ class GaussMarkov:
         return np.asarray(moved)
 
     def _reflected(self, state: Floats) -> Floats:
-        """The state, mirrored at the walls that it has passed."""
+        """The state, reflected at the walls of the box that it has passed."""
         if self.box is None:
             return state
         for place, low, high in ((0, *self.box[:2]), (2, *self.box[2:])):
@@ -118,7 +117,7 @@ class GaussMarkov:
 
 @part
 class CoordinatedTurn:
-    """Constant speed along an arc, whose turn rate is the fifth column; both drift.
+    """Motion along an arc at near-constant speed and turn rate; the turn rate is the fifth column of the state.
 
     x⁺ = x + sin(ωT)/ω ẋ - (1 - cos ωT)/ω ẏ, ẋ⁺ = cos(ωT) ẋ - sin(ωT) ẏ, and likewise y; ω⁺ = ω. The noise is that of
     near-constant velocity with intensity q, and a random walk of ω with intensity turn_q.
@@ -137,22 +136,22 @@ class CoordinatedTurn:
     turn_q: Annotated[float, Quantity("rad2/s3", ge=0.0, le=1e6), "intensity of the noise in the turn rate"] = 1e-5
 
     def truth(self, steps: int, dt: float, rng: np.random.Generator) -> Floats:
-        """(steps + 1, 5): one trajectory from the start state. Raises RunError if the target runs away."""
+        """(steps + 1, 5) one trajectory from the start state. Raises RunError if it diverges."""
         states = np.empty((steps + 1, 5))
         states[0] = self.start
         root = self._root(dt)
         for step in range(steps):
             states[step + 1] = self.advance(states[step, :, None], dt)[:, 0] + root @ rng.standard_normal(5)
             if not np.all(np.abs(states[step + 1]) < FARTHEST):
-                raise RunError(f"motion: the target runs away: it is beyond {FARTHEST:g} m at {(step + 1) * dt:g} s")
+                raise RunError(f"motion: the trajectory diverges: it is beyond {FARTHEST:g} m at {(step + 1) * dt:g} s")
         return states
 
     def propagate(self, states: Floats, dt: float, keys: Keys, time: float = 0.0) -> Floats:
-        """(5, N): each state one step on, with process noise."""
+        """(5, N) the states one step later, with process noise."""
         return self.advance(states, dt) + self._root(dt) @ np.stack([normals(keys, draw) for draw in range(5)])
 
     def advance(self, states: Floats, dt: float, time: float = 0.0) -> Floats:
-        """(5, N): each state one step on, without noise."""
+        """(5, N) the states one step later, without noise."""
         px, vx, py, vy, turn = stateful(states, 5)
         arc = _arc(turn, dt)
         return np.stack([
@@ -181,12 +180,12 @@ class CoordinatedTurn:
         return jacobian, root @ root.T
 
     def log_transition(self, after: Floats, before: Floats, dt: float, time: float = 0.0) -> Floats:
-        """(N,) log p(after | before). Raises RunError where q or turn_q is 0: there is no density."""
+        """(N,) log p(after | before). Raises RunError if q or turn_q is 0, since there is no density."""
         root = self._root(dt)
         return _log_gaussian(stateful(after, 5) - self.advance(before, dt), root @ root.T)
 
     def assumed(self, noise_scale: float) -> CoordinatedTurn:
-        """The model as a filter believes it: process covariance times `noise_scale`."""
+        """The model that a filter assumes: process covariance times `noise_scale`."""
         return dataclasses.replace(self, q=self.q * noise_scale, turn_q=self.turn_q * noise_scale)
 
     def _root(self, dt: float) -> Floats:
@@ -194,24 +193,6 @@ class CoordinatedTurn:
         root[:4, :4] = near_constant_velocity(self.q, dt).root
         root[4, 4] = math.sqrt(self.turn_q * dt)
         return root
-
-
-@functools.lru_cache(maxsize=64)
-def _forgetting(memory: float, sd: float, dt: float) -> LinearProcess:
-    """The Ornstein-Uhlenbeck velocity and its integral over dt (Uhlenbeck, Ornstein 1930), each axis of its own.
-
-    The position's variance cancels to third order in dt/τ: below a thousandth its series is used.
-    """
-    r = dt / memory
-    alpha, gone = math.exp(-r), -math.expm1(-r)
-    position = r**3 * (2.0 / 3.0 - r / 2.0) if r < 1e-3 else 2.0 * r - 3.0 + 4.0 * alpha - alpha * alpha
-    a, b, c = sd**2 * memory**2 * position, sd**2 * memory * gone**2, -(sd**2) * math.expm1(-2.0 * r)
-    first = math.sqrt(a)
-    lower = b / first if first > 0.0 else 0.0
-    axis = np.array([[first, 0.0], [lower, math.sqrt(max(c - lower * lower, 0.0))]])
-    root = np.kron(np.eye(2), axis)
-    transition = np.kron(np.eye(2), np.array([[1.0, memory * gone], [0.0, alpha]]))
-    return LinearProcess(transition, root, root @ root.T)
 
 
 class _Arc(NamedTuple):
@@ -237,12 +218,12 @@ def _arc(turn: Floats, dt: float) -> _Arc:
 
 
 def _log_gaussian(apart: Floats, covariance: Floats) -> Floats:
-    """(N,) log N(apart (D, N); 0, covariance); -inf where it is no number. Raises RunError if singular."""
+    """(N,) log N(apart (D, N); 0, covariance); -inf where `apart` is not finite. Raises RunError if singular."""
     try:
         root = np.linalg.cholesky(covariance)
     except np.linalg.LinAlgError:
         raise RunError(
-            "motion: the process noise is singular, so the transition has no density; give every noise more than 0"
+            "motion: the process noise is singular, so the transition has no density; every noise must be positive"
         ) from None
     known = np.isfinite(apart).all(axis=0)
     scaled = np.linalg.solve(root, np.where(known, apart, 0.0))

@@ -1,8 +1,8 @@
-"""How a target moves. A model gives truth, predictions and transition densities, all from one process covariance.
+"""The motion model of PSO-MHPF's paper. Truth, predictions and transition densities share one process covariance.
 
 propagate(states (D, N), dt, keys (N,), time) -> (D, N)
 
-`time` is when the states given hold, in s; the model here does not depend on it.
+`time` is the instant of the given states, in s; this model does not depend on it.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ from wsnsim.models.starts import start_issues
 
 START = (-45.0, -20.0, -50.0, -35.0)
 FARTHEST = 1e12
-"""m: whoever gets there has run away (our choice)."""
+"""m: a trajectory beyond this coordinate has diverged (our choice)."""
 
 
 @part
 class BoundedVelocity:
-    """Constant velocity within a bound, turned back and slowed down beyond it, on each axis of its own.
+    """Near-constant velocity within a bound; beyond it the target is pulled back and slowed, on each axis separately.
 
     x⁺ = A(x) x + w with A = blkdiag(F_x, F_y): F1 = [1 T; 0 1] while |p| <= a, else F2 = [1 T; -T c1, 1 - T c2].
     The paper gives two covariances of w that cannot both hold: G Gᵀ with G = [T² σ0/2; T σ0], and
-    Q = q [T³/2 T²/2; T²/2 T], on each axis. `noise: both`, our choice, is their sum; the others are literal readings.
+    Q = q [T³/2 T²/2; T²/2 T], on each axis. `noise: both`, our choice, is their sum; the others follow one equation.
 
     Source: Jiang, Song, Lin (2013), eqs. 1-4 and table 2.
     """
@@ -43,19 +43,21 @@ class BoundedVelocity:
     units: ClassVar[tuple[str, ...]] = ("m", "m/s", "m", "m/s")
     position: ClassVar[tuple[int, int]] = (0, 2)
 
-    bound: Annotated[float, Quantity("m", gt=0), "a: where the target is turned back"] = 180.0
+    bound: Annotated[
+        float, Quantity("m", gt=0), "a: distance from the origin beyond which the target is turned back"
+    ] = 180.0
     c1: Annotated[float, Quantity("1/s2", ge=0, le=1e9), "pull towards the origin beyond the bound"] = 0.75
     c2: Annotated[float, Quantity("1/s", ge=0, le=1e9), "drag beyond the bound"] = 1.0
     q: Annotated[float, Quantity("m2/s3", ge=0, le=1e9), "intensity of the process noise Q"] = 0.002
     sigma0: Annotated[float, Quantity("m/s2", ge=0, le=1e6), "σ0: deviation of the random acceleration in G"] = 1.0
-    noise: Annotated[Literal["both", "q_only", "g_only"], "which of the paper's two covariances act"] = "both"
+    noise: Annotated[Literal["both", "q_only", "g_only"], "which of the paper's two covariances are used"] = "both"
     start: Annotated[tuple[float, float, float, float], STATE, "px, vx, py, vy at time 0, in m and m/s"] = START
 
     def truth(self, steps: int, dt: float, rng: np.random.Generator) -> Floats:
-        """(steps + 1, 4): one trajectory from the start state.
+        """(steps + 1, 4) one trajectory from the start state.
 
         Raises:
-            RunError: the target runs away: beyond the bound, the step is too long for the pull and the drag.
+            RunError: the trajectory diverges, since the step is too long for the pull and the drag beyond the bound.
         """
         l11, l21, l22 = self._process(dt).root
         draws = rng.standard_normal((steps, 2, 2))
@@ -68,15 +70,15 @@ class BoundedVelocity:
         for step in range(steps):
             states[step + 1] = kernels.advance(states[step, :, None], law)[:, 0] + noise[step]
             if not -FARTHEST < states[step + 1, 0] < FARTHEST or not -FARTHEST < states[step + 1, 2] < FARTHEST:
-                raise RunError(f"motion: the target runs away: it is beyond {FARTHEST:g} m at {(step + 1) * dt:g} s")
+                raise RunError(f"motion: the trajectory diverges: it is beyond {FARTHEST:g} m at {(step + 1) * dt:g} s")
         return states
 
     def propagate(self, states: Floats, dt: float, keys: Keys, time: float = 0.0) -> Floats:
-        """(4, N): each state one step on, with process noise (eq. 1)."""
+        """(4, N) the states one step later, with process noise (eq. 1)."""
         return kernels.propagate(stateful(states, len(self.columns)), keys, self._law(dt), self._process(dt).root)
 
     def advance(self, states: Floats, dt: float, time: float = 0.0) -> Floats:
-        """(4, N): each state one step on, without noise."""
+        """(4, N) the states one step later, without noise."""
         return kernels.advance(stateful(states, len(self.columns)), self._law(dt))
 
     def matrices(self, states: Floats, dt: float, time: float = 0.0) -> tuple[Floats, Floats]:
@@ -88,7 +90,7 @@ class BoundedVelocity:
         """(N,) log p(after | before); -inf where either is not finite.
 
         Raises:
-            RunError: the process covariance is singular, and there is no density: `noise: g_only`, or q = 0.
+            RunError: the process covariance is singular, so there is no density: `noise: g_only`, or q = 0.
         """
         root = self._process(dt).root
         if not root[0] * root[2] > 0.0:
@@ -100,18 +102,18 @@ class BoundedVelocity:
         return kernels.log_transition(after, before, self._law(dt), root)
 
     def assumed(self, noise_scale: float) -> BoundedVelocity:
-        """The model as a filter believes it: process covariance times `noise_scale`, since both terms grow with it."""
+        """The model that a filter assumes: process covariance times `noise_scale`, which scales both terms."""
         return dataclasses.replace(self, q=self.q * noise_scale, sigma0=self.sigma0 * math.sqrt(noise_scale))
 
     def check(self, setup: TrackingSetup) -> Iterator[Issue]:
-        """A start outside the field."""
+        """Yield an issue if the target starts outside the field of a network."""
         yield from start_issues(self, setup)
 
     def _law(self, dt: float) -> kernels.Drift:
         return dt, self.bound, self.c1, self.c2
 
     def _process(self, dt: float) -> StepNoise:
-        """The process noise of a step of `dt`, worked out once."""
+        """The process noise of a step of `dt`, computed once."""
         known: dict[float, StepNoise] = self._processes
         if dt not in known:
             known[dt] = _process_of(self, dt)
@@ -123,14 +125,14 @@ class BoundedVelocity:
 
 
 class StepNoise(NamedTuple):
-    """The noise of one step: covariance (4, 4), and the lower Cholesky factor (l11, l21, l22) of one axis of it."""
+    """The noise of one step: covariance (4, 4), and the lower Cholesky factor (l11, l21, l22) of one axis."""
 
     covariance: Floats
     root: kernels.Root
 
 
 def _process_of(motion: BoundedVelocity, dt: float) -> StepNoise:
-    """One axis has the covariance [a b; b c]; its determinant in closed form is free of cancellation (eq. 4)."""
+    """The noise of a step (eq. 4): covariance [a b; b c] on each axis, with a determinant free of cancellation."""
     q = 0.0 if motion.noise == "g_only" else motion.q
     s = 0.0 if motion.noise == "q_only" else motion.sigma0**2
     a = s * dt**4 / 4 + q * dt**3 / 2

@@ -1,4 +1,4 @@
-"""What a node measures of a target. A model gives readings for the truth, and likelihoods and slopes for the filters.
+"""The sensor model of acoustic energy: readings of the ground truth; likelihoods and gradients for filters.
 
 log_likelihood(points (P, N), readings (S,), positions (S, 2), traits (S, T), owners (N,) | None) -> (N,)
 
@@ -17,38 +17,38 @@ from wsnsim.base.part import Quantity, part
 from wsnsim.kernels import sensing as kernels
 from wsnsim.models.bounds import LENGTH, POWER_OF_SOUND
 
-FLOOR = 1.0
-"""m: no distance counts as less (our choice: d^-α has no bound)."""
+LEAST_DISTANCE = 1.0
+"""m: shorter distances are taken as this, since d^-α is unbounded (our choice)."""
 
 
 @part
 class AcousticEnergy:
-    """The energy of a sound, which falls with a power of the distance, averaged over samples.
+    """The energy of a sound, averaged over samples, which falls with a power of the distance.
 
     μ = σ² + g I d^-α, R = (2c/N_sam) μ², z = μ + N(0, R). R depends on the state, so log R stays in the likelihood.
-    Each node has a gain g, uniform within ±`gain_spread` of 1 and constant.
+    Each node has a constant gain g, uniform within ±`gain_spread` of 1.
 
-    Source: Jiang, Song, Lin (2013), eqs. 5-8 and table 2. The paper gives neither I nor σ²: ours make signal and
-    noise about equal at the edge of the reach.
+    Source: Jiang, Song, Lin (2013), eqs. 5-8 and table 2. The paper gives neither I nor σ²: with ours, signal and
+    noise are about equal at the sensing range.
     """
 
     trait_names: ClassVar[tuple[str, ...]] = ("gain",)
 
-    reach: Annotated[float, LENGTH, "R_s: a target within it is sensed"] = 60.0
+    reach: Annotated[float, LENGTH, "R_s: sensing range"] = 60.0
     decay: Annotated[float, Quantity("", gt=0, le=100), "α: exponent of the loss with distance"] = 2.2
-    samples: Annotated[int, Quantity("", ge=1, le=10**12), "N_sam: samples averaged in a reading"] = 1000
-    nonlinearity: Annotated[float, Quantity("", ge=1e-9, le=1e9), "c: grows the variance of a reading"] = 1.5
+    samples: Annotated[int, Quantity("", ge=1, le=10**12), "N_sam: number of samples averaged in a reading"] = 1000
+    nonlinearity: Annotated[float, Quantity("", ge=1e-9, le=1e9), "c: factor of the variance of a reading"] = 1.5
     intensity: Annotated[float, POWER_OF_SOUND, "I: energy of the target's sound at 1 m"] = 1e4
     noise: Annotated[float, POWER_OF_SOUND, "σ²: energy of the background noise"] = 1.0
     gain_spread: Annotated[float, Quantity("", ge=0, lt=1), "γ: half the width of the gains about 1"] = 0.3
 
     def draw_traits(self, nodes: int, rng: np.random.Generator) -> Floats:
-        """(nodes, 1): each node's gain."""
+        """(nodes, 1) the gain of each node."""
         return rng.uniform(1.0 - self.gain_spread, 1.0 + self.gain_spread, (nodes, 1))
 
     def measure(self, points: Floats, positions: Floats, traits: Floats, noise: Floats) -> Floats:
-        """(n,) readings (eqs. 6-8): pair i is a target at points[i], a sensor at positions[i], its traits, a normal."""
-        squared = np.maximum(((planar(points) - positions) ** 2).sum(axis=1), FLOOR**2)
+        """(n,) readings (eqs. 6-8) of targets at points (n, P) by sensors at positions (n, 2), with normal noise."""
+        squared = np.maximum(((planar(points) - positions) ** 2).sum(axis=1), LEAST_DISTANCE**2)
         mean = self.noise + traits[:, 0] * self.intensity * squared ** (-self.decay / 2)
         result: Floats = mean * (1.0 + np.sqrt(2.0 * self.nonlinearity / self.samples) * noise)
         return result
@@ -58,16 +58,16 @@ class AcousticEnergy:
     ) -> Floats:
         """(N,) log p(readings | target at points (P, N)): of all S readings, or of reading owners[j] for particle j.
 
-        No readings: zeros. A point that is not finite, or a reading that is not a number: -inf.
+        Zeros without readings; -inf for points that are not finite and for readings that are NaN.
         """
         return _log_likelihood(self._law, points, readings, positions, traits[:, 0], owners)
 
     def linearise(self, points: Floats, positions: Floats, traits: Floats) -> tuple[Floats, Floats, Floats]:
-        """At points (P, N): expected readings (S, N), their gradients (S, P, N), their variances (S, N)."""
+        """Expected readings (S, N) at points (P, N), their gradients (S, P, N) and their variances (S, N)."""
         return _linearised(self._law, points, positions, traits[:, 0])
 
     def information(self, points: Floats, positions: Floats, traits: Floats) -> Floats:
-        """(S, P, P, N) Fisher's information about the position in one reading of each sensor, its variance's included.
+        """(S, P, P, N) Fisher information about the position in the mean and the variance of one reading per sensor.
 
         R = (2c/N_sam) μ² has the slope ∂R = 2 (2c/N_sam) μ ∂μ.
         """
@@ -75,7 +75,7 @@ class AcousticEnergy:
         return fisher(gradients, _weights(variances, 2.0 * self._law[3] * means))
 
     def assumed(self, gains: str, inflate: bool) -> AcousticEnergy | UncalibratedAcousticEnergy:
-        """The model as a filter believes it: of gains that are 'known' (calibrated nodes) or 'unknown' (taken as 1)."""
+        """The model that a filter assumes: gains are 'known' (calibrated nodes) or 'unknown' (taken as 1)."""
         return self if gains == "known" else UncalibratedAcousticEnergy(sensor=self, inflate=inflate)
 
     @cached_property
@@ -83,16 +83,16 @@ class AcousticEnergy:
         return self.law()
 
     def law(self, inflation: float = 0.0) -> kernels.Law:
-        """The constants that the kernels take; `inflation` adds that much of the squared signal to the variance."""
+        """The constants for the kernels; `inflation` times the squared signal is added to the variance."""
         return self.noise, self.intensity, self.decay, 2.0 * self.nonlinearity / self.samples, inflation
 
 
 @part
 class UncalibratedAcousticEnergy:
-    """What a filter believes of an `AcousticEnergy` whose gains it does not know: every gain is 1.
+    """The model that a filter assumes of an `AcousticEnergy` whose gains it does not know: every gain is 1.
 
-    With `inflate`, R' = R + (γ²/3) (I d^-α)²: the variance of the gain times the squared signal (0.03 at ±30 %). Not
-    in the paper; our choice.
+    With `inflate`, the variance of the gain times the squared signal is added: R' = R + (γ²/3) (I d^-α)², with γ²/3 =
+    0.03 at ±30 %. The paper does not have it; it is our choice.
     """
 
     sensor: AcousticEnergy
@@ -102,30 +102,30 @@ class UncalibratedAcousticEnergy:
 
     @property
     def reach(self) -> float:
-        """R_s of the true sensor, in m."""
+        """The sensing range R_s of the true sensor, in m."""
         return self.sensor.reach
 
     def draw_traits(self, nodes: int, rng: np.random.Generator) -> Floats:
-        """(nodes, 1): ones."""
+        """(nodes, 1) ones: the gain of every node."""
         return np.ones((nodes, 1))
 
     def measure(self, points: Floats, positions: Floats, traits: Floats, noise: Floats) -> Floats:
-        """(n,) readings of sensors whose gain is 1, with the variance that the filter believes."""
+        """(n,) readings of sensors whose gain is 1, with the variance that the filter assumes."""
         means, _, variances = self.linearise(points.T, positions, traits)
         return np.diagonal(means) + np.sqrt(np.diagonal(variances)) * noise
 
     def log_likelihood(
         self, points: Floats, readings: Floats, positions: Floats, traits: Floats, owners: Ints | None = None
     ) -> Floats:
-        """(N,) as `AcousticEnergy.log_likelihood`, with gains of 1 and the variance R'."""
+        """(N,) log-likelihoods as from `AcousticEnergy.log_likelihood`, with gains of 1 and the variance R'."""
         return _log_likelihood(self.law(), points, readings, positions, np.ones(len(positions)), owners)
 
     def linearise(self, points: Floats, positions: Floats, traits: Floats) -> tuple[Floats, Floats, Floats]:
-        """As `AcousticEnergy.linearise`, with gains of 1 and the variance R'."""
+        """Expected readings, gradients and variances as from `AcousticEnergy`, with gains of 1 and the variance R'."""
         return _linearised(self.law(), points, positions, np.ones(len(positions)))
 
     def information(self, points: Floats, positions: Floats, traits: Floats) -> Floats:
-        """(S, P, P, N) the information about the position that a reading holds if the belief is true.
+        """(S, P, P, N) Fisher information about the position in one reading, if the assumed model is true.
 
         R' = (2c/N_sam) μ² + (γ²/3) s² with s = μ - σ² has the slope ∂R' = 2 ((2c/N_sam) μ + (γ²/3) s) ∂μ.
         """
@@ -134,16 +134,16 @@ class UncalibratedAcousticEnergy:
         return fisher(gradients, _weights(variances, 2.0 * (spread * means + inflation * (means - noise))))
 
     def assumed(self, gains: str, inflate: bool) -> AcousticEnergy | UncalibratedAcousticEnergy:
-        """The belief that another filter has of the same sensor."""
+        """The model that another filter assumes of the same sensor."""
         return self.sensor.assumed(gains, inflate)
 
     def law(self) -> kernels.Law:
-        """The constants that the kernels take, with the gain's variance if it inflates R."""
+        """The constants for the kernels, with the variance of the gain if it inflates R."""
         return self.sensor.law(self.sensor.gain_spread**2 / 3.0 if self.inflate else 0.0)
 
 
 def coordinates(points: Floats) -> tuple[Floats, Floats]:
-    """x (N,) and y (N,) of points (P, N); those of one coordinate lie on the x-axis."""
+    """x (N,) and y (N,) of points (P, N); points of one coordinate lie on the x-axis."""
     x = np.ascontiguousarray(points[0])
     return x, np.ascontiguousarray(points[1]) if len(points) == 2 else np.zeros(x.size)
 
@@ -155,7 +155,7 @@ def fisher(gradients: Floats, weights: Floats) -> Floats:
 
 
 def _weights(variances: Floats, slopes: Floats) -> Floats:
-    """1/R + (R'/R)²/2 (S, N): Fisher's information about the mean μ of a Gaussian whose variance R(μ) has slope R'."""
+    """1/R + (R'/R)²/2 (S, N): Fisher information about the mean μ of a Gaussian whose variance R(μ) has slope R'."""
     return 1.0 / variances + 0.5 * (slopes / variances) ** 2
 
 

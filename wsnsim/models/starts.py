@@ -1,4 +1,4 @@
-"""Where a target may start: in a network, within the field that it monitors.
+"""The check that a target of a network starts within the monitored field.
 
 start_issues(motion, setup) -> Iterator[Issue]
 """
@@ -16,7 +16,7 @@ from wsnsim.base.setups import NetworkSetup, TrackingSetup
 
 
 def start_issues(motion: Any, setup: TrackingSetup) -> Iterator[Issue]:
-    """A start outside the field. Without a network, nobody monitors one."""
+    """Yield an issue if the target starts outside the field of a network."""
     if not isinstance(setup, NetworkSetup):
         return
     field = setup.deploy.field

@@ -1,15 +1,14 @@
-"""Targets that go straight from one point to the next: points drawn at random, or given.
+"""Motion models with straight legs between waypoints, which are random or given.
 
 propagate(states (D, N), dt, keys (N,), time) -> (D, N)
 
-The way is a function of continuous time, sampled at the steps: the same way at any step. Filters do not know where a
-target is going: what they believe is near-constant velocity, with process noise of intensity q (our choice).
+The trajectory is a function of continuous time and does not depend on the length of a step. Filters do not know the
+waypoints: they assume near-constant velocity with process noise of intensity q (our choice).
 """
 
 from __future__ import annotations
 
 import dataclasses
-import functools
 import itertools
 import math
 from collections.abc import Iterator
@@ -24,17 +23,17 @@ from wsnsim.base.setups import TrackingSetup
 from wsnsim.kernels import linear as kernels
 from wsnsim.models.bounds import LENGTH, PLACE
 from wsnsim.models.csvfile import read_columns
-from wsnsim.models.linear import LinearProcess
+from wsnsim.models.transitions import near_constant_velocity
 
 INTENSITY = Quantity("m2/s3", ge=0.0, le=1e9)
 MOST_LEGS = 1e6
-"""Of a random way: some seconds of drawing (our choice)."""
+"""Greatest number of legs of a random trajectory; sampling as many takes some seconds (our choice)."""
 FARTHEST_POINT = 1e9
-"""s or m, of a given point (our choice)."""
+"""Greatest time (s) and coordinate (m) of a given waypoint (our choice)."""
 
 
 class _Straight:
-    """What both have in common: four columns, and what filters believe."""
+    """The four columns and the near-constant velocity that filters assume, common to both models."""
 
     columns: ClassVar[tuple[str, ...]] = ("px", "vx", "py", "vy")
     units: ClassVar[tuple[str, ...]] = ("m", "m/s", "m", "m/s")
@@ -43,64 +42,64 @@ class _Straight:
     q: float
 
     def propagate(self, states: Floats, dt: float, keys: Keys, time: float = 0.0) -> Floats:
-        """(4, N): each state one step on, as filters believe: near-constant velocity, with process noise."""
+        """(4, N) the states one step later, with process noise."""
         process = near_constant_velocity(self.q, dt)
         return kernels.propagate(stateful(states, 4), keys, process.transition, process.root)
 
     def advance(self, states: Floats, dt: float, time: float = 0.0) -> Floats:
-        """(4, N): each state one step on, without noise."""
+        """(4, N) the states one step later, without noise."""
         return kernels.advance(stateful(states, 4), near_constant_velocity(self.q, dt).transition)
 
     def matrices(self, states: Floats, dt: float, time: float = 0.0) -> tuple[Floats, Floats]:
-        """F (N, 4, 4), one read-only matrix seen N times, and the process covariance (4, 4)."""
-        process = near_constant_velocity(self.q, dt)
-        return np.broadcast_to(process.transition, (states.shape[1], 4, 4)), process.covariance.copy()
+        """F (N, 4, 4), one read-only matrix repeated, and the process covariance (4, 4)."""
+        return near_constant_velocity(self.q, dt).matrices(states.shape[1])
 
     def log_transition(self, after: Floats, before: Floats, dt: float, time: float = 0.0) -> Floats:
-        """(N,) log p(after | before). Raises RunError where q = 0: there is no density."""
+        """(N,) log p(after | before). Raises RunError if q = 0, since there is no density."""
         if self.q <= 0.0:
             raise RunError("motion: with q = 0 the process noise is singular and has no density; use q > 0")
         process = near_constant_velocity(self.q, dt)
         return kernels.log_transition(stateful(after, 4), stateful(before, 4), process.transition, process.root)
 
     def assumed(self, noise_scale: float) -> Self:
-        """The model as a filter believes it: process covariance times `noise_scale`."""
+        """The model that a filter assumes: process covariance times `noise_scale`."""
         return dataclasses.replace(self, q=self.q * noise_scale)  # type: ignore[type-var]
 
 
 @part
 class RandomWaypoint(_Straight):
-    """Straight legs between points uniform over an area, each at a speed of its own, with a pause at each point or not.
+    """The random waypoint model: straight legs between points uniform over an area, each at a random speed.
 
-    `stationary`: the process starts as it is found after a long time, so that no warm-up is needed: on a leg that is
-    drawn with probability proportional to its duration, uniformly along it, its speed with density 1/v; or in a pause.
-    `uniform`: at a point of the area, about to set out; then the target slows down as time goes by, the model's known
-    flaw. The area may be larger than the field: the target leaves, and returns.
+    The target may pause at each point. `begin` selects the state at time 0. `stationary`: a sample of the stationary
+    distribution, so that no warm-up is needed: uniform along a leg that is chosen with probability proportional to its
+    duration, with the speed of density 1/v; or in a pause. `uniform`: at a uniform point, at the start of a leg; the
+    mean speed then decays over time, the model's known flaw. If the area is larger than the field, the target leaves
+    the field and returns.
 
     Source: Johnson, Maltz (1996); Navidi, Camp (2004) and Le Boudec, Vojnovic (2005) for the stationary start. Li,
-    Jiang, Zhang, Zhang (2012) gives v_max; the least speed and the pauses are our choice.
+    Jiang, Zhang, Zhang (2012) give v_max; the least speed and the pauses are our choice.
     """
 
     width: Annotated[float, LENGTH, "of the area, in x"] = 500.0
     height: Annotated[float, LENGTH, "of the area, in y"] = 500.0
-    centre: Annotated[tuple[float, float], PLACE, "of the area"] = (0.0, 0.0)
-    speed: Annotated[tuple[float, float], Quantity("m/s", gt=0.0, le=1e6), "least and greatest, uniform between"] = (
+    centre: Annotated[tuple[float, float], PLACE, "centre of the area"] = (0.0, 0.0)
+    speed: Annotated[tuple[float, float], Quantity("m/s", gt=0.0, le=1e6), "range of the speed, uniform"] = (
         1.0, 8.0,
     )  # fmt: skip
-    pause: Annotated[tuple[float, float], Quantity("s", ge=0.0, le=1e9), "least and longest, uniform between"] = (
+    pause: Annotated[tuple[float, float], Quantity("s", ge=0.0, le=1e9), "range of the pause, uniform"] = (
         0.0, 0.0,
     )  # fmt: skip
-    begin: Annotated[Literal["stationary", "uniform"], "how it is found at time 0"] = "stationary"
-    q: Annotated[float, INTENSITY, "of the noise in the velocity that filters believe in"] = 0.05
+    begin: Annotated[Literal["stationary", "uniform"], "distribution of the state at time 0"] = "stationary"
+    q: Annotated[float, INTENSITY, "intensity of the noise in the velocity that filters assume"] = 0.05
 
     def __post_init__(self) -> None:
-        """Raises ValueError where a least value exceeds the greatest."""
+        """Raises ValueError if a minimum exceeds its maximum."""
         for name, (least, most) in (("speed", self.speed), ("pause", self.pause)):
             if least > most:
                 raise ValueError(f"{name}: the first is the least, the second the greatest, got {[least, most]}")
 
     def check(self, setup: TrackingSetup) -> Iterator[Issue]:
-        """More legs than can be drawn in reasonable time."""
+        """Yield an issue if there are more legs than can be sampled in reasonable time."""
         legs = setup.steps * setup.dt / (self.mean_leg() / self.mean_speed() + sum(self.pause) / 2.0)
         if legs > MOST_LEGS:
             yield Issue(
@@ -110,18 +109,18 @@ class RandomWaypoint(_Straight):
             )
 
     def truth(self, steps: int, dt: float, rng: np.random.Generator) -> Floats:
-        """(steps + 1, 4): one way. Its points do not depend on how finely it is sampled."""
-        return _sampled(*self._way(steps * dt, rng), steps, dt)
+        """(steps + 1, 4) one trajectory. Its waypoints do not depend on `dt`."""
+        return _sampled(*self._legs(steps * dt, rng), steps, dt)
 
     def mean_speed(self) -> float:
-        """Of a target on a leg, over time, in m/s: (v_max - v_min) / ln(v_max / v_min), the harmonic mean."""
+        """The mean speed over time on a leg, in m/s: (v_max - v_min) / ln(v_max / v_min), the harmonic mean."""
         least, most = self.speed
         return least if most == least else (most - least) / math.log(most / least)
 
     def mean_leg(self) -> float:
-        """The mean distance in m of two points uniform over the area (Ghosh 1951)."""
+        """The mean distance between two points uniform over the area, in m (Ghosh 1951)."""
         a, b = max(self.width, self.height), min(self.width, self.height)
-        d = math.hypot(a, b)  # the powers of a/b are gathered so that none cancels: d - a = b²/(a + d)
+        d = math.hypot(a, b)  # d - a is written as b²/(a + d), which does not cancel
         logs = b * b / a * math.asinh(a / b) + a * a / b * math.asinh(b / a)
         return (3.0 * d - a * a / (a + d) + (b / a) ** 2 * (b - d) + 2.5 * logs) / 15.0
 
@@ -130,8 +129,8 @@ class RandomWaypoint(_Straight):
         paused = sum(self.pause) / 2.0
         return paused / (paused + self.mean_leg() / self.mean_speed())
 
-    def _way(self, until: float, rng: np.random.Generator) -> tuple[Floats, Floats]:
-        """Times (n,) and points (n, 2) between which the target goes straight."""
+    def _legs(self, until: float, rng: np.random.Generator) -> tuple[Floats, Floats]:
+        """Times (n,) and points (n, 2) of the ends of all legs and pauses until `until`."""
         times, points = self._beginning(rng)
         while times[-1] <= until:
             point, speed = self._point(rng), float(rng.uniform(*self.speed))
@@ -141,7 +140,7 @@ class RandomWaypoint(_Straight):
         return np.array(times), np.array(points)
 
     def _beginning(self, rng: np.random.Generator) -> tuple[list[float], list[tuple[float, float]]]:
-        """The first leg, or pause, from time 0 on."""
+        """Times and points of the first leg or pause, from time 0 on."""
         if self.begin == "uniform":
             return [0.0], [self._point(rng)]
         if rng.random() < self.paused_share():
@@ -174,32 +173,32 @@ class RandomWaypoint(_Straight):
 class Waypoints(_Straight):
     """Straight legs at constant speed between given points with times; at rest before the first and after the last.
 
-    Equal points are a stop; a target may leave the field and return. `points` in the scenario, [t, x, y] each in s and
-    m; or `path`, a CSV with the columns t, x and y.
+    Two equal points in sequence are a stop. The target may leave the field and return. The points are `points` of the
+    scenario, [t, x, y] in s and m, or those of a CSV file with the columns t, x and y (`path`).
     """
 
     points: Annotated[
         tuple[tuple[float, float, float], ...],
         Quantity("", ge=-FARTHEST_POINT, le=FARTHEST_POINT),
-        "t, x and y of each, in s and m",
+        "t, x and y of each waypoint, in s and m",
     ] = ()
     path: Annotated[str | None, "CSV file with a header that names t, x and y; other columns are ignored"] = None
-    q: Annotated[float, INTENSITY, "of the noise in the velocity that filters believe in"] = 0.05
+    q: Annotated[float, INTENSITY, "intensity of the noise in the velocity that filters assume"] = 0.05
 
     def __post_init__(self) -> None:
-        """Raises ValueError for points that make no way."""
+        """Raises ValueError for less than two points, or times that do not increase."""
         if (self.path is None) == (not self.points):
             raise ValueError("give either points: [[t, x, y], ...] or the path of a file with them")
         if self.points:
-            _check_way([(f"points[{i}]", point) for i, point in enumerate(self.points)], ValueError)
+            _check_points([(f"points[{i}]", point) for i, point in enumerate(self.points)], ValueError)
 
     def truth(self, steps: int, dt: float, rng: np.random.Generator) -> Floats:
-        """(steps + 1, 4): the way; nothing is drawn. Raises RunError naming file and line if it cannot be read."""
+        """(steps + 1, 4) the trajectory; `rng` is not used. Raises RunError with file and line if it cannot be read."""
         rows = np.array(self._rows())
         return _sampled(rows[:, 0], rows[:, 1:], steps, dt)
 
     def check(self, setup: TrackingSetup) -> Iterator[Issue]:
-        """A file that cannot be read, or that holds no way."""
+        """Yield an issue if the file cannot be read or its points are not valid."""
         try:
             self._rows()
         except RunError as error:
@@ -208,24 +207,13 @@ class Waypoints(_Straight):
     def _rows(self) -> list[tuple[float, ...]]:
         if self.path is None:
             return list(self.points)
-        rows = read_columns(self.path, ("t", "x", "y"), "way-points")
-        _check_way(rows, RunError)
+        rows = read_columns(self.path, ("t", "x", "y"), "waypoints")
+        _check_points(rows, RunError)
         return [values for _, values in rows]
 
 
-@functools.lru_cache(maxsize=64)
-def near_constant_velocity(q: float, dt: float) -> LinearProcess:
-    """White noise of intensity q in the acceleration (Bar-Shalom, Li, Kirubarajan 2001, eq. 6.2.2-7)."""
-    transition = np.kron(np.eye(2), np.array([[1.0, dt], [0.0, 1.0]]))
-    root: Floats = math.sqrt(q) * np.array(
-        [[math.sqrt(dt**3 / 3.0), 0.0], [math.sqrt(3.0 * dt) / 2.0, math.sqrt(dt) / 2.0]]
-    )
-    whole: Floats = np.kron(np.eye(2), root).astype(np.float64)
-    return LinearProcess(transition, whole, whole @ whole.T)
-
-
 def _sampled(times: Floats, points: Floats, steps: int, dt: float) -> Floats:
-    """(steps + 1, 4) of a way of n points (n, 2) at times (n,)."""
+    """(steps + 1, 4) states at the steps of a trajectory through points (n, 2) at times (n,)."""
     now = np.arange(steps + 1) * dt
     x, y = (np.interp(now, times, axis) for axis in points.T)
     moves = np.diff(points, axis=0) / np.maximum(np.diff(times), np.finfo(np.float64).tiny)[:, None]
@@ -235,13 +223,13 @@ def _sampled(times: Floats, points: Floats, steps: int, dt: float) -> Floats:
     return np.column_stack([x, velocity[:, 0], y, velocity[:, 1]])
 
 
-def _check_way(rows: list[tuple[str, tuple[float, ...]]], error: type[Exception]) -> None:
-    """Two points at least, at times that increase."""
+def _check_points(rows: list[tuple[str, tuple[float, ...]]], error: type[Exception]) -> None:
+    """Raises `error` for less than two points, times that do not increase, or values that are too large."""
     if len(rows) < 2:
-        raise error(f"{rows[0][0] if rows else 'points'}: a way has two points or more")
+        raise error(f"{rows[0][0] if rows else 'points'}: at least two points are needed")
     for (_, (before, *_rest)), (place, (time, *_others)) in itertools.pairwise(rows):
         if not time > before:
-            raise error(f"{place}: its time {time:g} s must be later than that of the point before, {before:g} s")
+            raise error(f"{place}: its time {time:g} s must be later than that of the previous point, {before:g} s")
     for place, values in rows:
         if not all(abs(value) <= FARTHEST_POINT for value in values):
-            raise error(f"{place}: t, x and y must be finite, and within ±{FARTHEST_POINT:g}")
+            raise error(f"{place}: t, x and y must be finite and within ±{FARTHEST_POINT:g}")

@@ -65,7 +65,7 @@ class GridFilter(HeadFilter):
                 yield Issue(
                     ("tracker", "kind"),
                     f"grid holds the density of a state of one column, and that of this motion has "
-                    f"{len(motion.columns)} ({' '.join(motion.columns)}); it can go with ungm",
+                    f"{len(motion.columns)} ({' '.join(motion.columns)}); use it with ungm",
                 )
         if not self.high - self.low >= LEAST_EXTENT:
             yield Issue(("tracker", "high"), f"the grid must reach from low ({self.low:g}) up to high ({self.high:g})")
