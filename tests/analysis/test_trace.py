@@ -309,7 +309,7 @@ def test_calls_that_go_before_their_broadcast_are_of_the_same_act(made):
 
 
 def test_a_message_that_wakes_nodes_is_called_what_the_network_calls_it():
-    assert set(event_groups.WAKING) == set(wake_up_mechanisms.MESSAGE_WORDS.values())
+    assert set(event_groups.WAKE_UP_MESSAGES) == set(wake_up_mechanisms.MESSAGE_WORDS.values())
 
 
 def test_the_json_of_a_flood_has_who_was_woken(made):

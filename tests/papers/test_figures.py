@@ -56,8 +56,8 @@ def test_one_run_has_a_curve_and_no_band():
     (line,) = axes.get_lines()
     np.testing.assert_array_equal(line.get_ydata(), [1.0, 2.0, 3.0])
     assert not axes.collections
-    assert [figure_style.with_bands(1), figure_style.with_bands(4)] == ["one run", "4 runs"]
-    assert [figure_style.with_bands(5), figure_style.with_bands(20, "RKF")] == [
+    assert [figure_style.runs_text(1), figure_style.runs_text(4)] == ["one run", "4 runs"]
+    assert [figure_style.runs_text(5), figure_style.runs_text(20, "RKF")] == [
         "5 runs (bands: 95 % confidence)",
         "20 runs (bands of RKF: 95 % confidence)",
     ]

@@ -194,7 +194,7 @@ def tracked(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(reproduce, "LocalEngine", InlineEngine)
         assert reproduce.run("frontier", small, where, 1).complete
-    folder = reproduce.place(where, "frontier", small)
+    folder = reproduce.folder_of(where, "frontier", small)
     return measures.Data(reproduce.Folder(folder)), small, folder
 
 

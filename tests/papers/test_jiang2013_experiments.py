@@ -128,7 +128,7 @@ def tracked(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(reproduce, "LocalEngine", InlineEngine)
         assert reproduce.run("jiang2013", small, where, 1).complete
-    folder = reproduce.place(where, "jiang2013", small)
+    folder = reproduce.folder_of(where, "jiang2013", small)
     return measures.Data(reproduce.Folder(folder)), (small, folder)
 
 

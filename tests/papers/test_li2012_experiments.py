@@ -201,7 +201,7 @@ def test_a_tiny_run_gives_rows_and_pictures_and_is_not_run_again(tmp_path):
     tiny = dataclasses.replace(whole, variants={name: whole.variants[name] for name in names}, claims=tuple(kept),
                                quick=2, quick_sets=("duration=20 s",))  # fmt: skip
     assert reproduce.run("li2012", tiny, tmp_path, 1).complete
-    folder = reproduce.place(tmp_path, "li2012", tiny)
+    folder = reproduce.folder_of(tmp_path, "li2012", tiny)
     found = reproduce.rows("li2012", tiny, folder)
     assert len(found) == len(kept)
     assert all(row.replicates == 2 for row in found)

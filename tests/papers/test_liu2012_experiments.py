@@ -130,7 +130,7 @@ def test_a_small_run_gives_a_row_a_claim_and_a_picture_a_figure(tmp_path_factory
     where = tmp_path_factory.mktemp("liu2012")
     few = replace(TRACKING, quick=2, sets=("duration=20 s",))
     assert reproduce.run("liu2012", few, where, 1).complete
-    folder = reproduce.place(where, "liu2012", few)
+    folder = reproduce.folder_of(where, "liu2012", few)
     rows = reproduce.rows("liu2012", few, folder)
     assert len(rows) == len(few.claims)
     position = next(row for row in rows if row.quantity.startswith("position RMSE, m") and row.variant == "imsf")
@@ -146,6 +146,6 @@ def test_with_its_own_cell_each_sensor_is_alone_and_both_filters_are_one(monkeyp
     variants = {name: one for name, one in READ_OTHERWISE.variants.items() if "own cell" in name}
     few = replace(READ_OTHERWISE, quick=2, sets=("duration=20 s",), variants=variants, claims=())
     assert reproduce.run("liu2012", few, where, 1).complete
-    data = measures.Data(reproduce.Folder(reproduce.place(where, "liu2012", few)))
+    data = measures.Data(reproduce.Folder(reproduce.folder_of(where, "liu2012", few)))
     one, two = (data.errors(f"{kind}, own cell") for kind in ("rkf", "imsf"))
     np.testing.assert_allclose(one, two, rtol=0, atol=1e-9)

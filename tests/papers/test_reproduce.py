@@ -132,7 +132,7 @@ def test_an_order_needs_the_whole_interval_on_one_side_of_zero():
 
 
 def test_rows_are_what_the_tables_of_the_campaign_hold(done):
-    folder = reproduce.place(done, "liu2012", SMALL)
+    folder = reproduce.folder_of(done, "liu2012", SMALL)
     runs = wsnsim.read(folder, "runs").set_index(["variant", "replicate"])
     errors = {
         name: frame.sort_values(["replicate", "step"])["error"].to_numpy().reshape(6, 15)
@@ -159,7 +159,7 @@ def test_rows_are_what_the_tables_of_the_campaign_hold(done):
 
 
 def test_the_bound_beside_a_row_is_that_of_its_scenario_and_says_whether_it_is_strict(done):
-    folder = reproduce.place(done, "liu2012", SMALL)
+    folder = reproduce.folder_of(done, "liu2012", SMALL)
     rows = {row.quantity: row for row in reproduce.rows("liu2012", SMALL, folder)}
     along = crlb.bound({"extends": "scenarios/rkf.yaml", "duration": 15}, range(6), "per_trajectory")
     assert rows["RMSE, m (figure 1)"].bound == along.time_mean
@@ -177,7 +177,7 @@ def test_the_bound_beside_a_row_is_that_of_its_scenario_and_says_whether_it_is_s
 
 
 def test_a_measure_that_is_none_is_named(done):
-    data = measures.Data(measures.Folder(reproduce.place(done, "liu2012", SMALL)))
+    data = measures.Data(measures.Folder(reproduce.folder_of(done, "liu2012", SMALL)))
     with pytest.raises(KeyError, match="no measure is called 'rmsee'"):
         measures.measured(data, "rkf", "rmsee")
 

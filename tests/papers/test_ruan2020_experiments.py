@@ -32,7 +32,7 @@ def small(experiment, tmp_path_factory, monkeypatch, **sets):
     monkeypatch.setattr(reproduce, "LocalEngine", InlineEngine)
     few = replace(experiment, quick=2, **sets)
     assert reproduce.run("ruan2020", few, where, 1).complete
-    return few, reproduce.place(where, "ruan2020", few)
+    return few, reproduce.folder_of(where, "ruan2020", few)
 
 
 def test_table_1_is_claimed_as_printed_wherever_it_is_run_again():

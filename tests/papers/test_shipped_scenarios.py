@@ -38,7 +38,7 @@ def data(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(reproduce, "LocalEngine", InlineEngine)
         assert reproduce.run("shipped", experiment, where).complete
-    return measures.Data(reproduce.Folder(reproduce.place(where, "shipped", experiment)))
+    return measures.Data(reproduce.Folder(reproduce.folder_of(where, "shipped", experiment)))
 
 
 def test_no_shipped_tracker_is_significantly_below_the_unconditional_bound_of_its_scenario(data):

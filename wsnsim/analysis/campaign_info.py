@@ -12,7 +12,8 @@ from wsnsim.analysis.comparison import label
 from wsnsim.analysis.stopping import ReplicateCounts
 from wsnsim.recording.folder import Folder
 
-MOST: Final = 20
+MAX_LINES: Final = 20
+"""The largest number of points, and of failures, that are printed."""
 
 
 def info(path: str | Path) -> dict[str, Any]:
@@ -54,27 +55,27 @@ def info(path: str | Path) -> dict[str, Any]:
 def info_text(path: str | Path) -> str:
     """The progress and settings of a campaign for a terminal."""
     about = info(path)
-    made, points = about["provenance"], about["points"]
+    provenance, points = about["provenance"], about["points"]
     state = "complete" if about["done"] == about["replicates"] else "incomplete"
     lines = [
         f"{about['folder']}: the campaign {about['name']}, {state}",
         f"runs         {about['done']} of {about['replicates']} done, at {len(points)} points, {about['files']} files,"
         f" {about['bytes'] / 1e6:.1f} MB",
         f"axes         {', '.join(about['keys']) or 'none'}",
-        f"made by      wsnsim {about['wsnsim_version']}, Python {made.get('python')}",
-        f"command      {made.get('command_line')}",
+        f"made by      wsnsim {about['wsnsim_version']}, Python {provenance.get('python')}",
+        f"command      {provenance.get('command_line')}",
         "",
     ]
-    lines += [_point_line(point) for point in points[:MOST]]
-    if len(points) > MOST:
-        lines.append(f"  and {len(points) - MOST} more points")
+    lines += [_point_line(point) for point in points[:MAX_LINES]]
+    if len(points) > MAX_LINES:
+        lines.append(f"  and {len(points) - MAX_LINES} more points")
     failed = list(about["failed"].items())
-    lines += [f"  failed: {task}: {why.splitlines()[0] if why else ''}" for task, why in failed[:MOST]]
+    lines += [f"  failed: {task}: {why.splitlines()[0] if why else ''}" for task, why in failed[:MAX_LINES]]
     return "\n".join(lines)
 
 
 def _point_line(point: dict[str, Any]) -> str:
-    said = (
+    settings = (
         ", ".join(f"{key} = {label([value])}" for key, value in point["settings"].items()) or "the scenario unchanged"
     )
-    return f"  {point['id']}  {point['done']:>5} of {point['replicates']:<5}  {said}"
+    return f"  {point['id']}  {point['done']:>5} of {point['replicates']:<5}  {settings}"

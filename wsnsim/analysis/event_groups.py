@@ -1,9 +1,9 @@
-"""The event log of one step, grouped into actions of nodes and messages with their hops and bursts.
+"""The event log of one step, grouped into node actions and messages (with their hops and bursts).
 
 rows_at(path, replicate, step) -> [LoggedEvent]        rows_in(path, slice) -> [LoggedEvent]
 ranges(path, table) -> {replicate: slice}
-elsewhere(path, replicate, step, rows) -> {sequence: OtherSteps}       what other steps hold of the step's messages
-gathered(rows, elsewhere) -> [NodeAction | LoggedMessage]              in the order in which they began
+in_other_steps(path, replicate, step, rows) -> {sequence: OtherSteps}  the messages that have events in other steps
+group_events(rows, other_steps) -> [NodeAction | LoggedMessage]        in the order in which they began
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ from wsnsim.analysis.plot_data import StateLayout, layout
 from wsnsim.recording import attributes, meanings, read_table, tables
 
 BLOCK: Final = 1 << 22
-"""Rows that are in memory at once while the rows of a step are searched for."""
-ON_THE_AIR: Final = ("send", "relay")
+"""Rows that are read at once in the search for the rows of a step."""
+SENDS: Final = ("send", "relay")
 OUTCOMES: Final = ("receive", "drop", "collide")
 CALLS: Final = ("call", "called")
-WAKING: Final = ("track", "announce", "invitation")
-"""The names of wake-up messages in the event log."""
+WAKE_UP_MESSAGES: Final = ("track", "announce", "invitation")
+"""Their names in the event log."""
 EXPIRED: Final = "expired"
 ACK: Final = "ack"
 
 
 class LoggedEvent(NamedTuple):
-    """One row of the event log; the fields are its columns, with categories as words (empty if there is none)."""
+    """One row of the event log; the fields are its columns. A category is a word, '' for none."""
 
     time: float
     step: int
@@ -50,13 +50,13 @@ class LoggedEvent(NamedTuple):
 
 @dataclass(slots=True)
 class NodeAction:
-    """The same action of several nodes, once each.
+    """An action that several nodes perform, each of them once; overheard frames are all counted together.
 
     Attributes:
-        time: of the first event, in s.
+        time: time of the first event, in s.
         until: time of the last event, in s.
-        kind: of the events.
-        what: column of the events.
+        kind: kind of the events.
+        what: column `what` of the events.
         target: number of the target.
         peer: the other node, -1 for none.
         nodes: the acting nodes.
@@ -89,12 +89,12 @@ class NodeAction:
 
 
 def layout_or_empty(path: str | Path) -> StateLayout:
-    """The state columns of a file; empty without a target."""
+    """The state columns of a file; empty if it has no targets."""
     return layout(path) if attributes(path)["states"] else StateLayout({}, ())
 
 
 def ranges(path: str | Path, table: str = "events") -> dict[int, slice]:
-    """The range of rows of each run in a table, by its number."""
+    """{replicate: the range of its rows} in a table."""
     found: dict[int, slice] = {}
     for start, columns in _blocks(path, ["replicate"], table):
         numbers = columns["replicate"]
@@ -118,15 +118,15 @@ def rows_at(path: str | Path, replicate: int, step: int) -> list[LoggedEvent]:
 
 
 class OtherSteps(NamedTuple):
-    """Events of a message in other steps: whether earlier, whether later, and what it carried."""
+    """Whether a message has events in earlier and in later steps, and what it carried according to them."""
 
-    before: bool
-    after: bool
-    what: str
+    before: bool = False
+    after: bool = False
+    what: str = ""
 
 
-def elsewhere(path: str | Path, replicate: int, step: int, rows: Sequence[LoggedEvent]) -> dict[int, OtherSteps]:
-    """The messages of these rows that have events in other steps, by sequence number."""
+def in_other_steps(path: str | Path, replicate: int, step: int, rows: Sequence[LoggedEvent]) -> dict[int, OtherSteps]:
+    """{sequence number: OtherSteps} of those messages of these rows that have events in other steps."""
     wanted = np.array(sorted({row.sequence for row in rows if row.sequence}), dtype=np.int64)
     words = meanings(path, "events", "what")
     known: dict[int, OtherSteps] = {}
@@ -134,7 +134,7 @@ def elsewhere(path: str | Path, replicate: int, step: int, rows: Sequence[Logged
         at = (columns["replicate"] == replicate) & (columns["step"] != step) & np.isin(columns["sequence"], wanted)
         for i in np.flatnonzero(at).tolist():
             sequence, later = int(columns["sequence"][i]), bool(columns["step"][i] > step)
-            old = known.get(sequence, OtherSteps(False, False, ""))
+            old = known.get(sequence, OtherSteps())
             word = _word(words, int(columns["what"][i])) if columns["frame"][i] else ""
             what = old.what or (word if word != ACK else "")
             known[sequence] = OtherSteps(old.before or not later, old.after or later, what)
@@ -146,8 +146,8 @@ def rows_in(path: str | Path, rows: slice) -> list[LoggedEvent]:
     return [row for _, row in _read(path, rows)]
 
 
-def gathered(
-    rows: Iterable[LoggedEvent], known: Mapping[int, OtherSteps] | None = None
+def group_events(
+    rows: Iterable[LoggedEvent], other_steps: Mapping[int, OtherSteps] | None = None
 ) -> list[NodeAction | LoggedMessage]:
     """The events grouped into messages, one per sequence number, and equal actions of nodes.
 
@@ -155,13 +155,13 @@ def gathered(
 
     Args:
         rows: the events of a step.
-        known: what `elsewhere` returns.
+        other_steps: what `in_other_steps` returns.
     """
     found: list[NodeAction | LoggedMessage] = []
     messages: dict[tuple[bool, int], LoggedMessage] = {}
     actions: dict[tuple[object, ...], tuple[NodeAction, set[int]]] = {}
     rows = list(rows)
-    leads = {row.node for row in rows if row.kind in ("estimate", "announce", "allocate", "handover")}
+    heads = {row.node for row in rows if row.kind in ("estimate", "announce", "allocate", "handover")}
     for row in rows:
         if _is_too_late(row):
             message = messages.get((True, row.sequence))
@@ -169,10 +169,10 @@ def gathered(
                 _add_action(row, False, actions, found.append)
             else:
                 message.expired.append(row.node)
-        elif row.kind in ON_THE_AIR or row.kind in OUTCOMES:
-            _add_burst_event(row, messages, found.append, (known or {}).get(row.sequence, OtherSteps(False, False, "")))
+        elif row.kind in SENDS or row.kind in OUTCOMES:
+            _add_burst_event(row, messages, found.append, (other_steps or {}).get(row.sequence, OtherSteps()))
         elif row.kind not in CALLS:
-            _add_action(row, row.kind == "compute" and row.node in leads, actions, found.append)
+            _add_action(row, row.kind == "compute" and row.node in heads, actions, found.append)
     for row in _assign_calls([row for row in rows if row.kind in CALLS], list(messages.values())):
         _add_action(row, False, actions, found.append)
     return sorted(found, key=lambda one: one.time)
@@ -186,8 +186,9 @@ def _is_too_late(row: LoggedEvent) -> bool:
 def _assign_calls(rows: Sequence[LoggedEvent], messages: Sequence[LoggedMessage]) -> list[LoggedEvent]:
     """Add each wake-up call to the wake-up message that it belongs to; returns the rows of the other calls.
 
-    The caller has sent or received that message, or was itself called for it; of several, the nearest in time is taken
-    (our choice: calls have no sequence numbers). A call of a single node that is then sent a unicast belongs to that.
+    The caller sent or received that message, or was itself woken for it. If there are several such messages, the call
+    belongs to the nearest in time (our choice: calls have no sequence numbers). If the caller also sends a unicast
+    to the only node that it woke, the call belongs to no wake-up message.
     """
     calls: dict[tuple[float, int, int], list[LoggedEvent]] = {}
     for row in rows:
@@ -197,7 +198,7 @@ def _assign_calls(rows: Sequence[LoggedEvent], messages: Sequence[LoggedMessage]
     for (time, target, caller), events in calls.items():
         woken = [row.node for row in events if row.kind == "called"]
         candidates = [
-            one for one in messages if one.is_broadcast and (one.target, one.what in WAKING) == (target, True)
+            one for one in messages if one.is_broadcast and one.target == target and one.what in WAKE_UP_MESSAGES
         ]
         candidates = [one for one in candidates if caller == one.source or caller in one.heard or caller in one.woken]
         if not candidates or (len(woken) == 1 and (caller, woken[0]) in unicasts):
@@ -213,44 +214,44 @@ def _assign_calls(rows: Sequence[LoggedEvent], messages: Sequence[LoggedMessage]
 
 def _add_action(
     row: LoggedEvent,
-    leads: bool,
+    by_head: bool,
     actions: dict[tuple[object, ...], tuple[NodeAction, set[int]]],
-    note: Callable[[NodeAction], None],
+    append: Callable[[NodeAction], None],
 ) -> None:
-    """Add an event without a burst, or an overheard one, to the action that it belongs to."""
+    """Add an event that belongs to no message, or the overhearing of a burst, to its action."""
     overheard = row.kind == "overhear"
-    key = (row.kind,) if overheard else (row.kind, row.what, row.target, row.peer, leads)
-    act, nodes = actions.get(key, (None, set()))
-    if act is None or (row.node in nodes and not overheard):
-        act, nodes = (
+    key = (row.kind,) if overheard else (row.kind, row.what, row.target, row.peer, by_head)
+    action, nodes = actions.get(key, (None, set()))
+    if action is None or (row.node in nodes and not overheard):
+        action, nodes = (
             NodeAction(row.time, row.time, row.kind, row.what, row.target, -1 if overheard else row.peer),
             set(),
         )
-        actions[key] = act, nodes
-        note(act)
+        actions[key] = action, nodes
+        append(action)
     nodes.add(row.node)
-    act.add(row)
+    action.add(row)
 
 
 def _add_burst_event(
     row: LoggedEvent,
     messages: dict[tuple[bool, int], LoggedMessage],
-    note: Callable[[LoggedMessage], None],
+    append: Callable[[LoggedMessage], None],
     other: OtherSteps,
 ) -> None:
     """Add an event of a burst to its message."""
     key = (row.sequence > 0, row.sequence or row.frame)
     message = messages.get(key) if key[1] else None
     if message is None:
-        message = _opened(row, other)
-        note(message)
+        message = _new_message(row, other)
+        append(message)
         if key[1]:
             messages[key] = message
     message.until = row.time
     message.joules += row.joules
     if row.what == ACK:
         message.acknowledgements += row.kind == "receive"
-    elif row.kind in ON_THE_AIR:
+    elif row.kind in SENDS:
         message.frames.append(LoggedBurst(row.frame, row.node, row.peer, row.packets, row.bits))
         message.to = EVERYONE if row.peer == EVERYONE else message.to
         message.most = max(message.most, row.packets)
@@ -262,12 +263,12 @@ def _add_burst_event(
         _add_outcome(message, row)
 
 
-def _opened(row: LoggedEvent, other: OtherSteps) -> LoggedMessage:
-    """A message from its first event in this step; it began earlier if that event is not a sending."""
+def _new_message(row: LoggedEvent, other: OtherSteps) -> LoggedMessage:
+    """The message of its first event in this step. If that event is not a send, it began in an earlier step."""
     what = other.what if row.frame == 0 or row.what == ACK else row.what
-    if row.what == ACK and row.kind in ON_THE_AIR:
+    if row.what == ACK and row.kind in SENDS:
         return LoggedMessage(row.time, row.time, what, row.target, row.peer, row.node, False, other.after)
-    if row.kind in ON_THE_AIR or row.frame == 0:
+    if row.kind in SENDS or row.frame == 0:
         begun = row.kind != "relay" and not other.before
         relayed = row.kind == "relay"
         return LoggedMessage(row.time, row.time, what, row.target, row.node, row.peer, begun, other.after, relayed)
@@ -276,14 +277,14 @@ def _opened(row: LoggedEvent, other: OtherSteps) -> LoggedMessage:
 
 def _add_outcome(message: LoggedMessage, row: LoggedEvent) -> None:
     """Add the outcome of a burst at one node."""
-    frame = next((one for one in reversed(message.frames) if one.number == row.frame), None)
-    if frame is None:
-        frame = LoggedBurst(row.frame, row.peer, row.node, row.packets, row.bits)
-        message.frames.append(frame)
+    burst = next((burst for burst in reversed(message.frames) if burst.number == row.frame), None)
+    if burst is None:
+        burst = LoggedBurst(row.frame, row.peer, row.node, row.packets, row.bits)
+        message.frames.append(burst)
     if row.kind == "receive":
-        frame.received[row.node] = row.packets
+        burst.received[row.node] = row.packets
     else:
-        (frame.collided if row.kind == "collide" else frame.dropped).append(row.node)
+        (burst.collided if row.kind == "collide" else burst.dropped).append(row.node)
 
 
 def _blocks(

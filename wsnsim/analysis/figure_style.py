@@ -1,12 +1,12 @@
 """The style of all figures, the bands around curves, and how a figure is written to a file.
 
-panels(draw, out, size) -> out            a figure that draw(figure) puts axes on
-figure_of(panels) -> Figure               a figure with a panel for each function that draws on an Axes
-save(figure, out)                         written so that the same figure gives the same bytes
+write_figure(draw, out, size) -> out      a figure that draw(figure) puts axes on
+figure_of(panels) -> Figure               a figure with a panel for each of these functions of Axes
+save(figure, out)                         writes a figure so that the same figure gives the same bytes
 band(axes, x, rows, label, ...)           median over runs with the band between quartiles
 rmse_band(axes, x, rows, label, ...)      RMSE over runs with its 95 % confidence band
-rmse_interval(rows) -> (low, high)        that band
-with_bands(runs, whose) -> str            the number of runs as a title says it
+rmse_interval(rows) -> (low, high)        this confidence band
+runs_text(runs, whose) -> str             the number of runs, for a title
 """
 
 from __future__ import annotations
@@ -38,9 +38,9 @@ PUBLISHED: Final[dict[str, Any]] = {"color": "#666666", "linestyle": "--", "line
 """The line of a published value."""
 BOUND: Final[dict[str, Any]] = {"color": BLACK, "linestyle": ":", "linewidth": 1.2}
 """The line of a bound."""
-LEAST: Final = 5
-"""Runs from which on there is a band, as for `metrics.bootstrap_interval`."""
-DRAWS: Final = 400
+MIN_RUNS: Final = 5
+"""The smallest number of runs that have a band, as for `metrics.bootstrap_interval`."""
+RESAMPLES: Final = 400
 """Resamples of a bootstrap."""
 
 
@@ -59,11 +59,12 @@ STYLE: Final = {
     "grid.linewidth": 0.6,
     "savefig.dpi": 150,
 }
-Draws = Callable[[Axes], Axes]
+Panel = Callable[[Axes], Axes]
+"""A function that draws one panel of a figure."""
 
 
-def panels(draw: Callable[[Figure], None], out: Path, size: tuple[float, float], title: str = "") -> Path:
-    """Write a figure that `draw` draws. Raises ResultError if it cannot be written."""
+def write_figure(draw: Callable[[Figure], None], out: Path, size: tuple[float, float], title: str = "") -> Path:
+    """Write the figure that `draw` fills. Raises ResultError if it cannot be written."""
     with style.context(["default", STYLE]):
         figure = Figure(figsize=size, layout="constrained")
         FigureCanvasAgg(figure)
@@ -74,8 +75,8 @@ def panels(draw: Callable[[Figure], None], out: Path, size: tuple[float, float],
     return out
 
 
-def figure_of(panels: list[Draws]) -> Figure:
-    """A figure with a panel for each function that draws on an Axes, in one or two columns."""
+def figure_of(panels: list[Panel]) -> Figure:
+    """A figure with these panels in one or two columns."""
     across = min(len(panels), 2)
     down = ceil(len(panels) / across)
     size = (5.4 * across, 3.6 * down) if across > 1 else (6.4, 4.6)
@@ -133,35 +134,35 @@ def rmse_band(
     low, high = rmse_interval(rows)
     known = np.isfinite(high)
     if known.any():
-        seen = axes.dataLim.frozen()
+        limits = axes.dataLim.frozen()
         axes.fill_between(x, low, high, color=colour, alpha=0.15, linewidth=0)
-        axes.dataLim.set(seen)
+        axes.dataLim.set(limits)
         axes.update_datalim(np.column_stack([x, high])[known])
     return axes
 
 
-def rmse_interval(rows: Floats, draws: int = DRAWS) -> tuple[Floats, Floats]:
+def rmse_interval(rows: Floats, resamples: int = RESAMPLES) -> tuple[Floats, Floats]:
     """The 95 % percentile-bootstrap interval of the RMSE over the rows (runs, steps) at each step, as (low, high).
 
-    NaN at a step at which fewer than five runs have an estimate. Whole runs are resampled, with a seed that depends on
-    their number only. A resample without any estimate at a step does not count there.
+    It is NaN at a step at which fewer than five runs have an estimate. Whole runs are resampled, with a seed that
+    depends on their number only. A resample without any estimate at a step does not count there.
     """
     count, known = len(rows), np.isfinite(rows)
     low, high = np.full((2, rows.shape[1]), np.nan)
-    enough = known.sum(axis=0) >= LEAST
+    enough = known.sum(axis=0) >= MIN_RUNS
     if not enough.any():
         return low, high
     square = np.where(known, rows, 0.0)[:, enough] ** 2
     rng = np.random.Generator(np.random.Philox(count))
-    weights = rng.multinomial(count, np.full(count, 1.0 / count), size=draws).astype(np.float64)
+    weights = rng.multinomial(count, np.full(count, 1.0 / count), size=resamples).astype(np.float64)
     with np.errstate(invalid="ignore"):
         resampled = np.sqrt(weights @ square / (weights @ known[:, enough]))
     low[enough], high[enough] = np.nanquantile(resampled, [0.025, 0.975], axis=0)
     return low, high
 
 
-def with_bands(runs: int, whose: str = "") -> str:
-    """The number of runs and, if there are enough, what the bands around their RMSE are, and whose."""
-    if runs < LEAST:
+def runs_text(runs: int, whose: str = "") -> str:
+    """The number of runs, for a title; from MIN_RUNS on also the meaning of the bands, and of whose RMSE they are."""
+    if runs < MIN_RUNS:
         return f"{runs} runs" if runs > 1 else "one run"
     return f"{runs} runs (bands{f' of {whose}' if whose else ''}: 95 % confidence)"

@@ -18,7 +18,7 @@ from matplotlib import style
 from matplotlib.axes import Axes
 
 from wsnsim.analysis import plot_data, plots, sweep_plots
-from wsnsim.analysis.figure_style import STYLE, Draws, figure_of, save, suffix_of
+from wsnsim.analysis.figure_style import STYLE, Panel, figure_of, save, suffix_of
 from wsnsim.base.errors import ResultError
 from wsnsim.recording.folder import Folder
 
@@ -111,7 +111,7 @@ def draw_campaign(folder: Folder, out: Path, metric: str = "rmse", key: str | No
     return WrittenFigure(out, tuple(panels), left_out)
 
 
-def _panels(path: Path, what: str, choice: PlotSelection, among_all: bool) -> Iterator[tuple[str, Draws]]:
+def _panels(path: Path, what: str, choice: PlotSelection, among_all: bool) -> Iterator[tuple[str, Panel]]:
     """The panels of one plot: (name, function that draws it)."""
     replicate, target = choice.replicate, choice.target
     match what:

@@ -16,7 +16,7 @@ class LoggedBurst:
     """One burst on the air.
 
     Attributes:
-        number: of the burst; column `frame` of the events.
+        number: number of the burst; column `frame` of the events.
         source: the sender.
         to: the addressed node, or `EVERYONE`.
         packets: packets sent.
@@ -46,7 +46,7 @@ class LoggedMessage:
     """A message with its bursts, hop by hop.
 
     Attributes:
-        time: of its first event, in s.
+        time: time of its first event, in s.
         until: time of its last event, in s.
         what: what the parcel carried.
         target: number of the target.
@@ -54,8 +54,8 @@ class LoggedMessage:
         to: the addressed node of the first burst, or `EVERYONE`.
         begun: whether its first burst is in this step.
         goes_on: whether a later step has events of it.
-        relayed: whether its first event here is a relaying.
-        ended: why a burst of it was not sent ('no_path', 'no_channel', ...); empty if all were.
+        relayed: whether its first event in this step is a relay event.
+        ended: reason why a burst of it was not sent ('no_path', 'no_channel', ...); '' if all were sent.
         most: packets of its largest burst.
         joules: energy of its senders and addressed receivers, wake-up calls included, overhearing excluded.
         frames: its bursts, without acknowledgements.
@@ -87,29 +87,29 @@ class LoggedMessage:
     def path(self) -> tuple[int, ...]:
         """The nodes of its path, from the first sender to the last addressed node."""
         nodes = [self.source]
-        for frame in self.frames:
-            if frame.source == nodes[-1] and frame.to != EVERYONE:
-                nodes.append(frame.to)
+        for burst in self.frames:
+            if burst.source == nodes[-1] and burst.to != EVERYONE:
+                nodes.append(burst.to)
         return tuple(nodes)
 
     @property
     def hop(self) -> list[LoggedBurst]:
         """The bursts of its last hop."""
         last = self.frames[-1]
-        return [frame for frame in self.frames if (frame.source, frame.to) == (last.source, last.to)]
+        return [burst for burst in self.frames if (burst.source, burst.to) == (last.source, last.to)]
 
     @property
     def packets(self) -> int:
         """Packets that arrived over its last hop, summed over bursts; the packets sent, if none arrived."""
         if self.is_broadcast or not self.frames:
             return self.most
-        got = sum(frame.received.get(frame.to, 0) for frame in self.hop)
+        got = sum(burst.received.get(burst.to, 0) for burst in self.hop)
         return max(got, self.most)
 
     @property
     def bits(self) -> int:
         """Bits put on the air, summed over bursts and hops."""
-        return sum(frame.bits for frame in self.frames)
+        return sum(burst.bits for burst in self.frames)
 
     @property
     def is_broadcast(self) -> bool:
@@ -119,12 +119,12 @@ class LoggedMessage:
     @property
     def heard(self) -> set[int]:
         """The nodes that received a burst of it."""
-        return {node for frame in self.frames for node in frame.received}
+        return {node for burst in self.frames for node in burst.received}
 
     @property
     def forwarders(self) -> list[int]:
         """The nodes that forwarded a broadcast, in order of time."""
-        return [frame.source for frame in self.frames if frame.source != self.source] if self.is_broadcast else []
+        return [burst.source for burst in self.frames if burst.source != self.source] if self.is_broadcast else []
 
     @property
     def is_flood(self) -> bool:

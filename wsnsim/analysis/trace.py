@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from wsnsim.analysis.event_groups import LoggedEvent, NodeAction, elsewhere, gathered, layout_or_empty, rows_at
+from wsnsim.analysis.event_groups import LoggedEvent, NodeAction, group_events, in_other_steps, layout_or_empty, rows_at
 from wsnsim.analysis.messages import LoggedMessage
 from wsnsim.analysis.phrases import Sentence, StepContext, counted, energy_in_words
 from wsnsim.analysis.plot_data import number_span
@@ -91,7 +91,7 @@ def trace(path: str | Path, step: int, replicate: int = 0, target: int | None = 
     ]
     chosen = known if target is None else [target]
     context = StepContext(_heads(rows, estimates, step), limit, _issued(estimates, dt, path), len(known) > 1)
-    acts = gathered(rows, elsewhere(path, replicate, step, rows) if rows else {})
+    acts = group_events(rows, in_other_steps(path, replicate, step, rows) if rows else {})
     plan = layout_or_empty(path)
     return StepTrace(
         str(path), f"{scenario['name']}, seed {scenario['seed']}", replicate, step, step * dt, dt, network, plan.units,

@@ -95,7 +95,7 @@ class _ReproductionSession:
                     self.evaluate(paper, experiment, should_stop)
                 else:
                     complete = False
-                    _print_incomplete(reproducing.place(self.where, paper, experiment), outcome)
+                    _print_incomplete(reproducing.folder_of(self.where, paper, experiment), outcome)
         return 0 if complete else INCOMPLETE
 
     def run(self, paper: str, experiment: Experiment, should_stop: Callable[[], bool]) -> CampaignOutcome:
@@ -111,16 +111,16 @@ class _ReproductionSession:
         """Add the rows, lines and figures of an experiment. Damaged files are set aside and run again once."""
         from wsnsim.papers import reproduce as reproducing
 
-        folder = reproducing.place(self.where, paper, experiment)
+        folder = reproducing.folder_of(self.where, paper, experiment)
         try:
-            rows, lines = reproducing.rows(paper, experiment, folder), reproducing.lines(paper, experiment, folder)
+            rows, lines = reproducing.rows(paper, experiment, folder), reproducing.summary(paper, experiment, folder)
         except ResultError:
             damaged = reproducing.set_aside(folder)
             for path in damaged:
                 click.echo(f"wsnsim: {path}: is damaged and was set aside; its runs are repeated", err=True)
             if not damaged or not self.run(paper, experiment, should_stop).complete:
                 raise
-            rows, lines = reproducing.rows(paper, experiment, folder), reproducing.lines(paper, experiment, folder)
+            rows, lines = reproducing.rows(paper, experiment, folder), reproducing.summary(paper, experiment, folder)
         self.rows.extend(rows)
         self.lines.extend(lines)
         if self.figures:

@@ -41,8 +41,9 @@ USUAL_REASONS: Final = {
     "median:rmse": "unlike the mean, the median is not moved by single runs that diverge",
     "mean:energy": "the cost of the accuracy above",
 }
+"""{measure: reason} for claims that give none."""
 OTHER_REASON: Final = "for comparison; the paper prints no such value"
-"""The reasons of claims that give none."""
+"""The reason of a claim that gives none, for all other measures."""
 
 
 def experiments(paper: str) -> tuple[Experiment, ...]:
@@ -51,33 +52,33 @@ def experiments(paper: str) -> tuple[Experiment, ...]:
 
 
 def chosen(papers: Sequence[str], only: str | None = None) -> list[tuple[str, Experiment]]:
-    """The experiments of some papers, of all five if none is named; with `only`, those of that name.
+    """(paper, experiment) of each experiment of these papers, or of all papers; with `only`, of those of that name.
 
     Raises:
-        UsageError: there is no such paper, or a paper that is named has no such experiment.
+        UsageError: a paper does not exist, or one of `papers` has no experiment `only`.
     """
-    every = {paper: experiments(paper) for paper in papers or PAPERS}
+    found = [(paper, experiment) for paper in papers or PAPERS for experiment in experiments(paper)]
     if only is None:
-        return [(paper, experiment) for paper, those in every.items() for experiment in those]
+        return found
     for paper in papers:
-        _demand_experiment(f"{paper} has no experiment", only, {each.name for each in every[paper]})
-    _demand_experiment("there is no experiment", only, {each.name for those in every.values() for each in those})
-    return [(paper, experiment) for paper, those in every.items() for experiment in those if experiment.name == only]
+        _check_name(only, {experiment.name for experiment in experiments(paper)}, f"{paper} has no experiment")
+    _check_name(only, {experiment.name for _, experiment in found}, "there is no experiment")
+    return [(paper, experiment) for paper, experiment in found if experiment.name == only]
 
 
-def _demand_experiment(words: str, only: str, names: set[str]) -> None:
-    if only not in names:
-        raise UsageError(f"{words} '{only}' ({did_you_mean(only, names)})")
+def _check_name(name: str, known: set[str], message: str) -> None:
+    if name not in known:
+        raise UsageError(f"{message} '{name}' ({did_you_mean(name, known)})")
 
 
 def plan(paper: str, experiment: Experiment, full: bool = False) -> Plan:
     """The experiment as a campaign with one point for each variant."""
     points = []
     for name, variant in experiment.variants.items():
-        keep = [f"record.{table}=true" for table in experiment.record]
-        sets = [*keep, *experiment.sets, *([] if full else experiment.quick_sets), *variant.sets]
-        alone = load_sweep(variant.scenario, overrides=sets)
-        points.append(replace(alone.points[0], settings={VARIANT: name}))
+        tables = [f"record.{table}=true" for table in experiment.record]
+        sets = [*tables, *experiment.sets, *([] if full else experiment.quick_sets), *variant.sets]
+        sweep = load_sweep(variant.scenario, overrides=sets)
+        points.append(replace(sweep.points[0], settings={VARIANT: name}))
     ids = {point.id for point in points}
     assert len(ids) == len(points), f"two variants of {paper} {experiment.name} are the same scenario"
     return Plan(
@@ -93,12 +94,12 @@ def plan(paper: str, experiment: Experiment, full: bool = False) -> Plan:
 
 
 def begin(paper: str, experiment: Experiment, where: Path, full: bool = False) -> Folder:
-    """The campaign of an experiment in the folder WHERE/PAPER/EXPERIMENT, new or to be resumed.
+    """The campaign of an experiment in the folder WHERE/PAPER/EXPERIMENT: a new one, or the existing one.
 
     Raises:
-        UsageError: the folder is of another version, or cannot be written.
+        UsageError: the folder was made by another version, or cannot be written.
     """
-    return campaign.prepare(plan(paper, experiment, full), place(where, paper, experiment), by=(VARIANT,))
+    return campaign.prepare(plan(paper, experiment, full), folder_of(where, paper, experiment), by=(VARIANT,))
 
 
 def run(
@@ -120,14 +121,14 @@ def run(
     )
 
 
-def place(where: Path, paper: str, experiment: Experiment) -> Path:
-    """The folder of an experiment."""
+def folder_of(where: Path, paper: str, experiment: Experiment) -> Path:
+    """The folder of an experiment's campaign."""
     return where / paper / experiment.name
 
 
-def rows(paper: str, experiment: Experiment, where: Path) -> list[ClaimRow]:
+def rows(paper: str, experiment: Experiment, folder: Path) -> list[ClaimRow]:
     """The rows of an experiment whose campaign is in a folder: one for each claim that is shown."""
-    data = Data(Folder(where), load_paper(paper))
+    data = Data(Folder(folder), load_paper(paper))
     found = [_row(paper, experiment, claim, data) for claim in experiment.claims]
     by_id: dict[str, dict[str, ClaimRow]] = {}
     for row in found:
@@ -155,30 +156,30 @@ def _row(paper: str, experiment: Experiment, claim: Claim | Order, data: Data) -
     )  # fmt: skip
 
 
-def set_aside(where: Path) -> list[Path]:
-    """Rename the unreadable files of a campaign, so that their runs count as missing; the new names."""
-    folder = Folder(where)
-    return [place for point in folder.manifest().points for place in folder.set_aside(point.id)]
+def set_aside(folder: Path) -> list[Path]:
+    """Rename the unreadable files of a campaign, so that their runs count as missing. Return the new paths."""
+    campaign_folder = Folder(folder)
+    return [path for point in campaign_folder.manifest().points for path in campaign_folder.set_aside(point.id)]
 
 
-def lines(paper: str, experiment: Experiment, where: Path) -> list[str]:
+def summary(paper: str, experiment: Experiment, folder: Path) -> list[str]:
     """The summary beneath an experiment's rows, line by line."""
     if not experiment.summary:
         return []
-    return load_paper(paper).summary(experiment.summary)(Data(Folder(where), load_paper(paper)))
+    return load_paper(paper).summary(experiment.summary)(Data(Folder(folder), load_paper(paper)))
 
 
-def draw(paper: str, experiment: Experiment, where: Path, into: Path) -> list[Path]:
+def draw(paper: str, experiment: Experiment, folder: Path, into: Path) -> list[Path]:
     """Draw the figures of an experiment, whose campaign is in a folder, as INTO/PAPER_NAME.png."""
-    from wsnsim.analysis.figure_style import panels
+    from wsnsim.analysis.figure_style import write_figure
 
     into.mkdir(parents=True, exist_ok=True)
-    data, drawn = Data(Folder(where), load_paper(paper)), []
-    for each in experiment.figures:
-        function = load_paper(paper).figure(each.draw)
-        out = into / f"{paper}_{each.name}.png"
-        drawn.append(panels(functools.partial(function, data=data), out, each.size, each.caption))
-    return drawn
+    data, files = Data(Folder(folder), load_paper(paper)), []
+    for figure in experiment.figures:
+        function = load_paper(paper).figure(figure.draw)
+        out = into / f"{paper}_{figure.name}.png"
+        files.append(write_figure(functools.partial(function, data=data), out, figure.size, figure.caption))
+    return files
 
 
 def as_json(found: Sequence[ClaimRow]) -> list[dict[str, Any]]:

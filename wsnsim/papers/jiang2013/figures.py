@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 from matplotlib.patheffects import withStroke
 
-from wsnsim.analysis.figure_style import COLOURS, band, with_bands
+from wsnsim.analysis.figure_style import COLOURS, band, runs_text
 from wsnsim.base import metrics
 from wsnsim.base.arrays import Floats
 from wsnsim.papers import plotting
@@ -166,7 +166,7 @@ def _errors(figure: Figure, data: Data) -> None:
         runs = plotting.rmse_curves(
             axes, data, looks, lambda _, rows: f", mean {metrics.per_step_rmse(rows).mean():.2f} m"
         )
-        axes.set_title(f"{title}, RMSE of {with_bands(runs, whose)}", loc="left")
+        axes.set_title(f"{title}, RMSE of {runs_text(runs, whose)}", loc="left")
     for kind, look in PRINTED.items():
         plotting.published_level(panels[0], data.published["rmse"][kind], colour=look.colour)
     panels[0].plot([], [], "--", color="#666666", linewidth=1.0, label="published mean, in the same colour")

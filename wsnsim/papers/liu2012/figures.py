@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from wsnsim.analysis.figure_style import COLOURS, band, with_bands
+from wsnsim.analysis.figure_style import COLOURS, band, runs_text
 from wsnsim.base.arrays import Floats
 from wsnsim.papers.liu2012.measures import TAKES_PART, probabilities
 from wsnsim.papers.measures import Data
@@ -45,7 +45,7 @@ def _errors(figure: Figure, data: Data, errors: Callable[[str], Floats], bound: 
         band(right, times(data, variant, len(bound)), errors(variant), look.name, look.colour)
     bound_curve(left, bound, data.scenario("rkf")["step"], "bound (posterior Cramér-Rao)")
     left.set(ylabel=f"RMSE: {what}", xlim=(0, times(data, "rkf", len(bound))[-1]))
-    left.set_title(f"RMSE over {with_bands(runs)}, lost ones included", loc="left")
+    left.set_title(f"RMSE over {runs_text(runs)}, lost ones included", loc="left")
     right.set(xlabel="time [s]", ylabel=what, ylim=(0, None))
     right.set_title("absolute error of a run", loc="left")
     for axes in (left, right):

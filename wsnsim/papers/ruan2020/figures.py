@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from wsnsim.analysis.figure_style import COLOURS, with_bands
+from wsnsim.analysis.figure_style import COLOURS, runs_text
 from wsnsim.base.arrays import Floats
 from wsnsim.papers import plotting
 from wsnsim.papers.measures import Data
@@ -82,7 +82,7 @@ def _errors(figure: Figure, data: Data, published: bool) -> None:
     )
     left.set(xlabel="time [s]", ylabel="position error [m]")
     left.set_title("replicate 0", loc="left")
-    right.set_title(f"RMSE over {with_bands(runs)}", loc="left")
+    right.set_title(f"RMSE over {runs_text(runs)}", loc="left")
     plotting.plain_numbers(left)
     plotting.legend_below(figure, (right,))
 

@@ -11,7 +11,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from wsnsim.analysis.figure_style import BOUND, COLOURS, band, with_bands
+from wsnsim.analysis.figure_style import BOUND, COLOURS, band, runs_text
 from wsnsim.base import metrics
 from wsnsim.papers import plotting
 from wsnsim.papers.measures import Data
@@ -147,7 +147,7 @@ def _position(figure: Figure, data: Data, others: Mapping[str, plotting.Look], b
             axes, level, f"{look.name}, from table 2: sqrt(px² + py²) = {level:.3g} m", look.colour
         )
     axes.set_ylabel("RMSE of the position [m]")
-    axes.set_title(f"RMSE over {with_bands(runs)}", loc="left")
+    axes.set_title(f"RMSE over {runs_text(runs)}", loc="left")
     plotting.legend_below(figure, (axes,))
 
 
