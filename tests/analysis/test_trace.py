@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from wsnsim.analysis import event_groups
-from wsnsim.analysis.phrases import energy_in_words, named, row_in_words
+from wsnsim.analysis.phrases import energy_in_words, listed, row_in_words
 from wsnsim.analysis.trace import as_json, text, trace
 from wsnsim.base.errors import ResultError, UsageError
 from wsnsim.base.tables import CAUSE, EVENT_CAUSE, KIND
@@ -309,7 +309,7 @@ def test_calls_that_go_before_their_broadcast_are_of_the_same_act(made):
 
 
 def test_a_message_that_wakes_nodes_is_called_what_the_network_calls_it():
-    assert set(event_groups.WAKE_UP_MESSAGES) == set(wake_up_mechanisms.MESSAGE_WORDS.values())
+    assert set(event_groups.WAKE_UP_MESSAGES) == set(wake_up_mechanisms.MESSAGE_NAMES.values())
 
 
 def test_the_json_of_a_flood_has_who_was_woken(made):
@@ -436,7 +436,7 @@ def test_numbers_are_said_with_three_digits_and_a_fitting_prefix():
         "3 nJ",
         "2.5 mJ",
     ]
-    assert named(np.arange(30).tolist()).endswith("22, 23 and 6 more")
+    assert listed(np.arange(30).tolist()).endswith("22, 23 and 6 more")
 
 
 def test_a_target_that_leaves_the_field_is_the_subject_of_its_event():

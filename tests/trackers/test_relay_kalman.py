@@ -17,7 +17,7 @@ from wsnsim.models.ranging import Range
 from wsnsim.offline.loopback import perfect, perform, silent
 from wsnsim.testing import check_tracker
 from wsnsim.trackers.relay_kalman import RelayKalman
-from wsnsim.trackers.shared.sensors import arrived_probabilities, relayed, stay_over
+from wsnsim.trackers.shared.sensors import arrived_probabilities, carried, stay_after
 
 ANCHORS = (-1.0, 150.0, 300.0, 450.0, 600.0, 750.0, 900.0, 1000.0)
 F = np.array([[1.0, 1.0, 0.5], [0.0, 1.0, 1.0], [0.0, 0.0, 1.0]])
@@ -188,18 +188,18 @@ def test_two_missed_steps_are_two_predictions_and_two_steps_of_the_chain() -> No
 def test_the_chain_over_several_steps_is_the_power_of_its_matrix(stay, sensors) -> None:
     for steps in (1, 2, 5):
         power = np.linalg.matrix_power(chain(sensors, stay), steps)
-        assert chain(sensors, stay_over(stay, sensors, steps)) == pytest.approx(power, abs=1e-14)
+        assert chain(sensors, stay_after(stay, sensors, steps)) == pytest.approx(power, abs=1e-14)
 
 
 def test_who_joins_enters_with_nothing_and_who_leaves_leaves_its_share_to_the_rest() -> None:
     b = np.array([0.2, 0.5, 0.3])
-    assert relayed((7, 3, 9), b, (7, 3, 9)) is b
-    assert relayed((7, 3, 9), b, (9, 7, 3)) == pytest.approx([0.3, 0.2, 0.5])
-    assert relayed((7, 3, 9), b, (9, 1, 7)) == pytest.approx([0.6, 0.0, 0.4])
-    assert relayed((7, 3, 9), np.array([0.0, 1.0, 0.0]), (1, 9, 7)) == pytest.approx([0.0, 0.5, 0.5])
-    assert relayed((7, 3, 9), b, (1, 2)) == pytest.approx([0.5, 0.5])
-    assert relayed((), np.empty(0), (1, 2, 3, 4)) == pytest.approx(np.full(4, 0.25))
-    assert relayed((7, 3, 9), b, ()).size == 0
+    assert carried((7, 3, 9), b, (7, 3, 9)) is b
+    assert carried((7, 3, 9), b, (9, 7, 3)) == pytest.approx([0.3, 0.2, 0.5])
+    assert carried((7, 3, 9), b, (9, 1, 7)) == pytest.approx([0.6, 0.0, 0.4])
+    assert carried((7, 3, 9), np.array([0.0, 1.0, 0.0]), (1, 9, 7)) == pytest.approx([0.0, 0.5, 0.5])
+    assert carried((7, 3, 9), b, (1, 2)) == pytest.approx([0.5, 0.5])
+    assert carried((), np.empty(0), (1, 2, 3, 4)) == pytest.approx(np.full(4, 0.25))
+    assert carried((7, 3, 9), b, ()).size == 0
 
 
 @pytest.mark.parametrize(("sensors", "packets"), [(1, 5), (4, 5), (5, 6), (9, 7)])

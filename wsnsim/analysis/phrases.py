@@ -1,6 +1,6 @@
 """The phrases of a step's description: events, quantities and nodes in words.
 
-row_in_words(row);   energy_in_words(joules);   counted(3, 'packet');   named(nodes);   StepContext
+row_in_words(row);   energy_in_words(joules);   counted(3, 'packet');   listed(nodes);   StepContext
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ from typing import Final, NamedTuple
 
 from wsnsim.analysis.event_groups import LoggedEvent
 
-NAMES: Final = 24
-"""Most nodes that a sentence lists (our choice)."""
+MOST_NODES: Final = 24
+"""Maximum number of nodes that a sentence lists (our choice)."""
 PARCELS: Final = {
     "announce": ("its announcement", "their announcements"),
     "join": ("its join request", "their join requests"),
@@ -23,8 +23,9 @@ PARCELS: Final = {
     "detection": ("its detection of a target", "their detections of a target"),
     "": ("a message", "messages"),
 }
-"""The name of a parcel of one sender and of several; others have the tracker's name for them."""
+"""The name of a parcel of one sender and of several; other parcels keep the name that the tracker gives them."""
 REASONS: Final = {"no_path": "no path exists", "no_channel": "channel access failed"}
+"""The reasons for giving up a message."""
 LOSSES: Final = {
     "empty_region": "no node is near the predicted position",
     "nobody_woken": "no node was woken near the predicted position",
@@ -35,7 +36,7 @@ LOSSES: Final = {
     "expired": "the wake-up message expired on its way",
 }
 """The reasons for a track loss."""
-SPEECH: Final = {
+VERBS: Final = {
     "wake": (
         "woke",
         {
@@ -61,9 +62,9 @@ SPEECH: Final = {
     "restart": ("restarted", {}),
     "death": ("died: its battery is empty", {}),
 }
-"""The verb of an action without another node, and its continuation by the event's column `what`."""
-OF_NODES: Final = ("join", "strength", "wake", "handover", "report")
-"""Parcels that not only members send to a cluster head."""
+"""The verb of an action of one node alone, and the words that follow it, by the event's column `what`."""
+FROM_NODES: Final = ("join", "strength", "wake", "handover", "report")
+"""Parcels that are sent to a cluster head by other nodes, too, not only by its members."""
 
 
 class Sentence(NamedTuple):
@@ -80,7 +81,7 @@ class StepContext:
 
     Attributes:
         heads: the cluster heads of the step.
-        limit: most similar messages that are described one by one; more are summed up.
+        limit: number of similar messages up to which each is described; more are summed up.
         issued: the name of each issued estimate by (target, time).
         several: whether there are several targets, so that sentences name theirs.
     """
@@ -94,9 +95,9 @@ class StepContext:
         """A node with its role."""
         return f"{'cluster head' if number in self.heads else 'node'} {number}"
 
-    def of(self, target: int) -> str:
-        """The target of a sentence, if there are several targets."""
-        return f" (target {target})" if self.several and target >= 0 else ""
+    def target(self, number: int) -> str:
+        """The target in parentheses; empty if there is only one."""
+        return f" (target {number})" if self.several and number >= 0 else ""
 
 
 def row_in_words(row: LoggedEvent) -> str:
@@ -126,11 +127,11 @@ def energy_in_words(joules: float) -> str:
 
 
 def counted(count: int, word: str) -> str:
-    """'1 packet', '2 packets', '9,024 bits'."""
+    """A number with its noun: '1 packet', '2 packets', '9,024 bits'."""
     return f"{count:,} {word}{'' if count == 1 else 's'}"
 
 
-def named(nodes: Sequence[int]) -> str:
-    """The nodes as a list, at most `NAMES` of them."""
-    shown = ", ".join(str(node) for node in nodes[:NAMES])
-    return shown + (f" and {len(nodes) - NAMES:,} more" if len(nodes) > NAMES else "")
+def listed(nodes: Sequence[int]) -> str:
+    """The nodes as a list, at most `MOST_NODES` of them."""
+    shown = ", ".join(str(node) for node in nodes[:MOST_NODES])
+    return shown + (f" and {len(nodes) - MOST_NODES:,} more" if len(nodes) > MOST_NODES else "")

@@ -11,16 +11,16 @@ from collections.abc import Iterable, Sequence
 from wsnsim.analysis.event_groups import NodeAction
 from wsnsim.analysis.messages import LoggedBurst, LoggedMessage
 from wsnsim.analysis.phrases import (
+    FROM_NODES,
     LOSSES,
-    OF_NODES,
     PARCELS,
     REASONS,
-    SPEECH,
+    VERBS,
     Sentence,
     StepContext,
     counted,
     energy_in_words,
-    named,
+    listed,
 )
 
 
@@ -47,14 +47,14 @@ def _action(action: NodeAction, context: StepContext) -> str:
         if action.nodes[0] >= 0
         else "nobody"
     )
-    names = f": {named(action.nodes)}" if several else ""
+    names = f": {listed(action.nodes)}" if several else ""
     paid = f" ({energy_in_words(action.joules)})" if action.joules else ""
-    if action.kind in SPEECH:
-        verb, after = SPEECH[action.kind]
-        return f"{who} {verb}{after.get(action.what, '')}{context.of(action.target)}{paid}{names}"
+    if action.kind in VERBS:
+        verb, after = VERBS[action.kind]
+        return f"{who} {verb}{after.get(action.what, '')}{context.target(action.target)}{paid}{names}"
     said = _interaction(action, who, context)
-    of = "" if action.kind == "fault" else context.of(action.target)
-    return f"{said}{of}{paid}{'' if action.kind == 'overhear' else names}"
+    target = "" if action.kind == "fault" else context.target(action.target)
+    return f"{said}{target}{paid}{'' if action.kind == 'overhear' else names}"
 
 
 def _interaction(action: NodeAction, who: str, context: StepContext) -> str:
@@ -164,7 +164,7 @@ def _messages(group: list[LoggedMessage], context: StepContext) -> list[Sentence
     if len(group) <= context.limit or len(group) == 1:
         return [Sentence(one.time, one.until, _message(one, context)) for one in group]
     text = _broadcasts(group) if group[0].is_broadcast else _sum(group, context)
-    return [Sentence(group[0].time, max(one.until for one in group), text + context.of(group[0].target))]
+    return [Sentence(group[0].time, max(one.until for one in group), text + context.target(group[0].target))]
 
 
 def _message(one: LoggedMessage, context: StepContext) -> str:
@@ -173,13 +173,13 @@ def _message(one: LoggedMessage, context: StepContext) -> str:
     if one.is_flood:
         return _flood(one, context)
     if one.is_broadcast:
-        return f"{text}broadcast {what} {_facts([one])}; {_heard(one)}{context.of(one.target)}"
+        return f"{text}broadcast {what} {_facts([one])}; {_heard(one)}{context.target(one.target)}"
     path = one.path
     text += "sent " if one.begun else "relayed " if one.relayed else "continued to send "
     text += f"{what} to {context.node(path[-1] if len(path) > 1 else one.to)}"
     text += f" over {', '.join(str(node) for node in path[1:-1])}" if len(path) > 2 else ""
     text += "" if one.begun or not one.relayed else ", begun before this step,"
-    return f"{text} {_facts([one])}; {_fate(one, context)}{context.of(one.target)}"
+    return f"{text} {_facts([one])}; {_fate(one, context)}{context.target(one.target)}"
 
 
 def _flood(one: LoggedMessage, context: StepContext) -> str:
@@ -195,15 +195,15 @@ def _flood(one: LoggedMessage, context: StepContext) -> str:
     if one.callers:
         callers, woken = _those(one.callers, context), len(one.woken)
         facts.append(f"{callers} sent a wake-up call, which woke {woken or 'no node'}")
-        facts[-1] += f": {named(one.woken)}" if woken else ""
+        facts[-1] += f": {listed(one.woken)}" if woken else ""
     for nodes, words in ((_missed(one), "lost at"), (one.expired, "expired at")):
-        facts += [f"{words} {named(nodes)}"] if nodes else []
-    return "; ".join(facts) + (f"; not sent: {_reason(one.ended)}" if one.ended else "") + context.of(one.target)
+        facts += [f"{words} {listed(nodes)}"] if nodes else []
+    return "; ".join(facts) + (f"; not sent: {_reason(one.ended)}" if one.ended else "") + context.target(one.target)
 
 
 def _those(nodes: Sequence[int], context: StepContext) -> str:
     """One node with its role, or several with their numbers."""
-    return context.node(nodes[0]) if len(nodes) == 1 else f"{len(nodes)} nodes ({named(nodes)})"
+    return context.node(nodes[0]) if len(nodes) == 1 else f"{len(nodes)} nodes ({listed(nodes)})"
 
 
 def _missed(one: LoggedMessage) -> list[int]:
@@ -248,13 +248,13 @@ def _sum(group: Sequence[LoggedMessage], context: StepContext) -> str:
         fates.setdefault(outcome(one), []).append(one.source if gathers else one.path[-1])
     order = sorted(fates, key=lambda said: (said != "arrived", said))
     said = ", ".join(
-        f"{len(fates[fate])} {fate}" + ("" if fate == "arrived" else f" ({named(fates[fate])})") for fate in order
+        f"{len(fates[fate])} {fate}" + ("" if fate == "arrived" else f" ({listed(fates[fate])})") for fate in order
     )
     if fates.keys() == {"arrived"}:
         said = "all arrived"
     goal, verb = next(iter(goals)), "sent" if group[0].begun else "continued to send"
     if gathers:
-        who = "members" if goal in context.heads and group[0].what not in OF_NODES else "nodes"
+        who = "members" if goal in context.heads and group[0].what not in FROM_NODES else "nodes"
         begin = f"{len(group)} {who} {verb} {_parcel(group[0].what, True)} to {context.node(goal)}"
     else:
         begin = f"{context.node(group[0].source)} {verb} {_parcel(group[0].what, False)} to {len(group)} nodes"
@@ -284,5 +284,5 @@ def _heard(one: LoggedMessage) -> str:
     said = f"received by {got} of {of}" if of else "no node was in range"
     collided = sorted({node for frame in one.frames for node in frame.collided})
     lost = sorted({node for frame in one.frames for node in frame.dropped} - set(collided))
-    said += f"; collided at {named(collided)}" if collided else ""
-    return said + (f"; lost on the way to {named(lost)}" if lost else "")
+    said += f"; collided at {listed(collided)}" if collided else ""
+    return said + (f"; lost on the way to {listed(lost)}" if lost else "")

@@ -37,7 +37,7 @@ CLOSEST: Final = 0.045
 MARGIN: Final = 0.04
 """Share of the axis beside the first and the last swept value."""
 MOST_LABELS: Final = 12
-"""Most lines named in a legend; of more lines, equally spaced ones are named."""
+"""Maximum number of lines named in a legend; of more lines, equally spaced ones are named."""
 
 
 def median(axes: Axes, lines: SweepLines, legend: bool = True) -> Axes:

@@ -69,7 +69,7 @@ def trace(path: str | Path, step: int, replicate: int = 0, target: int | None = 
         step: number of the step.
         replicate: number of the run.
         target: the target, or None for all.
-        limit: most similar messages that are described one by one; more are summed up.
+        limit: number of similar messages up to which each is described; more are summed up.
 
     Raises:
         UsageError: there is no such run, step or target.

@@ -1,6 +1,6 @@
-"""A target of bounded velocity (Jiang, Song, Lin 2013, eqs. 1-4), for many states at once.
+"""The motion model of bounded velocity (Jiang, Song, Lin 2013, eqs. 1-4), for many states at once.
 
-law = (T, a, c1, c2)                 the step and the drift's constants
+drift = (T, a, c1, c2)               the constants of A: step, bound, and the factors of the pull
 root = (l11, l21, l22)               the lower Cholesky factor of one axis' process covariance
 states (4, N): rows px, vx, py, vy; the axes move independently of each other
 """
@@ -20,28 +20,28 @@ Root: TypeAlias = tuple[float, float, float]
 
 
 @inlined
-def _drifted(position: float, velocity: float, law: Drift) -> tuple[float, float]:
-    """One axis a step on: F1 while |p| <= a, else F2, which pulls back and slows down (eqs. 2-3)."""
-    step, bound, c1, c2 = law
+def _drifted(position: float, velocity: float, drift: Drift) -> tuple[float, float]:
+    """One axis after a step without noise: F1 while |p| <= a, else F2, which pulls back and slows down (eqs. 2-3)."""
+    step, bound, c1, c2 = drift
     pull = c1 * position + c2 * velocity
     pull = 0.0 if abs(position) <= bound else pull
     return position + step * velocity, velocity - step * pull
 
 
 @kernel
-def advance(states: Floats, law: Drift) -> Floats:
-    """(4, N): A(x) x, each state one step on without noise."""
+def advance(states: Floats, drift: Drift) -> Floats:
+    """States (4, N) after a step without noise: A(x) x."""
     result = np.empty(states.shape)
     for axis in range(0, 4, 2):
         for j in range(states.shape[1]):
-            result[axis, j], result[axis + 1, j] = _drifted(states[axis, j], states[axis + 1, j], law)
+            result[axis, j], result[axis + 1, j] = _drifted(states[axis, j], states[axis + 1, j], drift)
     return result
 
 
 @kernel
-def transitions(states: Floats, law: Drift) -> Floats:
-    """(N, 4, 4): A(x) at each state (eqs. 2-3)."""
-    step, bound, c1, c2 = law
+def transitions(states: Floats, drift: Drift) -> Floats:
+    """Transition matrices (N, 4, 4): A(x) at each state (eqs. 2-3)."""
+    step, bound, c1, c2 = drift
     result = np.empty((states.shape[1], 4, 4))
     for j in range(states.shape[1]):
         for d in range(4):
@@ -57,8 +57,8 @@ def transitions(states: Floats, law: Drift) -> Floats:
 
 
 @kernel
-def propagate(states: Floats, keys: Keys, law: Drift, root: Root) -> Floats:
-    """(4, N): A(x) x + w, each state one step on.
+def propagate(states: Floats, keys: Keys, drift: Drift, root: Root) -> Floats:
+    """States (4, N) after a step: A(x) x + w.
 
     Axis x takes the first pair of normals of the particle's key, axis y the second.
     """
@@ -66,7 +66,7 @@ def propagate(states: Floats, keys: Keys, law: Drift, root: Root) -> Floats:
     result = np.empty(states.shape)
     for axis in range(0, 4, 2):
         for j in range(states.shape[1]):
-            position, velocity = _drifted(states[axis, j], states[axis + 1, j], law)
+            position, velocity = _drifted(states[axis, j], states[axis + 1, j], drift)
             first, second = normal_pair(keys[j], axis // 2)
             result[axis, j] = position + l11 * first
             result[axis + 1, j] = velocity + l21 * first + l22 * second
@@ -74,15 +74,15 @@ def propagate(states: Floats, keys: Keys, law: Drift, root: Root) -> Floats:
 
 
 @kernel
-def log_transition(after: Floats, before: Floats, law: Drift, root: Root) -> Floats:
-    """(N,) log N(after; A(before) before, covariance), -inf where it is not a number. l11 and l22 must not be zero."""
+def log_transition(after: Floats, before: Floats, drift: Drift, root: Root) -> Floats:
+    """(N,) log N(after; A(before) before, covariance), -inf instead of NaN. l11 and l22 must not be zero."""
     l11, l21, l22 = root
     constant = -2.0 * np.log(2.0 * np.pi) - 2.0 * np.log(l11 * l22)
     result = np.empty(before.shape[1])
     for j in range(result.size):
         square = 0.0
         for axis in range(0, 4, 2):
-            position, velocity = _drifted(before[axis, j], before[axis + 1, j], law)
+            position, velocity = _drifted(before[axis, j], before[axis + 1, j], drift)
             first = (after[axis, j] - position) / l11
             second = (after[axis + 1, j] - velocity - l21 * first) / l22
             square += first * first + second * second

@@ -2,8 +2,8 @@
 
     World(setup, replicate, sensors, targets, streams, recorder).run() -> NetworkOutcome
 
-At each step the nodes in range of a target wake and sense, a track without a head gets one, and every head is given its
-tick. Where heads move, awake nodes search for lost targets between steps too.
+At each step the nodes in range of a target wake and sense, a track without a head gets one, and every head starts its
+step. With moving heads, awake nodes also search for lost targets between steps.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class Sensors:
 class Targets:
     """The targets: per target its trajectory (steps + 1, D) and its prior.
 
-    `paths` are the trajectories at every instant at which nodes search, `setup.polls` in a step; empty: `truths`.
+    `paths` are the trajectories at the `setup.polls` instants of a step at which nodes search; if empty, `truths`.
     """
 
     truths: Sequence[Floats]
@@ -86,7 +86,7 @@ class World:
         self._stack = stack = make_radio_stack(setup, sensors.positions, sensors.traits, streams, self._event_log)
         radio = stack.radio
         self._env, self._nodes, self._counters = radio.env, radio.nodes, radio.counters
-        self._nodes.on_death = self._bury
+        self._nodes.on_death = self._handle_death
         self._clock = StepClock(radio.env, setup.dt)
         self._log = ProtocolLog(self._clock, self._event_log)
         self._router = Router(radio, setup.routing.weight, setup.link.audible)
@@ -95,8 +95,8 @@ class World:
         self._processors = Processors(self._clock, self._nodes, self._event_log, setup.energy, setup.cpu)
         self._energy_steps = EnergySteps(radio.env, radio.nodes, recorder)
         self._tracks = tuple(Track(i, prior, radio.env.event()) for i, prior in enumerate(targets.priors))
-        points = [truth[:, list(each.position)] for truth, each in zip(targets.truths, setup.motions, strict=True)]
-        self._in_field = [setup.deploy.field.contains(planar(each)).tolist() for each in points]
+        points = [truth[:, list(motion.position)] for truth, motion in zip(targets.truths, setup.motions, strict=True)]
+        self._in_field = [setup.deploy.field.contains(planar(path)).tolist() for path in points]
         self._assemble(targets, points, streams)
 
     def _assemble(self, targets: Targets, points: Sequence[Floats], streams: Streams) -> None:
@@ -131,14 +131,14 @@ class World:
         self._faults = FaultSchedule(setup.faults, site, streams.key("faults"), setup.dt)
 
     def _make_wake_ahead(self, network: NetworkView, key: int) -> WakesAhead:
-        """What wakes nodes for heads; it also wakes the last node of a datagram's path."""
+        """Make the service that wakes nodes for heads, and the last node of a datagram's path."""
         used = WakeUpNetwork(self._clock, self._nodes, self._processes, self._transport, self._event_log)
         service = WakeUpService(self._setup, used, key)
         self._transport.wake_neighbour = service.call_one
         return WakeAhead(network, service)
 
     def run(self, progress: Callable[[float], None] | None = None) -> NetworkOutcome:
-        """Run to the end. An error names seed, run and simulated time."""
+        """Run to the end and return the outcome. Errors name the seed, the run and the simulated time."""
         self._faults.start()
         steps = self._env.process(self._run_steps(progress))
         ended = self._env.any_of([steps, self._coordination.ended])
@@ -172,7 +172,7 @@ class World:
                 self._tick(track)
             if progress:
                 progress(env.now)
-            for poll in range(1, setup.polls if step < setup.steps else 1):
+            for poll in range(1, setup.polls if step < setup.steps else 1):  # no search after the end
                 yield env.timeout((step + poll / setup.polls) * setup.dt - env.now)
                 for track in self._tracks:
                     self._coordination.fill_vacancy(track, poll)
@@ -185,21 +185,21 @@ class World:
             self._log.add("return" if inside[step] else "leave", target, -1)
 
     def _tick(self, track: Track) -> None:
-        """Give the track's head its tick; find a head first, if there is none."""
+        """Start the step of the track's head; find a head first if there is none."""
         self._wake_up_counters.count_rounds(track)
         tick, track.tick = track.tick, self._env.event()
         track.heads.append(-1 if track.head is None else track.head)
         self._coordination.fill_vacancy(track, 0)
         tick.succeed()
 
-    def _bury(self, node: int) -> None:
-        """End a node whose battery is empty, at this instant, whatever it does."""
+    def _handle_death(self, node: int) -> None:
+        """Take down a node whose battery is empty, whatever it is doing."""
         self._nodes.died_at[node] = self._env.now
         self._log.add("death", -1, node)
         self._take_down(node)
 
     def _crash(self, node: int) -> None:
-        """Take down a node: what it does ends, and what it knows is forgotten."""
+        """Take down a node: end what it does, and forget what it knows."""
         self._stack.mac.silence(node)
         self._nodes.crash(node)
         if node in self._nodes.died_at:
@@ -215,7 +215,7 @@ class World:
         self._sensing.restart(node)
 
     def _take_down(self, node: int) -> None:
-        """End all that a node does that is no longer up: relaying, sending, sensing, elections, leads."""
+        """End what a node that is no longer up was doing: relaying, sending, sensing, electing, leading a track."""
         self._router.remove(node)
         self._stack.mac.silence(node)
         self._sensing.remove(node)
@@ -224,4 +224,4 @@ class World:
 
 
 def _ignore_wake(node: int, target: int, by_frame: bool) -> None:
-    """Where nodes are woken ahead, wake-ups are counted by round."""
+    """Do nothing: wake-ups by messages are counted by round."""

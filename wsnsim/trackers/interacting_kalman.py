@@ -20,7 +20,7 @@ from wsnsim.kernels.relay import filter_each, mix
 from wsnsim.trackers.shared.heads import GaussianBelief, HeadFilter
 from wsnsim.trackers.shared.moments import predicted
 from wsnsim.trackers.shared.parcels import arrived_groups, moment_packets, parcel, weight_packets
-from wsnsim.trackers.shared.sensors import LIKELIHOOD_CYCLES, arrived_probabilities, chain_readings, linearised, relayed
+from wsnsim.trackers.shared.sensors import LIKELIHOOD_CYCLES, arrived_probabilities, carried, chain_readings, linearised
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,7 +110,7 @@ class InteractingKalman(HeadFilter):
             return None
         chances = arrived_probabilities(belief.probabilities, mask[count * each :])
         ids = tuple(node for node, arrived in zip(belief.ids, whole, strict=True) if arrived)
-        chances = relayed(belief.ids, chances, ids)
+        chances = carried(belief.ids, chances, ids)
         means, covs = (np.ascontiguousarray(moments[..., whole]) for moments in (belief.means, belief.covs))
         mean, cov = _mixture(means, covs, chances)
         return InteractingBelief(mean, cov, successor, ids=ids, means=means, covs=covs, probabilities=chances)
@@ -144,7 +144,7 @@ def _with_filters(belief: InteractingBelief, scene: Scene) -> InteractingBelief:
     for i, old in enumerate(rows):
         means[:, i] = belief.mean if old is None else belief.means[:, old]
         covs[..., i] = belief.cov if old is None else belief.covs[..., old]
-    chances = relayed(belief.ids, belief.probabilities, scene.ids)
+    chances = carried(belief.ids, belief.probabilities, scene.ids)
     return InteractingBelief(
         belief.mean, belief.cov, scene.head, ids=scene.ids, means=means, covs=covs, probabilities=chances
     )

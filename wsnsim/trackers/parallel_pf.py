@@ -26,12 +26,12 @@ from wsnsim.trackers.shared.dealing import (
     Deal,
     Pool,
     give,
+    most_readings,
     pooled,
     predict_only,
-    readings_at_most,
     redeal,
     resampled,
-    up_to_date,
+    update_deal,
 )
 from wsnsim.trackers.shared.local_estimates import LOCAL, LocalEstimate, cycles_of
 from wsnsim.trackers.shared.moments import forecast
@@ -110,7 +110,7 @@ class ParallelPf:
     @property
     def member_cycles(self) -> float:
         """Operations of one member of the smallest cluster in a step, its share being N_p / 3: 40 + 30 S a particle."""
-        return self.particles / SMALLEST_CLUSTER * (PREDICT_CYCLES + 30.0 * readings_at_most(self.measurements))
+        return self.particles / SMALLEST_CLUSTER * (PREDICT_CYCLES + 30.0 * most_readings(self.measurements))
 
     def start(self, prior: Estimate, scene: Scene) -> Flow[ParallelBelief]:
         """Draw the particles from the prior at the head and deal them out."""
@@ -120,7 +120,7 @@ class ParallelPf:
     def step(self, belief: ParallelBelief, scene: Scene) -> Flow[ParallelBelief]:
         """One step; without an active member everything is only predicted."""
         by_moments = self.handover == "gaussian"
-        deal = yield from up_to_date(belief.deal, belief.mean, belief.cov, self.particles, by_moments, scene)
+        deal = yield from update_deal(belief.deal, belief.mean, belief.cov, self.particles, by_moments, scene)
         if not scene.ids:
             deal = yield from predict_only(deal, scene)
             return only_predicted(belief, deal, scene)

@@ -27,11 +27,11 @@ from wsnsim.trackers.shared.dealing import (
     Deal,
     Pool,
     give,
+    most_readings,
     pooled,
     predict_only,
-    readings_at_most,
     resampled,
-    up_to_date,
+    update_deal,
 )
 from wsnsim.trackers.shared.local_estimates import LOCAL, LocalEstimate, cycles_of, feed_back
 from wsnsim.trackers.shared.moments import forecast, fused_by_variance, noise_issues, symmetric
@@ -123,7 +123,7 @@ class PsoMhpf:
     @property
     def member_cycles(self) -> float:
         """Operations of one member of the smallest cluster in a step with a move, its share being N_p / 3."""
-        seen = readings_at_most(self.measurements)
+        seen = most_readings(self.measurements)
         return self.particles / SMALLEST_CLUSTER * self._per_particle(seen, True, 1)
 
     def start(self, prior: Estimate, scene: Scene) -> Flow[Spread]:
@@ -133,7 +133,7 @@ class PsoMhpf:
     def step(self, belief: Spread, scene: Scene) -> Flow[Spread]:
         """One step: N_act - 1 local estimates reach the head; without an active member everything is only predicted."""
         by_moments = self.handover == "gaussian"
-        deal = yield from up_to_date(belief.deal, belief.mean, belief.cov, self.particles, by_moments, scene)
+        deal = yield from update_deal(belief.deal, belief.mean, belief.cov, self.particles, by_moments, scene)
         if not scene.ids:
             deal = yield from predict_only(deal, scene)
             return only_predicted(belief, deal, scene)

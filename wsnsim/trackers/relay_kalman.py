@@ -23,10 +23,10 @@ from wsnsim.trackers.shared.parcels import moment_packets, parcel, weight_packet
 from wsnsim.trackers.shared.sensors import (
     LIKELIHOOD_CYCLES,
     arrived_probabilities,
+    carried,
     chain_readings,
     linearised,
-    relayed,
-    stay_over,
+    stay_after,
 )
 
 
@@ -65,7 +65,7 @@ class RelayKalman(HeadFilter):
     def start(self, prior: Estimate, scene: Scene) -> Flow[RelayBelief]:
         """The prior, every sensor as probable as another."""
         return RelayBelief(
-            prior.mean, prior.cov, scene.head, ids=scene.ids, probabilities=relayed((), np.empty(0), scene.ids)
+            prior.mean, prior.cov, scene.head, ids=scene.ids, probabilities=carried((), np.empty(0), scene.ids)
         )
         yield  # a flow without requests
 
@@ -74,7 +74,7 @@ class RelayKalman(HeadFilter):
         readings = yield from chain_readings(scene)
         yield Compute(self._cycles(belief.mean.size, len(scene.motion.position), scene))
         mean, cov = predicted(belief.mean, belief.cov, scene)
-        chances = relayed(belief.ids, belief.probabilities, scene.ids)
+        chances = carried(belief.ids, belief.probabilities, scene.ids)
         if scene.ids:
             chances = chances.copy()
             mean, cov = self._updated(mean, cov, chances, readings, scene)
@@ -87,7 +87,7 @@ class RelayKalman(HeadFilter):
         size, count, place = mean.size, len(scene.ids), np.array(scene.motion.position)
         linear = linearised(mean[place, None], scene)
         means, covs = np.repeat(mean[:, None], count, axis=1), np.repeat(cov[:, :, None], count, axis=2)
-        stay, predicted_already = stay_over(self.stay, count, scene.steps), np.empty((size, size, 0))
+        stay, predicted_already = stay_after(self.stay, count, scene.steps), np.empty((size, size, 0))
         mean, cov = np.empty(size), np.empty((size, size))
         filter_each(
             means, covs, chances, predicted_already, cov, *linear, readings, place, stay, self.spread, mean, cov

@@ -13,12 +13,12 @@ from wsnsim.base.errors import RunError
 from wsnsim.base.mechanisms import StartsWakeUp, WakeUpMechanism, WakeUpServices
 from wsnsim.base.sleeping import Decision, WakeUp, WakeUpMessage, WakeUpRound
 
-MESSAGE_WORDS: Final = {"flood": "track", "region": "announce", "invite": "invitation"}
+MESSAGE_NAMES: Final = {"flood": "track", "region": "announce", "invite": "invitation"}
 """The name of each mechanism's message in the event log."""
 
 
 class RegionWakeUp:
-    """Nodes in the message's region track, and call their sleeping neighbours there; others may forward the message.
+    """Nodes in the message's region start to track and call their sleeping neighbours there; others may forward it.
 
     Each node decides once for each message, by the component's `decide`.
     """
@@ -51,13 +51,13 @@ class RegionWakeUp:
         self._decided[key] = message.expires
         if decision is Decision.TRACK:
             services.track(round, node, message)
-            self._after_tracking(round, node, message)
+            self._call_neighbours(round, node, message)
         elif decision is Decision.FORWARD:
             services.broadcast(round, node, message, lambda other, copy: self._decide(round, other, copy), relayed=True)
         elif node in round.called_nodes and node not in round.tracking:
-            services.release(node, message.target)
+            services.release(node, message.target)  # it was called, but need not track
 
-    def _after_tracking(self, round: WakeUpRound, node: int, message: WakeUpMessage) -> None:
+    def _call_neighbours(self, round: WakeUpRound, node: int, message: WakeUpMessage) -> None:
         """Call the sleeping neighbours in the region; a call carries the message."""
         sleepers = self._take_sleepers(round, node)
         if sleepers:
@@ -78,7 +78,7 @@ class RegionWakeUp:
         return sorted(sleepers)
 
     def _chance(self, node: int, message: WakeUpMessage) -> float:
-        """A random number of the node, where anything is decided by chance."""
+        """0: these mechanisms do not decide at random."""
         return 0.0
 
     def _forget_expired(self) -> None:
@@ -104,10 +104,9 @@ class InvitationWakeUp(RegionWakeUp):
             self._invite(round)
 
     def _invite(self, round: WakeUpRound) -> None:
-        decide = self._decide
-        self._services.broadcast(round, round.node, round.message, lambda node, copy: decide(round, node, copy))
+        self._services.broadcast(round, round.node, round.message, lambda node, copy: self._decide(round, node, copy))
 
-    def _after_tracking(self, round: WakeUpRound, node: int, message: WakeUpMessage) -> None:
+    def _call_neighbours(self, round: WakeUpRound, node: int, message: WakeUpMessage) -> None:
         """Do nothing: only the head calls."""
 
     def _chance(self, node: int, message: WakeUpMessage) -> float:

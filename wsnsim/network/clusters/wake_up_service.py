@@ -24,7 +24,7 @@ from wsnsim.base.setups import NetworkSetup
 from wsnsim.base.sleeping import Point, WakeUpMessage, WakeUpRound
 from wsnsim.base.tables import EVENT_CAUSE, KIND
 from wsnsim.network.clusters.track import Track
-from wsnsim.network.clusters.wake_up_mechanisms import MESSAGE_WORDS, make_mechanism
+from wsnsim.network.clusters.wake_up_mechanisms import MESSAGE_NAMES, make_mechanism
 from wsnsim.network.event_log import EventLog, event
 from wsnsim.network.node import FRAME, NodeProcesses
 from wsnsim.network.nodes import Nodes
@@ -63,7 +63,7 @@ class WakeUpService:
         self._nodes = network.nodes
         self._env = network.clock.env
         self._key = key
-        self._word = MESSAGE_WORDS.get(setup.wakeup.mechanism, "wake")
+        self._message_name = MESSAGE_NAMES.get(setup.wakeup.mechanism, "wake")
         rate = getattr(setup.mac, "rate", None)
         self._call_bits = None if rate is None else max(1, round(rate * self._protocol.call))
         self._mechanism = make_mechanism(setup.wakeup, self)
@@ -120,7 +120,7 @@ class WakeUpService:
         if not self.is_up(node):
             return
         copy = replace(message, sender=node, place=self.place(node))
-        parcel = Parcel(copy, 1, copy.bits, self._word)
+        parcel = Parcel(copy, 1, copy.bits, self._message_name)
         sequence = round.sequence if relayed else 0
         event, (burst,) = self._network.transport.broadcast([node], [parcel], copy.target, sequence, relayed)
 

@@ -90,7 +90,7 @@ class WorkloadWorld:
         if radio.topology.distance_only:
             radio.topology.find_all()
         self._env, self._nodes, self._counters = radio.env, radio.nodes, radio.counters
-        self._nodes.on_death = self._bury
+        self._nodes.on_death = self._handle_death
         self._energy_steps = EnergySteps(radio.env, radio.nodes, recorder)
         self._router = Router(radio, setup.routing.weight, setup.link.audible)
         transport = Transport(radio, stack.mac, self._router)
@@ -132,7 +132,7 @@ class WorkloadWorld:
         self._nodes.restart(node)
         self._router.restore()
 
-    def _bury(self, node: int) -> None:
+    def _handle_death(self, node: int) -> None:
         self._nodes.died_at[node] = self._env.now
         self._event_log.add(event(self._env.now, self._event_log.step, -1, node, KIND["death"]))
         self._stack.mac.silence(node)

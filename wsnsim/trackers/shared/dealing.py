@@ -1,8 +1,8 @@
 """Particles that live on the members: how they are dealt out, re-dealt, collected and handed to the next head.
 
-Jiang (2013), eq. (25), and the packets of section 5. A head knows how many particles each member holds, never which,
-unless they are on their way through it. How many a member has to give follows from (25), which every member can work
-out from the membership that it was told: no packet of its own (our choice).
+Jiang (2013), eq. (25), and the packets of section 5. A head knows how many particles each member holds, but not
+their values, unless it relays them. Every member knows the membership and computes from (25) how many particles it has
+to give, so that no packet is needed for it (our choice).
 """
 
 from __future__ import annotations
@@ -41,10 +41,10 @@ from wsnsim.trackers.shared.stacks import (
 )
 
 PREDICT_CYCLES = 40.0
-"""To draw or predict (and weigh) one particle, before its readings."""
+"""CPU cycles to draw or predict (and weigh) one particle, readings excluded."""
 
 SMALLEST_CLUSTER = 3
-"""Members of the smallest cluster that does not hand over: where a member's share and work are largest (our choice)."""
+"""Members of the smallest cluster that does not hand over. A member's share and work are largest there (our choice)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,10 +57,12 @@ class Pool:
 
 @dataclass(frozen=True, slots=True)
 class Deal:
-    """What a head knows of where the particles are.
+    """What a head knows about where the particles are.
 
-    `held`: how many each member holds; `dealt`: among whom they were last dealt out. Or `whole`: they are all still at
-    the head (a pool of none: only the moments reached it), and nobody holds any.
+    Attributes:
+        held: the number of particles that each member holds.
+        dealt: the members to which particles were dealt last.
+        whole: all particles, while they are at the head and no member holds any; empty if only moments reached it.
     """
 
     held: Mapping[int, int]
@@ -75,33 +77,33 @@ class Deal:
 
 @dataclass(frozen=True, slots=True)
 class Arrival:
-    """What of a handover reached the new head: particles, and the moments to go on from."""
+    """The part of a handover that reached the new head: particles, and the moments with which it continues."""
 
     pool: Pool
     mean: Floats
     cov: Floats
 
 
-def undealt(pool: Pool) -> Deal:
-    """All particles at the head."""
+def at_head(pool: Pool) -> Deal:
+    """A deal with all particles at the head."""
     return Deal({}, frozenset(), pool)
 
 
 def no_particles(columns: int) -> Pool:
-    """A pool of none."""
+    """An empty pool."""
     return Pool(np.empty((columns, 0)), np.empty(0))
 
 
-def up_to_date(deal: Deal, mean: Floats, cov: Floats, particles: int, by_moments: bool, scene: Scene) -> Flow[Deal]:
-    """The deal for this step: dealt out if it was not, re-dealt if other members sense now, made new if all is lost.
+def update_deal(deal: Deal, mean: Floats, cov: Floats, particles: int, by_moments: bool, scene: Scene) -> Flow[Deal]:
+    """Deal out particles that are at the head, re-deal them if other members sense now, draw new ones if all are lost.
 
-    While nobody senses, nothing moves. The dead keep nothing.
+    Return the deal for this step. While no node senses, no particle is sent. Dead members lose their particles.
     """
     roster = set(scene.roster)
     if not roster.issuperset(deal.held):
         deal = replace(deal, held={node: count for node, count in deal.held.items() if node in roster})
     if deal.whole is None and not deal.total:
-        deal = undealt(no_particles(mean.size))
+        deal = at_head(no_particles(mean.size))
     if not scene.ids:
         return deal
     if deal.whole is not None:
@@ -112,10 +114,10 @@ def up_to_date(deal: Deal, mean: Floats, cov: Floats, particles: int, by_moments
 
 
 def _deal_out(pool: Pool, mean: Floats, cov: Floats, particles: int, by_moments: bool, scene: Scene) -> Flow[Deal]:
-    """Everything from the head to the members: particles without weights, or the four packets they can be drawn from.
+    """Send all particles from the head to the members, without weights, or the four packets to draw them from.
 
-    Member i of A gets every A-th particle, so that each has a fair sample of the whole (our choice); as many as (25)
-    says.
+    Member i of A gets every A-th particle, so that each has a fair sample of the whole (our choice), and their numbers
+    are those of (25).
     """
     if by_moments and not pool.cloud.shape[1]:
         return (yield from _deal_moments(mean, cov, particles, scene))
@@ -131,18 +133,18 @@ def _deal_out(pool: Pool, mean: Floats, cov: Floats, particles: int, by_moments:
 
 
 def _deal_moments(mean: Floats, cov: Floats, particles: int, scene: Scene) -> Flow[Deal]:
-    """One broadcast of mean and covariance; every member that hears all of it draws its own share."""
+    """Broadcast mean and covariance; every member that receives all of it draws its own share."""
     shares = dict(zip(scene.ids, allocate(particles, scene.active).tolist(), strict=True))
-    news = parcel((mean, cov, shares), moment_packets(mean.size), MOMENTS)
-    heard = yield Broadcast(news)
+    message = parcel((mean, cov, shares), moment_packets(mean.size), MOMENTS)
+    heard = yield Broadcast(message)
     if scene.head in shares:
-        heard = heard | (yield Scatter({scene.head: news}))
+        heard = heard | (yield Scatter({scene.head: message}))
     held = {node: shares[node] for node, mask in heard.items() if node in shares and mask.all()}
     return Deal(held, frozenset(scene.ids))
 
 
 def restored(pool: Pool, mean: Floats, cov: Floats, particles: int, key: int) -> Flow[Floats]:
-    """(D, particles) equally weighted: the pool as it is, or resampled, or drawn anew from the Gaussian if empty."""
+    """Particles (D, particles) of equal weight: the pool as it is, resampled, or drawn from the Gaussian if empty."""
     if not pool.cloud.shape[1]:
         yield Compute(PREDICT_CYCLES * particles)
         return drawn_from(mean, cov, key, particles)
@@ -151,22 +153,22 @@ def restored(pool: Pool, mean: Floats, cov: Floats, particles: int, key: int) ->
     return np.ascontiguousarray(pool.cloud[:, resampled(pool.log_weights, particles, key)])
 
 
-def readings_at_most(measurements: str) -> int:
-    """How many readings a member of the smallest cluster weighs with: its 'own', or 'all' of them."""
+def most_readings(measurements: str) -> int:
+    """The number of readings by which a member of the smallest cluster weighs: its 'own', or 'all'."""
     return 1 if measurements == "own" else SMALLEST_CLUSTER
 
 
 def resampled(log_weights: Floats, count: int, key: int) -> Ints:
-    """(count,) columns, drawn by systematic resampling with a node's key."""
+    """Column numbers (count,), drawn by systematic resampling with a node's key."""
     start = uniforms(np.array([key], np.uint64), START)
     weights = np.ascontiguousarray(log_weights)
     return systematic(weights, np.array([0, weights.size]), np.array([count]), start)
 
 
 def redeal(deal: Deal, scene: Scene, common: float | None = None) -> Flow[Deal]:
-    """Even out the numbers by (25) over those who sense; only particles that move cross the air, by way of the head.
+    """Move surplus particles through the head, so that each member that senses holds as many as (25) says.
 
-    Their weights go along, unless all particles have the same log-weight `common`.
+    Their weights are sent with them, unless all particles have the same log-weight `common`.
     """
     target = dict(zip(scene.ids, allocate(deal.total, scene.active).tolist(), strict=True))
     surplus = {node: count - target.get(node, 0) for node, count in deal.held.items() if count > target.get(node, 0)}
@@ -182,7 +184,7 @@ def redeal(deal: Deal, scene: Scene, common: float | None = None) -> Flow[Deal]:
 
 
 def _portions(pool: Pool, wanted: Mapping[int, int], common: float | None) -> dict[int, Parcel]:
-    """The pool cut in proportion to what each wants; exactly that if nothing was lost."""
+    """Divide the pool in proportion to the numbers wanted; each member gets its number if no particle was lost."""
     edges = np.concatenate([[0], np.cumsum(list(wanted.values()))]) * pool.log_weights.size // sum(wanted.values())
     parcels = {}
     for node, first, last in zip(wanted, edges[:-1].tolist(), edges[1:].tolist(), strict=True):
@@ -193,13 +195,13 @@ def _portions(pool: Pool, wanted: Mapping[int, int], common: float | None) -> di
 
 
 def _delivered(parcels: Mapping[int, Parcel]) -> Flow[dict[int, int]]:
-    """Scatter particles; how many reached whom."""
+    """Scatter particles; return the number that reached each member."""
     heard = yield Scatter(parcels)
     return {node: arrived_particles(parcels[node].payload, mask)[1].size for node, mask in heard.items()}
 
 
 def give(member: Member, count: int, common: float | None = None) -> Parcel | None:
-    """The member's last `count` particles (or all it has), which it no longer holds, with weights or a common one."""
+    """Remove the last `count` particles (or all) from the member; return them with weights or a common one."""
     member.inbox = settle(member)
     if CLOUD not in member.memory or not member.memory[CLOUD].shape[1]:
         return None
@@ -210,7 +212,7 @@ def give(member: Member, count: int, common: float | None = None) -> Parcel | No
 
 
 def pooled(pieces: list[tuple[Floats, Floats]]) -> Pool | None:
-    """What arrived, as one; a lost weight becomes the mean of the others. None if nothing did."""
+    """The arrived particles as one pool, None without any; a lost weight becomes the mean of the others."""
     if not pieces:
         return None
     cloud = np.concatenate([cloud for cloud, _ in pieces], axis=1)
@@ -218,22 +220,22 @@ def pooled(pieces: list[tuple[Floats, Floats]]) -> Pool | None:
 
 
 def send_all(pool: Pool, mean: Floats, cov: Floats, successor: int) -> Flow[Arrival | None]:
-    """Particles, weights, mean and covariance to the next head, n + ceil(n / 4) + 4 packets; what of them arrived."""
+    """Send particles, weights and moments to the next head, n + ceil(n / 4) + 4 packets; return what arrived."""
     mask = yield Send(successor, handover_parcel(pool, mean, cov))
     return arrival_of(pool, mean, cov, mask)
 
 
 def handover_parcel(pool: Pool, mean: Floats, cov: Floats) -> Parcel:
-    """Particles, then weights, then mean and covariance."""
+    """The parcel of a handover: particles, then weights, then mean and covariance."""
     count, columns = pool.log_weights.size, mean.size
     packets = count * state_packets(columns) + weight_packets(count) + moment_packets(columns)
     return parcel((pool.cloud, pool.log_weights, mean, cov), packets, "handover")
 
 
 def arrival_of(pool: Pool, mean: Floats, cov: Floats, mask: Bools) -> Arrival | None:
-    """What a new head has of a `handover_parcel`; None if there is nothing to go on from.
+    """What a new head received of a `handover_parcel`; None if it cannot continue with that.
 
-    The moments count if they arrived whole; otherwise those of the arrived particles take their place.
+    Moments that arrived incomplete are replaced by those of the arrived particles.
     """
     cloud, log_weights = arrived_particles((pool.cloud, pool.log_weights), mask)
     log_weights = guessed(log_weights)
@@ -247,13 +249,13 @@ def arrival_of(pool: Pool, mean: Floats, cov: Floats, mask: Bools) -> Arrival | 
 
 
 def send_moments(mean: Floats, cov: Floats, successor: int) -> Flow[Arrival | None]:
-    """Mean and covariance alone, 4 packets: the next head draws its particles from them. None if a packet is lost."""
+    """Send mean and covariance alone, 4 packets, for the next head to draw particles from. None if a packet is lost."""
     mask = yield Send(successor, parcel((mean, cov), moment_packets(mean.size), "handover"))
     return Arrival(no_particles(mean.size), mean, cov) if mask.all() else None
 
 
 def predict_only(deal: Deal, scene: Scene) -> Flow[Deal]:
-    """Every particle a step on where it is, on the head or on the members, since there is nothing to weigh it with."""
+    """Predict every particle where it is, on the head or on the members, without readings to weigh it by."""
     if deal.whole is not None:
         yield Compute(PREDICT_CYCLES * scene.steps * deal.whole.log_weights.size)
         cloud = propagated_by(scene.key, deal.whole.cloud, scene)[1]

@@ -1,7 +1,7 @@
 """Functions for filters over a Markov chain of sensors: its sensors, their measurements, and the handover.
 
-The sensors of the chain are those who sense (`scene.ids`). Liu and Wang (2012) have all of them at every step; what
-happens where they come and go, and where packets are lost, is our choice, and is said here.
+The sensors of the chain are the nodes that sense (`scene.ids`). In Liu and Wang (2012) all of them sense at every step.
+How sensors that join or leave, and lost packets, are treated is our choice; the docstrings say how.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from wsnsim.trackers.shared.parcels import weight_packets
 from wsnsim.trackers.shared.readings import gather_readings
 
 LIKELIHOOD_CYCLES = 30.0
-"""To linearise one reading and to take the log of its likelihood."""
+"""CPU cycles to linearise one reading and to compute its log-likelihood."""
 
 
 def chain_readings(scene: Scene) -> Flow[Floats]:
-    """Readings (n,) of the sensors `scene.ids`: one packet a member, NaN for a lost one."""
+    """Readings (n,) of the sensors `scene.ids`: one packet per member, NaN for a lost one."""
     seen = yield from gather_readings(scene)
     if seen.ids == scene.ids:
         return seen.readings
@@ -28,16 +28,16 @@ def chain_readings(scene: Scene) -> Flow[Floats]:
 
 
 def linearised(points: Floats, scene: Scene) -> tuple[Floats, Floats, Floats]:
-    """The sensors `scene.ids` at points (P, N): expected (n, N), gradients (n, P, N), variances (n, N), contiguous."""
+    """The sensor model at points (P, N) for `scene.ids`: expected (n, N), gradients (n, P, N), variances (n, N)."""
     expected, gradients, variances = scene.sensor.linearise(points, scene.positions, scene.traits)
     return np.ascontiguousarray(expected), np.ascontiguousarray(gradients), np.ascontiguousarray(variances)
 
 
-def relayed(ids: tuple[int, ...], probabilities: Floats, now: tuple[int, ...]) -> Floats:
-    """The probabilities (n,) of the sensors that sense `now`, before the Markov step, from those of the last step.
+def carried(ids: tuple[int, ...], probabilities: Floats, now: tuple[int, ...]) -> Floats:
+    """Carry the probabilities of the last step over to the sensors (n,) that sense `now`, before the Markov step.
 
-    One that joins enters with probability 0. One that no longer senses drops out and the rest are renormalised: to
-    equal ones if all of theirs are zero. Where nobody stays, as at the start, all are equal.
+    A sensor that joins gets probability 0. One that no longer senses is removed, and the others are renormalised, or
+    made equal if they are all zero. If no sensor remains, as at the start, all probabilities are equal.
     """
     if ids == now or not now:
         return probabilities if ids == now else np.empty(0)
@@ -50,8 +50,8 @@ def relayed(ids: tuple[int, ...], probabilities: Floats, now: tuple[int, ...]) -
     return stayed / stayed.sum() if stayed.any() else np.full(len(now), 1.0 / len(now))
 
 
-def stay_over(stay: float, sensors: int, steps: int) -> float:
-    """The diagonal of the Markov matrix of several steps, whose other entries are again all the same.
+def stay_after(stay: float, sensors: int, steps: int) -> float:
+    """The probability of staying after several steps: the diagonal of Mˢ, whose other entries are equal again.
 
     M = c I + (1 - c) 1 1ᵀ / n with c = stay - (1 - stay) / (n - 1), so that Mˢ has cˢ in the place of c.
     """
@@ -64,7 +64,7 @@ def stay_over(stay: float, sensors: int, steps: int) -> float:
 
 
 def arrived_probabilities(probabilities: Floats, mask: Bools) -> Floats:
-    """Probabilities (n,) of which four are in a packet: the lost ones share equally what is missing to one."""
+    """The probabilities (n,) after a transfer of four per packet: lost ones share the rest of the sum of 1 equally."""
     known = np.repeat(mask[: weight_packets(probabilities.size)], 4)[: probabilities.size]
     if known.all():
         return probabilities

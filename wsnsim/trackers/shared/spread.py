@@ -12,7 +12,7 @@ from typing import TypeVar
 from wsnsim.base.arrays import Floats
 from wsnsim.base.ports import Estimate, Scene
 from wsnsim.base.requests import Flow, Member
-from wsnsim.trackers.shared.dealing import Deal, Pool, no_particles, send_all, send_moments, undealt, up_to_date
+from wsnsim.trackers.shared.dealing import Deal, Pool, at_head, no_particles, send_all, send_moments, update_deal
 from wsnsim.trackers.shared.moments import predicted
 from wsnsim.trackers.shared.stacks import present, snapshot
 
@@ -36,8 +36,8 @@ S = TypeVar("S", bound=Spread)
 
 def begin(prior: Estimate, particles: int, by_moments: bool, scene: Scene) -> Flow[Spread]:
     """Draw the particles from the prior at the head and deal them out; paid like a handover's deal-out."""
-    nothing = undealt(no_particles(prior.mean.size))
-    deal = yield from up_to_date(nothing, prior.mean, prior.cov, particles, by_moments, scene)
+    nothing = at_head(no_particles(prior.mean.size))
+    deal = yield from update_deal(nothing, prior.mean, prior.cov, particles, by_moments, scene)
     return Spread(prior.mean, prior.cov, prior.cov, deal, scene.head)
 
 
@@ -54,7 +54,7 @@ def hand_on(belief: Spread, collect: Flow[Pool | None] | None, successor: int) -
         arrival = yield from send_all(pool or no_particles(belief.mean.size), belief.mean, belief.cov, successor)
     if arrival is None:
         return None
-    return Spread(arrival.mean, arrival.cov, arrival.cov, undealt(arrival.pool), successor)
+    return Spread(arrival.mean, arrival.cov, arrival.cov, at_head(arrival.pool), successor)
 
 
 def only_predicted(belief: S, deal: Deal, scene: Scene) -> S:
