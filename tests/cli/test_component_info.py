@@ -72,7 +72,7 @@ def test_a_scenario_shows_what_its_radio_rests_on_and_what_follows(capsys: pytes
     for line in (
         "radio.sleep 0.0014 W power while off",
         "max_backoffs 4 macMaxCSMABackoffs: attempts after the first",
-        "exponent 2.4 of the path loss: 2 in free space",
+        "exponent 2.4 path-loss exponent: 2 in free space",
         # 12 bytes and 17 of preamble, header and checksum at 250 kbit/s
         "packet 232 bit on the air, with a payload of 12 bytes",
         "airtime 0.000928 s of a packet with a payload of 12 bytes",

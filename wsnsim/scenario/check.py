@@ -16,7 +16,7 @@ from pydantic import ValidationError
 from wsnsim.base.errors import Issue
 from wsnsim.scenario.datasheets import with_fields
 from wsnsim.scenario.fields import PartError, PartModel, described, names_of
-from wsnsim.scenario.kinds import AT_TOP, ROLES, Role, Scope
+from wsnsim.scenario.kinds import AT_TOP, ROLES
 from wsnsim.scenario.located_values import (
     BROKEN,
     Entry,
@@ -31,6 +31,7 @@ from wsnsim.scenario.located_values import (
 )
 from wsnsim.scenario.messages import issues_of
 from wsnsim.scenario.registry import kinds
+from wsnsim.scenario.roles import Role, Scope
 from wsnsim.scenario.schema import Chosen, Scenario, is_without_target, part_model, scenario_model
 
 BEACON_STEP: Final = 1.0

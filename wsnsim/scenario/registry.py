@@ -14,7 +14,8 @@ import importlib
 from typing import Any
 
 from wsnsim.base.errors import UsageError, did_you_mean
-from wsnsim.scenario.kinds import ROLES, Kind, Role
+from wsnsim.scenario.kinds import ROLES
+from wsnsim.scenario.roles import Kind, Role
 
 __all__ = ["ROLES", "Kind", "Role", "find", "kinds", "load_class", "role_named"]
 

@@ -34,7 +34,7 @@ class AwakeOnly(RangeFix):
     """
 
     paper: ClassVar[str] = "Li, Jiang, Zhang, Zhang (2012)"
-    idea: ClassVar[str] = "least squares on the ranges of whoever is awake: no prediction, no memory"
+    idea: ClassVar[str] = "least-squares fixes from the ranges of awake nodes, without prediction or memory"
     state: ClassVar[str] = "the last fix, in the head"
     messages: ClassVar[str] = "a reading up per member"
     variants: ClassVar[str] = ""

@@ -20,7 +20,7 @@ class CentralPf(HeadCloud):
     """Bootstrap particle filter in the head, on all readings that reach it; systematic resampling below a threshold."""
 
     paper: ClassVar[str] = "Jiang, Song, Lin (2013)"
-    idea: ClassVar[str] = "bootstrap particle filter in one head on all readings: the reference"
+    idea: ClassVar[str] = "bootstrap particle filter in the head, on all readings: a reference"
     state: ClassVar[str] = "particles in the head"
     messages: ClassVar[str] = "a reading up per member"
     variants: ClassVar[str] = "handover particles|gaussian"

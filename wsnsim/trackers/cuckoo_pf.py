@@ -74,7 +74,7 @@ class CuckooPf(Nests, HeadCloud):
     """
 
     paper: ClassVar[str] = "Wei, Guo (2022)"
-    idea: ClassVar[str] = "particle filter whose resampling is a cuckoo search: Levy flights and replaced nests"
+    idea: ClassVar[str] = "particle filter with a cuckoo search for resampling: Lévy flights and replaced nests"
     state: ClassVar[str] = "particles in the head"
     messages: ClassVar[str] = "a reading up per member"
     variants: ClassVar[str] = (
@@ -101,7 +101,7 @@ class ImprovedCuckooPf(Nests, HeadCloud):
     """
 
     paper: ClassVar[str] = "Wei, Guo (2022)"
-    idea: ClassVar[str] = "cuckoo search particle filter whose steps and replacement shrink over the generations"
+    idea: ClassVar[str] = "cuckoo search particle filter; step length and replacement shrink over the generations"
     state: ClassVar[str] = "particles in the head"
     messages: ClassVar[str] = "a reading up per member"
     variants: ClassVar[str] = (

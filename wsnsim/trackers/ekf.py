@@ -39,7 +39,7 @@ class ExtendedKalman(HeadFilter):
     """
 
     paper: ClassVar[str] = ""
-    idea: ClassVar[str] = "extended Kalman filter on all readings, or on the nearest sensor's alone: a reference"
+    idea: ClassVar[str] = "extended Kalman filter in the head, on all readings or the nearest sensor's: a reference"
     state: ClassVar[str] = "mean and covariance in the head"
     messages: ClassVar[str] = "a reading up per member; or a poll down and a reading up, of the nearest"
     variants: ClassVar[str] = "readings all|nearest"

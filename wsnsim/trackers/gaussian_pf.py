@@ -99,7 +99,9 @@ class GaussianPf(HeadSampling):
     """GPF: particles drawn from N(μ, Σ), predicted, weighed by the likelihood and summed up in N(μ', Σ')."""
 
     paper: ClassVar[str] = "Ruan, Wang, Yang, Zhang (2020)"
-    idea: ClassVar[str] = "particles drawn from a Gaussian, weighed, and summed up in a Gaussian: no resampling"
+    idea: ClassVar[str] = (
+        "Gaussian particle filter: particles are sampled from a Gaussian and weighted, never resampled"
+    )
     state: ClassVar[str] = "mean and covariance in the head"
     messages: ClassVar[str] = "a reading up per member"
     variants: ClassVar[str] = ""
@@ -119,7 +121,7 @@ class SwarmGaussianPf(HeadSampling):
     """
 
     paper: ClassVar[str] = "Ruan, Wang, Yang, Zhang (2020)"
-    idea: ClassVar[str] = "Gaussian particle filter whose predicted particles fly as a swarm before they are weighed"
+    idea: ClassVar[str] = "Gaussian particle filter; a swarm move of the predicted particles precedes the weighting"
     state: ClassVar[str] = "mean and covariance in the head"
     messages: ClassVar[str] = "a reading up per member"
     variants: ClassVar[str] = "move position|all"
@@ -174,7 +176,9 @@ class GravitationalGaussianPf(HeadSampling):
     """
 
     paper: ClassVar[str] = "Ruan, Wang, Yang, Zhang (2020)"
-    idea: ClassVar[str] = "Gaussian particle filter whose predicted particles attract each other by their likelihoods"
+    idea: ClassVar[str] = (
+        "Gaussian particle filter; a gravitational search of the predicted particles precedes the weighting"
+    )
     state: ClassVar[str] = "mean and covariance in the head"
     messages: ClassVar[str] = "a reading up per member"
     variants: ClassVar[str] = "acceptance always|greedy, move position|all"

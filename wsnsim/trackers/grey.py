@@ -43,7 +43,7 @@ class GreyTracking(RangeFix):
     """
 
     paper: ClassVar[str] = "Li, Jiang, Zhang, Zhang (2012)"
-    idea: ClassVar[str] = "least squares on the ranges, and a grey model of the last fixes that predicts the next"
+    idea: ClassVar[str] = "least-squares fixes from ranges; a grey model of the last fixes predicts the next"
     state: ClassVar[str] = "the last fixes with their times, in the head"
     messages: ClassVar[str] = "a reading up per member"
     variants: ClassVar[str] = "correction tail|literal|none, report fix|prediction, shift, window"

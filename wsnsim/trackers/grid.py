@@ -49,7 +49,7 @@ class GridFilter(HeadFilter):
     """
 
     paper: ClassVar[str] = ""
-    idea: ClassVar[str] = "the exact posterior of a state of one column, on a grid: a reference"
+    idea: ClassVar[str] = "the posterior of a scalar state, integrated on a grid: a reference"
     state: ClassVar[str] = "a density on a grid, in the head"
     messages: ClassVar[str] = "a reading up per member"
     variants: ClassVar[str] = ""

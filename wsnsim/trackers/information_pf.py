@@ -63,7 +63,7 @@ class InformationPf:
     """
 
     paper: ClassVar[str] = "Jiang, Song, Lin (2013)"
-    idea: ClassVar[str] = "particle filter in the head that draws from an extended Kalman filter's update"
+    idea: ClassVar[str] = "particle filter in the head whose proposal is the update of an extended Kalman filter"
     state: ClassVar[str] = "particles in the head, each with a covariance"
     messages: ClassVar[str] = "a reading up per member"
     variants: ClassVar[str] = "proposal per_particle|local|cloud, handover particles|gaussian"

@@ -51,10 +51,8 @@ class InteractingKalman(HeadFilter):
     """
 
     paper: ClassVar[str] = "Liu, Wang (2012)"
-    idea: ClassVar[str] = (
-        "a Kalman filter a sensor, mixed at each step by the probabilities of a Markov chain of sensors"
-    )
-    state: ClassVar[str] = "mean, covariance and probability of a filter a sensor, in the head"
+    idea: ClassVar[str] = "one Kalman filter per sensor, mixed at each step by a Markov chain over the sensors"
+    state: ClassVar[str] = "mean, covariance and probability of one filter per sensor, in the head"
     messages: ClassVar[str] = "a reading up per member"
     variants: ClassVar[str] = "mixing corrected|printed"
 

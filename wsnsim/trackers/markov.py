@@ -29,7 +29,7 @@ class TwoPhase(RangeFix):
     """
 
     paper: ClassVar[str] = "Ren, Li, Gao, Cheng (2009), after Li, Jiang, Zhang, Zhang (2012)"
-    idea: ClassVar[str] = "least squares on the ranges; the next position is the last"
+    idea: ClassVar[str] = "least-squares fixes from ranges; the last fix is the prediction"
     state: ClassVar[str] = "the last two fixes, in the head"
     messages: ClassVar[str] = "a reading up per member"
     variants: ClassVar[str] = ""

@@ -92,7 +92,7 @@ class MixturePf(HeadFilter):
     """
 
     paper: ClassVar[str] = "Yang, Xing, Shi, Pan (2007), after Li, Jiang, Zhang, Zhang (2012)"
-    idea: ClassVar[str] = "Rao-Blackwellised particle filter over whether the target keeps its course or turns"
+    idea: ClassVar[str] = "Rao-Blackwellised particle filter: particles for the turns, Kalman filters for the state"
     state: ClassVar[str] = "modes, each with a Kalman filter, in the head"
     messages: ClassVar[str] = "a reading up per member"
     variants: ClassVar[str] = ""

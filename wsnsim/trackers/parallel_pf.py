@@ -93,12 +93,10 @@ class ParallelPf:
     """
 
     paper: ClassVar[str] = "Jiang, Song, Lin (2013)"
-    idea: ClassVar[str] = (
-        "bootstrap particle filter split evenly over the members; the head resamples the whole by counts"
-    )
+    idea: ClassVar[str] = "bootstrap particle filter split evenly over the members; the head sends resampling counts"
     state: ClassVar[str] = "particles on the active members; mean, covariance and weights in the head"
     messages: ClassVar[str] = (
-        "readings up and down; weights and a mean up; when resampling counts down, surplus particles"
+        "readings up and down; weights and a mean up; counts down and surplus particles when resampling"
     )
     variants: ClassVar[str] = "measurements all|own, handover particles|gaussian"
 

@@ -78,7 +78,7 @@ class PsoMhpf:
 
     paper: ClassVar[str] = "Jiang, Song, Lin (2013)"
     idea: ClassVar[str] = (
-        "particle filter on the members; resampling is a swarm's move under a Metropolis-Hastings test"
+        "particle filter on the members; a swarm move with a Metropolis-Hastings test replaces resampling"
     )
     state: ClassVar[str] = "particles on the active members; mean and covariance in the head"
     messages: ClassVar[str] = "a local estimate up per member; moved particles when membership changes"

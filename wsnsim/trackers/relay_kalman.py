@@ -52,10 +52,8 @@ class RelayKalman(HeadFilter):
     """
 
     paper: ClassVar[str] = "Liu, Wang (2012)"
-    idea: ClassVar[str] = (
-        "one Kalman filter updated with every reading by the probability that it comes from the target"
-    )
-    state: ClassVar[str] = "mean, covariance and a probability a sensor, in the head"
+    idea: ClassVar[str] = "one Kalman filter that weights each reading by the probability that it comes from the target"
+    state: ClassVar[str] = "mean, covariance and one probability per sensor, in the head"
     messages: ClassVar[str] = "a reading up per member"
     variants: ClassVar[str] = "spread false|true"
 

@@ -20,7 +20,7 @@ class Sir(HeadCloud):
     """Sampling importance resampling (SIR) in the head, on all readings that reach it."""
 
     paper: ClassVar[str] = "Wei, Guo (2022); Ruan, Wang, Yang, Zhang (2020)"
-    idea: ClassVar[str] = "the textbook particle filter: predict, weigh, resample at every step"
+    idea: ClassVar[str] = "the textbook particle filter, which resamples at every step"
     state: ClassVar[str] = "particles in the head"
     messages: ClassVar[str] = "a reading up per member"
     variants: ClassVar[str] = "handover particles|gaussian"

@@ -62,7 +62,7 @@ class Trilateration(HeadFilter):
 
     paper: ClassVar[str] = "Ruan, Wang, Yang, Zhang (2020)"
     idea: ClassVar[str] = "the weighted centroid of the circles' intersections, without memory: a baseline"
-    state: ClassVar[str] = "the last position found"
+    state: ClassVar[str] = "the last position"
     messages: ClassVar[str] = "a reading up per member"
     variants: ClassVar[str] = ""
     needs: ClassVar[tuple[str, ...]] = ("ranges",)
