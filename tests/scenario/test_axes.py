@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from wsnsim.scenario import axes
 from wsnsim.scenario.axes import InvalidAxis, Sampling
-from wsnsim.scenario.located_values import LocatedValue, Text, plain
+from wsnsim.scenario.located_values import LocatedValue, Origin, plain
 from wsnsim.scenario.reader import of_dict
 from wsnsim.scenario.units import si
 
@@ -26,7 +26,7 @@ REAL = st.floats(-1e9, 1e9, allow_nan=False)
 
 
 def node_of(value: Any) -> LocatedValue:
-    tree, faults = of_dict({"axis": value}, Text("", Path()))
+    tree, faults = of_dict({"axis": value}, Origin("", Path()))
     assert not faults
     return tree.value["axis"].node
 

@@ -72,7 +72,7 @@ def test_set_reaches_into_the_list_of_faults() -> None:
     assert [fault.at for fault in parts.faults] == [3.0, 1.0]
     assert faults_of(source, "faults.1.at=4") == ["--set faults.1.at: error: 4 s is too late for NetworkSetup"]
     assert faults_of(source, "faults.2.at=4") == [
-        "--set faults.2.at: error: there is no item 2 in faults, which is a list of 2 (the first is 0)"
+        "--set faults.2.at: error: faults has no item 2: it is a list of 2, counted from 0"
     ]
     assert scenario.build(scenario.load(source, ["faults=[]"])).faults == ()
 

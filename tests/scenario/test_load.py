@@ -196,7 +196,7 @@ def test_set_reaches_into_lists_by_number() -> None:
     assert loaded.targets[1].start == (1, 2, 9, 4)
     assert loaded.targets[0].bound == 50
     assert faults_of(source, "targets.2.bound=1") == [
-        "--set targets.2.bound: error: there is no item 2 in targets, which is a list of 2 (the first is 0)"
+        "--set targets.2.bound: error: targets has no item 2: it is a list of 2, counted from 0"
     ]
 
 

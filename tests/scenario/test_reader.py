@@ -10,12 +10,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wsnsim.scenario.located_values import BROKEN, Text, plain, spot_of
+from wsnsim.scenario.located_values import BROKEN, Origin, plain, spot_of
 from wsnsim.scenario.reader import LARGEST, of_dict, read
 
 
-def text(content: str) -> Text:
-    return Text("x.yaml", Path(), tuple(content.splitlines()) or ("",))
+def text(content: str) -> Origin:
+    return Origin("x.yaml", Path(), tuple(content.splitlines()) or ("",))
 
 
 def value_of(content: str) -> Any:
@@ -165,7 +165,7 @@ def test_any_text_is_read_or_refused(content: str) -> None:
 def test_a_dict_may_hold_tuples_paths_and_numpy_values() -> None:
     np = pytest.importorskip("numpy")
     values = {"a": (1, 2), "b": np.float64(3), "c": np.arange(3), "d": Path("x"), 5: True}
-    node, faults = of_dict(values, Text("", Path()))
+    node, faults = of_dict(values, Origin("", Path()))
     assert not faults
     assert plain(node) == {"a": [1, 2], "b": 3.0, "c": [0, 1, 2], "d": "x", "5": True}
 
@@ -173,7 +173,7 @@ def test_a_dict_may_hold_tuples_paths_and_numpy_values() -> None:
 def test_a_dict_within_itself_or_with_strange_values_is_refused() -> None:
     loop: dict[str, Any] = {"x": object()}
     loop["a"] = loop["b"] = loop
-    _, faults = of_dict(loop, Text("", Path()))
+    _, faults = of_dict(loop, Origin("", Path()))
     assert [str(fault) for fault in faults] == [
         "x: error: a object is not allowed in a scenario",
         "a: error: nested deeper than 40 levels, or contains itself",

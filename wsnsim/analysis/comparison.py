@@ -40,7 +40,7 @@ class Comparison:
     """The statistics of a campaign.
 
     Attributes:
-        name: of the campaign.
+        name: name of the campaign.
         metric: the compared column of `runs`.
         keys: the swept keys.
         by: the keys whose values are compared with each other.
@@ -72,7 +72,7 @@ def compare(
     """Compare the points of a campaign.
 
     Args:
-        folder: of the campaign.
+        folder: folder of the campaign.
         metric: a column of `runs`.
         by: the keys whose values are compared, within each combination of the other keys. By default those that
             `wsnsim compare` compares, or the only key of a sweep.

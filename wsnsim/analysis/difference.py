@@ -62,7 +62,7 @@ class ResultDifference:
         provenance: {dotted key: (A, B)} of the provenance entries that differ.
         lacking: what only one of the two holds, as sentences.
         replicates: the differences in each run that both hold.
-        unit: of the position.
+        unit: unit of the position.
     """
 
     paths: tuple[str, str]

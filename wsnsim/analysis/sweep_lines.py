@@ -30,7 +30,7 @@ class SweepLine:
 
     Attributes:
         label: the values of the other keys.
-        rows: of the table, in the order of the swept key.
+        rows: rows of the table, in the order of the swept key.
         colour: number of the value of the first other key.
         dash: number of the values of the remaining keys.
     """
@@ -48,7 +48,7 @@ class SweepLines:
     Attributes:
         found: the comparison.
         key: the swept key.
-        unit: of the swept key.
+        unit: unit of the swept key.
         places: (rows,) the place of each row of the table on the axis, NaN for points without the key.
         words: the values at the places 0, 1, ... if they are not numbers.
         lines: the lines.
@@ -84,7 +84,7 @@ def lines_of(folder: Folder, metric: str = "rmse", key: str | None = None) -> Sw
     Differences are between lines (colours) at the same value of the key, or from the first point of a single line.
 
     Args:
-        folder: of the campaign.
+        folder: folder of the campaign.
         metric: a column of `runs`.
         key: the swept key on the axis; by default the numeric key with the most values.
 

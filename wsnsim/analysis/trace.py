@@ -33,10 +33,10 @@ class StepTrace:
         name: scenario and seed.
         replicate: number of the run.
         step: number of the step.
-        start: of the step, in s.
+        start: start of the step, in s.
         dt: its length, in s.
         network: whether there is a network.
-        units: of the state columns.
+        units: units of the state columns.
         position: the state columns of the position.
         targets: {target: (truth, estimate)}, the rows of these tables, or None.
         acts: actions of nodes and messages, in the order in which they began.

@@ -67,8 +67,8 @@ def coverage(
     Args:
         positions: (N, 2) in m, relative to the field's centre.
         reach: range of a node, in m.
-        width: of the field, in x, in m.
-        height: of the field, in y, in m.
+        width: width of the field, in x, in m.
+        height: height of the field, in y, in m.
         side: cells along each side.
         tree: a tree of the same positions, if the caller has one.
     """

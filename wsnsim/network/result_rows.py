@@ -36,7 +36,7 @@ class NetworkOutcome:
     Attributes:
         nodes: with the energy that each has spent.
         counters: those of the radio.
-        event_fingerprint: of the event log.
+        event_fingerprint: fingerprint of the event log.
         awake: share of the nodes' time that they were awake.
         cycles: operations that trackers computed.
         steps: the last step.

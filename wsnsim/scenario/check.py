@@ -183,7 +183,7 @@ def _located(tree: LocatedValue, chosen: Chosen) -> dict[str, Any]:
                 node = at(tree, (*path, field))
                 if node is not None and isinstance(node.value, str) and node.value:
                     component = data[key][i] if len(path) > 1 else data[key]
-                    component[field] = str((node.spot.text.folder / node.value).resolve())
+                    component[field] = str((node.spot.origin.folder / node.value).resolve())
     return data
 
 

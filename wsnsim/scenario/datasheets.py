@@ -23,7 +23,7 @@ from wsnsim.scenario.files import content_of, find_sheet, sheets
 from wsnsim.scenario.kinds import AT_TOP, ROLES
 from wsnsim.scenario.located_values import BROKEN, Keys, LocatedValue, assigned, at, child, mapping, plain
 from wsnsim.scenario.messages import issues_of
-from wsnsim.scenario.reader import read, text_of
+from wsnsim.scenario.reader import origin_of, read
 from wsnsim.scenario.registry import kinds, load_class
 from wsnsim.scenario.schema import Chosen, InvalidComponent, built
 from wsnsim.scenario.units import shown
@@ -134,7 +134,7 @@ def _fields_of(node: LocatedValue, path: Keys, wanted: str) -> tuple[LocatedValu
     if not isinstance(name, str) or not name:
         message = f"expected the name of a datasheet ({_known(wanted)}) or a mapping, got {described(name)}"
         return broken, [node.spot.issue(path, message)]
-    file = find_sheet(name, node.spot.text.folder)
+    file = find_sheet(name, node.spot.origin.folder)
     if file is None:
         nearest = did_you_mean(name, sheets(wanted))
         return broken, [node.spot.issue(path, f"there is no datasheet '{_short(name)}' of a {wanted} ({nearest})")]
@@ -152,7 +152,7 @@ def _read(file: Path, path: Keys) -> tuple[_SheetTree | None, list[Issue]]:
     content, issues = content_of(file)
     if content is None:
         return None, issues
-    tree, issues = read(content, text_of(file, content, path))
+    tree, issues = read(content, origin_of(file, content, path))
     if tree is None:
         return None, issues
     sheet = child(tree, "sheet")

@@ -12,7 +12,7 @@ from typing import Generic, TypeVar
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from wsnsim.base.errors import Issue, ScenarioError
-from wsnsim.scenario.located_values import Keys, LocatedValue, Text, plain, spot_of
+from wsnsim.scenario.located_values import Keys, LocatedValue, Origin, plain, spot_of
 from wsnsim.scenario.messages import issues_of
 from wsnsim.scenario.reader import read
 
@@ -45,7 +45,7 @@ def read_document(path: Path, model: type[M]) -> Document[M]:
         ScenarioError: every issue found, each at its place.
     """
     content = path.read_text(encoding="utf-8")
-    root, issues = read(content, Text(path.name, path.parent, tuple(content.splitlines())))
+    root, issues = read(content, Origin(path.name, path.parent, tuple(content.splitlines())))
     if root is None or issues:
         raise ScenarioError(issues)
     try:

@@ -98,12 +98,12 @@ def keys_of(written: str) -> Keys:
 
 
 def _from_file(source: str | Path) -> tuple[LocatedValue | None, list[Issue], tuple[str, str]]:
-    from wsnsim.scenario.located_values import Spot, Text
+    from wsnsim.scenario.located_values import Origin, Spot
 
     path = find_or_none(source)
     if path is None:
         message = f"file not found, and no shipped scenario has this name ({_nearest(source)})"
-        return None, [Spot(Text(str(source), Path())).issue((), message)], ("", "")
+        return None, [Spot(Origin(str(source), Path())).issue((), message)], ("", "")
     content, issues = content_of(path)
     if content is None:
         return None, issues, ("", "")
@@ -114,10 +114,10 @@ def _from_file(source: str | Path) -> tuple[LocatedValue | None, list[Issue], tu
 def _from_dict(source: Mapping[str, Any]) -> tuple[LocatedValue | None, list[Issue], tuple[str, str]]:
     import yaml
 
-    from wsnsim.scenario.located_values import BROKEN, Text, plain
+    from wsnsim.scenario.located_values import BROKEN, Origin, plain
     from wsnsim.scenario.reader import of_dict
 
-    tree, issues = of_dict(source, Text("", Path.cwd()))
+    tree, issues = of_dict(source, Origin("", Path.cwd()))
     if tree.value is BROKEN or issues:
         return tree, issues, ("", "")
     written = yaml.safe_dump(plain(tree), sort_keys=False, allow_unicode=True)
@@ -128,9 +128,9 @@ def _from_dict(source: Mapping[str, Any]) -> tuple[LocatedValue | None, list[Iss
 
 def _tree_of(path: Path, content: str, extending: tuple[Path, ...]) -> tuple[LocatedValue | None, list[Issue]]:
     """Return the tree of a file merged with the file it extends. `extending`: the files that led to this one."""
-    from wsnsim.scenario.reader import read, text_of
+    from wsnsim.scenario.reader import origin_of, read
 
-    tree, issues = read(content, text_of(path, content))
+    tree, issues = read(content, origin_of(path, content))
     if tree is None or not isinstance(tree.value, dict) or "extends" not in tree.value:
         return tree, issues
     return _extended(tree, issues, path.parent, (*extending, path.resolve()))
@@ -179,7 +179,7 @@ def _assigned(tree: LocatedValue, assignments: Iterable[Assignment]) -> tuple[Lo
 
 
 def _assignment(override: str) -> tuple[Keys, LocatedValue | None, list[Issue]]:
-    from wsnsim.scenario.located_values import Text, dotted
+    from wsnsim.scenario.located_values import Origin, dotted
     from wsnsim.scenario.reader import read
 
     written, sign, value = override.partition("=")
@@ -188,5 +188,5 @@ def _assignment(override: str) -> tuple[Keys, LocatedValue | None, list[Issue]]:
         return (), None, [Issue((), "expected KEY=VALUE, such as link.reach='80 m'", f"--set {override}")]
     if keys[0] == "extends":
         return (), None, [Issue((), "'extends' is allowed in a file only", f"--set {written}")]
-    node, issues = read(value, Text(f"--set {dotted(keys)}", Path.cwd(), (), keys))
+    node, issues = read(value, Origin(f"--set {dotted(keys)}", Path.cwd(), (), keys))
     return keys, node, issues

@@ -18,13 +18,13 @@ from wsnsim.scenario.kinds import AT_TOP
 
 Key: TypeAlias = str | int
 Keys: TypeAlias = tuple[Key, ...]
-WIDTH: Final = 110
+EXCERPT_WIDTH: Final = 110
 BROKEN: Final = object()
-"""Stands for a value whose issue is already reported, so that no further issue is."""
+"""Stands for a value whose issue is already reported, so that it is not reported again."""
 
 
 @dataclass(frozen=True)
-class Text:
+class Origin:
     """The origin of values: a file (name and lines), one `--set` (name and keys), or a caller's dict (no name).
 
     Relative paths in it start from `folder`.
@@ -38,32 +38,32 @@ class Text:
 
 @dataclass(frozen=True, slots=True)
 class Spot:
-    """A position in a text: line and column, both from 0."""
+    """A position in a text (or another origin): line and column, both counted from 0."""
 
-    text: Text
+    origin: Origin
     line: int = 0
     column: int = 0
 
     def issue(self, path: Keys, message: str) -> Issue:
         """Return an issue at this position: 'x.yaml:3:5' with the line and a caret, '--set a.b', or the dict's keys."""
-        if self.text.lines:
-            return Issue(path, message, f"{self.text.name}:{self.line + 1}:{self.column + 1}", self._excerpt())
-        if self.text.name:
-            return Issue(() if path == self.text.keys else path, message, self.text.name)
+        if self.origin.lines:
+            return Issue(path, message, f"{self.origin.name}:{self.line + 1}:{self.column + 1}", self._excerpt())
+        if self.origin.name:
+            return Issue(() if path == self.origin.keys else path, message, self.origin.name)
         return Issue((), message, dotted(path) or "scenario")
 
     def _excerpt(self) -> str:
-        line = self.text.lines[self.line] if self.line < len(self.text.lines) else ""
+        line = self.origin.lines[self.line] if self.line < len(self.origin.lines) else ""
         line = "".join(c if c.isprintable() else " " for c in line)
         if not line.strip():
             return ""
-        start = max(0, self.column - WIDTH // 2) if len(line) > WIDTH else 0
-        return f"    {line[start : start + WIDTH].rstrip()}\n    {' ' * (self.column - start)}^"
+        start = max(0, self.column - EXCERPT_WIDTH // 2) if len(line) > EXCERPT_WIDTH else 0
+        return f"    {line[start : start + EXCERPT_WIDTH].rstrip()}\n    {' ' * (self.column - start)}^"
 
 
 @dataclass(frozen=True, slots=True)
 class LocatedValue:
-    """A value and its position; `size` counts the values in it, those of an alias once for each use."""
+    """A value and its position; `size` is the number of values in it, where an alias counts at each use."""
 
     value: Any
     spot: Spot
@@ -141,11 +141,11 @@ def merged(base: LocatedValue, over: LocatedValue, path: Keys = ()) -> LocatedVa
     if len(path) == 1 and new is not None and plain(new) != _kind(base, path):
         return over
     kept = base.value if path else {key: entry for key, entry in base.value.items() if not _is_replaced(key, over)}
-    laid = {
+    overlay = {
         key: Entry(entry.spot, merged(kept[key].node, entry.node, (*path, key))) if key in kept else entry
         for key, entry in over.value.items()
     }
-    return mapping(kept | laid, over.spot)
+    return mapping(kept | overlay, over.spot)
 
 
 def _kind(node: LocatedValue, path: Keys) -> Any:
@@ -161,7 +161,7 @@ def _is_replaced(key: str, over: LocatedValue) -> bool:
 
 
 def assigned(node: LocatedValue, path: Keys, new: LocatedValue, depth: int = 0) -> LocatedValue:
-    """Return the tree with `new` at a path; missing mappings are created. A new kind replaces its role.
+    """Return the tree with `new` at a path; missing mappings are created. A new kind drops the role's other keys.
 
     Raises:
         LookupError: the path leads through a scalar, or to an item that the list does not have.
@@ -171,9 +171,7 @@ def assigned(node: LocatedValue, path: Keys, new: LocatedValue, depth: int = 0) 
     key, here = path[depth], dotted(path[:depth])
     if isinstance(node.value, list):
         if not (isinstance(key, int) and key < len(node.value)):
-            raise LookupError(
-                f"there is no item {key} in {here}, which is a list of {len(node.value)} (the first is 0)"
-            )
+            raise LookupError(f"{here} has no item {key}: it is a list of {len(node.value)}, counted from 0")
         items = list(node.value)
         items[key] = assigned(items[key], path, new, depth + 1)
         return sequence(items, node.spot)

@@ -1,6 +1,6 @@
 """From YAML text to a tree of located values, with all issues of the text at once.
 
-    read(content, text) -> (LocatedValue or None, issues)      of_dict(mapping, text) -> the same for a caller's dict
+    read(content, origin) -> (LocatedValue or None, issues)    of_dict(mapping, origin) -> the same for a caller's dict
 
 PyYAML composes the nodes; scalars follow the core schema of YAML 1.2: 1e3 is a float, 010 is ten, and 12:30:00, no and
 on are text. Duplicate keys are issues; a merge key `<<` may repeat a key.
@@ -18,7 +18,7 @@ from typing import Any, Final
 import yaml
 
 from wsnsim.base.errors import Issue
-from wsnsim.scenario.located_values import BROKEN, Entry, Keys, LocatedValue, Spot, Text, mapping, sequence
+from wsnsim.scenario.located_values import BROKEN, Entry, Keys, LocatedValue, Origin, Spot, mapping, sequence
 from wsnsim.scenario.units import shown
 
 DEEPEST: Final = 40
@@ -56,46 +56,46 @@ for _tag, _pattern, _first in (
     _CoreLoader.add_implicit_resolver(TAG + _tag, re.compile(f"(?:{_pattern.pattern})$"), _first)
 
 
-def text_of(path: Path, content: str, keys: Keys = ()) -> Text:
+def origin_of(path: Path, content: str, keys: Keys = ()) -> Origin:
     """Return the origin of values that are read from a file. `keys`: where they are put in the scenario."""
-    return Text(str(path), path.parent, tuple(content.splitlines()) or ("",), keys)
+    return Origin(str(path), path.parent, tuple(content.splitlines()) or ("",), keys)
 
 
-def read(content: str, text: Text) -> tuple[LocatedValue | None, list[Issue]]:
+def read(content: str, origin: Origin) -> tuple[LocatedValue | None, list[Issue]]:
     """Return the tree of a YAML text (None if it is not YAML, or empty) and the issues of the text."""
     try:
         node = yaml.compose(content, Loader=_CoreLoader)
     except yaml.MarkedYAMLError as error:
-        return None, [_syntax_issue(error, text)]
+        return None, [_syntax_issue(error, origin)]
     except yaml.reader.ReaderError as error:
-        return None, [_character_issue(content, error, text)]
+        return None, [_character_issue(content, error, origin)]
     except UnicodeError:
-        return None, [Spot(text).issue((), "is not valid text: it contains half of a surrogate pair")]
+        return None, [Spot(origin).issue((), "is not valid text: it contains half of a surrogate pair")]
     if node is None:
-        return None, [Spot(text).issue((), "is empty")]
-    reading = _Reading(text)
+        return None, [Spot(origin).issue((), "is empty")]
+    reading = _Reading(origin)
     return reading.node(node, ()), reading.issues
 
 
-def _syntax_issue(error: yaml.MarkedYAMLError, text: Text) -> Issue:
+def _syntax_issue(error: yaml.MarkedYAMLError, origin: Origin) -> Issue:
     mark = error.problem_mark or error.context_mark
-    spot = Spot(text, mark.line, mark.column) if mark else Spot(text)
+    spot = Spot(origin, mark.line, mark.column) if mark else Spot(origin)
     said = ", ".join(piece for piece in (error.context, error.problem) if piece)
-    return spot.issue(text.keys, f"not valid YAML: {said}")
+    return spot.issue(origin.keys, f"not valid YAML: {said}")
 
 
-def _character_issue(content: str, error: yaml.reader.ReaderError, text: Text) -> Issue:
+def _character_issue(content: str, error: yaml.reader.ReaderError, origin: Origin) -> Issue:
     before = content[: error.position]
-    spot = Spot(text, before.count("\n"), len(before) - before.rfind("\n") - 1)
+    spot = Spot(origin, before.count("\n"), len(before) - before.rfind("\n") - 1)
     code = error.character if isinstance(error.character, int) else ord(error.character)
-    return spot.issue(text.keys, f"not valid YAML: the character U+{code:04X} is not allowed")
+    return spot.issue(origin.keys, f"not valid YAML: the character U+{code:04X} is not allowed")
 
 
 @dataclass
 class _Reading:
     """The state of reading one text: its issues, the finished nodes, and the open ones (an alias to one is endless)."""
 
-    text: Text
+    origin: Origin
     issues: list[Issue] = field(default_factory=list)
     known: dict[int, LocatedValue] = field(default_factory=dict)
     open: set[int] = field(default_factory=set)
@@ -159,10 +159,10 @@ class _Reading:
             return self.complain(source, path, str(error))
 
     def spot(self, source: yaml.Node) -> Spot:
-        return Spot(self.text, source.start_mark.line, source.start_mark.column)
+        return Spot(self.origin, source.start_mark.line, source.start_mark.column)
 
     def complain(self, source: yaml.Node, path: Keys, message: str) -> LocatedValue:
-        self.issues.append(self.spot(source).issue((*self.text.keys, *path), message))
+        self.issues.append(self.spot(source).issue((*self.origin.keys, *path), message))
         return LocatedValue(BROKEN, self.spot(source))
 
 
@@ -196,10 +196,10 @@ def _real(text: str) -> float:
 
 
 def of_dict(
-    values: Any, text: Text, path: Keys = (), inside: frozenset[int] = frozenset()
+    values: Any, origin: Origin, path: Keys = (), inside: frozenset[int] = frozenset()
 ) -> tuple[LocatedValue, list[Issue]]:
     """Return the tree of a caller's dict: tuples and arrays as lists, NumPy scalars as their values, paths as text."""
-    spot = Spot(text)
+    spot = Spot(origin)
     if len(path) > DEEPEST or id(values) in inside:
         return LocatedValue(BROKEN, spot), [
             spot.issue(path, f"nested deeper than {DEEPEST} levels, or contains itself")
@@ -207,7 +207,7 @@ def of_dict(
     if hasattr(values, "tolist"):
         values = values.tolist()
     if isinstance(values, Mapping | list | tuple):
-        return _of_many(values, text, path, inside | {id(values)})
+        return _of_many(values, origin, path, inside | {id(values)})
     if hasattr(values, "__fspath__"):
         return LocatedValue(str(values), spot), []
     if values is None or isinstance(values, bool | int | float | str):
@@ -215,13 +215,13 @@ def of_dict(
     return LocatedValue(BROKEN, spot), [spot.issue(path, f"a {type(values).__name__} is not allowed in a scenario")]
 
 
-def _of_many(values: Any, text: Text, path: Keys, inside: frozenset[int]) -> tuple[LocatedValue, list[Issue]]:
-    spot = Spot(text)
+def _of_many(values: Any, origin: Origin, path: Keys, inside: frozenset[int]) -> tuple[LocatedValue, list[Issue]]:
+    spot = Spot(origin)
     pairs = values.items() if isinstance(values, Mapping) else enumerate(values)
     inner = {}
     for name, value in pairs:
         key = str(name) if isinstance(values, Mapping) else name
-        inner[key] = of_dict(value, text, (*path, key), inside)
+        inner[key] = of_dict(value, origin, (*path, key), inside)
     issues = [issue for _, found in inner.values() for issue in found]
     if isinstance(values, Mapping):
         return mapping({str(key): Entry(spot, node) for key, (node, _) in inner.items()}, spot), issues

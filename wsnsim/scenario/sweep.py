@@ -44,8 +44,8 @@ from wsnsim.scenario.located_values import (
     Entry,
     Keys,
     LocatedValue,
+    Origin,
     Spot,
-    Text,
     assigned,
     at,
     child,
@@ -57,7 +57,7 @@ from wsnsim.scenario.located_values import (
 )
 from wsnsim.scenario.messages import issues_of
 from wsnsim.scenario.points import LEFT_OUT, SCENARIO, demand_no_axis, keys_of_points, points_of, reals_of
-from wsnsim.scenario.reader import of_dict, read, text_of
+from wsnsim.scenario.reader import of_dict, origin_of, read
 from wsnsim.scenario.sweep_schema import Plan, SweepText
 
 KEPT: Final = ("runs", "tracks")
@@ -79,7 +79,7 @@ def is_sweep(source: str | Path) -> bool:
     if path is None:
         return False
     content = content_of(path)[0]
-    tree = read(content, Text(str(path), Path()))[0] if content is not None else None
+    tree = read(content, Origin(str(path), Path()))[0] if content is not None else None
     return tree is None or (isinstance(tree.value, dict) and any(sign in tree.value for sign in SIGNS))
 
 
@@ -144,7 +144,7 @@ def _bases(tree: LocatedValue) -> list[ScenarioText]:
         raise ScenarioError([node.spot.issue(("scenario",), "is an empty list: a sweep needs a scenario")])
     found = []
     for item in node.value if isinstance(node.value, list) else [node]:
-        path = find_or_none(item.value, item.spot.text.folder)
+        path = find_or_none(item.value, item.spot.origin.folder)
         text = read_scenario(path or item.value)
         if text.tree is None:
             place = item.spot.text.lines and path is None
@@ -158,7 +158,7 @@ def _bases(tree: LocatedValue) -> list[ScenarioText]:
 def _read(source: str | Path | Mapping[str, Any] | Sequence[str]) -> tuple[LocatedValue, str, str]:
     """Return (tree, default name of the sweep, text)."""
     if isinstance(source, Mapping):
-        tree, issues = of_dict(source, Text("", Path.cwd()))
+        tree, issues = of_dict(source, Origin("", Path.cwd()))
         if issues:
             raise ScenarioError(in_order(issues))
         return tree, "sweep", json.dumps(plain(tree), indent=1, default=str)
@@ -166,12 +166,12 @@ def _read(source: str | Path | Mapping[str, Any] | Sequence[str]) -> tuple[Locat
         path = find_sweep(source)
         assert path is not None
         content, issues = content_of(path)
-        node, found = (None, issues) if content is None else read(content, text_of(path, content))
+        node, found = (None, issues) if content is None else read(content, origin_of(path, content))
         if node is None or found:
             raise ScenarioError(in_order(found))
         return node, path.stem, content or ""
     names = [str(source)] if isinstance(source, str | Path) else [str(name) for name in source]
-    spot = Spot(Text("", Path.cwd()))
+    spot = Spot(Origin("", Path.cwd()))
     nodes = [LocatedValue(name, spot) for name in names]
     given = nodes[0] if len(nodes) == 1 else sequence(nodes, spot)
     stems = "_".join(Path(name).stem for name in names[:4])
@@ -184,13 +184,13 @@ def _with_vary(tree: LocatedValue, vary: Iterable[str]) -> LocatedValue:
     for text in vary:
         key, sign, values = text.partition("=")
         keys = keys_of(key)
-        spot = Spot(Text(f"--vary {key.strip()}".strip(), Path.cwd(), (), keys))
+        spot = Spot(Origin(f"--vary {key.strip()}".strip(), Path.cwd(), (), keys))
         if not sign or not keys or not values.strip():
             example = "--vary tracker.particles=100,200 or --vary 'link.reach={range: [60 m, 80 m], count: 3}'"
             raise ScenarioError([spot.issue(keys, f"expected KEY=VALUES, such as {example}")])
         if dotted(keys) in added:
             raise ScenarioError([spot.issue(keys, "is given twice: write all of its values in one --vary")])
-        node, issues = read(f"[{values}]", spot.text)
+        node, issues = read(f"[{values}]", spot.origin)
         if node is None or issues:
             raise ScenarioError(issues)
         alone = node.value[0] if len(node.value) == 1 else None
@@ -206,7 +206,7 @@ def _with_vary(tree: LocatedValue, vary: Iterable[str]) -> LocatedValue:
 def _with_given(tree: LocatedValue, given: Mapping[str, Any], name: str) -> LocatedValue:
     """Return the tree with the values of the command line; --replicates also removes a stopping rule."""
     default = {"name": Entry(tree.spot, LocatedValue(name, tree.spot))}
-    spots = {key: Spot(Text(f"--{key}", Path.cwd(), (), (key,))) for key in given}
+    spots = {key: Spot(Origin(f"--{key}", Path.cwd(), (), (key,))) for key in given}
     said = {
         key: Entry(spots[key], LocatedValue(value, spots[key])) for key, value in given.items() if value is not None
     }

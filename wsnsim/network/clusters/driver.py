@@ -56,7 +56,7 @@ class Driver:
         readings: the number of readings in the last computation.
         heard: {node: reading} of those that the head gathered last.
         bits: sent in datagrams so far.
-        hops: of the last `Send`.
+        hops: hops of the last `Send`.
     """
 
     def __init__(
