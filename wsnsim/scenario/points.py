@@ -22,6 +22,8 @@ from wsnsim.scenario.sweep_schema import Point
 
 LEFT_OUT: Final = ("name", "replicates")
 """Keys of a scenario that change none of its runs."""
+LATER_TABLES: Final = ("tracker_state",)
+"""Tables younger than the first campaigns: where they are off, the digest of a point is what it was without them."""
 WORLD: Final = (
     "seed", "step", "duration", "deploy", "motion", "targets", "sensor", "prior", "detection", "faults",
 )  # fmt: skip
@@ -91,6 +93,7 @@ def keys_of_points(points: Iterable[Point]) -> tuple[str, ...]:
 def _point(scenario: Scenario, laid: Settings, first: Mapping[str, Any]) -> Point:
     said = resolved(scenario)
     decides = {key: value for key, value in said.items() if key not in LEFT_OUT}
+    decides["record"] = {table: on for table, on in said["record"].items() if on or table not in LATER_TABLES}
     world = {key: said.get(key) for key in WORLD}
     values = {name: value for keys, node in laid for name, value in _leaves(keys, node, said)}
     return Point(_digest(decides), {**first, **values}, json.dumps(said), _digest(world))
