@@ -147,7 +147,7 @@ def _bases(tree: LocatedValue) -> list[ScenarioText]:
         path = find_or_none(item.value, item.spot.origin.folder)
         text = read_scenario(path or item.value)
         if text.tree is None:
-            place = item.spot.text.lines and path is None
+            place = item.spot.origin.lines and path is None
             raise ScenarioError(
                 [item.spot.issue(("scenario",), issue.message) for issue in text.issues] if place else text.issues
             )
