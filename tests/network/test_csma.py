@@ -45,12 +45,12 @@ def test_a_frame_whose_acknowledgement_is_lost_has_arrived():
     network = RadioNetwork(PAIR)
     original = network.mac.channel.transmit
 
-    def only_data(source, frame, ended, asleep=None):
+    def only_data(source, frame, on_end, asleep=None):
         if frame.packets == 0:
             network.nodes.jammed[0] = network.nodes.disturbed = True
         else:
             network.nodes.jammed[0] = network.nodes.disturbed = False
-        return original(source, frame, ended, asleep)
+        return original(source, frame, on_end, asleep)
 
     network.mac.channel.transmit = only_data
     network.mac.channel.is_busy = lambda node: False

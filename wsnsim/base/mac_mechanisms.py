@@ -66,7 +66,7 @@ class SharedChannel(Protocol):
         self,
         source: int,
         frame: MacFrame,
-        ended: Callable[[OnAir, Received], None],
+        on_end: Callable[[OnAir, Received], None],
         asleep: Ints | None = None,
     ) -> OnAir:
         """Send a frame, one turnaround from now.
@@ -74,7 +74,7 @@ class SharedChannel(Protocol):
         Args:
             source: The sender, which must not be sending.
             frame: The frame.
-            ended: Called at the end with the transmission and its result.
+            on_end: Called at the end with the transmission and its result.
             asleep: (n,) nodes that have the radio off because they know that the frame is not for them.
         """
         ...
@@ -87,10 +87,10 @@ class SharedChannel(Protocol):
 class Fragmenter(Protocol):
     """Splits bursts into MAC frames."""
 
-    def split(self, burst: Burst, ended: Callable[[], None]) -> list[MacFrame]:
+    def split(self, burst: Burst, on_end: Callable[[], None]) -> list[MacFrame]:
         """Return the frames of a burst, in order; none for a burst without packets.
 
-        The MAC calls `finish` on each of them once. After the last one the burst holds what arrived, and `ended` is
+        The MAC calls `finish` on each of them once. After the last one the burst holds what arrived, and `on_end` is
         called.
         """
         ...

@@ -31,7 +31,7 @@ Root: TypeAlias = tuple[float, float, float]
 Law: TypeAlias = tuple[float, float, float, float, float]
 
 NOTHING = -345.0
-"""A weight below e^-345 of the largest is none: its square would no longer be a normal number, and slow."""
+"""A weight below e^-345 of the largest counts as 0: its square would be subnormal, and slow."""
 
 
 @kernel
@@ -193,7 +193,7 @@ def _conclude(cloud: Floats, mean: Floats, threshold: float, tooth: float, scrat
 def _relative(log_weights: Floats, weights: Floats) -> tuple[float, float]:
     """Weights relative to the largest are written; their sum, and the effective number (sum w)² / sum w².
 
-    Where nothing is likely, ones, and the effective number 0.
+    If the largest weight is 0 or infinite, all are 1, and the effective number is 0.
     """
     top = -np.inf
     for j in range(log_weights.size):

@@ -15,7 +15,7 @@ from wsnsim.kernels.elementary import log
 from wsnsim.kernels.noise import uniform
 
 NOWHERE = 1e9
-"""A state with a larger component is none (our choice): a swarm that swings up fails without overflowing."""
+"""A state with a larger component is invalid (our choice): a diverging swarm fails without overflowing."""
 
 
 @kernel

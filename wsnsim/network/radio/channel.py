@@ -1,7 +1,7 @@
 """The shared channel on which sending takes time: transmissions overlap, collide, fade and are overheard.
 
     channel.is_busy(node)                       clear channel assessment
-    channel.transmit(node, frame, ended)        send after the turnaround; at the end `ended(transmission, result)`
+    channel.transmit(node, frame, on_end)       send after the turnaround; at the end `on_end(transmission, result)`
 
 A transmission costs one SimPy event, at its end, however many nodes receive it. Transmissions are looked up by cells
 of twice the range, so that only neighbouring cells are searched for overlaps. Each one starts one turnaround after it
@@ -23,7 +23,7 @@ from wsnsim.network.event_log import event
 from wsnsim.network.radio.link_counters import LinkCounters, NoLinkCounters
 from wsnsim.network.radio.radio_services import RadioServices
 from wsnsim.network.radio.reception import Reception
-from wsnsim.network.radio.transmission import Ended, Transmission, overlap, received_by_none
+from wsnsim.network.radio.transmission import OnEnd, Transmission, overlap, received_by_none
 
 TX, SWITCH = EVENT_CAUSE["tx"], CAUSE["switch"]
 WHOLE: Final = 1.0
@@ -76,13 +76,13 @@ class Channel:
                     return True
         return False
 
-    def transmit(self, source: int, frame: MacFrame, ended: Ended, asleep: Ints | None = None) -> Transmission:
+    def transmit(self, source: int, frame: MacFrame, on_end: OnEnd, asleep: Ints | None = None) -> Transmission:
         """Send a frame, one turnaround from now. It is cut short if the sender's battery does not last.
 
         Args:
             source: The sender.
             frame: The frame.
-            ended: Called at the end with the transmission and the result.
+            on_end: Called at the end with the transmission and the result.
             asleep: Nodes that have the radio off because they know that the frame is not for them.
         """
         env, counters = self._env, self._counters
@@ -95,7 +95,7 @@ class Channel:
         if not self._nodes.holds_more(source, joules):
             end = start + costs[3] * self._nodes.residual_energy(source) / joules
         neighbours = self._topology.neighbours(source)
-        transmission = Transmission(source, frame, neighbours, counters.transmissions, start, end, ended)
+        transmission = Transmission(source, frame, neighbours, counters.transmissions, start, end, on_end)
         transmission.costs, transmission.asleep = costs, asleep
         near = self._cells_around.get(source) or self._find_cells(source)
         for cell in near:
@@ -169,7 +169,7 @@ class Channel:
             counters.frames_sent += 1
             counters.packets_sent += frame.packets
             counters.frames_lost += (transmission.cut or transmission.missed) if frame.to == EVERYONE else not received
-        transmission.ended(transmission, received)
+        transmission.on_end(transmission, received)
 
     def _pay(self, transmission: Transmission, share: float) -> bool:
         """Charge and log the sending of a share of a frame; returns whether it was sent completely."""

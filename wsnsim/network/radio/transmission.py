@@ -24,7 +24,7 @@ class Transmission:
         number: Its number in the event log.
         start: When its first bit is sent, in s.
         end: When its last bit is sent, in s.
-        ended: Called at the end, with the transmission and the result.
+        on_end: Called at the end, with the transmission and the result.
         overlapping: The transmissions that overlap it; None for none.
         cut: Whether its sender fell silent before the end.
         missed: Whether a node that it was meant for did not receive it.
@@ -37,11 +37,11 @@ class Transmission:
         "costs",
         "cut",
         "end",
-        "ended",
         "frame",
         "missed",
         "neighbours",
         "number",
+        "on_end",
         "overlapping",
         "source",
         "start",
@@ -49,7 +49,7 @@ class Transmission:
 
     def __init__(
         self, source: int, frame: MacFrame, neighbours: Neighbours, number: int, start: float, end: float,
-        ended: Ended,
+        on_end: OnEnd,
     ) -> None:  # fmt: skip
         self.source = source
         self.frame = frame
@@ -57,7 +57,7 @@ class Transmission:
         self.number = number
         self.start = start
         self.end = end
-        self.ended = ended
+        self.on_end = on_end
         self.overlapping: list[Transmission] | None = None
         self.cut = False
         self.missed = False
@@ -65,7 +65,7 @@ class Transmission:
         self.costs = FREE
 
 
-Ended = Callable[[Transmission, Received], None]
+OnEnd = Callable[[Transmission, Received], None]
 
 
 def overlap(a: Transmission, b: Transmission) -> None:
