@@ -32,10 +32,11 @@ from wsnsim.base.rng import Streams
 from wsnsim.base.setups import BeaconSetup, NetworkSetup, Setup, TrackingSetup
 from wsnsim.base.tables import Memory
 from wsnsim.models.coverage import coverage
+from wsnsim.network.network import Sensors
 from wsnsim.network.nodes import Nodes
 from wsnsim.network.result_rows import network_result, write_tables
 from wsnsim.network.workloads.workload_world import WorkloadWorld
-from wsnsim.network.world import Sensors, Targets, World
+from wsnsim.network.world import Targets, World
 from wsnsim.offline.offline_run import OfflineRun
 from wsnsim.recording import ResultFile, provenance, read_text
 

@@ -24,8 +24,9 @@ from wsnsim.models.motion import BoundedVelocity
 from wsnsim.models.sensing import AcousticEnergy
 from wsnsim.models.sleep import EventWake
 from wsnsim.models.wakeup import NoWakeUp
+from wsnsim.network.network import Sensors
 from wsnsim.network.result_rows import NetworkOutcome, woken_rows, write_tables
-from wsnsim.network.world import Sensors, Targets, World
+from wsnsim.network.world import Targets, World
 
 
 def reading_of(member: Member) -> Parcel:

@@ -8,14 +8,12 @@ step. With moving heads, awake nodes also search for lost targets between steps.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Sequence
-from dataclasses import dataclass
-from typing import Any
-
-import simpy
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 from wsnsim.base.arrays import Floats, planar
 from wsnsim.base.ports import Estimate, Recorder
+from wsnsim.base.progress import OnTime
 from wsnsim.base.rng import Streams
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.network.clusters.coordination import ClusterCoordination
@@ -33,26 +31,12 @@ from wsnsim.network.clusters.track import Track
 from wsnsim.network.clusters.wake_ahead import NoWakeAhead, WakeAhead, WakesAhead
 from wsnsim.network.clusters.wake_up_counters import WakeUpCounters
 from wsnsim.network.clusters.wake_up_service import WakeUpNetwork, WakeUpService
-from wsnsim.network.energy.energy_steps import EnergySteps
-from wsnsim.network.event_log import EventLog
-from wsnsim.network.faults.schedule import FaultSchedule
-from wsnsim.network.faults.services import FaultSite, NodeControl
+from wsnsim.network.network import Network, Sensors, Steps
 from wsnsim.network.node import NodeProcesses, NodeServices
-from wsnsim.network.radio.radio_stack import make_radio_stack, run_until
-from wsnsim.network.radio.routing import Router
-from wsnsim.network.radio.transport import Transport
 from wsnsim.network.result_rows import NetworkOutcome
 from wsnsim.network.sensing.imperfect_readings import make_readings
 from wsnsim.network.sensing.sensing import CurrentReadings, SensingServices, make_sensing
-from wsnsim.network.step_clock import ProtocolLog, StepClock
-
-
-@dataclass(frozen=True, slots=True)
-class Sensors:
-    """Where the nodes stand: positions (N, 2) in m; and their sensors' constants, traits (N, T)."""
-
-    positions: Floats
-    traits: Floats
+from wsnsim.network.step_clock import ProtocolLog
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,8 +51,10 @@ class Targets:
     paths: Sequence[Floats] = ()
 
 
-class World:
+class World(Network):
     """One network, its targets and the order of events in a step."""
+
+    _setup: NetworkSetup
 
     def __init__(
         self,
@@ -79,22 +65,11 @@ class World:
         streams: Streams,
         recorder: Recorder,
     ) -> None:
-        self._setup = setup
-        self._replicate = replicate
-        self._recorder = recorder
-        self._event_log = EventLog(recorder, replicate)
-        self._stack = stack = make_radio_stack(setup, sensors.positions, sensors.traits, streams, self._event_log)
-        radio = stack.radio
-        self._env, self._nodes, self._counters = radio.env, radio.nodes, radio.counters
-        self._nodes.on_death = self._handle_death
-        self._clock = StepClock(radio.env, setup.dt)
+        super().__init__(setup, replicate, sensors, streams, recorder)
         self._log = ProtocolLog(self._clock, self._event_log)
-        self._router = Router(radio, setup.routing.weight, setup.link.audible)
-        self._transport = Transport(radio, stack.mac, self._router)
-        self._reports = SinkReports(radio, self._transport, setup.sink, setup.dt)
+        self._reports = SinkReports(self._stack.radio, self._transport, setup.sink, setup.dt)
         self._processors = Processors(self._clock, self._nodes, self._event_log, setup.energy, setup.cpu)
-        self._energy_steps = EnergySteps(radio.env, radio.nodes, recorder)
-        self._tracks = tuple(Track(i, prior, radio.env.event()) for i, prior in enumerate(targets.priors))
+        self._tracks = tuple(Track(i, prior, self._env.event()) for i, prior in enumerate(targets.priors))
         points = [truth[:, list(motion.position)] for truth, motion in zip(targets.truths, setup.motions, strict=True)]
         self._in_field = [setup.deploy.field.contains(planar(path)).tolist() for path in points]
         self._assemble(targets, points, streams)
@@ -126,9 +101,7 @@ class World:
         )
         if self._reports.node is not None:
             nodes.keep_awake(self._reports.node)
-        control = NodeControl(self._crash, self._restart, self._coordination.head_of)
-        site = FaultSite(self._env, nodes, self._event_log, self._stack.clocks, control, imperfections.defects)
-        self._faults = FaultSchedule(setup.faults, site, streams.key("faults"), setup.dt)
+        self._faults = self._make_faults(streams.key("faults"), self._coordination.head_of, imperfections.defects)
 
     def _make_wake_ahead(self, network: NetworkView, key: int) -> WakesAhead:
         """Make the service that wakes nodes for heads, and the last node of a datagram's path."""
@@ -137,34 +110,23 @@ class World:
         self._transport.wake_neighbour = service.call_one
         return WakeAhead(network, service)
 
-    def run(self, progress: Callable[[float], None] | None = None) -> NetworkOutcome:
+    def run(self, progress: OnTime | None = None) -> NetworkOutcome:
         """Run to the end and return the outcome. Errors name the seed, the run and the simulated time."""
         self._faults.start()
         steps = self._env.process(self._run_steps(progress))
-        ended = self._env.any_of([steps, self._coordination.ended])
-        run_until(self._env, ended, self._setup.seed, self._replicate)
-        awake = self._nodes.duty_cycles.awake_fraction(self._env.now)
-        self._energy_steps.end(self._clock.step)
-        self._energy_steps.write(self._replicate, self._setup.dt, self._recorder)
-        return NetworkOutcome(
-            self._nodes,
-            self._counters,
-            self._event_log.fingerprint(),
-            awake,
+        outcome = self._run_until(self._env.any_of([steps, self._coordination.ended]))
+        return replace(
+            outcome,
             cycles=self._processors.operations,
-            steps=self._clock.step,
             tracks=self._tracks,
             woken=self._wake_up_counters.woken,
             received=self._reports.received,
         )
 
-    def _run_steps(self, progress: Callable[[float], None] | None) -> Generator[simpy.Event, Any, None]:
-        env, setup, clock = self._env, self._setup, self._clock
+    def _run_steps(self, progress: OnTime | None) -> Steps:
+        env, setup = self._env, self._setup
         for step in range(setup.steps + 1):
-            if step:
-                self._energy_steps.close(step - 1)
-            clock.step = self._event_log.step = step
-            self._event_log.flush()
+            self._begin_step(step)
             for track in self._tracks:
                 self._log_crossing(track.target, step)
                 self._sensing.update(track.target)
@@ -192,32 +154,22 @@ class World:
         self._coordination.fill_vacancy(track, 0)
         tick.succeed()
 
-    def _handle_death(self, node: int) -> None:
-        """Take down a node whose battery is empty, whatever it is doing."""
-        self._nodes.died_at[node] = self._env.now
+    def _log_death(self, node: int) -> None:
         self._log.add("death", -1, node)
-        self._take_down(node)
 
     def _crash(self, node: int) -> None:
-        """Take down a node: end what it does, and forget what it knows."""
-        self._stack.mac.silence(node)
-        self._nodes.crash(node)
-        if node in self._nodes.died_at:
-            return
-        self._take_down(node)
-        self._processes.forget(node)
-        self._coordination.forget(node)
+        super()._crash(node)
+        if node not in self._nodes.died_at:
+            self._processes.forget(node)
+            self._coordination.forget(node)
 
     def _restart(self, node: int) -> None:
-        """Bring back a node that was down, at rest and without a role."""
-        self._nodes.restart(node)
-        self._router.restore()
+        super()._restart(node)
         self._sensing.restart(node)
 
     def _take_down(self, node: int) -> None:
-        """End what a node that is no longer up was doing: relaying, sending, sensing, electing, leading a track."""
-        self._router.remove(node)
-        self._stack.mac.silence(node)
+        """End relaying, sending, sensing, electing and leading a track."""
+        super()._take_down(node)
         self._sensing.remove(node)
         self._coordination.withdraw(node)
         self._processes.stop(node)

@@ -1,4 +1,4 @@
-"""The radio stack of a scenario: SimPy environment, nodes, topology, clocks and MAC; and running it."""
+"""The radio stack of a scenario: SimPy environment, nodes, topology, clocks and MAC."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ import simpy
 from wsnsim.base.arrays import Floats
 from wsnsim.base.continuous_power import continuous_power
 from wsnsim.base.counters import Counters
-from wsnsim.base.errors import ResultError, failed_run
 from wsnsim.base.mac_mechanisms import MacMechanism
 from wsnsim.base.radio import ContinuousPower, Mode
 from wsnsim.base.requests import PACKET_BITS
@@ -96,14 +95,3 @@ def _costs_over_time(model: ContinuousPower) -> bool:
     return any(power.radio or power.processor for power in powers) or any(
         model.switching(before, after) for before in Mode for after in Mode
     )
-
-
-def run_until(env: simpy.Environment, event: simpy.Event, seed: int, replicate: int) -> None:
-    """Run until an event has happened. A failure names seed, replicate and simulated time."""
-    try:
-        env.run(until=event)
-    except ResultError:
-        raise
-    except Exception as raised:
-        reason = raised.__cause__ or raised
-        raise failed_run(env.now, seed, replicate, reason) from reason
