@@ -8,7 +8,6 @@ import pytest
 from wsnsim.papers import reproduce
 from wsnsim.papers.li2012 import measures as li2012_measures
 from wsnsim.papers.paper import paper
-from wsnsim.papers.reproduction import Claim, Order
 
 EXPERIMENTS = {experiment.name: experiment for experiment in paper("li2012").experiments}
 CLAIMS = [(experiment, claim) for experiment in EXPERIMENTS.values() for claim in experiment.claims if claim.shown]
@@ -57,7 +56,7 @@ def test_what_counts_is_as_printed_once_a_report_at_the_middle_levels():
 
 def test_only_shares_near_to_one_are_read_from_words_and_are_judged_as_shares():
     for _, claim in CLAIMS:
-        if isinstance(claim, Claim) and claim.published is not None:
+        if not claim.other and claim.published is not None:
             near = claim.where == "figure 3"
             assert (claim.read, claim.factor) == ((True, 1.2) if near else (False, 2.0)), claim
 
@@ -78,7 +77,7 @@ def test_what_is_published_is_what_the_paper_prints():
     for name in ("figures_3_6", "every_10_s"):
         found: dict[str, set[float]] = {}
         for _, claim in (pair for pair in CLAIMS if pair[0].name == name):
-            if isinstance(claim, Claim) and claim.published is not None:
+            if not claim.other and claim.published is not None:
                 found.setdefault(claim.where, set()).add(claim.published)
         assert found == printed
 
@@ -86,7 +85,7 @@ def test_what_is_published_is_what_the_paper_prints():
 @pytest.mark.parametrize(("tracker", "error", "least", "greatest"), [
     ("cluster", 2.0, 0.2, 0.3), ("gmtt", 2.5, 0.04, 0.09), ("tsstp", 4.0, 0.02, 0.06)])  # fmt: skip
 def test_each_tracker_has_its_own_figures(tracker, error, least, greatest):
-    own = [c for c in EXPERIMENTS["figures_3_6"].claims if isinstance(c, Claim) and c.variant == f"{tracker}, 300"]
+    own = [c for c in EXPERIMENTS["figures_3_6"].claims if not c.other and c.variant == f"{tracker}, 300"]
     assert {c.published for c in own if c.where == "figure 4"} == {error}
     for end, figure in (("least", least), ("greatest", greatest)):
         assert {c.published for c in own if c.quantity.startswith(end)} == {figure}
@@ -94,23 +93,23 @@ def test_each_tracker_has_its_own_figures(tracker, error, least, greatest):
 
 def test_every_published_order_is_asked_for_the_right_way_round():
     found = {(c.variant, c.other) for c in EXPERIMENTS["figures_3_6"].claims
-             if isinstance(c, Order) and c.quantity.startswith("share")}  # fmt: skip
+             if c.other and c.quantity.startswith("share")}  # fmt: skip
     assert {("tsstp, 200", "gmtt, 200"), ("tsstp, 200", "cluster, 200")} <= found
     assert all(variant.startswith("tsstp") for variant, _ in found)
     of_delay = [(c.variant, c.other) for c in EXPERIMENTS["every_10_s"].claims
-                if isinstance(c, Order) and "delay" in c.quantity]  # fmt: skip
+                if c.other and "delay" in c.quantity]  # fmt: skip
     gmtt, repaired = "gmtt, 300", "gmtt, repaired, 300"
     assert of_delay == 2 * [("tsstp, 300", gmtt), ("tsstp, 300", repaired), ("tsstp, 300", "cluster, 300"),
                             (gmtt, "cluster, 300"), (repaired, "cluster, 300")]  # fmt: skip
     of_error = {(c.variant, c.other) for c in EXPERIMENTS["every_10_s"].claims
-                if isinstance(c, Order) and c.quantity.startswith("mean error")}  # fmt: skip
+                if c.other and c.quantity.startswith("mean error")}  # fmt: skip
     assert {("cluster, 300", gmtt), (gmtt, "tsstp, 300"), ("cluster, 300", "tsstp, 300")} <= of_error
     assert not {(two, one) for one, two in of_error} & of_error
 
 
 def test_the_reasons_that_the_text_gives_are_asked_for_too():
     found = {(c.quantity, c.variant, c.other) for c in EXPERIMENTS["every_10_s"].claims
-             if isinstance(c, Order) and c.where.startswith("text of")}  # fmt: skip
+             if c.other and c.where.startswith("text of")}  # fmt: skip
     assert {
         ("re-acquisitions a run", "gmtt, 200", "tsstp, 200"),
         ("ranges a step, of steps 1 to 20", "tsstp, 300", "gmtt, 300"),

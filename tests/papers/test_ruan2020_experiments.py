@@ -11,7 +11,6 @@ from tests.campaign.inline_engine import InlineEngine
 from tests.papers.tables_of_runs import TablesOfRuns
 from wsnsim.papers import measures, reproduce
 from wsnsim.papers.paper import paper
-from wsnsim.papers.reproduction import Order
 from wsnsim.papers.ruan2020 import measures as ruan2020_measures
 
 EXPERIMENTS = paper("ruan2020").experiments
@@ -40,7 +39,7 @@ def test_table_1_is_claimed_as_printed_wherever_it_is_run_again():
         claimed = {
             claim.variant: claim.published
             for claim in experiment.claims
-            if not isinstance(claim, Order) and claim.where == "table 1"
+            if not claim.other and claim.where == "table 1"
         }
         assert claimed == {
             f"{kind}, {count}": figure
@@ -53,7 +52,7 @@ def test_what_the_text_says_of_50_particles_is_what_table_1_says():
     shares = {
         claim.measure.removeprefix("less_than:"): claim.published
         for claim in TABLE_1_RUNS.claims
-        if not isinstance(claim, Order) and claim.where == "section 3.1"
+        if not claim.other and claim.where == "section 3.1"
     }
     assert shares == {"pso_gpf, 50": 0.1623, "gpf, 50": 0.2612, "pf, 50": 0.641}
     for other, share in shares.items():
@@ -63,7 +62,7 @@ def test_what_the_text_says_of_50_particles_is_what_table_1_says():
 def test_pf_is_claimed_to_depend_most_on_the_number_of_particles_and_the_gravitational_search_least():
     saved = {kind: 1.0 - row[2] / row[0] for kind, row in PAGE.items()}
     assert max(saved, key=saved.get) == "pf" and min(saved, key=saved.get) == "gsa_gpf"
-    orders = {(c.variant, c.other) for c in TABLE_1_RUNS.claims if isinstance(c, Order) and c.where == "section 3.1"}
+    orders = {(c.variant, c.other) for c in TABLE_1_RUNS.claims if c.other and c.where == "section 3.1"}
     less = {("gsa_gpf", kind) for kind in PAGE if kind != "gsa_gpf"} | {(kind, "pf") for kind in PAGE if kind != "pf"}
     assert orders == {(f"{one}, 200", f"{other}, 200") for one, other in less}
 
@@ -73,23 +72,19 @@ def test_repairs_and_other_truths_are_not_counted():
     for experiment, claim in CLAIMS:
         greedy = "greedy" in claim.variant
         assert claim.literal != greedy, claim
-        assert greedy == ("repaired" in claim.where) or not isinstance(claim, Order), claim
-        if experiment is INDOOR_RUNS and (isinstance(claim, Order) or claim.reason):
+        assert greedy == ("repaired" in claim.where) or not claim.other, claim
+        if experiment is INDOOR_RUNS and (claim.other or claim.reason):
             assert claim.reason.startswith("of a surrogate: ")
 
 
 def test_shares_are_of_one_order_within_a_fifth_only():
-    shares = [c for _, c in CLAIMS if not isinstance(c, Order) and c.measure.startswith("less_than")]
+    shares = [c for _, c in CLAIMS if not c.other and c.measure.startswith("less_than")]
     assert len(shares) == 7
     assert {claim.factor for claim in shares} == {1.2}
 
 
 def test_every_filter_of_table_1_is_claimed_to_be_better_than_the_next_at_every_number_of_particles():
-    orders = {
-        (claim.variant, claim.other)
-        for claim in TABLE_1_RUNS.claims
-        if isinstance(claim, Order) and claim.where == "table 1"
-    }
+    orders = {(claim.variant, claim.other) for claim in TABLE_1_RUNS.claims if claim.other and claim.where == "table 1"}
     wanted = set()
     for row, count in enumerate((50, 100, 200)):
         ranked = sorted(PAGE, key=lambda kind: PAGE[kind][row])

@@ -40,8 +40,8 @@ class ClaimTemplate(DocumentModel):
     shown: bool | None = None
 
 
-class FigureTemplate(DocumentModel):
-    """A figure of the paper. `draw` names a function of the paper's FIGURES; by default it is the figure's name."""
+class PaperFigure(DocumentModel):
+    """A figure of the paper, drawn from our results by the function `draw` of its FIGURES (default: `name`)."""
 
     name: str
     caption: str
@@ -70,17 +70,17 @@ class ExperimentTemplate(DocumentModel):
     title: str
     like: str | None = None
     words: dict[str, str | list[str]] | None = None
-    variants: list[Any] | None = None
+    variants: tuple[Any, ...] = ()
     also: dict[str, list[str]] | None = None
     runs: Runs | None = None
-    claims: list[ClaimTemplate] | None = None
-    figures: list[FigureTemplate] | None = None
-    record: list[str] | None = None
-    sets: list[str] | None = None
-    quick_sets: list[str] | None = None
-    repairs: list[str] | None = None
-    summary: str | None = None
-    literal: bool | None = None
+    claims: tuple[ClaimTemplate, ...] = ()
+    figures: tuple[PaperFigure, ...] = ()
+    record: tuple[str, ...] = ()
+    sets: tuple[str, ...] = ()
+    quick_sets: tuple[str, ...] = ()
+    repairs: tuple[str, ...] = ()
+    summary: str = ""
+    literal: bool = True
 
 
 class SetUp(DocumentModel):

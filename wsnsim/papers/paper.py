@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Final, final
 from wsnsim.base.errors import Issue, ScenarioError, UsageError, did_you_mean
 from wsnsim.papers.document import PaperDocument, SetUp
 from wsnsim.papers.reasons import problems
-from wsnsim.papers.reproduction import Claim, Experiment, Order
+from wsnsim.papers.reproduction import Claim, Experiment
 from wsnsim.papers.templates import PlacedClaim, experiment_of
 from wsnsim.scenario.documents import Document, read_document
 from wsnsim.scenario.located_values import Keys
@@ -64,7 +64,7 @@ class Paper:
         return tuple(experiment for experiment, _ in found)
 
     @functools.cached_property
-    def main(self) -> list[tuple[Experiment, Claim | Order]]:
+    def main(self) -> list[tuple[Experiment, Claim]]:
         """The claims whose rows the README shows, in its order. Raises ScenarioError."""
         groups = enumerate(self._document.content.main)
         return [
@@ -75,7 +75,7 @@ class Paper:
             for found in self._chosen(name, label, keys, ("main", index, name, label))
         ]
 
-    def _chosen(self, name: str, label: str, keys: Any, path: Keys) -> Iterator[tuple[Experiment, Claim | Order]]:
+    def _chosen(self, name: str, label: str, keys: Any, path: Keys) -> Iterator[tuple[Experiment, Claim]]:
         """The claims of an id, all or those of some keys."""
         for experiment in self.experiments:
             claims = {claim.key: claim for claim in experiment.claims if claim.id == label and experiment.name == name}
@@ -113,8 +113,7 @@ class Paper:
                 yield self._document.issue(path, f"a second claim is '{claim.id}[{claim.key}]'")
             keys.setdefault(claim.id, []).append(claim.key)
         for claim, path in named:
-            others = [claim.other] if isinstance(claim, Order) else []
-            for variant in [claim.variant, *others]:
+            for variant in filter(None, (claim.variant, claim.other)):
                 if variant not in experiment.variants:
                     message = f"no variant is '{variant}' ({did_you_mean(variant, experiment.variants)})"
                     yield self._document.issue(path, message)

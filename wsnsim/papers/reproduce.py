@@ -29,7 +29,6 @@ from wsnsim.papers.reproduction import (
     ClaimRow,
     Experiment,
     Measured,
-    Order,
     verdict_on_order,
     verdict_on_value,
 )
@@ -137,10 +136,10 @@ def rows(paper: str, experiment: Experiment, folder: Path) -> list[ClaimRow]:
     return [replace(row, reason=rendered(row.reason, row, by_id)) for row in shown]
 
 
-def _row(paper: str, experiment: Experiment, claim: Claim | Order, data: Data) -> ClaimRow:
+def _row(paper: str, experiment: Experiment, claim: Claim, data: Data) -> ClaimRow:
     """The row of a claim, its reason still a format string."""
     published, found, bound, read = NAN, Measured(NAN, NAN, NAN, 0, NAN), BoundBeside(), False
-    if isinstance(claim, Order):
+    if claim.other:
         found = measures.difference(data, claim.variant, claim.other, claim.measure)
         verdict, reason = verdict_on_order(found), claim.reason
     else:
@@ -176,9 +175,10 @@ def draw(paper: str, experiment: Experiment, folder: Path, into: Path) -> list[P
     into.mkdir(parents=True, exist_ok=True)
     data, files = Data(Folder(folder), load_paper(paper)), []
     for figure in experiment.figures:
-        function = load_paper(paper).figure(figure.draw)
+        function = load_paper(paper).figure(figure.draw or figure.name)
+        caption = f"{load_paper(paper).source}, {figure.caption}"
         out = into / f"{paper}_{figure.name}.png"
-        files.append(write_figure(functools.partial(function, data=data), out, figure.size, figure.caption))
+        files.append(write_figure(functools.partial(function, data=data), out, figure.size, caption))
     return files
 
 

@@ -1,8 +1,7 @@
 """Experiments of a paper, claims about them, and the rule that gives each claim its verdict.
 
     Experiment: variants that run side by side as one campaign       Variant: one scenario of an experiment
-    Claim: a published value of one variant                          Order: a published order of two variants
-    PaperFigure: a figure of the paper, drawn from our results       ClaimRow: one line of `wsnsim reproduce`
+    Claim: a published value of one variant, or order of two         ClaimRow: one line of `wsnsim reproduce`
 
 `wsnsim.papers.paper` reads experiments from a paper's YAML file. RULE states the rule of the verdicts.
 """
@@ -13,6 +12,8 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final, Literal, NamedTuple
+
+from wsnsim.papers.document import PaperFigure
 
 Verdict = Literal[
     "reproduces", "same order", "does not reproduce", "cannot: beyond the bound", "undecided", "not judged",
@@ -35,10 +36,11 @@ class Variant:
 
 @dataclass(frozen=True)
 class Claim:
-    """A value that a paper prints for one variant; `published` is None for a value that it does not print.
+    """A value that a paper prints for one variant, or the order of two variants.
 
     Attributes:
         measure: what is measured, see `wsnsim.papers.measures`.
+        published: None for a value that the paper does not print, and for an order.
         bound: the kind of bound beside it, '' for none; see `measures.bound_beside`.
         where: the table or figure that prints the value.
         reason: one line on why the result is as it is: a format string over rows, see `wsnsim.papers.reasons`.
@@ -48,6 +50,7 @@ class Claim:
         literal: False for repairs and other readings, which are not counted among the paper's claims.
         id: the name under which reasons and the list of main rows refer to the claim.
         shown: False for a value that only reasons use.
+        other: for the order of two variants: the variant whose measure is larger in each run; otherwise ''.
     """
 
     quantity: str
@@ -63,54 +66,18 @@ class Claim:
     literal: bool = True
     id: str = ""
     shown: bool = True
+    other: str = ""
 
     @property
     def label(self) -> str:
-        """The row's quantity, and where the paper prints it."""
-        return self.quantity + (f" ({self.where})" if self.where else "")
+        """The row's quantity, of an order with the other variant, and where the paper prints it."""
+        compared = f" below that of {self.other}" if self.other else ""
+        return self.quantity + compared + (f" ({self.where})" if self.where else "")
 
     @property
     def key(self) -> str:
         """The claim's name among those with the same id."""
-        return self.variant
-
-
-@dataclass(frozen=True)
-class Order:
-    """A published order: in each run, the measure of `variant` is below that of `other`.
-
-    The other attributes are those of Claim.
-    """
-
-    quantity: str
-    variant: str
-    other: str
-    measure: str
-    where: str = ""
-    reason: str = ""
-    literal: bool = True
-    id: str = ""
-    shown: bool = True
-
-    @property
-    def label(self) -> str:
-        """The row's quantity with the variant it is compared to, and where the paper states the order."""
-        return f"{self.quantity} below that of {self.other}" + (f" ({self.where})" if self.where else "")
-
-    @property
-    def key(self) -> str:
-        """The claim's name among those with the same id."""
-        return f"{self.variant} < {self.other}"
-
-
-@dataclass(frozen=True)
-class PaperFigure:
-    """A figure of the paper, drawn from our results by the function `draw` of the paper's FIGURES."""
-
-    name: str
-    caption: str
-    draw: str
-    size: tuple[float, float] = (7.0, 4.5)
+        return f"{self.variant} < {self.other}" if self.other else self.variant
 
 
 @dataclass(frozen=True)
@@ -133,7 +100,7 @@ class Experiment:
     variants: Mapping[str, Variant]
     quick: int
     full: int
-    claims: tuple[Claim | Order, ...] = ()
+    claims: tuple[Claim, ...] = ()
     figures: tuple[PaperFigure, ...] = ()
     record: tuple[str, ...] = ()
     sets: tuple[str, ...] = ()

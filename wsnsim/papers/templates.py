@@ -10,7 +10,7 @@ from typing import Any, Final, NamedTuple
 
 from wsnsim.base.errors import ScenarioError, did_you_mean
 from wsnsim.papers.document import ClaimTemplate, ExperimentTemplate, PaperDocument
-from wsnsim.papers.reproduction import Claim, Experiment, Order, PaperFigure, Variant
+from wsnsim.papers.reproduction import Claim, Experiment, Variant
 from wsnsim.scenario.documents import Document
 from wsnsim.scenario.located_values import Keys
 
@@ -27,7 +27,7 @@ class UnknownName(Exception):
 class PlacedClaim(NamedTuple):
     """A claim and the path of its template in the file."""
 
-    claim: Claim | Order
+    claim: Claim
     path: Keys
 
 
@@ -82,30 +82,23 @@ def experiment_of(document: Document[PaperDocument], index: int) -> tuple[Experi
                 document, (*path, "like"), f"unknown experiment '{own.like}', {did_you_mean(own.like, others)}"
             )
         given = others[own.like].model_dump(exclude_unset=True) | given
-        path = path if own.claims is not None else ("experiments", [*others].index(own.like))
+        path = path if "claims" in own.model_fields_set else ("experiments", [*others].index(own.like))
     whole = ExperimentTemplate(**given)
     scope = TemplateScope({**content.published, **content.texts, "experiment": whole.name}, (whole.name,))
     try:
         words = {word: scope.value(text) for word, text in (content.words | (whole.words or {})).items()}
         also = whole.also or {}
-        variants = {
-            name: _variant(name, words, also.get(name, ())) for name in _names(scope.value(whole.variants or []))
-        }
+        variants = {name: _variant(name, words, also.get(name, ())) for name in _names(scope.value([*whole.variants]))}
     except UnknownName as unknown:
         raise _error(document, (*path, "variants"), str(unknown)) from None
     scope = TemplateScope({**scope.names, "variants": list(variants)}, scope.keys)
-    parser = _ClaimParser(document, words, tuple(whole.repairs or ()))
-    named = [*parser.expanded(whole.claims or [], (*path, "claims"), {}, scope)]
-    figures = tuple(
-        PaperFigure(each.name, f"{content.source}, {each.caption}", each.draw or each.name, each.size)
-        for each in whole.figures or ()
-    )
+    parser = _ClaimParser(document, words, whole.repairs)
+    named = [*parser.expanded(whole.claims, (*path, "claims"), {}, scope)]
     assert whole.runs is not None, f"{whole.name} has no runs"
-    simple = whole.model_dump(include={"name", "title", "summary", "literal"})
-    values: dict[str, Any] = {key: value for key, value in simple.items() if value is not None} | vars(whole.runs)
-    values |= {key: tuple(given.get(key) or ()) for key in ("record", "sets", "quick_sets")}
+    given = whole.model_dump(include={"name", "title", "record", "sets", "quick_sets", "summary", "literal"})
     claims = tuple(each.claim for each in named)
-    return Experiment(variants=variants, claims=claims, figures=figures, **values), named
+    experiment = Experiment(variants=variants, claims=claims, figures=whole.figures, **given, **vars(whole.runs))
+    return experiment, named
 
 
 def _error(document: Document[PaperDocument], path: Keys, message: str) -> ScenarioError:
@@ -190,17 +183,14 @@ class _ClaimParser:
         except UnknownName as unknown:
             raise _error(self.document, path, str(unknown)) from None
 
-    def _claim(self, given: Mapping[str, Any], name: str, scope: TemplateScope) -> Claim | Order:
-        variants = name.split(BELOW)
-        words = [word for variant in variants for word in _words_in(variant, self.words)]
-        here = TemplateScope(scope.names, (name, *scope.keys, *(reversed(words) if len(variants) == 1 else ())))
-        kind = Order if "order" in given else Claim
-        allowed = {field.name for field in fields(kind)}
+    def _claim(self, given: Mapping[str, Any], name: str, scope: TemplateScope) -> Claim:
+        variant, _, other = name.partition(BELOW)
+        words = [word for each in filter(None, (variant, other)) for word in _words_in(each, self.words)]
+        here = TemplateScope(scope.names, (name, *scope.keys, *(() if other else reversed(words))))
+        allowed = {field.name for field in fields(Claim)}
         found = {key: here.value(value) for key, value in given.items() if key in allowed}
         found = {key: value for key, value in found.items() if value is not None}
         if isinstance(published := found.get("published"), list):
             found["published"] = published[0] / published[1]
         found["literal"] = found.get("literal", True) and not set(words) & set(self.repairs)
-        if kind is Order:
-            return Order(**{**found, "variant": variants[0], "other": variants[1]})
-        return Claim(**{**found, "variant": name})
+        return Claim(**{**found, "variant": variant, "other": other})

@@ -13,11 +13,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
-from matplotlib.text import Annotation
+from matplotlib.text import Text
 from matplotlib.ticker import LogLocator, NullLocator
 from matplotlib.transforms import Bbox
 
 from wsnsim.analysis.figure_style import BOUND, COLOURS
+from wsnsim.base.arrays import Floats
 from wsnsim.papers.frontier.measures import (
     LEAST_IN_TIME,
     MOST_LOST,
@@ -168,58 +169,52 @@ def _legend(colours: dict[str, str]) -> Iterator[Line2D]:
 
 def label(
     axes: Axes, points: Sequence[tuple[float, float]], words: Sequence[str], colours: Sequence[str]
-) -> list[Annotation]:
+) -> list[Text]:
     """Write names beside their points, as near as possible, none on another name or on a marker.
 
     The figure must have been laid out. A point that is not finite has no name, nor one without free space around it.
     """
     figure: Any = axes.get_figure()
-    points_a_pixel = 72.0 / figure.dpi
+    renderer, scale = figure.canvas.get_renderer(), figure.dpi / 72.0  # pixels in a point
     pixels = axes.transData.transform(points)
-    markers = [_box(x, y, SIDE / points_a_pixel, SIDE / points_a_pixel) for x, y in pixels if math.isfinite(x + y)]
-    taken, written = list(markers), []
-    for (x, y), word, colour in sorted(zip(pixels.tolist(), words, colours, strict=True)):
-        if not math.isfinite(x + y):
+    known = np.flatnonzero(np.isfinite(pixels).all(axis=1)).tolist()
+    taken = [Bbox([pixels[i], pixels[i]]).padded(SIDE * scale / 2.0) for i in known]
+    written = []
+    for i in sorted(known, key=lambda i: (*pixels[i], words[i])):
+        text = _annotation(axes, words[i], points[i], colours[i])
+        text.update_positions(renderer)
+        box = Text.get_window_extent(text, renderer).padded(2.0 * PAD * scale, PAD * scale)
+        places = ((offset, box.translated(*(scale * offset))) for offset in _offsets(box.size / scale))
+        free = [(offset, place) for offset, place in places if _is_free(place, taken, axes.bbox)]
+        own = ((offset, place) for offset, place in free if _gap(place, pixels[i]) <= _gap(place, *pixels[known]))
+        if not free:
+            text.remove()
             continue
-        width, height = _size(axes, word)
-        places = ((dx, dy, _box(x + dx / points_a_pixel, y + dy / points_a_pixel, width, height))
-                for dx, dy in _offsets(width * points_a_pixel, height * points_a_pixel))  # fmt: skip
-        free = [offer for offer in places if _is_free(offer[2], taken, axes.bbox)]
-        own = (offer for offer in free if _gap(offer[2], x, y) <= min(_gap(offer[2], *_middle(one)) for one in markers))
-        if (chosen := next(own, free[0] if free else None)) is not None:
-            taken.append(chosen[2])
-            led = _gap(chosen[2], x, y) * points_a_pixel > LEADING
-            written.append(_written(axes, word, (x, y), chosen[:2], led))
-            written[-1].set_color(colour)
+        offset, place = next(own, free[0])
+        taken.append(place)
+        text.set_position(offset)
+        text.arrow_patch.set_visible(_gap(place, pixels[i]) > LEADING * scale)
+        written.append(text)
     return written
 
 
-def _size(axes: Axes, word: str) -> tuple[float, float]:
-    """(width, height) of a name in pixels, with its margin."""
-    figure: Any = axes.get_figure()
-    text = axes.text(0.5, 0.5, word, transform=axes.transAxes, fontsize=LETTERS)
-    extent = text.get_window_extent(figure.canvas.get_renderer())
-    text.remove()
-    return extent.width + 4.0 * PAD * figure.dpi / 72.0, extent.height + 2.0 * PAD * figure.dpi / 72.0
+def _annotation(axes: Axes, word: str, point: tuple[float, float], colour: str) -> Any:
+    """A name on its point, with a leading line that appears when the name is moved."""
+    text = axes.annotate(
+        word, point, xytext=(0.0, 0.0), textcoords="offset points", ha="center", va="center", fontsize=LETTERS,
+        color=colour, path_effects=[withStroke(linewidth=2.0, foreground="white")],
+        arrowprops={"arrowstyle": "-", "color": GREY, "linewidth": 0.5, "shrinkA": 0.0, "shrinkB": 3.0},
+    )  # fmt: skip
+    text.set_in_layout(False)
+    return text
 
 
-def _offsets(width: float, height: float) -> Iterator[tuple[float, float]]:
-    """(dx, dy) in points from a marker to a label's middle: near ones first, right before left."""
+def _offsets(size: Floats) -> Iterator[Floats]:
+    """(dx, dy) in points from a marker to the middle of a label: near ones first, right before left."""
     turns = [0, 25, -25, 50, -50, 180, 155, -155, 90, -90, 130, -130]
     for distance, turn in itertools.product(DISTANCES, turns):
-        across, up = (round(part(math.radians(turn)), 6) for part in (math.cos, math.sin))
-        yield (
-            across * distance + math.copysign(width / 2.0, across) * (across != 0.0),
-            up * distance + math.copysign(height / 4.0, up) * (up != 0.0),
-        )
-
-
-def _middle(box: Bbox) -> tuple[float, float]:
-    return (box.x0 + box.x1) / 2.0, (box.y0 + box.y1) / 2.0
-
-
-def _box(x: float, y: float, width: float, height: float) -> Bbox:
-    return Bbox.from_bounds(x - width / 2.0, y - height / 2.0, width, height)
+        direction = np.round([math.cos(math.radians(turn)), math.sin(math.radians(turn))], 6)
+        yield distance * direction + np.sign(direction) * size / (2.0, 4.0)
 
 
 def _is_free(box: Bbox, taken: Sequence[Bbox], inside: Bbox) -> bool:
@@ -227,28 +222,9 @@ def _is_free(box: Bbox, taken: Sequence[Bbox], inside: Bbox) -> bool:
     return within and not any(box.overlaps(other) for other in taken)
 
 
-def _gap(box: Bbox, x: float, y: float) -> float:
-    """Pixels from a point to the nearest edge of a box."""
-    return math.hypot(max(box.x0 - x, x - box.x1, 0.0), max(box.y0 - y, y - box.y1, 0.0))
-
-
-def _written(axes: Axes, word: str, pixel: tuple[float, float], offset: tuple[float, float], led: bool) -> Annotation:
-    across, up = axes.transData.inverted().transform(pixel)
-    text = axes.annotate(
-        word,
-        (across, up),
-        xytext=offset,
-        textcoords="offset points",
-        ha="center",
-        va="center",
-        fontsize=LETTERS,
-        path_effects=[withStroke(linewidth=2.0, foreground="white")],
-        arrowprops={"arrowstyle": "-", "color": GREY, "linewidth": 0.5, "shrinkA": 0.0, "shrinkB": 3.0}
-        if led
-        else None,
-    )
-    text.set_in_layout(False)
-    return text
+def _gap(box: Bbox, *pixels: Floats) -> float:
+    """Distance (pixels) between a box and the nearest of some points."""
+    return float(np.linalg.norm(pixels - np.clip(pixels, box.min, box.max), axis=1).min())
 
 
 FIGURES: Final[Drawings] = {"frontier": _frontier}
