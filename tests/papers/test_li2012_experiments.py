@@ -196,7 +196,7 @@ def test_a_tiny_run_gives_rows_and_pictures_and_is_not_run_again(tmp_path):
     whole = EXPERIMENTS["figures_3_6"]
     names = ("gmtt, 300", "gmtt, repaired, 300", "tsstp, 300", "cluster, 300")
     shown = [dataclasses.replace(claim, reason="") for claim in whole.claims if claim.shown]
-    kept = [claim for claim in shown if {claim.variant, getattr(claim, "other", names[0])} <= set(names)]
+    kept = [claim for claim in shown if {claim.variant, claim.other or names[0]} <= set(names)]
     tiny = dataclasses.replace(whole, variants={name: whole.variants[name] for name in names}, claims=tuple(kept),
                                quick=2, quick_sets=("duration=20 s",))  # fmt: skip
     assert reproduce.run("li2012", tiny, tmp_path, 1).complete
