@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from types import FrameType
@@ -46,7 +47,7 @@ class Interrupts:
         handlers: dict[int, Handler] = dict.fromkeys(SIGNALS, self._raise)
         if hasattr(signal, "setitimer"):
             handlers[signal.SIGALRM] = self._raise_again
-        with _handled(handlers):
+        with _handled(handlers), _swallowed_interrupts_unreported():
             try:
                 yield
             finally:
@@ -91,3 +92,14 @@ def _handled(handlers: dict[int, Handler]) -> Iterator[None]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+@contextlib.contextmanager
+def _swallowed_interrupts_unreported() -> Iterator[None]:
+    """Do not print a KeyboardInterrupt that a callback from compiled code cannot pass on: it is raised again."""
+    before = sys.unraisablehook
+    sys.unraisablehook = lambda error: None if error.exc_type is KeyboardInterrupt else before(error)
+    try:
+        yield
+    finally:
+        sys.unraisablehook = before
