@@ -18,17 +18,17 @@ from wsnsim.trackers.shared.fixes import Fixes, RangeFix
 from wsnsim.trackers.shared.localising import Ranged
 
 HANDOVER_BITS = 88
-"""11 bytes, as a report: the last fix."""
+"""Size of the last fix, as in a report: 11 bytes."""
 POSITION_BITS = 32
 
 
 @part
 class AwakeOnly(RangeFix):
-    """Least squares on the ranges of whoever is awake: no prediction, and no memory.
+    """A least-squares fix from the ranges of the nodes that are awake, without prediction or memory.
 
-    The search for the fix starts at the middle of the nodes whose readings came. So one range alone gives the place of
-    its node, and two that cross give the middle of their crossings: nothing says which side. The velocity is unknown.
-    What nodes can do without a wake-up protocol, for the others to be measured against.
+    The search for the fix starts at the mean position of the nodes whose readings arrived. So the fix from one range is
+    the position of its node, and that from two ranges is the midpoint of their intersections, since nothing selects
+    one. The velocity is unknown. This is the reference for trackers with a wake-up protocol.
 
     Source: the random independent sleeping of Li, Jiang, Zhang, Zhang (2012), without its wake-up; our choice.
     """

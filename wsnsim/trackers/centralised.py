@@ -28,5 +28,5 @@ class CentralPf(HeadCloud):
     threshold: Annotated[float, Quantity("", ge=0, le=1), "resample below this fraction of effective particles"] = 0.5
 
     def weighed(self, prediction: Prediction, seen: Evidence, scene: Scene) -> CloudBelief:
-        """Weigh with all readings; resample if too few particles are effective, whose number is that before."""
+        """Weight with all readings; resample if the effective number, which is reported, is too small."""
         return bootstrap(prediction, seen, scene, self.particles, self.threshold)

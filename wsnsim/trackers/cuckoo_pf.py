@@ -1,8 +1,7 @@
 """Particle filters whose resampling is a cuckoo search, plain (CS-PF) and improved (ICS-PF), in the head.
 
-Wei, Guo (2022). Particles are nests: they fly by Levy flights about the best one, are replaced, and what is fitter
-stays.
-Requests of a step:
+Wei, Guo (2022). Particles are nests. They move by Lévy flights about the best one and are replaced at random; a move is
+accepted if it is fitter. Requests of a step:
 
     Gather: readings  Compute
 """
@@ -29,13 +28,15 @@ LENGTH = Quantity("", ge=0, le=1e3)
 
 @part
 class Nests:
-    """What the two searches have in common, beside a particle filter in the head."""
+    """The parameters of both searches."""
 
     particles: Annotated[int, Quantity("", ge=1, le=10**7), "N_p: particles, the nests"] = 100
     generations: Annotated[int, Quantity("", ge=1, le=10_000), "n: generations of the search per step"] = 5
     exponent: Annotated[float, Quantity("", ge=0.3, le=1.99), "λ: tail exponent of the Levy flights"] = 1.5
-    variant: Annotated[Variant, "search alone, after a resampling, or after it under a Metropolis test"] = "literal"
-    fitness: Annotated[Fitness, "what is sought and weighed with, eq. 13: the likelihood, or without square"] = (
+    variant: Annotated[Variant, "the search alone, after resampling, or after resampling with a Metropolis test"] = (
+        "literal"
+    )
+    fitness: Annotated[Fitness, "fitness and weight, eq. 13: the likelihood, or its form without the square"] = (
         "gaussian"
     )
     move: Annotated[Move, "which columns of the state the search moves"] = "all"
@@ -47,17 +48,17 @@ class Nests:
 
     @property
     def evaluations(self) -> int:
-        """Likelihoods a particle and step."""
+        """Likelihood evaluations per particle and step."""
         return 1 + 2 * self.generations
 
     @property
     def reading_cycles(self) -> float:
-        """Operations a particle and reading: to weigh, at every evaluation."""
+        """Operations per particle and reading, at all evaluations."""
         return WEIGH_CYCLES * self.evaluations
 
     @property
     def move_cycles(self) -> float:
-        """Operations a particle: a flight and a replacement a generation, 50 each, as moves in the other trackers.
+        """Operations per particle: a flight and a replacement per generation, 50 each, as moves in the other trackers.
 
         A Metropolis test also needs a transition density: to predict, and to compare.
         """
@@ -66,11 +67,12 @@ class Nests:
 
 @part
 class CuckooPf(Nests, HeadCloud):
-    """CS-PF: the predicted particles search for likely places, are weighed there, and go on with equal weights.
+    """CS-PF: the predicted particles search for states of high likelihood and are weighted there.
 
-    The literal search is no sampler: it climbs the likelihood from the prediction, and weighs with the likelihood once
-    more. `variant: metropolis` is what the same moves give if they are accepted as a Markov chain's. All columns move,
-    as in the paper; the velocity, which no fitness holds, then runs away: networks want `move: position`.
+    The literal search is not a sampler: it climbs the likelihood from the prediction, and the weights use the
+    likelihood a second time. `variant: metropolis` accepts the same moves as those of a Markov chain. All columns move,
+    as in the paper; the velocity then diverges, since the fitness does not depend on it. Use `move: position` in
+    networks.
     """
 
     paper: ClassVar[str] = "Wei, Guo (2022)"
@@ -87,7 +89,7 @@ class CuckooPf(Nests, HeadCloud):
     keep: Annotated[float, PROBABILITY, "p_a: probability that a nest is kept, eq. 7 as printed"] = 0.25
 
     def weighed(self, prediction: Prediction, seen: Evidence, scene: Scene) -> CloudBelief:
-        """The search, and the moments of what it found."""
+        """The belief after the search, with the moments of its result."""
         schedule = (Generation(self.length, self.keep),) * self.generations
         search = Search(schedule, self.exponent, self.alpha == "random", False, self.variant, self.fitness, self.move)
         return searched(search, prediction, seen, scene)
@@ -95,9 +97,9 @@ class CuckooPf(Nests, HeadCloud):
 
 @part
 class ImprovedCuckooPf(Nests, HeadCloud):
-    """ICS-PF: as CS-PF, but flights shorten, fewer nests are kept in the later generations, and Δk scales each flight.
+    """ICS-PF: CS-PF with flights that shorten and nests that are kept less over the generations; Δk scales each flight.
 
-    Δk is taken from the previous generation, since the printed one needs the fitness that the flight is still to find.
+    Δk is that of the previous generation, since the printed one needs the fitness after the flight.
     """
 
     paper: ClassVar[str] = "Wei, Guo (2022)"
@@ -109,7 +111,7 @@ class ImprovedCuckooPf(Nests, HeadCloud):
         "handover particles|gaussian"
     )
 
-    p_max: Annotated[float, PROBABILITY, "P_max: by how much the probability of keeping falls, eq. 8"] = 0.3
+    p_max: Annotated[float, PROBABILITY, "P_max: by how much the probability of keeping decreases, eq. 8"] = 0.3
     p_min: Annotated[float, PROBABILITY, "P_min: probability of keeping in the last generation, eq. 8"] = 0.01
     f_max: Annotated[float, LENGTH, "length of a flight in the first generation, eq. 9"] = 0.5
     f_min: Annotated[float, LENGTH, "length of a flight in the last generation, eq. 9"] = 0.01
@@ -131,6 +133,6 @@ class ImprovedCuckooPf(Nests, HeadCloud):
         )
 
     def weighed(self, prediction: Prediction, seen: Evidence, scene: Scene) -> CloudBelief:
-        """The search, and the moments of what it found."""
+        """The belief after the search, with the moments of its result."""
         search = Search(self.schedule, self.exponent, False, True, self.variant, self.fitness, self.move)
         return searched(search, prediction, seen, scene)

@@ -1,4 +1,4 @@
-"""The extended Kalman filter in one head: the reference beside filters that relay from sensor to sensor.
+"""The extended Kalman filter in one head: the reference for filters that relay from sensor to sensor.
 
 Requests of a step:
 

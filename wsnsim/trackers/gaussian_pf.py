@@ -1,13 +1,13 @@
-"""Particle filters that believe in one Gaussian between steps, and so never resample: GPF, PSO-GPF and GSA-GPF.
+"""Particle filters that keep one Gaussian between steps and never resample: GPF, PSO-GPF and GSA-GPF.
 
 Ruan, Wang, Yang, Zhang (2020), after Kotecha, Djurić (2003). Requests of a step:
 
     Gather: readings  Compute
 
-A step draws particles from the Gaussian, predicts them, may move them towards the readings, weighs them by the
-likelihood where they are, and sums them up. After a move that is a heuristic: the particles are no longer drawn from
-the prediction, and nothing in their weights makes up for it. The 1/N in the paper's step 5 would give an estimate N
-times too small, its weights being normalised already, and is left out. Without a reading nothing is drawn.
+A step samples particles from the Gaussian, predicts them, may move them towards the readings, weights them by the
+likelihood, and computes mean and covariance. With a move this is a heuristic: the particles are no longer samples of
+the prediction, and their weights do not compensate for it. The 1/N in the paper's step 5 is left out, since its weights
+are normalised already. Without a reading no particles are sampled.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ Move = Literal["position", "all"]
 class HeadSampling(HeadFilter):
     """What the three have in common. A tracker gives `moved(cloud, score, scene)`, `evaluations` and `move_cycles`."""
 
-    particles: Annotated[int, Quantity("", ge=1, le=10**6), "N: particles drawn at each step"] = 100
+    particles: Annotated[int, Quantity("", ge=1, le=10**6), "N: particles sampled at each step"] = 100
 
     @property
     def evaluations(self) -> int:
@@ -96,7 +96,7 @@ class HeadSampling(HeadFilter):
 
 @part
 class GaussianPf(HeadSampling):
-    """GPF: particles drawn from N(μ, Σ), predicted, weighed by the likelihood and summed up in N(μ', Σ')."""
+    """GPF: particles sampled from N(μ, Σ), predicted, weighted by the likelihood and fitted by N(μ', Σ')."""
 
     paper: ClassVar[str] = "Ruan, Wang, Yang, Zhang (2020)"
     idea: ClassVar[str] = (
@@ -107,17 +107,17 @@ class GaussianPf(HeadSampling):
     variants: ClassVar[str] = ""
 
     def moved(self, cloud: Floats, score: Score, scene: Scene) -> tuple[Floats, Floats]:
-        """Where they are predicted."""
+        """The predicted particles, unmoved, and their log-likelihoods."""
         return cloud, score(cloud)
 
 
 @part
 class SwarmGaussianPf(HeadSampling):
-    """PSO-GPF: the predicted particles fly as a swarm, its fitness being their likelihood, before they are weighed.
+    """PSO-GPF: the predicted particles move as a swarm with the likelihood as fitness before they are weighted.
 
-    v = w v + c1 r1 (own best - x) + c2 r2 (swarm's best - x), x = x + v, always accepted; the particles are weighed
-    where they end, not where they were best. The paper gives none of the parameters: w, c1, c2 are the usual constants
-    of a swarm that settles, and all four are our choice.
+    v = w v + c1 r1 (own best - x) + c2 r2 (swarm's best - x), x = x + v, always accepted. The particles are weighted at
+    their last positions, not at their best ones. The paper gives no parameters: w, c1 and c2 are the usual constants of
+    a convergent swarm, and all four are our choice.
     """
 
     paper: ClassVar[str] = "Ruan, Wang, Yang, Zhang (2020)"
@@ -134,16 +134,16 @@ class SwarmGaussianPf(HeadSampling):
 
     @property
     def evaluations(self) -> int:
-        """One at the start and one after each move."""
+        """One evaluation at the start and one after each move."""
         return 1 + self.iterations
 
     @property
     def move_cycles(self) -> float:
-        """50 a particle and move."""
+        """50 operations per particle and move."""
         return MOVE_CYCLES * self.particles * self.iterations
 
     def moved(self, cloud: Floats, score: Score, scene: Scene) -> tuple[Floats, Floats]:
-        """The last of the swarm's places."""
+        """The swarm's last positions and their log-likelihoods."""
         rows, _ = _moving(self.move, scene)
         keys, everyone = keys_of(scene, self.particles, MOVE), np.array([0, self.particles])
         fitness, points = score(cloud), np.ascontiguousarray(cloud[rows])
@@ -162,17 +162,17 @@ class SwarmGaussianPf(HeadSampling):
 
 @part
 class GravitationalGaussianPf(HeadSampling):
-    """GSA-GPF: the predicted particles attract each other by their likelihoods before they are weighed. Eqs. (5)-(9).
+    """GSA-GPF: the predicted particles attract each other by their likelihoods before they are weighted. Eqs. (5)-(9).
 
-    In iteration t = 1 ... T_c, G = G0 exp(-α t / T_c), and the K = round(N + (1 - N)(t - 1)/(T_c - 1)) heaviest pull.
-    G0 = 100 is a constant of searches in a box of that size: as masses sum to one and the pull does not fall with the
-    distance, it carries a particle up to 13.5 m in the first move, and so throws a cloud of a metre apart. That is the
-    literal form, and the default. `acceptance: greedy` moves a particle only where that is more likely than where it
-    is; a smaller `G0` is the other repair.
+    In iteration t = 1 ... T_c, G = G0 exp(-α t / T_c). The K = round(N + (1 - N)(t - 1)/(T_c - 1)) heaviest attract.
+    G0 = 100 is usual in searches of a box of that size. Since masses sum to one and the attraction does not decrease
+    with the distance, a particle moves up to 13.5 m in the first move, which disperses a cloud of one metre. That is
+    the literal form and the default. `acceptance: greedy` moves a particle only if its likelihood increases; a smaller
+    `G0` is the other repair.
 
-    Our choice, where the paper is silent: `move: position` (literal would be `all`: the distance does not count the
-    velocity, so that pulls on it have no bound), the softening ε, and a velocity that outlives a refused move.
-    The "perception threshold r" of step 3 is never defined, and is not here.
+    Our choice, since the paper does not say: `move: position` (literal is `all`: the distance does not include the
+    velocity, whose change is then unbounded), the softening ε, and a velocity that is kept after a rejected move. The
+    "perception threshold r" of step 3 is never defined in the paper, and is left out.
     """
 
     paper: ClassVar[str] = "Ruan, Wang, Yang, Zhang (2020)"
@@ -190,14 +190,14 @@ class GravitationalGaussianPf(HeadSampling):
     G0: Annotated[float, Quantity("", ge=0, le=1e9), "how strongly particles attract each other at first"] = 100.0
     alpha: Annotated[float, Quantity("", ge=0, le=1e6), "α: how fast the attraction decays over the moves"] = 20.0
     softening: Annotated[float, Quantity("m", ge=1e-12, le=1e6), "ε: added to the distance of two particles"] = 1e-6
-    acceptance: Annotated[Literal["always", "greedy"], "whether a move is always made, or only to a fitter place"] = (
+    acceptance: Annotated[Literal["always", "greedy"], "whether a move is always accepted, or only if it is fitter"] = (
         "always"
     )
     move: Annotated[Move, "whether the position alone or the whole state moves"] = "position"
 
     @property
     def evaluations(self) -> int:
-        """One at the start and one after each move."""
+        """One evaluation at the start and one after each move."""
         return 1 + self.iterations
 
     @property
@@ -207,7 +207,7 @@ class GravitationalGaussianPf(HeadSampling):
         return PAIR_CYCLES * self.particles * pulling
 
     def moved(self, cloud: Floats, score: Score, scene: Scene) -> tuple[Floats, Floats]:
-        """Where the particles are after T_c moves."""
+        """The particles after T_c moves and their log-likelihoods."""
         rows, places = _moving(self.move, scene)
         keys, fitness = keys_of(scene, self.particles, MOVE), score(cloud)
         velocities = np.zeros(cloud[rows].shape)

@@ -1,4 +1,4 @@
-"""GMTT: a fix by least squares at each step, and a grey model of the last fixes that says where the next will be.
+"""GMTT: a least-squares fix at each step, and a grey model of the last fixes that predicts the next.
 
 Requests of a step:
 
@@ -18,7 +18,7 @@ from wsnsim.kernels.grey import forecast_at
 from wsnsim.trackers.shared.fixes import Fixes, RangeFix
 
 LEAST_FIXES: Final = 4
-"""Fewer give no prediction."""
+"""Least number of fixes for a prediction."""
 POSITION_BITS: Final = 32
 """4 bytes."""
 HEADER_BITS: Final = 104
@@ -29,15 +29,14 @@ HEADER_BITS: Final = 104
 class GreyTracking(RangeFix):
     """Least squares on the ranges, and GM(1,1) on each axis of the last `window` fixes, which predicts the next.
 
-    Fixes come at unequal times: Ψ interpolates them at equal ones, and the model is evaluated at the fractional index
-    of the instant that is asked for. A prediction is kept in the field. Fewer than four fixes predict nothing: the
-    target is expected where it was last. The message of the paper has no times: that a head knows those of the fixes it
-    is sent is an idealisation.
+    Fixes have unequal intervals: Ψ interpolates them at equal ones, and the model is evaluated at the fractional index
+    of the requested instant. A prediction is limited to the field. With fewer than four fixes the prediction is the
+    last fix. The paper's message has no times; that a head knows the times of the fixes it receives is an idealisation.
 
-    GM(1,1) is not invariant to the origin, and explodes on mixed signs: `shift` is added before and subtracted after;
-    0 is literal. `correction`, where the model's check fails: `literal` is a model of the residuals of which the first
-    is 0, `tail` our repair, a model of the others. `report`: what is issued, the fix or what was predicted for the
-    step.
+    GM(1,1) is not invariant to the origin, and diverges on mixed signs: `shift` is added before and subtracted after;
+    0 is literal. `correction` applies if the check of the model fails: `literal` is a model of all residuals, of which
+    the first is 0; `tail`, our repair, is a model of the others. `report` selects the estimate: the fix, or the
+    prediction for the step.
 
     Source: Li, Jiang, Zhang, Zhang (2012). The window of 5 is implied by the message's 20 bytes at 4 a position.
     """
@@ -48,10 +47,10 @@ class GreyTracking(RangeFix):
     messages: ClassVar[str] = "a reading up per member"
     variants: ClassVar[str] = "correction tail|literal|none, report fix|prediction, shift, window"
 
-    window: Annotated[int, Quantity("", ge=4, le=64), "n: fixes that the model is made of"] = 5
+    window: Annotated[int, Quantity("", ge=4, le=64), "n: number of fixes in the model"] = 5
     shift: Annotated[float, Quantity("m", ge=0.0, le=1e7), "added to positions before the model; 0 is literal"] = 500.0
-    correction: Annotated[Literal["tail", "literal", "none"], "of a model that fails its check"] = "tail"
-    report: Annotated[Literal["fix", "prediction"], "what is issued as the estimate"] = "fix"
+    correction: Annotated[Literal["tail", "literal", "none"], "correction of a model that fails its check"] = "tail"
+    report: Annotated[Literal["fix", "prediction"], "what is reported as the estimate"] = "fix"
 
     def estimate(self, belief: Fixes) -> Estimate:
         """The fix, with the velocity from the last two; or what had been predicted for the step, if anything was."""
@@ -60,7 +59,7 @@ class GreyTracking(RangeFix):
         return Estimate(belief.mean, belief.cov)
 
     def foresees(self, belief: Fixes) -> bool:
-        """Once there are four fixes."""
+        """Whether there are four fixes."""
         return len(belief.points) >= LEAST_FIXES
 
     def belief_bits(self, belief: Fixes) -> int:

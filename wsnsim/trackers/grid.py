@@ -1,4 +1,4 @@
-"""The posterior of a state of one column, by integration on a grid: what every other filter approximates.
+"""The posterior of a scalar state by integration on a grid: the reference that other filters approximate.
 
 Requests of a step:
 
@@ -25,14 +25,14 @@ from wsnsim.trackers.shared.parcels import moment_packets, parcel, weight_packet
 from wsnsim.trackers.shared.readings import gather_readings
 
 SPREAD_CYCLES = 15.0
-"""CPU cycles to give one cell its part of another cell's mass."""
+"""CPU cycles to add a share of one cell's mass to another cell."""
 EDGE = Quantity("", ge=-1e9, le=1e9)
 LEAST_EXTENT = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
 class GridBelief(GaussianBelief):
-    """The mass (cells,) of each cell, which sum to one, and their moments."""
+    """The masses (cells,) of the cells, which sum to one, and their moments."""
 
     masses: Floats = field(default_factory=lambda: np.empty(0))
 
@@ -41,11 +41,11 @@ class GridBelief(GaussianBelief):
 class GridFilter(HeadFilter):
     """The exact posterior of a state of one column, up to the width of a cell.
 
-    A cell's mass moves from its middle to where the motion without noise takes it, and is spread there by the process
-    noise, a Gaussian. A deviation narrower than a cell, or than the image of the cell that it comes from, is widened to
-    that: cells are then too coarse, and the posterior is not exact. Mass that leaves the grid is kept at its edge. The
-    default grid has room for the univariate growth model with a process variance of 10, whose states without noise
-    stay below 19, with a noise that adds up to a deviation below 4.
+    The mass of a cell moves from the cell's centre by the motion without noise and is then spread by the Gaussian
+    process noise. A standard deviation less than the width of a cell, or of the image of its cell, is increased to that
+    width: the cells are then too coarse, and the posterior is not exact. Mass that leaves the grid is kept at its edge.
+    The default grid contains the univariate growth model with a process variance of 10: its states without noise stay
+    below 19, and the accumulated noise has a standard deviation below 4.
     """
 
     paper: ClassVar[str] = ""
@@ -55,8 +55,8 @@ class GridFilter(HeadFilter):
     variants: ClassVar[str] = ""
 
     cells: Annotated[int, Quantity("", ge=2, le=100_000), "cells of the grid"] = 2000
-    low: Annotated[float, EDGE, "where the grid begins, in SI units"] = -60.0
-    high: Annotated[float, EDGE, "where it ends"] = 60.0
+    low: Annotated[float, EDGE, "lower edge of the grid, in SI units"] = -60.0
+    high: Annotated[float, EDGE, "upper edge of the grid, in SI units"] = 60.0
 
     def check(self, setup: TrackingSetup) -> Iterator[Issue]:
         """A state of more than one column; a grid without extent."""

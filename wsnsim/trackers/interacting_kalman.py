@@ -1,4 +1,4 @@
-"""IMSF: a Kalman filter a sensor, mixed at each step by the probabilities of a Markov chain of sensors.
+"""IMSF: one Kalman filter per sensor, mixed at each step by the probabilities of a Markov chain over the sensors.
 
 After Liu, Wang (2012), section 4. Requests of a step:
 
@@ -25,7 +25,7 @@ from wsnsim.trackers.shared.sensors import LIKELIHOOD_CYCLES, arrived_probabilit
 
 @dataclass(frozen=True, slots=True)
 class InteractingBelief(GaussianBelief):
-    """The mixture's moments; and of the n sensors `ids` means (D, n), covariances (D, D, n), probabilities (n,)."""
+    """The mixture's moments; means (D, n), covariances (D, D, n) and probabilities (n,) of the sensors `ids`."""
 
     ids: tuple[int, ...] = ()
     means: Floats = field(default_factory=lambda: np.empty((0, 0)))
@@ -35,17 +35,16 @@ class InteractingBelief(GaussianBelief):
 
 @part
 class InteractingKalman(HeadFilter):
-    """A filter a sensor in the head: each starts from a mixture of all, predicts, and updates with its own reading.
+    """One filter per sensor in the head: each starts from a mixture of all, predicts, and updates with its own reading.
 
-    `mixing: printed` sums the covariances of eq. 23 without their weights, as the paper's bracket says: they grow
-    n-fold a step wherever readings do not hold them, a variance is kept from exceeding 1e12 (our choice), and the track
-    is soon lost. `corrected` weighs them.
+    `mixing: printed` sums the covariances of eq. 23 without their weights, as printed: without readings they grow
+    n-fold per step up to a limit of 1e12 (our choice), and the track is soon lost. `corrected` weights them.
 
-    A sensor that joins has a filter that starts from the mixture, with probability 0; one that no longer senses drops
-    out with its filter, and the other probabilities are renormalised. A sensor whose reading is lost keeps its
-    predicted probability and its filter only predicts; the others share the remainder by their likelihoods. While
-    nobody senses, the mixture predicts as one Gaussian. Steps that were missed are mixed and predicted. (All our
-    choice: in the paper there is a reading of each sensor at each step.)
+    The filter of a sensor that joins starts from the mixture, with probability 0. A sensor that no longer senses is
+    removed with its filter, and the other probabilities are renormalised. If a reading is lost, its sensor keeps the
+    predicted probability and its filter only predicts; the others share the remainder by their likelihoods. While no
+    sensor senses, the mixture predicts as one Gaussian. Missed steps are mixed and predicted. (All our choice: in the
+    paper every sensor has a reading at each step.)
 
     Source: Liu, Wang (2012), eqs. 18-25.
     """
@@ -57,10 +56,10 @@ class InteractingKalman(HeadFilter):
     variants: ClassVar[str] = "mixing corrected|printed"
 
     stay: Annotated[float, Quantity("", ge=0, le=1), "diagonal of M; the other entries are equal"] = 0.93
-    mixing: Annotated[Literal["corrected", "printed"], "whether eq. 23 weighs the covariances"] = "corrected"
+    mixing: Annotated[Literal["corrected", "printed"], "whether eq. 23 weights the covariances"] = "corrected"
 
     def start(self, prior: Estimate, scene: Scene) -> Flow[InteractingBelief]:
-        """The prior in every filter, every sensor as probable as another."""
+        """The prior in every filter, with equal probabilities of the sensors."""
         return _with_filters(InteractingBelief(prior.mean, prior.cov, scene.head), scene)
         yield  # a flow without requests
 

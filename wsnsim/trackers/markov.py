@@ -1,4 +1,4 @@
-"""TSSTP: a fix by least squares at each step; who tracks next is drawn, so that there is nothing to predict.
+"""TSSTP: a least-squares fix at each step; the nodes that track next are sampled, so no prediction is needed.
 
 Requests of a step:
 
@@ -15,13 +15,13 @@ from wsnsim.trackers.shared.fixes import Fixes, RangeFix
 HEADING_CYCLES = 2.0
 """CPU cycles to compute the displacement of the last two fixes."""
 HANDOVER_BITS = 136
-"""17 bytes, as the invitation."""
+"""Size of the last two fixes, as in the invitation: 17 bytes."""
 POSITION_BITS = 32
 
 
 @part
 class TwoPhase(RangeFix):
-    """Least squares on the ranges; the next position is the last. Its last displacement says what is ahead.
+    """A least-squares fix at each step; the last fix is the prediction, and the last displacement is the heading.
 
     A reconstruction: the zones of `wakeup: experience_zones` stand for the published Markov model of the nodes' states.
 

@@ -1,4 +1,4 @@
-"""Cluster: a Rao-Blackwellised particle filter, particles for whether the target turns, Kalman filters for where it is.
+"""Cluster: a Rao-Blackwellised particle filter, with particles for the target's turns and Kalman filters for its state.
 
 Requests of a step:
 
@@ -30,38 +30,37 @@ COLUMNS: Final = ("px", "vx", "py", "vy")
 PLACE: Final = np.array([0, 2])
 MOVING: Final = np.array([1, 3])
 ENOUGH_RANGES: Final = 3
-"""Ranges that make a fix; of fewer each updates the filters by itself."""
+"""Least number of ranges for a fix; with fewer, each range updates the filters on its own."""
 UNKNOWN: Final = 1e6
-"""m: the deviation of a fix where its ranges leave it open: it must not tell the filters what they said themselves."""
+"""Standard deviation (m) of a fix along an axis that the ranges do not determine. There it repeats the prediction."""
 MOMENTS_BITS: Final = 800
 """100 bytes: a mean and a covariance."""
 LEAST_FIXES: Final = 4
-"""Fewer give no prediction (Li 2012's page: initial and re-acquisition)."""
+"""Least number of fixes for a prediction (Li 2012, initial acquisition and reacquisition)."""
 TURN, RESAMPLE = 1, 2
-"""Purposes of a head's draws at a step."""
+"""Purposes of the random numbers of a head at a step."""
 PREDICT_CYCLES: Final = 45.0
-"""Operations a particle to draw its mode 3, and to keep its course: the mean 4, F P Fᵀ row by row 32, its noise 6.
+"""Operations per particle: to sample its mode 3, and to keep its course: the mean 4, F P Fᵀ row by row 32, its noise 6.
 
-A turn costs less; what a node computes is counted for every particle, though here equal ones are kept once. Weighted as
-in `shared.localising`."""
+A turn costs less. Equal particles are counted each, though stored once. Weighted as in `shared.localising`."""
 FIX_CYCLES: Final = 126.0
-"""Operations a particle to update it with a fix: innovation and its covariance 5, the inverse 9, gain 24, mean 16,
+"""Operations per particle for an update with a fix: innovation and its covariance 5, the inverse 9, gain 24, mean 16,
 covariance 40, log-weight 32."""
 COVARIANCE_CYCLES: Final = (60.0, 33.0)
-"""Operations of a fix's covariance, and a range: direction and variance 18, sums 15."""
+"""Operations of a fix's covariance, and per range: direction and variance 18, sums 15."""
 RANGE_CYCLES: Final = 92.0
-"""Operations a particle and range: innovation and gradient 16, its variance 16, gain 7, mean 8, covariance 20,
+"""Operations per particle and range: innovation and gradient 16, its variance 16, gain 7, mean 8, covariance 20,
 log-weight 25."""
 MIX_CYCLES: Final = 82.0
-"""Operations a particle: weight 25, effective number 2, mean 8, covariance 44, resampling 3."""
+"""Operations per particle: weight 25, effective number 2, mean 8, covariance 44, resampling 3."""
 
 
 @dataclass(frozen=True, slots=True)
 class Mixture:
-    """Kalman filters by the history of their modes: `counts` (K,) particles share each of `means` (K, 4), `covs`.
+    """K different Kalman filters with `means` (K, 4) and `covs` (K, 4, 4), shared by `counts` (K,) particles each.
 
-    `log_weights` (K,) are of one particle each. `mean` and `cov` are of the whole mixture. `fixes`: how
-    often the target was sensed since the track began, its start included.
+    `log_weights` (K,) are those of one particle. `mean` and `cov` are those of the whole mixture. `fixes` is the
+    number of steps at which the target was sensed since the track began, its start included.
     """
 
     means: Floats
@@ -77,18 +76,18 @@ class Mixture:
 
 @part
 class MixturePf(HeadFilter):
-    """Particles draw at each step whether the target has passed a way-point, with probability 1 - exp(-dt/τ).
+    """A filter whose particles sample at each step whether the target turns, with probability 1 - exp(-dt/τ).
 
-    If not it goes on with near-constant velocity; if so, its velocity is a new one, N(0, turn_sd²) on each axis. Given
-    its modes a particle is a Kalman filter: updated with the least-squares fix of three or more ranges, or with each
-    range, linearised, if there are fewer. Particles whose histories are the same have the same filter, which is kept
-    once, with their number: it changes nothing but the time that the simulation takes.
+    Without a turn the target keeps near-constant velocity; with one it has a new velocity, N(0, turn_sd²) on each axis.
+    Given its modes, a particle is a Kalman filter. It is updated with the least-squares fix of three or more ranges, or
+    with each range, linearised, if there are fewer. Particles with the same history have the same filter. It is stored
+    once, with their number, which saves computing time and changes no result.
 
-    A handover carries mean and covariance, in 100 bytes: the successor's particles all start from them.
+    A handover carries mean and covariance in 100 bytes; all particles of the successor start from them.
 
-    A reconstruction of Yang, Xing, Shi, Pan (2007), known here from one sentence in Li, Jiang, Zhang, Zhang (2012);
-    only the 1500 particles are theirs. The filter's motion is its own, whatever the scenario has trackers assume.
-    Particles are resampled where their effective number falls below half of them (our choice).
+    A reconstruction of Yang, Xing, Shi, Pan (2007), of which we know one sentence in Li, Jiang, Zhang, Zhang (2012);
+    only the 1500 particles are theirs. The filter has its own motion model, independent of the scenario's. Particles
+    are resampled if their effective number is below half of their number (our choice).
     """
 
     paper: ClassVar[str] = "Yang, Xing, Shi, Pan (2007), after Li, Jiang, Zhang, Zhang (2012)"
@@ -102,17 +101,19 @@ class MixturePf(HeadFilter):
     particles: Annotated[int, Quantity("", ge=1, le=1_000_000), "N_p: particles"] = 1500
     q: Annotated[float, Quantity("m2/s3", ge=0.0, le=1e9), "intensity of the noise in a kept velocity"] = 0.05
     turn_time: Annotated[float, Quantity("s", gt=0.0, le=1e9), "τ: mean time between turns"] = 60.0
-    turn_sd: Annotated[float, Quantity("m/s", gt=0.0, le=1e6), "of a new velocity, on each axis"] = 3.0
+    turn_sd: Annotated[float, Quantity("m/s", gt=0.0, le=1e6), "standard deviation of a new velocity, on each axis"] = (
+        3.0
+    )
     start_sd: Annotated[
-        tuple[float, float, float, float], Quantity("", gt=0.0, le=1e7), "P0's deviations, in m and m/s"
+        tuple[float, float, float, float], Quantity("", gt=0.0, le=1e7), "standard deviations of P0, in m and m/s"
     ] = (5.0, 3.0, 5.0, 3.0)
-    reading_bits: Annotated[int, Quantity("", ge=1, le=100_000), "of a reading on the air"] = 88
+    reading_bits: Annotated[int, Quantity("", ge=1, le=100_000), "bits of a reading on the air"] = 88
 
     def start(self, prior: Estimate, scene: Scene) -> Flow[Mixture]:
-        """The prior's mean with P0, diag(25, 9, 25, 9), or the prior's covariance of the position where that is larger.
+        """The prior's mean with P0; the prior's covariance of the position replaces that of P0 if it is larger.
 
-        That is our choice: a target may be found by one range, which leaves it anywhere on a circle. Raises RunError
-        for another state than its own.
+        That is our choice: after initiation from one range, the target may be anywhere on a circle. Raises RunError for
+        a motion model with another state.
         """
         if scene.motion.columns != COLUMNS:
             raise RunError(_other_state(scene.motion.columns))
@@ -123,7 +124,7 @@ class MixturePf(HeadFilter):
         yield  # a flow without requests
 
     def step(self, belief: Mixture, scene: Scene) -> Flow[Mixture]:
-        """One step: N_act - 1 readings reach the head, which draws, predicts, updates, weighs and resamples."""
+        """One step: N_act - 1 readings reach the head, which samples modes, predicts, updates and resamples."""
         seen = yield from gather_readings(scene, self.reading_bits)
         predicted = belief
         for number in range(scene.steps):
@@ -137,42 +138,42 @@ class MixturePf(HeadFilter):
         return self._resampled(self._summed(updated, scene.head), scene)
 
     def hand_over(self, belief: Mixture, scene: Scene, successor: int) -> Flow[Mixture | None]:
-        """100 bytes: the mixture's mean and covariance."""
+        """Send the mixture's mean and covariance to the successor: 100 bytes."""
         mask = yield Send(successor, Parcel((belief.mean, belief.cov), 1, MOMENTS_BITS, "handover"))
         return self._collapsed(belief.mean, belief.cov, successor, belief.fixes) if mask.all() else None
 
     def forecast(self, belief: Mixture, scene: Scene, ahead: int) -> Estimate:
-        """The mixture's two moments, so many steps on, turns included."""
+        """Mean and covariance of the mixture `ahead` steps later, turns included."""
         mean, cov = belief.mean, belief.cov
         for _ in range(ahead):
             mean, cov = self._moments_later(mean, cov, scene.dt)
         return Estimate(mean, cov, belief.effective)
 
     def belief_bits(self, belief: Mixture) -> int:
-        """100 bytes."""
+        """The size of a handover: 100 bytes."""
         return MOMENTS_BITS
 
     def check(self, setup: TrackingSetup) -> Iterator[Issue]:
-        """A state that is not of positions and velocities in the plane."""
+        """Yield an issue if the state is not position and velocity in the plane."""
         for motion in setup.filter_motions:
             if motion.columns != COLUMNS:
                 yield Issue(("tracker", "kind"), _other_state(motion.columns))
                 return
 
     def turn_probability(self, dt: float) -> float:
-        """Of a turn within dt s."""
+        """The probability of a turn within dt s."""
         return -math.expm1(-dt / self.turn_time)
 
     def foresees(self, belief: Mixture) -> bool:
-        """Once the target has been sensed four times, as in every protocol here: before, nobody knows its velocity."""
+        """Whether the target was sensed at four steps, as in every protocol here: before, its velocity is unknown."""
         return belief.fixes >= LEAST_FIXES
 
     def _collapsed(self, mean: Floats, cov: Floats, head: int, fixes: int) -> Mixture:
-        """All particles alike."""
+        """A mixture of equal particles."""
         return Mixture(mean[None], cov[None], np.array([self.particles]), np.zeros(1), mean, cov, head, fixes)
 
     def _predicted(self, belief: Mixture, scene: Scene, number: int) -> Mixture:
-        """Each particle draws its mode; the filters of both are a step on."""
+        """The mixture one step later, after each particle sampled its mode."""
         key = derive(scene.key, TURN, number)
         drawn = uniforms(derive_all(key, np.arange(self.particles)), 0) < self.turn_probability(scene.dt)
         group = np.repeat(np.arange(belief.counts.size), belief.counts)
@@ -186,7 +187,7 @@ class MixturePf(HeadFilter):
         return replace(belief, means=means[alive], covs=covs[alive], counts=counts[alive], log_weights=log_weights)
 
     def _updated(self, belief: Mixture, seen: Evidence, scene: Scene) -> tuple[Mixture, float]:
-        """Every filter updated, and weighed; and the operations."""
+        """The mixture with all filters updated and weighted, and the number of operations."""
         ranged = usable(seen, scene)
         count = ranged.ranges.size
         if count >= ENOUGH_RANGES:
@@ -201,7 +202,7 @@ class MixturePf(HeadFilter):
         return replace(belief, means=means, covs=covs, log_weights=belief.log_weights + scores), used
 
     def _summed(self, belief: Mixture, head: int) -> Mixture:
-        """The mixture with its moments, and the effective number of its particles."""
+        """The mixture with its moments and its effective number of particles."""
         each = np.exp(belief.log_weights - belief.log_weights.max())
         weights = belief.counts * each
         effective = float(weights.sum() ** 2 / (weights * each).sum())
@@ -212,7 +213,7 @@ class MixturePf(HeadFilter):
         return replace(belief, mean=mean, cov=symmetric(cov), head=head, effective=effective)
 
     def _resampled(self, belief: Mixture, scene: Scene) -> Mixture:
-        """Systematic resampling where the effective number is below half of the particles."""
+        """The mixture, resampled systematically if the effective number is below half of the particles."""
         if belief.effective >= 0.5 * self.particles:
             return belief
         weights = belief.counts * np.exp(belief.log_weights - belief.log_weights.max())
@@ -227,16 +228,11 @@ class MixturePf(HeadFilter):
         )  # fmt: skip
 
     def _moments_later(self, mean: Floats, cov: Floats, dt: float) -> tuple[Floats, Floats]:
-        """Two moments of the mixture of both modes, a step on."""
+        """Mean and covariance of the mixture of both modes, one step later."""
         turn = self.turn_probability(dt)
-        means, covs = (
-            np.concatenate(pair)
-            for pair in zip(
-                kept_course(mean[None], cov[None], dt, self.q),
-                new_course(mean[None], cov[None], dt, self.turn_sd),
-                strict=True,
-            )
-        )
+        kept = kept_course(mean[None], cov[None], dt, self.q)
+        turned = new_course(mean[None], cov[None], dt, self.turn_sd)
+        means, covs = (np.concatenate(pair) for pair in zip(kept, turned, strict=True))
         weights = np.array([1.0 - turn, turn])
         middle = weights @ means
         apart = means - middle
@@ -248,7 +244,7 @@ def _other_state(columns: tuple[str, ...]) -> str:
 
 
 def kept_course(means: Floats, covs: Floats, dt: float, q: float) -> tuple[Floats, Floats]:
-    """(K, 4), (K, 4, 4) a step on with near-constant velocity of noise intensity q."""
+    """Means (K, 4) and covariances (K, 4, 4) one step later, with near-constant velocity of noise intensity q."""
     axis = np.array([[1.0, dt], [0.0, 1.0]])
     noise = q * np.array([[dt**3 / 3.0, dt**2 / 2.0], [dt**2 / 2.0, dt]])
     transition = np.kron(np.eye(2), axis)
@@ -256,7 +252,7 @@ def kept_course(means: Floats, covs: Floats, dt: float, q: float) -> tuple[Float
 
 
 def new_course(means: Floats, covs: Floats, dt: float, sd: float) -> tuple[Floats, Floats]:
-    """(K, 4), (K, 4, 4) a step on with a new velocity, N(0, sd²) on each axis, from its beginning on."""
+    """Means (K, 4) and covariances (K, 4, 4) after a step with a new velocity N(0, sd²) on each axis at its start."""
     later, spread, each, place = means.copy(), np.zeros_like(covs), np.arange(len(covs)), np.array(PLACE)
     later[:, MOVING] = 0.0
     for p, v in zip(PLACE, MOVING, strict=True):
@@ -267,7 +263,7 @@ def new_course(means: Floats, covs: Floats, dt: float, sd: float) -> tuple[Float
 
 
 def updated_by_fix(means: Floats, covs: Floats, point: Floats, noise: Floats) -> tuple[Floats, Floats, Floats]:
-    """Filters (K, ...) updated with a position (2,) of covariance (2, 2); the log-likelihoods (K,)."""
+    """Means and covariances of K filters after a fix (2,) of covariance (2, 2), and the log-likelihoods (K,)."""
     innovation = point - means[:, PLACE]
     spread = _of_place(covs) + noise
     inverse = np.linalg.inv(spread)
@@ -279,7 +275,7 @@ def updated_by_fix(means: Floats, covs: Floats, point: Floats, noise: Floats) ->
 
 
 def updated_by_readings(means: Floats, covs: Floats, seen: Evidence, scene: Scene) -> tuple[Floats, Floats, Floats]:
-    """Filters (K, ...) updated with one reading after the other, linearised at their means; log-likelihoods (K,)."""
+    """Means and covariances of K filters after one reading at a time, linearised; and the log-likelihoods (K,)."""
     scores = np.zeros(len(means))
     for i, reading in enumerate(seen.readings.tolist()):
         points = np.ascontiguousarray(means[:, PLACE].T)
@@ -297,5 +293,5 @@ def updated_by_readings(means: Floats, covs: Floats, seen: Evidence, scene: Scen
 
 
 def _of_place(covs: Floats) -> Floats:
-    """(K, 2, 2) the position's blocks of covariances (K, 4, 4)."""
+    """(K, 2, 2) the position's block of each covariance (K, 4, 4)."""
     return covs[:, PLACE][:, :, PLACE]

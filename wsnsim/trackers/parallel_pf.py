@@ -100,8 +100,8 @@ class ParallelPf:
     )
     variants: ClassVar[str] = "measurements all|own, handover particles|gaussian"
 
-    particles: Annotated[int, Quantity("", ge=1, le=10**7), "N_p: particles in all"] = 400
-    measurements: Annotated[Literal["all", "own"], "which readings a member weighs with"] = "all"
+    particles: Annotated[int, Quantity("", ge=1, le=10**7), "N_p: total number of particles"] = 400
+    measurements: Annotated[Literal["all", "own"], "readings that a member uses for its weights"] = "all"
     threshold: Annotated[float, Quantity("", ge=0, le=1), "resample below this fraction of effective particles"] = 0.5
     handover: Annotated[Literal["particles", "gaussian"], "what a handover carries"] = "particles"
 
@@ -111,7 +111,7 @@ class ParallelPf:
         return self.particles / SMALLEST_CLUSTER * (PREDICT_CYCLES + 30.0 * most_readings(self.measurements))
 
     def start(self, prior: Estimate, scene: Scene) -> Flow[ParallelBelief]:
-        """Draw the particles from the prior at the head and deal them out."""
+        """Sample the particles from the prior at the head and deal them out."""
         spread = yield from begin(prior, self.particles, self.handover == "gaussian", scene)
         return _without_weights(spread)
 
@@ -253,7 +253,7 @@ def _tallied(answer: dict[int, tuple[WeightReport, Bools]], deal: Deal) -> Tally
 
 
 def _copies(counts: Ints, mask: Bools) -> Ints:
-    """How often each particle survives on its node: as often as it was told, once if the packet was lost."""
+    """How often each particle survives on its node: as often as the counts say, once if their packet was lost."""
     if is_whole(mask):
         return counts
     return np.where(np.repeat(mask, 8)[: counts.size], counts, 1)

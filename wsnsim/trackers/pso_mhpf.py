@@ -1,4 +1,4 @@
-"""A particle filter on the members of a cluster, whose resampling is a swarm's move tested by Metropolis and Hastings.
+"""A particle filter on the members of a cluster; a swarm move with a Metropolis-Hastings test replaces resampling.
 
 Jiang, Song, Lin (2013), sections 3 and 4. Requests of a step:
 
@@ -88,28 +88,26 @@ class PsoMhpf:
         "handover particles|gaussian"
     )
 
-    particles: Annotated[int, Quantity("", ge=1, le=10**7), "N_p: particles in all"] = 400
+    particles: Annotated[int, Quantity("", ge=1, le=10**7), "N_p: total number of particles"] = 400
     iterations: Annotated[int, Quantity("", ge=0), "moves of the swarm per step"] = 2
     phi1: Annotated[float, Quantity("", ge=0), "pull towards the particle's own best, eq. 18"] = 2.0
     phi2: Annotated[float, Quantity("", ge=0), "pull towards the node's best, eq. 18"] = 2.0
     random_factors: Annotated[bool, "whether uniform random factors scale the pulls"] = True
-    step_length: Annotated[Literal["one", "dt"], "what a velocity is multiplied by, eq. 19: one, or the time step"] = (
-        "one"
-    )
+    step_length: Annotated[Literal["one", "dt"], "factor of the velocity, eq. 19: one, or the time step"] = "one"
     acceptance: Annotated[
         Literal["gaussian", "transition", "likelihood"],
         "what stands beside the likelihood in the acceptance ratio, eq. 20",
     ] = "gaussian"
-    measurements: Annotated[Literal["own", "all"], "which readings a member weighs with"] = "own"
+    measurements: Annotated[Literal["own", "all"], "readings that a member uses for its weights"] = "own"
     threshold: Annotated[
         float, Quantity("", ge=0, le=1), "the swarm moves below this fraction of effective particles"
     ] = 0.5
     resample_always: Annotated[bool, "whether the swarm moves at every step, as in Fig. 3"] = False
-    resample_first: Annotated[bool, "whether a systematic resampling comes before the move"] = False
+    resample_first: Annotated[bool, "whether systematic resampling precedes the move"] = False
     estimate_when: Annotated[
         Literal["after", "before"], "whether local estimates are taken after or before the move"
     ] = "after"
-    fusion: Annotated[Literal["share", "inverse_variance"], "how the head weighs local estimates"] = "share"
+    fusion: Annotated[Literal["share", "inverse_variance"], "how the head weights local estimates"] = "share"
     feedback: Annotated[bool, "whether the head broadcasts the fused estimate and members shift their particles"] = (
         False
     )

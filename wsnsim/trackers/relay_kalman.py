@@ -40,13 +40,13 @@ class RelayBelief(GaussianBelief):
 
 @part
 class RelayKalman(HeadFilter):
-    """One (extended) Kalman filter in the head, updated with every reading by the probability that it is the target's.
+    """One (extended) Kalman filter in the head that weights every reading by the probability that it is the target's.
 
     P⁺ is that of eq. 14; `spread` adds the spread of the updated means, which the paper leaves out. A sensor that joins
-    enters with probability 0; one that no longer senses drops out, and the rest are renormalised. A sensor whose
-    reading is lost keeps its predicted probability, and the others share the remainder by their likelihoods; without
-    any reading all probabilities stay predicted. Steps that were missed are steps of the chain. (All our choice: in the
-    paper there is a reading of each sensor at each step.)
+    gets probability 0. A sensor that no longer senses is removed, and the others are renormalised. If a reading is
+    lost, its sensor keeps the predicted probability, and the others share the remainder by their likelihoods; without
+    any reading all keep the predicted ones. Missed steps are steps of the chain. (All our choice: in the paper every
+    sensor has a reading at each step.)
 
     Source: Liu, Wang (2012), eqs. 8-20.
     """
@@ -58,10 +58,10 @@ class RelayKalman(HeadFilter):
     variants: ClassVar[str] = "spread false|true"
 
     stay: Annotated[float, Quantity("", ge=0, le=1), "diagonal of M; the other entries are equal"] = 0.93
-    spread: Annotated[bool, "whether the covariance gets the spread of the updated means"] = False
+    spread: Annotated[bool, "whether the covariance includes the spread of the updated means"] = False
 
     def start(self, prior: Estimate, scene: Scene) -> Flow[RelayBelief]:
-        """The prior, every sensor as probable as another."""
+        """The prior, with equal probabilities of the sensors."""
         return RelayBelief(
             prior.mean, prior.cov, scene.head, ids=scene.ids, probabilities=carried((), np.empty(0), scene.ids)
         )

@@ -31,5 +31,5 @@ class Sir(HeadCloud):
     ] = 1.0
 
     def weighed(self, prediction: Prediction, seen: Evidence, scene: Scene) -> CloudBelief:
-        """Weigh with all readings, sum up, resample: mean, covariance and effective number are those before it."""
+        """Weight with all readings and resample: mean, covariance and effective number are those before resampling."""
         return bootstrap(prediction, seen, scene, self.particles, self.threshold)

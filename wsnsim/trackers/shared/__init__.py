@@ -1,1 +1,1 @@
-"""What several strategies share: parcels, readings, stacked clouds, moving flocks, moments, dealing."""
+"""Functions that several trackers share: parcels, readings, stacked clouds, swarm moves, moments, dealing."""

@@ -90,7 +90,7 @@ def fix_covariance(point: Floats, ranged: Ranged, spread: float, scene: Scene) -
 
 
 def fix_cycles(ranges: int, iterations: int) -> float:
-    """Operations of a fix. Its covariance is not among them: nobody's protocol needs it, but for Cluster's filter.
+    """Operations of a fix. The covariance is not included: only the filter of Cluster needs it.
 
     One range: 19, a direction and a point on it. Two: 60, their crossings and which is nearer. More: the first cost, 12
     a range; then in each iteration and range residual, gradient and normal equations (26), and the cost of the trial

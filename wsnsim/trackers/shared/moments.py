@@ -1,4 +1,4 @@
-"""What a head says of a target in two moments: what arrived, fused, and what the motion model makes of it later."""
+"""Mean and covariance in a head: fusion of what arrived, and prediction by the motion model."""
 
 from __future__ import annotations
 

@@ -61,8 +61,8 @@ def gather_readings(scene: Scene, bits: int = PACKET_BITS) -> Flow[Evidence]:
 def share_readings(scene: Scene) -> Flow[Evidence]:
     """Readings up, then all that arrived down again in one broadcast, four to a packet; they wait in the inboxes.
 
-    A member must know where the others stand to use their readings: our choice is that they told each other when the
-    cluster formed, at no cost of its own.
+    A member needs the positions of the others to use their readings: we assume that they exchanged them when the
+    cluster formed, at no extra cost (our choice).
     """
     evidence = yield from gather_readings(scene)
     if not evidence.ids:

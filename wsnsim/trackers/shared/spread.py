@@ -1,4 +1,4 @@
-"""What the head of a filter knows whose particles are spread over its members: two moments, and who holds how many.
+"""The belief of a head whose particles are distributed over its members: two moments, and how many each member holds.
 
 begin(prior, ...) -> Flow[Spread]     only_predicted(belief, deal, scene) -> belief     look(belief, members)
 """

@@ -28,7 +28,7 @@ class Pull(NamedTuple):
 
 
 def resampled_columns(stack: Stack, moving: Bools) -> Ints:
-    """(N,) the particles of those who are `moving`, drawn anew by their weights, as many; the others' as they are."""
+    """(N,) columns after resampling the particles of members that are `moving`; the others keep theirs."""
     drawn = systematic(stack.log_weights, stack.offsets, stack.counts, uniforms(stack.keys, START))
     columns: Ints = np.where(moving[stack.layout.owners], drawn, np.arange(drawn.size))
     return columns
