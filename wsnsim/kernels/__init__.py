@@ -1,1 +1,1 @@
-"""Arrays in, arrays out. Numba lives here; every kernel has a plain twin under tests/kernels."""
+"""Numerical kernels, compiled with Numba: arrays in, arrays out. Each has a plain counterpart under tests/kernels."""

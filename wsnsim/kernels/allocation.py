@@ -1,4 +1,4 @@
-"""How many particles each active member gets."""
+"""The allocation of particles to active members."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from wsnsim.kernels.arrays import Ints
 
 
 def allocate(total: int, active: int) -> Ints:
-    """(active,) particles for each active member: what is left, divided by those still to be served, rounded down.
+    """(active,) numbers of particles of the active members; empty without members. Jiang (2013), eq. (25).
 
-    That gives floor(total / active) to the first and one more to the last total mod active. No member, no share. Plain
-    NumPy: it is called too rarely to be worth compiling. Jiang (2013), eq. (25).
+    Each member gets what is left divided by the members still to be served, rounded down: floor(total / active), and
+    one more for the last (total mod active). Plain NumPy, since it is called rarely.
     """
     shares = np.full(active, total // max(active, 1), np.int64)
     shares[active - total % max(active, 1) :] += 1

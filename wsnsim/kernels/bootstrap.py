@@ -1,15 +1,15 @@
-"""A whole run of the bootstrap particle filter (Gordon, Salmond, Smith 1993) in one call, of the other kernels' parts.
+"""A whole run of the bootstrap particle filter (Gordon, Salmond, Smith 1993) in one kernel call.
 
-It is the yardstick of the bench (tests/bench/reference.c is the same in C); trackers are composed of the building
-blocks instead, since between two of them a network may lose something.
+The benchmarks compare it with the same filter in C (tests/bench/reference.c). Trackers call separate kernels instead,
+since a network may lose packets between two of them.
 
     start (4, N)               the equally weighted particles of step 0, rows px, vx, py, vy
     readings (K, S)            of S sensors at positions (S, 2) with known gains (S,), at each of K steps
     law, drift, root           the constants of `sensing` (the inflation is not used) and of `motion`
     -> means (K, 4), resampled the weighted mean at each step, and how often particles were resampled
 
-Resampled is where fewer than threshold * N particles are effective, systematically. Where nothing is likely, or a
-reading is not a number, all weights are equal. A particle that is not finite has no weight.
+Resampling is systematic, at steps where fewer than threshold * N particles are effective. If all likelihoods are zero
+or a reading is NaN, all weights are equal. A particle that is not finite has no weight.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ def run_with_generator(
 
 @inner
 def _room(start: Floats, steps: int) -> tuple[Floats, Floats, Floats, Places]:
-    """The cloud's four rows, means (K, 4), scratch rows (the last for log-weights, zero), places (N + 1,) twice."""
+    """Buffers: four rows of the cloud, means (K, 4), scratch rows (the last zero, for log-weights), two of (N + 1,)."""
     count = start.shape[1]
     scratch, places = np.empty((5, count)), np.empty((2, count + 1), np.int32)
     scratch[4] = 0.0
@@ -107,7 +107,7 @@ def _draw_uniforms(key: np.uint64, first: int, one: Floats, two: Floats) -> None
 
 @inner
 def _draw(generator: np.random.Generator, one: Floats, two: Floats) -> None:
-    """A pair of standard normals a particle."""
+    """Write a pair of standard normals per particle."""
     for j in range(one.size):
         one[j] = generator.standard_normal()
         two[j] = generator.standard_normal()
@@ -122,7 +122,7 @@ def _make_normal(one: Floats, two: Floats) -> None:
 
 @inner
 def _move(position: Floats, velocity: Floats, first: Floats, second: Floats, drift: Drift, root: Root) -> None:
-    """One axis a step on: A(x) x + w (eqs. 1-4 of Jiang 2013), in place."""
+    """Move one axis by a step, in place: A(x) x + w (Jiang 2013, eqs. 1-4)."""
     l11, l21, l22 = root
     for j in range(position.size):
         p, v = _drifted(position[j], velocity[j], drift)
@@ -167,7 +167,7 @@ def _weigh(x: Floats, y: Floats, readings: Floats, positions: Floats, gains: Flo
 
 @inner
 def _means(x: Floats, y: Floats, sensor: Floats, loudness: float, noise: float, slope: float, mean: Floats) -> None:
-    """μ = σ² + g I d^-α with d floored at 1 m (eqs. 6-7) is written. Two short loops overlap better than a long one."""
+    """Write μ = σ² + g I d^-α with d of at least 1 m (eqs. 6-7). Two short loops overlap better than a long one."""
     x_sensor, y_sensor = sensor[0], sensor[1]
     for j in range(x.size):
         squared = (x[j] - x_sensor) ** 2 + (y[j] - y_sensor) ** 2
@@ -178,7 +178,7 @@ def _means(x: Floats, y: Floats, sensor: Floats, loudness: float, noise: float, 
 
 @inner
 def _conclude(cloud: Floats, mean: Floats, threshold: float, tooth: float, scratch: Floats, places: Places) -> int:
-    """The weighted mean is written, the cloud resampled where too few particles are effective: 1 if it was."""
+    """Write the weighted mean; resample the cloud if too few particles are effective. Return 1 if it was resampled."""
     reached, weights, spare, log_weights = scratch[0], scratch[2], scratch[3], scratch[4]
     total, effective = _relative(log_weights, weights)
     _mean(cloud, weights, total, mean)
@@ -251,7 +251,7 @@ def _choose(weights: Floats, total: float, tooth: float, reached: Floats, begins
 
 @inner
 def _take(cloud: Floats, chosen: Places, spare: Floats, log_weights: Floats) -> None:
-    """The cloud becomes the chosen columns, equally weighted."""
+    """Replace the cloud by the chosen columns, equally weighted."""
     for d in range(4):
         row = cloud[d]
         for j in range(spare.size):

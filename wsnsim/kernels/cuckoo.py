@@ -19,9 +19,9 @@ from wsnsim.kernels.noise import uniform
 from wsnsim.kernels.swarm import NOWHERE
 
 LEAST = 1e-12
-"""|ν| is no smaller in a Levy step (our choice)."""
+"""Least |ν| in a Lévy step (our choice)."""
 MOST = 1e3
-"""A Levy step |s| is no longer (our choice)."""
+"""Greatest length |s| of a Lévy step (our choice)."""
 
 
 def levy_deviation(exponent: float) -> float:
@@ -53,7 +53,7 @@ def fly_cuckoos(
     exponent: float,
     factor: Floats,
 ) -> tuple[Floats, Floats]:
-    """Where each cuckoo flies about the best nest (D,), and log q(x | x') - log q(x' | x) (N,) of its flight.
+    """The cuckoos' proposals about the best nest (D,), and log q(x | x') - log q(x' | x) (N,) of their flights.
 
     x' = x_best + c (x - x_best) with c = 1 + α s Δk in each component; factor (N,) are the Δk. `random_alpha`: α is
     `alpha` times a standard normal, one a component (the paper says random; that each component has its own is our
@@ -83,11 +83,11 @@ def fly_cuckoos(
 
 @kernel
 def replace_nests(cloud: Floats, nests: Floats, rows: Ints, keys: Keys, draw: int, keep: float) -> Floats:
-    """(D, N) where the particles go whose nest is found: x + s (x_d - x_e) if s > P, else x, with s ~ U(0, 1). Eq. (7).
+    """(D, N) proposals of the replacement: x + s (x_d - x_e) if s > P, else x, with s ~ U(0, 1). Eq. (7).
 
     As printed, `keep` = P is a probability of *keeping*, and one s is threshold and step. d and e are drawn with
     replacement from `nests` (D, M), independently of each other and of the particle (our choice; the paper: random).
-    Without nests nobody moves.
+    Without nests no particle moves.
     """
     proposal, count = cloud.copy(), nests.shape[1]
     for j in range(cloud.shape[1] if count > 0 else 0):
@@ -102,7 +102,7 @@ def replace_nests(cloud: Floats, nests: Floats, rows: Ints, keys: Keys, draw: in
 
 @inlined
 def _is_somewhere(proposal: Floats, j: int) -> bool:
-    """Whether the j-th state is a place: no component beyond NOWHERE, and none that is no number."""
+    """Whether all components of the j-th state are numbers within ±NOWHERE."""
     there = True
     for d in range(proposal.shape[0]):
         there = there & (abs(proposal[d, j]) < NOWHERE)
@@ -111,9 +111,9 @@ def _is_somewhere(proposal: Floats, j: int) -> bool:
 
 @kernel
 def accept_greedy(cloud: Floats, fitness: Floats, proposal: Floats, proposal_fitness: Floats) -> int:
-    """How many proposals are fitter than what they replace; cloud and fitness are updated in place.
+    """Accept proposals that are fitter, in place in cloud and fitness; return their number.
 
-    A fitness that is no number, or a state beyond NOWHERE, is a refusal.
+    A proposal whose fitness is NaN or whose state is beyond NOWHERE is rejected.
     """
     accepted = 0
     for j in range(fitness.size):
@@ -137,10 +137,11 @@ def accept_chains(
     keys: Keys,
     draw: int,
 ) -> int:
-    """How many proposals Metropolis and Hastings accept; cloud, fitness and prior are updated in place.
+    """Accept proposals by a Metropolis-Hastings test, in place in cloud, fitness and prior; return their number.
 
-    Accepted if the `draw`-th uniform of the key is below p(z|x') p(x'|ancestor) q(x|x') over the same the other way
-    round, in logs. A ratio that is no number, or a state beyond NOWHERE, is a refusal. Our repair, not in the paper.
+    A proposal is accepted if the `draw`-th uniform of the key is below the ratio of p(z|x') p(x'|ancestor) q(x|x') and
+    the same with x and x' exchanged, in logs. It is rejected if the ratio is NaN or the state is beyond NOWHERE. This
+    test is our repair; the paper does not have it.
     """
     accepted = 0
     for j in range(fitness.size):
@@ -157,7 +158,7 @@ def accept_chains(
 def relative_changes(fitness: Floats, before: Floats) -> Floats:
     """(N,) Δk = |(f - f_before) / f_before| in [0, 1] of fitnesses given as logarithms. Eq. (10).
 
-    The paper's is not bounded: the 1 is our choice, and so is 1 where both are nothing (0/0).
+    The paper's is not bounded: the limit of 1 is our choice, as is the value 1 for 0/0.
     """
     changes = np.empty(fitness.size)
     for j in range(fitness.size):

@@ -1,4 +1,4 @@
-"""Gaussians by hand: factors, fits, densities, draws and linearised updates of small matrices.
+"""Gaussian distributions of few dimensions: Cholesky factors, fits, densities, samples and linearised updates.
 
 Shapes: points and means (D, N), covariances (N, D, D), lower Cholesky factors (D, D). D is small, the loops are plain.
 """
@@ -16,7 +16,7 @@ TRIES = 14
 
 @inlined
 def _factorise(matrix: Floats, jitter: float, result: Floats, size: int) -> bool:
-    """Write the factor and say whether there is one. Inlined, so that a size which is known unrolls the loops."""
+    """Write the factor and return whether it exists. Inlined, so that loops of known size are unrolled."""
     definite = True
     for i in range(size):
         for k in range(i + 1):
@@ -120,7 +120,7 @@ def fuse(means: Floats, shares: Floats, within: Floats) -> tuple[Floats, Floats]
 
 @kernel
 def sample(means: Floats, covs: Floats, keys: Keys) -> tuple[Floats, Floats]:
-    """Points (D, N), one a key, and their log densities (N,) up to (2π)^(-D/2): from Gaussian j, or from the only one.
+    """Samples (D, N), one per key, and their log densities (N,) up to (2π)^(-D/2): from Gaussian j, or the only one.
 
     means (D, N), covs (N, D, D); or (D, 1), (1, D, D). Components 2p and 2p + 1 take the key's p-th pair of normals.
     """
@@ -155,7 +155,7 @@ def sample(means: Floats, covs: Floats, keys: Keys) -> tuple[Floats, Floats]:
 def _set_predicted(
     result: Floats, covs: Floats, transitions: Floats, noise: Floats, product: Floats, size: int
 ) -> None:
-    """Write F P Fᵀ + Q of every particle. Inlined, so that a size which is known unrolls the loops."""
+    """Write F P Fᵀ + Q of every particle. Inlined, so that loops of known size are unrolled."""
     for j in range(covs.shape[0]):
         cov, transition, into = covs[j], transitions[j], result[j]
         for d in range(size):
@@ -174,7 +174,7 @@ def _set_predicted(
 
 @kernel
 def predict(covs: Floats, transitions: Floats, noise: Floats) -> Floats:
-    """(N, D, D) covariances one step on: F P Fᵀ + Q, each with its own F (N, D, D). Symmetric by construction."""
+    """(N, D, D) covariances one step later: F P Fᵀ + Q, each with its own F (N, D, D). Symmetric by construction."""
     result, product = np.empty(covs.shape), np.empty(noise.shape)
     if covs.shape[1] == 4:
         _set_predicted(result, covs, transitions, noise, product, 4)

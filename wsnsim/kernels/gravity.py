@@ -1,4 +1,4 @@
-"""The gravitational search move of Ruan et al. (2020), eqs. 5-9: particles fall towards the likeliest of them.
+"""The gravitational search move of Ruan et al. (2020), eqs. 5-9: likely particles attract the others.
 
 Shapes: points, velocities (Q, N), fitness (N,) log-likelihoods, keys (N,). One iteration uses the N + 1 uniforms from
 `draw` on of each particle's key: rand_i that scales v_i is draw 0, rand_ij that scales the pull of j on i is 1 + j.
@@ -20,7 +20,7 @@ from wsnsim.kernels.swarm import NOWHERE
 def _masses(fitness: Floats) -> Floats:
     """(N,) M_i = m_i / Σ m, m_i = (fit_i - worst) / (best - worst) with fit = exp(l - l_max); 1/N if best = worst.
 
-    A fitness that is no finite number is as bad as none: fit = 0. Eq. (6).
+    A fitness that is not finite counts as fit = 0. Eq. (6).
     """
     masses, top, worst, total = np.empty(fitness.size), -np.inf, 1.0, 0.0
     for j in range(fitness.size):
@@ -39,9 +39,9 @@ def _masses(fitness: Floats) -> Floats:
 
 @inlined
 def _pulls(points: Floats, masses: Floats, j: int, elite: int) -> bool:
-    """Whether particle j has mass and a place and is of the `elite` heaviest; among equals, the first ones are.
+    """Whether particle j attracts others: it has mass, a finite position, and is among the `elite` heaviest.
 
-    It is counted who is heavier, which costs less than the pulls and needs no sort.
+    Of equal particles the first ones count. Counting the heavier ones is cheaper than the pulls and needs no sort.
     """
     heavier, farthest = 0, 0.0
     for i in range(masses.size):
@@ -63,7 +63,7 @@ def _add_pulls(
     strength: float,
     softening: float,
 ) -> None:
-    """Add to everyone's fall what j exerts; on itself that is nothing. Eqs. (5), (7)."""
+    """Add the attraction by particle j to the accelerations; it is zero on j itself. Eqs. (5), (7)."""
     for i in range(keys.size):
         pull[i] = 0.0
     for place in places:
@@ -91,15 +91,15 @@ def attract(
     elite: int,
     softening: float,
 ) -> Floats:
-    """(Q, N) where one iteration moves the points; velocities are updated in place.
+    """(Q, N) points after one iteration; velocities are updated in place.
 
     a_i = G Σ_{j of the K heaviest, j ≠ i} rand_ij M_j (x_j - x_i) / (R_ij + ε)      eqs. (5), (7), (8)
     v_i = rand_i v_i + a_i, x_i = x_i + v_i                                          eq. (9)
 
     `gravity` is G, `elite` K, `softening` ε. R_ij is the distance in the rows `places` of the points, which are the
-    position. M_i, which (5) multiplies and (8) divides by, is cancelled on paper: it is 0 of the worst particle, which
-    falls like any other. One scalar rand an ordered pair, as we read (7). Who would fall beyond NOWHERE, or to where no
-    number is, stays and stops (our choice).
+    position. M_i, which multiplies in (5) and divides in (8), is cancelled: it is 0 for the worst particle, which is
+    attracted like any other. There is one scalar rand per ordered pair, as we interpret (7). A particle whose new point
+    would be beyond NOWHERE or NaN keeps its point, and its velocity becomes 0 (our choice).
     """
     masses, pull = _masses(fitness), np.empty(keys.size)
     falls, proposal = np.zeros(points.shape), np.empty(points.shape)

@@ -1,12 +1,12 @@
-"""The grey model GM(1,1): a short series, summed up, fitted by an exponential, and what it says beyond its end.
+"""The grey model GM(1,1): an exponential fit of the cumulative sums of a short series, for extrapolation.
 
     gm11(x) -> (a, u)      predict(x, ahead=1.0, shift=0.0) -> float      equal_intervals(t, x) -> (k, x at k)
 
 x1_i = Σ_{j<=i} x_j satisfies dx1/dt + a x1 = u in the mean; the restored model is
 x̂_{i+1} = (1 - e^a)(x_1 - u/a) e^{-a i}.
 
-Plain Python: five numbers are too few to be worth compiling (5 us a fit against 1, and seconds to compile all). Every
-result is finite where the series is.
+Plain Python: for five numbers, compiling does not pay (5 us per fit against 1 us, and seconds to compile). Results are
+finite if the series is.
 
 Source: Deng (2002); Li, Jiang, Zhang, Zhang (2012), section 2.1.
 """
@@ -38,8 +38,8 @@ MARGIN: Final = 1e-6
 def gm11(x: Series) -> tuple[float, float]:
     """(a, u), the least squares of x_i = -a z_i + u over i = 2..n, with z_i = (x1_{i-1} + x1_i) / 2.
 
-    Where there is no fit (D = 0, as of two points, or of zeros): (0, the last value). Raises ValueError for fewer than
-    two values, and for one that is not finite.
+    Without a fit (D = 0, as for two points, or zeros) it is (0, the last value). Raises ValueError for fewer than two
+    values, and for a value that is not finite.
     """
     return _fitted(_series(x))
 
@@ -62,8 +62,8 @@ def _fitted(values: list[float]) -> tuple[float, float]:
 def predict(x: Series, ahead: float = 1.0, shift: float = 0.0) -> float:
     """The restored model at `ahead` intervals beyond the last of n values: at the index h = n - 1 + ahead.
 
-    `shift` is added before and subtracted after: the model is not invariant to it, and bears no mixed signs. Where the
-    model leaves the numbers, the last value. Raises ValueError as `gm11` does, and for an index before the first.
+    `shift` is added before and subtracted after: the model is not invariant to it, and diverges on mixed signs. If the
+    result is not finite, it is the last value. Raises ValueError as `gm11` does, and for an index before the first.
     """
     return forecast(x, ahead, shift, "none")
 

@@ -2,7 +2,7 @@
 
 states (D, N): column j is particle j      transition (D, D): F      root (D, K): L, so that Q = L Lᵀ; K may be below D
 
-Loops over particles are the inner ones. Entries of F and L that are zero are passed over: most of them are.
+Loops over particles are the inner ones. Zero entries of F and L, which are most of them, are skipped.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ LOG_TWO_PI = 1.8378770664093453
 
 @inner
 def _moved(states: Floats, transition: Floats) -> Floats:
-    """F x (D, N), passing over the zeros of F."""
+    """F x (D, N), without the zeros of F."""
     result = np.empty(states.shape)
     for d in range(transition.shape[0]):
         row = result[d]
@@ -34,13 +34,13 @@ def _moved(states: Floats, transition: Floats) -> Floats:
 
 @kernel
 def advance(states: Floats, transition: Floats) -> Floats:
-    """(D, N): F x, each state one step on without noise."""
+    """(D, N) the states one step later, without noise: F x."""
     return _moved(states, transition)
 
 
 @kernel
 def propagate(states: Floats, keys: Keys, transition: Floats, root: Floats) -> Floats:
-    """(D, N): F x + L w, each state one step on. Components 2p and 2p + 1 of w are the p-th normal pair of the key."""
+    """(D, N) the states one step later: F x + L w. Components 2p and 2p + 1 of w are the key's p-th normal pair."""
     count, inputs = states.shape[1], root.shape[1]
     result = _moved(states, transition)
     first, second = np.empty(count), np.empty(count)

@@ -21,7 +21,7 @@ Root: TypeAlias = tuple[float, float, float]
 
 @inlined
 def _drifted(position: float, velocity: float, drift: Drift) -> tuple[float, float]:
-    """One axis after a step without noise: F1 while |p| <= a, else F2, which pulls back and slows down (eqs. 2-3)."""
+    """One axis after a step without noise: F1 while |p| <= a, else F2, which pulls it back and slows it (eqs. 2-3)."""
     step, bound, c1, c2 = drift
     pull = c1 * position + c2 * velocity
     pull = 0.0 if abs(position) <= bound else pull

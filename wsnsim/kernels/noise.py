@@ -1,7 +1,7 @@
-"""Counter noise: the j-th draw of a 64-bit key, with no state and no order. The NumPy twin is `base.rng`.
+"""Counter-based random numbers: the j-th number of a 64-bit key, without state. `base.rng` is the same in NumPy.
 
-uniform(key, draw) -> float, normal(key, draw) -> float      inlined into the kernels that draw
-particle_keys(keys, offsets, tag) -> (N,) uint64             a key a particle, from a key a member
+uniform(key, draw) -> float, normal(key, draw) -> float      inlined into the kernels that sample
+particle_keys(keys, offsets, tag) -> (N,) uint64             one key per particle, from one key per member
 """
 
 from __future__ import annotations

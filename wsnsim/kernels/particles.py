@@ -1,7 +1,8 @@
-"""What every particle filter does with log-weights, for the clouds of many nodes laid end to end.
+"""Weights, moments and resampling of particle filters, for the concatenated clouds of many nodes.
 
-`offsets` (M + 1,) cuts the N columns into M segments, one a node; a segment may be empty. Log-weights are relative to
-equal weights: a segment is normalised when its *mean* weight is one, so a particle may change node and keep its number.
+`offsets` (M + 1,) divides the N columns into M segments, one per node; a segment may be empty. Log-weights are relative
+to equal weights: a segment is normalised if its *mean* weight is one, so that a particle keeps its weight at another
+node.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ NOTHING = -690.0
 def relative_weights(log_weights: Floats, offsets: Ints) -> tuple[Floats, Floats]:
     """Weights (N,) relative to the largest of their segment, and the log of that one (M,); NaN counts as no weight.
 
-    A segment in which nothing is likely, or something infinitely so, gets ones, and -inf.
+    A segment without positive weights, or with an infinite one, gets ones, and -inf.
     """
     weights, tops = np.empty(log_weights.size), np.empty(offsets.size - 1)
     for m in range(offsets.size - 1):
@@ -41,7 +42,7 @@ def relative_weights(log_weights: Floats, offsets: Ints) -> tuple[Floats, Floats
 def weigh(log_weights: Floats, offsets: Ints) -> Floats:
     """(M,) effective numbers (sum w)² / sum w² of the segments, whose log-weights are normalised in place.
 
-    They get the mean weight one. A segment in which nothing is likely gets equal weights and the effective number 0.
+    They get the mean weight one. A segment without positive weights gets equal weights and the effective number 0.
     Jiang (2013), eq. (14).
     """
     effective = np.empty(offsets.size - 1)
@@ -98,8 +99,8 @@ def moments(cloud: Floats, log_weights: Floats, offsets: Ints) -> tuple[Floats, 
 def systematic(log_weights: Floats, offsets: Ints, sizes: Ints, starts: Floats) -> Ints:
     """(sum of sizes,) columns drawn by systematic resampling: sizes[m] from segment m, first tooth at starts[m] < 1.
 
-    A column of normalised weight w is drawn floor(size w) or ceil(size w) times, size w times on average; one of weight
-    zero never. A segment in which nothing is likely is drawn from evenly.
+    A column of normalised weight w is sampled floor(size w) or ceil(size w) times, size w times on average, and never
+    if w is zero. In a segment without positive weights all columns have equal weights.
     """
     wanted = 0
     for m in range(sizes.size):

@@ -1,11 +1,11 @@
-"""What a sensor reads of a distance, with noise of a constant variance, for many points at once.
+"""Readings of a distance with noise of constant variance, for many points at once.
 
-    law = (a, b, d_0, R, within, logarithmic)     the sensor's constants: five floats and a truth value
-    mean m = a + b d, or a + b log d if logarithmic, with d floored at d_0; m = 0 beyond `within`     z = m + N(0, R)
+    law = (a, b, d_0, R, within, logarithmic)     the sensor's constants: five floats and a boolean
+    mean m = a + b d, or a + b log d if logarithmic, with d of at least d_0; m = 0 beyond `within`     z = m + N(0, R)
 
-It serves the range of Liu and Wang (2012) and of Wei and Guo (2022), and the log-distance law of Ruan et al. (2020,
-eq. 4). Points are given by their coordinates x (N,) and y (N,); positions are (S, 2). A point that is not finite has
-the log-likelihood -inf, and so has a point against a reading that is not a number: never NaN, never an exception.
+It is the range of Liu and Wang (2012) and of Wei and Guo (2022), and the log-distance law of Ruan et al. (2020, eq. 4).
+Points are given by their coordinates x (N,) and y (N,); positions are (S, 2). The log-likelihood is -inf for a point
+that is not finite and for a reading that is NaN; it is never NaN.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ LOG_TWO_PI = 1.8378770664093453
 
 @inlined
 def _set_forms(form: Floats, squared: Floats, least: float, logarithmic: bool) -> None:
-    """Put d, or log d if logarithmic, into `form`, given d²; it is floored at `least`, positive if logarithmic.
+    """Write d, or log d if logarithmic, to `form`, given d², which is at least `least` (positive if logarithmic).
 
-    A loop for each law, and none of them with the choice inside, so that both vectorise.
+    Each law has a loop of its own, so that both vectorise.
     """
     if logarithmic:
         for j in range(form.size):
@@ -90,10 +90,10 @@ def joint_log_likelihood(x: Floats, y: Floats, readings: Floats, positions: Floa
 
 @kernel
 def linearised(x: Floats, y: Floats, positions: Floats, law: Law) -> tuple[Floats, Floats, Floats]:
-    """Expected readings (S, N), their gradients in x and y (S, 2, N), their variances (S, N), `within` or beyond.
+    """Expected readings (S, N), their gradients in x and y (S, 2, N), and variances (S, N), within range or not.
 
-    ∂m/∂x = b (x - x_s) / d, or b (x - x_s) / d² if logarithmic, and 0 from the floor inwards: 0 too at d = 0. A point
-    that is not finite is infinitely far, and its gradient 0.
+    ∂m/∂x = b (x - x_s) / d, or b (x - x_s) / d² if logarithmic, and 0 below the least distance and at d = 0. A point
+    that is not finite is infinitely far, with the gradient 0.
     """
     offset, slope, floor, variance, _, logarithmic = law
     sensors = positions.shape[0]

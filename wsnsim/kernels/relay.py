@@ -5,18 +5,18 @@
                    from one start for all, the filter that relays from sensor to sensor, eqs. 8-14, 18-20
     kalman         the extended Kalman filter's joint update with all readings, to compare with
 
-n sensors, D state columns, P (1 or 2) of them the position in the rows `place`. A filter a sensor has means (D, n) and
-covs (D, D, n). Sensors are linearised at N points: expected, variances (n, N), gradients (n, P, N). `stay` is the
-diagonal of the Markov matrix M, whose other entries are (1 - stay) / (n - 1); a single sensor stays. Results go to
-arrays that are given, since to hand new ones to Python takes longer than to work them out.
+n sensors, D state columns, P (1 or 2) of them the position in the rows `place`. One filter per sensor has means (D, n)
+and covs (D, D, n). Sensors are linearised at N points: expected, variances (n, N), gradients (n, P, N). `stay` is the
+diagonal of the Markov matrix M, whose other entries are (1 - stay) / (n - 1); a single sensor stays. Results are
+written to given arrays, since passing new ones to Python takes longer than computing them.
 
 A measurement (n,) that is NaN was not received. An innovation that is not finite, or whose
-variance is not positive and finite, counts as not received. Likelihoods are logs, the greatest of them subtracted
-once; where none is positive, the predicted probabilities stay. Covariances are updated in Joseph's form, which precise
-measurements do not make indefinite.
+variance is not positive and finite, counts as not received. Likelihoods are logs, of which the greatest is subtracted;
+if none is positive, the predicted probabilities stay. Covariances are updated in Joseph's form, which stays positive
+definite with precise measurements.
 
-What the kernels share is put into them before they are compiled, since Numba compiles what they call once more in each.
-Loops over columns are inside those over filters where a loop of eight would gain less than it takes to compile.
+Shared functions are inlined before compilation, since Numba would otherwise compile them again for each kernel. Loops
+over columns are inside those over filters where vectorisation would gain less than its compilation takes.
 """
 
 from __future__ import annotations
@@ -46,9 +46,10 @@ def _step(probabilities: Floats, stay: float) -> None:
 
 @merged
 def _weigh(probabilities: Floats, logs: Floats) -> None:
-    """From predicted to updated probabilities by log-likelihoods, in place, eq. 18; a NaN is a sensor not heard.
+    """Update predicted probabilities by log-likelihoods, in place, eq. 18; NaN for a reading that was not received.
 
-    Those not heard keep theirs; the rest share the remainder. The logs are used up.
+    Sensors whose reading was not received keep their probability; the others share the remainder. `logs` is
+    overwritten.
     """
     top, rest, total = -np.inf, 0.0, 0.0
     for i in range(logs.size):
@@ -71,7 +72,7 @@ def _weigh(probabilities: Floats, logs: Floats) -> None:
 def _condition(
     covs: Floats, lifts: Floats, inverses: Floats, slopes: Floats, variances: Floats, first: int, last: int
 ) -> None:
-    """Put (I - G H) P (I - G H)ᵀ + G R Gᵀ = P - G H P in the place of each P; lifts are P Hᵀ, and G P Hᵀ / S."""
+    """Replace each P by (I - G H) P (I - G H)ᵀ + G R Gᵀ = P - G H P; lifts are P Hᵀ, and G P Hᵀ / S."""
     size = lifts.shape[0]
     for i in range(inverses.size):
         for d in range(size):
@@ -91,7 +92,7 @@ def _condition(
 def _update(
     covs: Floats, slopes: Floats, variances: Floats, surprises: Floats, place: Ints, shifts: Floats, logs: Floats
 ) -> None:
-    """Condition each covariance (D, D, n) on its sensor's reading, in place; eqs. 11-13, 19. Uses up the arguments.
+    """Condition each covariance (D, D, n) on its sensor's reading, in place; eqs. 11-13, 19. Overwrites its arguments.
 
     slopes (2, n), of which the second is 0 where P = 1; variances, surprises (n,). To `shifts` (D, n) goes G ν, and to
     `logs` (n,) log N(ν; 0, S) up to its constant: NaN if nothing can be said, -inf if ν is too large for a number;
@@ -119,7 +120,7 @@ def _update(
 
 @merged
 def _cap(covs: Floats) -> None:
-    """Scale each covariance (D, D, n) down, in place, if a variance exceeds LARGEST; what is no number becomes that."""
+    """Scale each covariance (D, D, n) down, in place, if a variance exceeds LARGEST; NaN becomes LARGEST."""
     size = covs.shape[0]
     for i in range(covs.shape[2]):
         largest = 0.0
@@ -135,7 +136,7 @@ def _cap(covs: Floats) -> None:
 def mix(
     means: Floats, covs: Floats, probabilities: Floats, stay: float, printed: bool, mixed: Floats, spreads: Floats
 ) -> None:
-    """What each filter starts its step from, to `mixed` (D, n) and `spreads` (D, D, n): eqs. 20-23.
+    """Write the mixtures from which the filters start a step to `mixed` (D, n) and `spreads` (D, D, n): eqs. 20-23.
 
     `probabilities` (n,) are those of the last step. A filter of no predicted probability starts from itself. With
     `printed`, eq. 23 sums the covariances without their weights, as its bracket says: they grow n-fold a step, and are
@@ -173,7 +174,7 @@ def mix(
 
 @merged
 def _predict(covs: Floats, transitions: Floats, noise: Floats) -> None:
-    """Put F P Fᵀ + Q in the place of each P, eq. 17; each has its own F (D, D, n)."""
+    """Replace each P by F P Fᵀ + Q, eq. 17; each has its own F (D, D, n)."""
     size, product = covs.shape[0], np.empty((covs.shape[0], covs.shape[0]))
     for i in range(covs.shape[2]):
         for d in range(size):

@@ -1,10 +1,10 @@
 """The energy of a sound at a sensor (Jiang, Song, Lin 2013, eqs. 5-8), for many points at once.
 
     law = (σ², I, α, 2c/N_sam, inflation)         the sensor's constants, a tuple of five floats
-    signal s = I d^-α, with d floored at 1 m      mean μ = σ² + g s, variance R = (2c/N_sam) μ² + inflation s²
+    signal s = I d^-α, with d at least 1 m        mean μ = σ² + g s, variance R = (2c/N_sam) μ² + inflation s²
 
-Points are given by their coordinates x (N,) and y (N,); positions are (S, 2), gains (S,). A point that is not finite
-has the log-likelihood -inf, and so has a point against a reading that is not a number: never NaN, never an exception.
+Points are given by their coordinates x (N,) and y (N,); positions are (S, 2), gains (S,). The log-likelihood is -inf
+for a point that is not finite and for a reading that is NaN; it is never NaN.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ LOG_TWO_PI = 1.8378770664093453
 def _set_signals(
     signals: Floats, x: Floats, y: Floats, x_sensor: float, y_sensor: float, intensity: float, decay: float
 ) -> None:
-    """Write I d^-α, with d floored at 1 m, as I exp2(-α/2 log2 d²). Two short loops overlap better than a long one."""
+    """Write I d^-α, with d at least 1 m, as I exp2(-α/2 log2 d²). Two short loops overlap better than a long one."""
     for j in range(x.size):
         squared = (x[j] - x_sensor) ** 2 + (y[j] - y_sensor) ** 2
         signals[j] = -0.5 * decay * log2(squared if squared > 1.0 else 1.0)
@@ -101,7 +101,7 @@ def joint_log_likelihood(x: Floats, y: Floats, readings: Floats, positions: Floa
 def linearised(x: Floats, y: Floats, positions: Floats, gains: Floats, law: Law) -> tuple[Floats, Floats, Floats]:
     """Expected readings (S, N), their gradients in x and y (S, 2, N), their variances (S, N).
 
-    ∂μ/∂x = -α g s (x - x_s) / d², and 0 within the floor of 1 m. A point that is not finite counts as infinitely far.
+    ∂μ/∂x = -α g s (x - x_s) / d², and 0 below 1 m. A point that is not finite counts as infinitely far.
     """
     noise, intensity, decay, spread, inflation = law
     means = np.empty((gains.size, x.size))

@@ -1,4 +1,4 @@
-"""The particle-swarm move and its Metropolis-Hastings test (Jiang 2013, section 3), for many nodes' swarms end to end.
+"""The particle-swarm move and its Metropolis-Hastings test (Jiang 2013, section 3), for the swarms of many nodes.
 
 Shapes: cloud, velocity, best (D, N); fitness (N,) log-likelihoods; offsets (M + 1,) cut the columns into nodes. One
 iteration uses the 2 D + 1 uniforms from `draw` on of each particle's key: r1 and r2 of component d are draws 2d and
@@ -33,7 +33,7 @@ def fly(
     length: float,
     random_factors: bool,
 ) -> Floats:
-    """(D, N) where the swarm would go; velocities are updated in place, whether the move is accepted later or not.
+    """(D, N) proposals of the swarm; velocities are updated in place, whether the move is accepted later or not.
 
     gB is the best that any particle of the *same node* has been so far (our choice: a node knows no other's).
     Eqs. (18), (19), with an inertia factor on V that is 1 there.
@@ -72,11 +72,11 @@ def accept(
     owners: Ints,
     moving: Bools,
 ) -> int:
-    """How many proposals were accepted; cloud, fitness, prior and the particles' own best are updated in place.
+    """Accept or reject proposals, in place in cloud, fitness, prior and the particles' own best; return the number.
 
-    Accepted if u < min(r, 1), r = [p(z|x') π(x')] / [p(z|x) π(x)], in logs. A ratio that is no number is a rejection,
-    and so is a proposal beyond NOWHERE, or of a particle whose owner is not `moving` (M,). Eqs. (20)-(24), with the
-    ratio of the Q taken as one.
+    A proposal is accepted if u < min(r, 1), r = [p(z|x') π(x')] / [p(z|x) π(x)], in logs. It is rejected if the ratio
+    is NaN, the state is beyond NOWHERE, or the particle's owner is not `moving` (M,). Eqs. (20)-(24), with the ratio of
+    the Q taken as one.
     """
     limits = np.empty(keys.size)
     for j in range(keys.size):

@@ -2,8 +2,8 @@
 
     x⁺ = x/2 + 25 x/(1 + x²) + 8 cos(ω t) + w       t: the time of x, the earlier state       z = x²/20 + v
 
-law = (ω, deviation of w). States are (1, N), points x (N,). A point that is not finite has the log-likelihood -inf, and
-so has a point against a reading that is not a number.
+law = (ω, standard deviation of w). States are (1, N), points x (N,). The log-likelihood is -inf for a point that is not
+finite and for a reading that is NaN.
 
 Source: Wei, Guo (2022), experiment 1; there u numbers the new state, and ω t is 1.2 (u - 1).
 """
@@ -41,7 +41,7 @@ def _close(result: Floats, x: Floats, count: int, variance: float) -> None:
 
 @kernel
 def advance(states: Floats, law: Law, time: float) -> Floats:
-    """(1, N): each state one step on, without noise."""
+    """(1, N) the states one step later, without noise."""
     push = 8.0 * np.cos(law[0] * time)
     result = np.empty(states.shape)
     for j in range(states.shape[1]):
@@ -51,7 +51,7 @@ def advance(states: Floats, law: Law, time: float) -> Floats:
 
 @kernel
 def propagate(states: Floats, keys: Keys, law: Law, time: float) -> Floats:
-    """(1, N): each state one step on, with the first normal of its key times the deviation."""
+    """(1, N) the states one step later, with the first normal of each key times the standard deviation."""
     rate, deviation = law
     push = 8.0 * np.cos(rate * time)
     result = np.empty(states.shape)
