@@ -65,7 +65,7 @@ def test_both_forms_of_gmtt_are_asked_for_the_same():
     for name in ("figures_3_6", "every_10_s"):
         asked: dict[bool, list[tuple[str, ...]]] = {True: [], False: []}
         for _, claim in (pair for pair in CLAIMS if pair[0].name == name):
-            names = (claim.variant, getattr(claim, "other", ""))
+            names = (claim.variant, claim.other)
             if any(one.startswith("gmtt") for one in names) and not claim.quantity.startswith("Cramér"):
                 said = tuple(one.replace("gmtt, repaired", "gmtt") for one in names)
                 asked[any("repaired" in one for one in names)].append((claim.quantity, claim.measure, *said))

@@ -59,12 +59,12 @@ class StateLayout(NamedTuple):
             raise UsageError(f"{path}: no state column '{column}' ({did_you_mean(column, self.units)})")
 
 
-class RunCounts(NamedTuple):
-    """The number of runs of a file, of targets in each, and of runs with a lost track (None if not recorded)."""
+class PositionErrors(NamedTuple):
+    """Position errors (runs, targets, steps), NaN without an estimate; the recorded steps, and their times (s)."""
 
-    runs: int
-    targets: int
-    lost: int | None
+    errors: Floats
+    steps: Ints
+    times: Floats
 
 
 def bracketed(unit: str) -> str:
@@ -152,28 +152,22 @@ def woken_regions(path: str | Path, replicate: int, target: int) -> Columns:
     return _chosen(held, (held["replicate"] == replicate) & (held["target"] == target))
 
 
-def errors(path: str | Path) -> tuple[Floats, Floats]:
-    """Position errors (tracks, steps), NaN without an estimate or after the end of a run, and the times (steps,)."""
+def errors(path: str | Path) -> PositionErrors:
+    """The position errors of a result file, at every step that has rows in the table `estimates`."""
     table = recording.read_table(path, "estimates", ["replicate", "target", "step", "time", "error"])
-    steps, at = np.unique(table["step"], return_inverse=True)
-    tracks, row = np.unique(np.stack([table["replicate"], table["target"]], axis=1), axis=0, return_inverse=True)
-    result, times = np.full((len(tracks), len(steps)), np.nan), np.zeros(len(steps))
-    result[row.ravel(), at] = table["error"]
+    axes = [np.unique(table[name], return_inverse=True) for name in ("replicate", "target", "step")]
+    result = np.full([known.size for known, _ in axes], np.nan)
+    result[tuple(at for _, at in axes)] = table["error"]
+    steps, at = axes[-1]
+    times = np.zeros(len(steps))
     times[at] = table["time"]
-    return result, times
+    return PositionErrors(result, steps, times)
 
 
-def steps_of(path: str | Path) -> Ints:
-    """The steps of `errors`: those with rows in `estimates`, in order."""
-    return np.unique(recording.read_table(path, "estimates", ["step"])["step"])
-
-
-def counts(path: str | Path) -> RunCounts:
-    """The numbers of runs and targets of the estimates, and of runs with a lost track."""
-    table = recording.read_table(path, "estimates", ["replicate", "target"])
-    runs, targets = (len(np.unique(table[name])) for name in ("replicate", "target"))
+def lost_runs(path: str | Path) -> int | None:
+    """The number of runs with a lost track, None if the table `runs` was not recorded."""
     known = "runs" in recording.tables(path)
-    return RunCounts(runs, targets, int(recording.read_table(path, "runs", ["lost"])["lost"].sum()) if known else None)
+    return int(recording.read_table(path, "runs", ["lost"])["lost"].sum()) if known else None
 
 
 def spent(path: str | Path) -> tuple[Floats, Floats, int]:

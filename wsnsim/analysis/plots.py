@@ -71,8 +71,9 @@ def error(axes: Axes, path: str | Path) -> Axes:
     """Draw the position error at each step over all runs: RMSE (Jiang 2013, eq. 26), median, quartiles and CRLB."""
     plot_data.demand(path, "error")
     plan = plot_data.layout(path)
-    rows, times = plot_data.errors(path)
-    runs, targets, lost = plot_data.counts(path)
+    errors, steps, times = plot_data.errors(path)
+    runs, targets, _ = errors.shape
+    rows, lost = errors.reshape(-1, len(steps)), plot_data.lost_runs(path)
     of_runs = counted(runs, "run") + (f" × {targets} targets" if targets > 1 else "")
     mean = metrics.per_step_rmse(rows)
     shown = mean
@@ -84,7 +85,7 @@ def error(axes: Axes, path: str | Path) -> Axes:
     name = f"error of {of_runs}" if len(rows) == 1 else "RMSE"
     axes.plot(times, mean, color=VERMILLION, linewidth=1.2, label=name, **_marks(mean))
     if (limit := recorded_bounds.in_range(path)) is not None:
-        bound = limit.rmse[plot_data.steps_of(path) - 1]
+        bound = limit.rmse[steps - 1]
         axes.plot(times, bound, color=BLACK, linewidth=1.0, linestyle=":", label="trajectory-conditional CRLB")
         shown = np.concatenate([shown, bound])
     _scaled(axes, shown)

@@ -227,7 +227,7 @@ def read_arrays(path: str | Path) -> ResultArrays:
     held = tables(path)
     runs = read_table(path, "runs") if "runs" in held else {}
     columns = {name: column.astype(np.float64) for name, column in runs.items() if column.dtype.kind in "uif"}
-    errors = _errors(path) if "estimates" in held and held["estimates"].rows else np.empty((0, 0, 0))
+    errors = plot_data.errors(path).errors if "estimates" in held and held["estimates"].rows else np.empty((0, 0, 0))
     return ResultArrays(errors, columns, bool(attributes(path)["states"]))
 
 
@@ -237,12 +237,3 @@ def position_unit(path: str | Path) -> str:
         return "m"
     layout = plot_data.layout(path)
     return layout.units[layout.position[0]]
-
-
-def _errors(path: str | Path) -> Floats:
-    """(runs, targets, steps) position errors, NaN without an estimate."""
-    table = read_table(path, "estimates", ["replicate", "target", "step", "error"])
-    axes = [np.unique(table[name], return_inverse=True) for name in ("replicate", "target", "step")]
-    errors = np.full([known.size for known, _ in axes], np.nan)
-    errors[tuple(at for _, at in axes)] = table["error"]
-    return errors

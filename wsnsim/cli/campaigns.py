@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
@@ -72,35 +72,24 @@ def _session_options(command: Command) -> Command:
 @click.option("--vary", multiple=True, metavar="KEY=VALUES", help="An axis: tracker.particles=100,200,400.")
 @_session_options
 @click.pass_obj
-def sweep(
-    interrupts: Interrupts,
-    /,
-    source: str,
-    vary: tuple[str, ...],
-    overrides: tuple[str, ...],
-    replicates: int | None,
-    seed: int | None,
-    timeout: str | None,
-    **given: Any,
-) -> int:
+def sweep(interrupts: Interrupts, /, source: str, vary: tuple[str, ...], **given: Any) -> int:
     """Run a scenario at many points, with several Monte Carlo runs per point.
 
     SWEEP is a file with a scenario, axes and the number of runs (`wsnsim list sweeps`). A SCENARIO needs axes from
     --vary. DIR is the folder of a campaign, which is resumed.
     """
-    options = _options(given)
+    options, overrides, changes = _options(given)
     if is_campaign(source):
-        if vary or overrides or replicates or seed is not None or options.out or timeout:
+        if vary or overrides or any(changes.values()) or options.out:
             raise UsageError(f"{source} is a campaign, whose sweep is fixed; to change it, give the sweep file instead")
         return resume(source, options, interrupts)
     from wsnsim.scenario.sweep import is_sweep, load_sweep
 
-    changes: dict[str, Any] = {"replicates": replicates, "timeout": timeout}
     if not is_sweep(source):
         if not vary:
             raise UsageError(_why_no_sweep(source))
         changes["name"] = _campaign_name(source, vary)
-    plan = load_sweep(source, vary, _with_seed(overrides, seed), **changes)
+    plan = load_sweep(source, vary, overrides, **changes)
     return run_plan(plan, options, interrupts, options.comparison.by)
 
 
@@ -111,21 +100,12 @@ def sweep(
 @_session_options
 @click.pass_obj
 def compare(
-    interrupts: Interrupts,
-    /,
-    sources: tuple[str, ...],
-    trackers: str | None,
-    vary: tuple[str, ...],
-    overrides: tuple[str, ...],
-    replicates: int | None,
-    seed: int | None,
-    timeout: str | None,
-    **given: Any,
+    interrupts: Interrupts, /, sources: tuple[str, ...], trackers: str | None, vary: tuple[str, ...], **given: Any
 ) -> int:
     """Compare trackers or scenarios, run by run, on the same ground truth and the same measurements."""
-    options = _options({**given, "bound": given["bound"] is not False})
+    options, overrides, changes = _options({**given, "bound": given["bound"] is not False})
     if len(sources) == 1 and is_campaign(sources[0]):
-        if trackers or vary or overrides or replicates or seed is not None or timeout:
+        if trackers or vary or overrides or any(changes.values()):
             raise UsageError(f"{sources[0]} is a campaign, whose comparison is fixed")
         return resume(sources[0], options, interrupts)
     from wsnsim.scenario.sweep import load_sweep
@@ -134,8 +114,7 @@ def compare(
         raise UsageError("give trackers to compare (--trackers pso_mhpf,ipf,ppf) or several scenarios")
     axes = ([f"tracker.kind={trackers}"] if trackers else []) + list(vary)
     name = _file_name("_".join(["compare", *(Path(source).stem for source in sources[:MAX_NAMED])]))
-    changes: dict[str, Any] = {"replicates": replicates, "timeout": timeout, "name": name}
-    plan = load_sweep(list(sources), axes, _with_seed(overrides, seed), **changes)
+    plan = load_sweep(list(sources), axes, overrides, **changes, name=name)
     by = [*(["scenario"] if len(sources) > 1 else []), *(["tracker.kind"] if trackers else [])]
     return run_plan(plan, options, interrupts, options.comparison.by or tuple(by))
 
@@ -181,15 +160,13 @@ def _why_no_sweep(source: str) -> str:
     return f"unknown sweep, scenario or campaign '{source}' ({did_you_mean(source, shipped_sweeps())})"
 
 
-def _options(given: Mapping[str, Any]) -> SessionOptions:
-    """The options of a command line, those of the comparison apart."""
-    comparison = ComparisonOptions(**{name: given[name] for name in ComparisonOptions._fields})
-    others = {name: value for name, value in given.items() if name not in ComparisonOptions._fields}
-    return SessionOptions(comparison=comparison, **others)
-
-
-def _with_seed(overrides: tuple[str, ...], seed: int | None) -> tuple[str, ...]:
-    return overrides if seed is None else (*overrides, f"seed={seed}")
+def _options(given: dict[str, Any]) -> tuple[SessionOptions, tuple[str, ...], dict[str, Any]]:
+    """The options of a session, the overrides with the seed, and the changes of the sweep (replicates, timeout)."""
+    overrides, seed = given.pop("overrides"), given.pop("seed")
+    seeded = overrides if seed is None else (*overrides, f"seed={seed}")
+    changes = {name: given.pop(name) for name in ("replicates", "timeout")}
+    comparison = ComparisonOptions(**{name: given.pop(name) for name in ComparisonOptions._fields})
+    return SessionOptions(comparison=comparison, **given), seeded, changes
 
 
 def _campaign_name(source: str, vary: Sequence[str]) -> str:
