@@ -19,7 +19,6 @@ class Signal(Protocol):
 
     def succeed(self) -> object:
         """Fire the signal, once."""
-        ...
 
 
 class OnAir(Protocol):
@@ -28,27 +27,22 @@ class OnAir(Protocol):
     @property
     def source(self) -> int:
         """The sender."""
-        ...
 
     @property
     def frame(self) -> MacFrame:
         """What is sent."""
-        ...
 
     @property
     def start(self) -> float:
         """When its first bit is sent, in s."""
-        ...
 
     @property
     def end(self) -> float:
         """When its last bit is sent, in s."""
-        ...
 
     @property
     def cut(self) -> bool:
         """Whether the sender fell silent before the end."""
-        ...
 
 
 class SharedChannel(Protocol):
@@ -56,11 +50,9 @@ class SharedChannel(Protocol):
 
     def is_busy(self, node: int) -> bool:
         """Whether a node hears a transmission during the assessment that ends now, or sends itself."""
-        ...
 
     def is_sending(self, node: int) -> bool:
         """Whether a node sends or is about to: its radio cannot send another frame."""
-        ...
 
     def transmit(
         self,
@@ -77,11 +69,9 @@ class SharedChannel(Protocol):
             on_end: Called at the end with the transmission and its result.
             asleep: (n,) nodes that have the radio off because they know that the frame is not for them.
         """
-        ...
 
     def silence(self, node: int) -> None:
         """Cut the transmission of a node that died or crashed."""
-        ...
 
 
 class Fragmenter(Protocol):
@@ -93,7 +83,6 @@ class Fragmenter(Protocol):
         The MAC calls `finish` on each of them once. After the last one the burst holds what arrived, and `on_end` is
         called.
         """
-        ...
 
 
 class MacServices(Protocol):
@@ -102,65 +91,50 @@ class MacServices(Protocol):
     @property
     def now(self) -> float:
         """The simulated time in s."""
-        ...
 
     @property
     def step(self) -> int:
         """The number of the present step."""
-        ...
 
     @property
     def counters(self) -> Counters:
         """The counters of the run. The channel counts frames; the MAC counts `access_failures` and `retries`."""
-        ...
 
     def key(self, stream: str) -> int:
         """Return the key of a random stream (see `base.rng`)."""
-        ...
 
     def is_up(self, node: int) -> bool:
         """Whether a node is neither dead nor crashed."""
-        ...
 
     def is_awake(self, node: int) -> bool:
         """Whether a node is up and listens."""
-        ...
 
     def neighbours(self, node: int) -> Ints:
         """(n,) the nodes that a node's transmissions may reach, ascending."""
-        ...
 
     def hold_awake(self, node: int) -> None:
         """Keep a node awake until `release`, because it has a frame to send."""
-        ...
 
     def release(self, node: int) -> None:
         """Let a node follow its schedule again."""
-        ...
 
     def lasts(self, node: int, seconds: float) -> float:
         """Return the seconds that pass while a node's clock counts `seconds`."""
-        ...
 
     def call_later(self, seconds: float, action: Callable[[], None]) -> None:
         """Call an action after `seconds` of simulated time."""
-        ...
 
     def signal(self) -> Signal:
         """Return a new signal, for the end of bursts."""
-        ...
 
     def open_channel(self, mac: FramedMac, assessment: float) -> SharedChannel:
         """Return a channel on which the frames of a MAC take time. `assessment`: s of a clear channel assessment."""
-        ...
 
     def fragmentation(self, mac: FramedMac) -> Fragmenter:
         """Return what splits bursts into the frames of a MAC."""
-        ...
 
     def log_drop(self, node: int, dropped: Burst | MacFrame, reason: str) -> None:
         """Log that a node dropped a burst or a frame without sending it."""
-        ...
 
 
 class MacMechanism(Protocol):
@@ -176,7 +150,6 @@ class MacMechanism(Protocol):
         Returns:
             A signal from `MacServices.signal` that succeeds when the last burst has ended.
         """
-        ...
 
     def offer(self, node: int, payload_bits: int, done: Callable[[Received | None], None], code: int = 0) -> None:
         """Broadcast one payload, without a burst.
@@ -187,11 +160,9 @@ class MacMechanism(Protocol):
             done: Called once with the ids (n,) that received it, or None if it never got the channel.
             code: What the event log calls it.
         """
-        ...
 
     def silence(self, node: int) -> None:
         """Stop a node that died or crashed: its frames are lost, and their bursts end."""
-        ...
 
 
 @runtime_checkable
@@ -200,4 +171,3 @@ class StartsMac(Protocol):
 
     def start(self, services: MacServices) -> MacMechanism:
         """Return the mechanism. Called once, before the simulation starts."""
-        ...

@@ -38,89 +38,68 @@ class FaultServices(Protocol):
     @property
     def now(self) -> float:
         """The simulated time in s."""
-        ...
 
     @property
     def positions(self) -> Floats:
         """(N, 2) positions of the nodes in m."""
-        ...
 
     @property
     def key(self) -> int:
         """The random key of this fault (see `base.rng`)."""
-        ...
 
     def is_up(self, node: int) -> bool:
         """Whether a node is neither dead nor crashed."""
-        ...
 
     def is_dead(self, node: int) -> bool:
         """Whether the battery of a node is empty."""
-        ...
 
     def residual_energy(self, node: int) -> float:
         """Joules left in a node now."""
-        ...
 
     def head_of(self, target: int) -> int | None:
         """The cluster head of a target, or None."""
-        ...
 
     def call_later(self, seconds: float, action: Callable[[], None]) -> None:
         """Call an action after `seconds` of simulated time."""
-        ...
 
     def log_start(self, node: int, joules: float = 0.0) -> None:
         """Log that the fault hits a node, or NOBODY, and the charge that it took."""
-        ...
 
     def log_end(self, node: int) -> None:
         """Log that the fault of a node has passed."""
-        ...
 
     def take_down(self, nodes: Ints) -> None:
         """Crash the nodes that are up, and hold all of them down until `bring_up`."""
-        ...
 
     def take_down_alone(self, nodes: Ints) -> None:
         """As `take_down`; other faults no longer hold these nodes down."""
-        ...
 
     def bring_up(self) -> None:
         """Restart the nodes that this fault alone holds down."""
-        ...
 
     def drain(self, node: int, joules: float) -> float:
         """Take charge from a node; returns the joules taken. Infinity empties the battery."""
-        ...
 
     def jam(self, nodes: Ints) -> None:
         """The radios of the nodes neither receive nor are received, until `unjam`."""
-        ...
 
     def unjam(self, nodes: Ints) -> None:
         """Undo one `jam` of this fault."""
-        ...
 
     def set_loss(self, nodes: Ints, probability: float) -> None:
         """Lose frames from and to the nodes with this probability, in addition to other losses."""
-        ...
 
     def clear_loss(self, nodes: Ints) -> None:
         """Undo `set_loss`."""
-        ...
 
     def step_clocks(self, nodes: Ints, seconds: float) -> None:
         """Put the clocks of the nodes forward; back if `seconds` is negative."""
-        ...
 
     def set_defect(self, defect: SensorDefect) -> None:
         """Change the readings of sensors. A fault has one defect at a time."""
-        ...
 
     def clear_defect(self) -> None:
         """Undo `set_defect`."""
-        ...
 
 
 class FaultMechanism(Protocol):
@@ -128,11 +107,9 @@ class FaultMechanism(Protocol):
 
     def begin(self, nodes: Ints) -> None:
         """The fault begins at nodes (n,): at least one, ascending, none of them dead."""
-        ...
 
     def end(self, nodes: Ints) -> None:
         """The duration of the fault has passed. `nodes` are those that `begin` was given."""
-        ...
 
 
 @runtime_checkable
@@ -141,7 +118,6 @@ class StartsFault(Protocol):
 
     def start(self, services: FaultServices) -> FaultMechanism:
         """Return the mechanism. Called once, before the simulation starts."""
-        ...
 
 
 class WakeUpServices(Protocol):
@@ -153,23 +129,18 @@ class WakeUpServices(Protocol):
 
     def is_up(self, node: int) -> bool:
         """Whether a node is neither dead nor crashed."""
-        ...
 
     def place(self, node: int) -> Point:
         """The position of a node."""
-        ...
 
     def neighbours(self, node: int) -> Ints:
         """(n,) the nodes that a node's transmissions may reach, those included that are down."""
-        ...
 
     def nodes_within(self, centre: Point, radius: float) -> Ints:
         """(n,) the nodes within `radius` m of a point."""
-        ...
 
     def sleepers(self, nodes: Ints) -> set[int]:
         """The nodes, out of the given ones, that are up and asleep now."""
-        ...
 
     def broadcast(
         self, round: WakeUpRound, node: int, message: WakeUpMessage, on_heard: HeardMessage, relayed: bool = False
@@ -183,29 +154,23 @@ class WakeUpServices(Protocol):
             on_heard: called with each node that heard the copy, ascending, and the copy.
             relayed: the sender forwards the message of another node.
         """
-        ...
 
     def call(
         self, round: WakeUpRound, node: int, sleepers: Sequence[int], bits: int, on_awake: Callable[[list[int]], None]
     ) -> None:
         """Call sleeping neighbours on the wake-up radio; `on_awake` is called with those that woke."""
-        ...
 
     def track(self, round: WakeUpRound, node: int, message: WakeUpMessage) -> None:
         """Note that a node tracks at the message's step, and keep it awake until then and for the waiting time."""
-        ...
 
     def release(self, node: int, target: int) -> None:
         """Let a node follow its schedule again."""
-        ...
 
     def drop(self, round: WakeUpRound, node: int, message: WakeUpMessage) -> None:
         """Log that a node ignored a message because it had expired."""
-        ...
 
     def chance(self, node: int, message: WakeUpMessage) -> float:
         """A uniform random number of a node for a message, in [0, 1)."""
-        ...
 
 
 class WakeUpMechanism(Protocol):
@@ -213,7 +178,6 @@ class WakeUpMechanism(Protocol):
 
     def begin(self, round: WakeUpRound) -> None:
         """A head, `round.node`, wakes nodes for the step of `round.message`; returns at once."""
-        ...
 
 
 @runtime_checkable
@@ -222,7 +186,6 @@ class StartsWakeUp(Protocol):
 
     def start(self, services: WakeUpServices) -> WakeUpMechanism:
         """Return the mechanism. Called once, before the simulation starts."""
-        ...
 
 
 class WorkloadServices(Protocol):
@@ -242,31 +205,24 @@ class WorkloadServices(Protocol):
 
     def is_awake(self, node: int) -> bool:
         """Whether a node is up, and its radio listens."""
-        ...
 
     def is_dead(self, node: int) -> bool:
         """Whether the battery of a node is empty."""
-        ...
 
     def lasts(self, node: int, seconds: float) -> float:
         """The seconds that pass while a node's clock counts `seconds`."""
-        ...
 
     def call_later(self, seconds: float, action: Callable[[], None]) -> None:
         """Call an action after `seconds` of simulated time."""
-        ...
 
     def word(self, what: str) -> int:
         """The code of a word in the column `events.what`."""
-        ...
 
     def broadcast(self, node: int, bits: int, word: int) -> None:
         """Broadcast a payload of `bits` to all in range."""
-        ...
 
     def send(self, node: int, to: int, bits: int, what: str, on_end: Callable[[bool], None]) -> None:
         """Send a payload of `bits` to a node, relayed if it is out of range; `on_end(arrived)` is called at the end."""
-        ...
 
 
 class WorkloadMechanism(Protocol):
@@ -274,7 +230,6 @@ class WorkloadMechanism(Protocol):
 
     def begin(self) -> None:
         """The simulation starts."""
-        ...
 
 
 @runtime_checkable
@@ -283,4 +238,3 @@ class StartsWorkload(Protocol):
 
     def start(self, services: WorkloadServices) -> WorkloadMechanism:
         """Return the mechanism. Called once, before the simulation starts."""
-        ...

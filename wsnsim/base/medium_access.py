@@ -15,7 +15,6 @@ class Mac(Protocol):
     @property
     def mechanism(self) -> str:
         """The name of the mechanism."""
-        ...
 
 
 class IdealAccess(Mac, Protocol):
@@ -24,7 +23,6 @@ class IdealAccess(Mac, Protocol):
     @property
     def rate(self) -> float | None:
         """Bit/s on the air; None: sending takes no time."""
-        ...
 
 
 class FramedMac(Mac, Protocol):
@@ -47,24 +45,19 @@ class FramedMac(Mac, Protocol):
     @property
     def ack_bits(self) -> int:
         """Bits of an acknowledgement on the air."""
-        ...
 
     @property
     def payload_bits(self) -> int:
         """Bits of the largest payload of a frame."""
-        ...
 
     def bits(self, payload_bits: int) -> int:
         """Bits on the air of a frame with this payload, preamble and headers included."""
-        ...
 
     def airtime(self, bits: float) -> float:
         """Seconds that a frame of this length on the air takes."""
-        ...
 
     def spacing(self, bits: int) -> float:
         """Seconds between the end of a frame of this length and the sender's next one."""
-        ...
 
 
 class ContendingMac(FramedMac, Protocol):
@@ -100,7 +93,6 @@ class SlottedMac(ContendingMac, Protocol):
 
     def slot_needed(self, bits: int) -> float:
         """Seconds of a slot for a frame of this length: turnaround, acknowledgement and guards included."""
-        ...
 
 
 class Packing(Protocol):
@@ -108,4 +100,3 @@ class Packing(Protocol):
 
     def packets(self, packet_bits: int, most_bits: int) -> int:
         """Packets of `packet_bits` in a frame whose payload holds `most_bits`; at least 1."""
-        ...

@@ -91,22 +91,18 @@ class LinkModel(Protocol):
     @property
     def reach(self) -> float:
         """The nominal communication range in m."""
-        ...
 
     @property
     def audible(self) -> float:
         """The distance in m beyond which no node hears another."""
-        ...
 
     @property
     def perfect(self) -> bool:
         """Whether every undisturbed frame within range arrives."""
-        ...
 
     @property
     def captures(self) -> bool:
         """Whether a frame may survive an overlapping one; otherwise both are lost where both are heard."""
-        ...
 
     def powers(self, distances: Floats, pairs: Keys, directions: Keys) -> Floats:
         """(n,) received power in dBm over links of these lengths; -inf where nothing is heard.
@@ -116,7 +112,6 @@ class LinkModel(Protocol):
             pairs: (n,) counter keys, equal for both directions of a link.
             directions: (n,) counter keys of the directions.
         """
-        ...
 
     def reception(self, powers: Floats, bits: float, interference: Floats | float) -> Floats:
         """(n,) probability that a frame arrives.
@@ -126,11 +121,9 @@ class LinkModel(Protocol):
             bits: Length of the frame on the air.
             interference: Power of overlapping frames in mW; 0 for none.
         """
-        ...
 
     def senses(self, powers: Floats) -> Bools:
         """(n,) whether a node that receives these powers takes the channel for busy (clear channel assessment)."""
-        ...
 
 
 class Cpu(Protocol):
@@ -230,4 +223,3 @@ class Routing(Protocol):
     @property
     def weight(self) -> str:
         """What it minimises: 'energy' or 'hop'; or 'greedy': each hop goes nearest to the destination."""
-        ...

@@ -55,15 +55,15 @@ class WakeUpPlan(NamedTuple):
     """What a cluster head knows when it composes a message that wakes nodes for one step.
 
     Attributes:
-        target: the target.
+        target: number of the target.
         step: the step for which nodes are woken.
         sequence: the number of the message.
         sender: the head.
-        place: its position.
-        fix: the last fix.
-        heading: the displacement between the last two fixes; (0, 0) if there is only one.
+        place: the position of the head.
+        fix: the last estimated position.
+        heading: the velocity in the state, (0, 0) if it has none.
         prediction: the predicted position at `due`.
-        foreseen: the prediction is more than the last fix.
+        foreseen: whether `prediction` is a forecast; if not, it is the last fix.
         due: the time of the step.
         ahead: seconds from the last fix to `due`.
         sensing: the sensing range r.
@@ -115,13 +115,13 @@ class WakeUpMessage:
 
 @dataclass(slots=True)
 class WakeUpRound:
-    """One wake-up message of a head, and what came of it; a row of the table `wakeups`.
+    """One wake-up message of a head, and its effects: one row of the table `wakeups`.
 
     Attributes:
-        message: as the head composed it.
+        message: the message as the head composed it.
         node: the head.
-        time: at which the head sent it, in s.
-        foreseen: the message names a predicted position, not the last fix.
+        time: when the head sent it, in s.
+        foreseen: whether the centre of its region is a prediction; if not, it is the last fix.
         tracking: {node: copy of the message} of the nodes that track at the message's step.
         sleepers: nodes of the region that slept when the round began, and have not been called.
         called_nodes: nodes that have been called.

@@ -1,0 +1,79 @@
+"""Optional ports: protocols that components may implement in addition to the port of their role.
+
+Shapes and units are those of `base.ports`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, Protocol, runtime_checkable
+
+from wsnsim.base.arrays import Bools, Floats
+from wsnsim.base.requests import Member
+
+
+@runtime_checkable
+class Continuous(Protocol):
+    """Optional port of a motion model: a trajectory in continuous time, the same at every sampling interval."""
+
+    @property
+    def continuous(self) -> bool: ...
+
+
+@runtime_checkable
+class Informs(Protocol):
+    """Optional port of a sensor model: the Fisher information of its measurements, for Cramér-Rao bounds."""
+
+    def information(self, points: Floats, positions: Floats, traits: Floats) -> Floats:
+        """(S, P, P, N) Fisher's information about the position in one reading of each sensor, at points (P, N).
+
+        The information in a variance that depends on the state is included: g gᵀ / R + (∂R / R)(∂R / R)ᵀ / 2.
+        """
+
+
+@runtime_checkable
+class Ranks(Protocol):
+    """Optional port of a sensor model whose larger measurements do not mean a nearer target: ranks measurements."""
+
+    def strength(self, reading: float) -> float:
+        """A number that is larger for a nearer target."""
+
+
+@runtime_checkable
+class Detects(Protocol):
+    """Optional port of a sensor model: which nodes measure the target, if not all within `reach`."""
+
+    def detects(self, points: Floats, positions: Floats) -> Bools:
+        """(n, S) whether a target at each of the points (n, P) gives a reading at each of the sensors (S, 2)."""
+
+
+@runtime_checkable
+class Portable(Protocol):
+    """Optional port of a tracker: a belief small enough to be carried by a wake-up message."""
+
+    def belief_bits(self, belief: Any) -> int:
+        """Bits of the belief in such a message."""
+
+
+@runtime_checkable
+class Foresees(Protocol):
+    """Optional port of a tracker: whether its forecast is already a prediction, or only its last fix."""
+
+    def foresees(self, belief: Any) -> bool:
+        """True once it can predict. A tracker without this port always can."""
+
+
+@runtime_checkable
+class Snapshots(Protocol):
+    """Optional port of a tracker: its particles for the table `particles`; no node receives them."""
+
+    def snapshot(self, belief: Any, members: Sequence[Member]) -> Iterator[tuple[int, Floats, Floats]]:
+        """(node, states (D, n), weights (n,)) of each node that holds some; weights sum to 1 over the whole set."""
+
+
+@runtime_checkable
+class ReportsState(Protocol):
+    """Optional port of a tracker: named quantities of its belief, recorded in the table `tracker_state`."""
+
+    def report_state(self, belief: Any) -> Mapping[str, Floats]:
+        """Values (n,) by name, recorded after each step. The lengths may differ, and may change from step to step."""
