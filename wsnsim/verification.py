@@ -83,16 +83,16 @@ def _differing(stored: Mapping[str, Any], here: Mapping[str, Any]) -> list[str]:
 
 
 def _commits(stored: Mapping[str, Any], here: Mapping[str, Any]) -> str:
-    """A line with both commits if another commit made the result; it does not excuse a difference."""
-    before, now = ((made.get("git") or {}).get("commit", "no checkout")[:12] for made in (stored, here))
-    return f"  made by commit {before}, run again by {now}" if before != now else ""
+    """A line with both commits if another commit origin the result; it does not excuse a difference."""
+    before, now = ((origin.get("git") or {}).get("commit", "no checkout")[:12] for origin in (stored, here))
+    return f"  origin by commit {before}, run again by {now}" if before != now else ""
 
 
 def _verification_text(path: Path, rows: list[dict[str, Any]], differing: list[str], commits: str, ok: bool) -> str:
     lines = [f"{path}: " + ("repeats" if ok else "DOES NOT REPEAT")]
     lines += [commits] if commits else []
     if differing:
-        lines.append(f"  made with other {' and '.join(differing)}: compared to 1e-6 instead of to the last bit")
+        lines.append(f"  origin with other {' and '.join(differing)}: compared to 1e-6 instead of to the last bit")
     for row in rows:
         verdict = "equal" if row["equal"] else "close" if row["close"] else "different"
         lines.append(

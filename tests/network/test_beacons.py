@@ -150,17 +150,17 @@ def test_the_links_add_up_to_the_counts():
 
 def test_the_ledger_closes_and_follows_from_the_bits_sent():
     run = cross_check()
-    fleet, sends = run.outcome.nodes, events_of_kind(run, SEND)
-    sent = np.bincount(sends["node"], minlength=fleet.size)
-    assert fleet.ledger.joules.sum(axis=0) == pytest.approx(fleet.ledger.spent, rel=1e-9)
-    assert fleet.ledger.joules[CAUSE["tx_electronics"]] == pytest.approx(sent * 232 * 50e-9, rel=1e-9)
-    assert fleet.ledger.joules[CAUSE["tx_amplifier"]] == pytest.approx(sent * 232 * 100e-12 * REACH**2, rel=1e-9)
-    received = np.bincount(events_of_kind(run, RECEIVE)["node"], minlength=fleet.size) * 232 * 50e-9
-    heard = fleet.ledger.joules[CAUSE["rx"]]
-    collided = np.bincount(events_of_kind(run, COLLIDE)["node"], minlength=fleet.size) * 232 * 50e-9
+    sensor_nodes, sends = run.outcome.nodes, events_of_kind(run, SEND)
+    sent = np.bincount(sends["node"], minlength=sensor_nodes.size)
+    assert sensor_nodes.ledger.joules.sum(axis=0) == pytest.approx(sensor_nodes.ledger.spent, rel=1e-9)
+    assert sensor_nodes.ledger.joules[CAUSE["tx_electronics"]] == pytest.approx(sent * 232 * 50e-9, rel=1e-9)
+    assert sensor_nodes.ledger.joules[CAUSE["tx_amplifier"]] == pytest.approx(sent * 232 * 100e-12 * REACH**2, rel=1e-9)
+    received = np.bincount(events_of_kind(run, RECEIVE)["node"], minlength=sensor_nodes.size) * 232 * 50e-9
+    heard = sensor_nodes.ledger.joules[CAUSE["rx"]]
+    collided = np.bincount(events_of_kind(run, COLLIDE)["node"], minlength=sensor_nodes.size) * 232 * 50e-9
     assert (heard >= received * (1 - 1e-9)).all() and (heard <= (received + collided) * (1 + 1e-9)).all()
-    assert run.log["joules"].sum() == pytest.approx(fleet.ledger.spent.sum(), rel=1e-9)
-    assert run.memory.table("energy_steps")["joules"].sum() == pytest.approx(fleet.ledger.spent.sum(), rel=1e-9)
+    assert run.log["joules"].sum() == pytest.approx(sensor_nodes.ledger.spent.sum(), rel=1e-9)
+    assert run.memory.table("energy_steps")["joules"].sum() == pytest.approx(sensor_nodes.ledger.spent.sum(), rel=1e-9)
 
 
 def test_a_radio_with_a_datasheet_consumes_its_power_in_every_second():

@@ -32,13 +32,13 @@ class FaultyNodes:
     def __init__(self, *script: Any, key: int = 11, heads: dict[int, int] | None = None) -> None:
         self.env = simpy.Environment()
         self.memory = Memory()
-        self.fleet = Nodes(LINE, np.ones((10, 1)), 2.0, 75.0)
-        self.fleet.on_death = lambda node: self.fleet.died_at.__setitem__(node, self.env.now)
+        self.sensor_nodes = Nodes(LINE, np.ones((10, 1)), 2.0, 75.0)
+        self.sensor_nodes.on_death = lambda node: self.sensor_nodes.died_at.__setitem__(node, self.env.now)
         self.clocks = Clocks(PerfectClock(), 1, 10)
         self.heads = heads or {}
         journal = EventLog(self.memory, 0)
-        control = NodeControl(self.fleet.crash, self.fleet.restart, self.heads.get)
-        self.site = FaultSite(self.env, self.fleet, journal, self.clocks, control)
+        control = NodeControl(self.sensor_nodes.crash, self.sensor_nodes.restart, self.heads.get)
+        self.site = FaultSite(self.env, self.sensor_nodes, journal, self.clocks, control)
         FaultSchedule(script, self.site, key, 0.1).start()
         self.journal = journal
 
@@ -60,17 +60,17 @@ class FaultyNodes:
 
     def down(self) -> list[int]:
         """The nodes that are not up."""
-        return np.flatnonzero(~self.fleet.living).tolist()
+        return np.flatnonzero(~self.sensor_nodes.living).tolist()
 
 
 def test_a_crashed_node_is_down_for_the_duration_and_back_with_the_charge_it_had():
     faulty = FaultyNodes(Crash(at=1.0, duration=2.0, nodes=(3, 5)))
-    faulty.fleet.spend(3, CAUSE["cpu"], 0.5)
+    faulty.sensor_nodes.spend(3, CAUSE["cpu"], 0.5)
     assert faulty.at(0.99).down() == []
     assert faulty.at(1.0).down() == [3, 5]
     assert faulty.at(2.99).down() == [3, 5]
     assert faulty.at(3.0).down() == []
-    assert faulty.fleet.residual_energy(3) == 1.5 and not faulty.fleet.died_at
+    assert faulty.sensor_nodes.residual_energy(3) == 1.5 and not faulty.sensor_nodes.died_at
     assert faulty.rows() == [
         (1.0, "fault", "crash", 3),
         (1.0, "fault", "crash", 5),
@@ -83,7 +83,7 @@ def test_a_crashed_node_is_down_for_the_duration_and_back_with_the_charge_it_had
 
 def test_a_crash_without_a_duration_lasts_until_the_end_and_is_not_a_death():
     faulty = FaultyNodes(Crash(at=1.0, nodes=(3,))).at(1e6)
-    assert faulty.down() == [3] and faulty.fleet.died_at == {}
+    assert faulty.down() == [3] and faulty.sensor_nodes.died_at == {}
 
 
 def test_a_node_taken_down_by_two_crashes_is_up_when_both_have_passed():
@@ -112,15 +112,18 @@ def test_dead_nodes_do_not_restart():
     faulty = FaultyNodes(
         Drain(at=1.0, nodes=(1,), share=1.0), Restart(at=2.0, nodes=(1,)), Crash(at=3.0, duration=1.0, nodes=(1,))
     )
-    assert faulty.at(10.0).down() == [1] and faulty.fleet.died_at == {1: 1.0}
-    assert faulty.fleet.ledger.joules[CAUSE["leak"], 1] == 2.0
+    assert faulty.at(10.0).down() == [1] and faulty.sensor_nodes.died_at == {1: 1.0}
+    assert faulty.sensor_nodes.ledger.joules[CAUSE["leak"], 1] == 2.0
     assert [row[1:] for row in faulty.rows()][1:] == [("fault", "restart", -1), ("fault", "crash", -1)]
 
 
 def test_a_drain_takes_joules_or_a_share_of_what_is_left_and_books_them_as_a_leak():
     faulty = FaultyNodes(Drain(at=1.0, nodes=(1, 2), joules=0.5), Drain(at=2.0, nodes=(1,), share=0.5)).at(2.0)
-    assert faulty.fleet.residual_energy(1) == pytest.approx(0.75, rel=1e-15) and faulty.fleet.residual_energy(2) == 1.5
-    assert faulty.fleet.ledger.totals[CAUSE["leak"]] == pytest.approx(1.75, rel=1e-15)
+    assert (
+        faulty.sensor_nodes.residual_energy(1) == pytest.approx(0.75, rel=1e-15)
+        and faulty.sensor_nodes.residual_energy(2) == 1.5
+    )
+    assert faulty.sensor_nodes.ledger.totals[CAUSE["leak"]] == pytest.approx(1.75, rel=1e-15)
     faulty.rows()
     assert faulty.memory.table("events")["joules"].tolist() == [0.5, 0.5, 0.75]
 
@@ -128,8 +131,8 @@ def test_a_drain_takes_joules_or_a_share_of_what_is_left_and_books_them_as_a_lea
 def test_a_drain_of_more_than_the_residual_energy_takes_all_of_it_and_the_node_dies():
     faulty = FaultyNodes(Drain(at=1.0, nodes=(6,), joules=5.0)).at(1.0)
     assert (
-        faulty.fleet.died_at == {6: 1.0}
-        and faulty.fleet.ledger.spent[6] == 2.0 == faulty.fleet.ledger.totals[CAUSE["leak"]]
+        faulty.sensor_nodes.died_at == {6: 1.0}
+        and faulty.sensor_nodes.ledger.spent[6] == 2.0 == faulty.sensor_nodes.ledger.totals[CAUSE["leak"]]
     )
 
 
@@ -137,11 +140,11 @@ def test_a_blackout_jams_a_region_for_its_duration_and_overlapping_ones_hold_tog
     faulty = FaultyNodes(
         Blackout(at=1.0, duration=3.0, region=(0.0, 0.0, 20.0)), Blackout(at=2.0, duration=1.0, nodes=(2, 7))
     )
-    assert not faulty.fleet.disturbed
-    assert np.flatnonzero(faulty.at(1.5).fleet.jammed).tolist() == [0, 1, 2] and faulty.fleet.disturbed
-    assert np.flatnonzero(faulty.at(2.5).fleet.jammed).tolist() == [0, 1, 2, 7]
-    assert np.flatnonzero(faulty.at(3.5).fleet.jammed).tolist() == [0, 1, 2]
-    assert not faulty.at(4.5).fleet.jammed.any() and not faulty.fleet.disturbed
+    assert not faulty.sensor_nodes.disturbed
+    assert np.flatnonzero(faulty.at(1.5).sensor_nodes.jammed).tolist() == [0, 1, 2] and faulty.sensor_nodes.disturbed
+    assert np.flatnonzero(faulty.at(2.5).sensor_nodes.jammed).tolist() == [0, 1, 2, 7]
+    assert np.flatnonzero(faulty.at(3.5).sensor_nodes.jammed).tolist() == [0, 1, 2]
+    assert not faulty.at(4.5).sensor_nodes.jammed.any() and not faulty.sensor_nodes.disturbed
     assert faulty.rows()[-1] == (4.0, "fault", "blackout_over", 2)
 
 
@@ -149,10 +152,13 @@ def test_losses_of_overlapping_faults_multiply_what_arrives():
     faulty = FaultyNodes(
         LinkLoss(at=1.0, duration=3.0, nodes=(4,), loss=0.5), LinkLoss(at=2.0, duration=1.0, nodes=(4,), loss=0.2)
     )
-    assert faulty.at(1.5).fleet.loss.tolist() == [0.5 * (node == 4) for node in range(10)] and faulty.fleet.disturbed
-    assert faulty.at(2.5).fleet.loss[4] == pytest.approx(1.0 - 0.5 * 0.8, rel=1e-15)
-    assert faulty.at(3.5).fleet.loss[4] == 0.5
-    assert faulty.at(4.5).fleet.loss[4] == 0.0 and not faulty.fleet.disturbed
+    assert (
+        faulty.at(1.5).sensor_nodes.loss.tolist() == [0.5 * (node == 4) for node in range(10)]
+        and faulty.sensor_nodes.disturbed
+    )
+    assert faulty.at(2.5).sensor_nodes.loss[4] == pytest.approx(1.0 - 0.5 * 0.8, rel=1e-15)
+    assert faulty.at(3.5).sensor_nodes.loss[4] == 0.5
+    assert faulty.at(4.5).sensor_nodes.loss[4] == 0.0 and not faulty.sensor_nodes.disturbed
 
 
 def test_a_clock_jumps_and_jumps_back():
@@ -179,7 +185,7 @@ def test_a_share_of_all_nodes_is_exact_and_depends_on_the_key_and_the_number_of_
     # Each node is hit in 3 of 10 runs: five standard errors of 2000 draws.
     assert np.abs(hits / 2000 - 0.3).max() < 5 * (0.21 / 2000) ** 0.5
     second = FaultyNodes(Blackout(at=0.0, fraction=0.3), Crash(at=1.0, fraction=0.3))
-    assert np.flatnonzero(second.fleet.jammed).tolist() == first.down()
+    assert np.flatnonzero(second.sensor_nodes.jammed).tolist() == first.down()
 
 
 def test_a_fault_aimed_at_a_head_hits_the_cluster_head_of_that_instant():
@@ -203,7 +209,7 @@ def test_a_fault_aimed_at_a_head_hits_the_cluster_head_of_that_instant():
 def test_a_fault_that_hits_no_node_is_logged_once_and_changes_nothing(fault):
     faulty = FaultyNodes(fault).at(5.0)
     assert faulty.rows() == [(1.0, "fault", fault.mechanism, -1)]
-    assert faulty.down() == [] and not faulty.fleet.disturbed and not faulty.fleet.ledger.spent.any()
+    assert faulty.down() == [] and not faulty.sensor_nodes.disturbed and not faulty.sensor_nodes.ledger.spent.any()
 
 
 def test_a_fault_at_the_time_of_a_step_begins_before_the_step_in_spite_of_rounding():
@@ -503,8 +509,12 @@ def test_thousands_of_overlapping_faults_combine():
         LinkLoss(at=0.15, duration=0.5, nodes=(5,), loss=0.5),
     ]
     faulty = FaultyNodes(*script, *lossy).at(0.2)
-    assert faulty.fleet.jammed[3] and faulty.fleet.loss[4:6].tolist() == [0.5, 0.75]
+    assert faulty.sensor_nodes.jammed[3] and faulty.sensor_nodes.loss[4:6].tolist() == [0.5, 0.75]
     faulty.at(0.4)
-    assert faulty.fleet.loss[4:6].tolist() == [0.0, 0.5]
+    assert faulty.sensor_nodes.loss[4:6].tolist() == [0.0, 0.5]
     faulty.at(0.95)
-    assert not faulty.fleet.jammed.any() and not faulty.fleet.loss.any() and not faulty.fleet.disturbed
+    assert (
+        not faulty.sensor_nodes.jammed.any()
+        and not faulty.sensor_nodes.loss.any()
+        and not faulty.sensor_nodes.disturbed
+    )

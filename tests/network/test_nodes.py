@@ -58,6 +58,6 @@ def test_reading_energy_changes_nothing_in_the_ledger():
 
 
 def test_neighbours_are_those_within_reach_without_oneself():
-    wiring = Topology(nodes_in_a_line(), Disk(reach=15.0), 1, 96)
-    assert wiring.neighbours(0).id_list == [1]
-    assert wiring.neighbours(2).id_list == [1, 3]
+    graph = Topology(nodes_in_a_line(), Disk(reach=15.0), 1, 96)
+    assert graph.neighbours(0).id_list == [1]
+    assert graph.neighbours(2).id_list == [1, 3]

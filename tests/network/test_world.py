@@ -29,7 +29,7 @@ def cluster_of_three(**changes):
 
 def test_the_energy_of_a_cluster_is_what_a_hand_count_gives():
     run = cluster_of_three()
-    fleet, bits = run.outcome.nodes, 96
+    sensor_nodes, bits = run.outcome.nodes, 96
     # Three strengths and one announcement at reach, heard by the two others each; two joins; then two readings a step.
     distances = {1: 30.0, 2: 40.0}
     broadcasts = 4
@@ -37,10 +37,10 @@ def test_the_energy_of_a_cluster_is_what_a_hand_count_gives():
     electronics = (broadcasts + len(unicasts)) * bits * BIT
     amplifier = bits * AMP * (broadcasts * 75.0**2 + sum(d**2 for d in unicasts))
     reception = (broadcasts * 2 + len(unicasts)) * bits * BIT
-    assert fleet.ledger.totals[CAUSE["tx_electronics"]] == pytest.approx(electronics, rel=1e-12)
-    assert fleet.ledger.totals[CAUSE["tx_amplifier"]] == pytest.approx(amplifier, rel=1e-12)
-    assert fleet.ledger.totals[CAUSE["rx"]] == pytest.approx(reception, rel=1e-12)
-    assert 3 not in books(fleet)
+    assert sensor_nodes.ledger.totals[CAUSE["tx_electronics"]] == pytest.approx(electronics, rel=1e-12)
+    assert sensor_nodes.ledger.totals[CAUSE["tx_amplifier"]] == pytest.approx(amplifier, rel=1e-12)
+    assert sensor_nodes.ledger.totals[CAUSE["rx"]] == pytest.approx(reception, rel=1e-12)
+    assert 3 not in books(sensor_nodes)
 
 
 def test_the_node_with_the_strongest_reading_leads_the_others_join_and_only_sensing_nodes_wake():
@@ -258,10 +258,10 @@ def gone_at(start: tuple[float, float], steps: int) -> np.ndarray:
 
 def assert_no_track_waits_for_a_dead_node(run: Run) -> None:
     """Assert that no track has a dead head, or no head although a node that can lead senses its target."""
-    fleet = run.outcome.nodes
+    sensor_nodes = run.outcome.nodes
     for track in run.outcome.tracks:
-        assert track.head is None or fleet.alive[track.head]
-    for book in books(fleet).values():
+        assert track.head is None or sensor_nodes.alive[track.head]
+    for book in books(sensor_nodes).values():
         assert sum(book[:SPENT]) == pytest.approx(book[SPENT], rel=1e-9, abs=1e-15)
 
 

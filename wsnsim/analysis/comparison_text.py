@@ -42,11 +42,11 @@ def text(found: Comparison) -> str:
 def _columns(found: Comparison) -> tuple[list[str], list[list[str]]]:
     table, unit = found.table, found.unit
     name = run_metric_name(found.metric)
-    said = f"{name}{bracketed(unit)}"
+    heading = f"{name}{bracketed(unit)}"
     columns: list[tuple[str, list[str]]] = [(key, [_setting(value) for value in table[key]]) for key in found.keys]
     if table["replicates"].nunique() > 1:
         columns.append(("runs", [str(count) for count in table["replicates"]]))
-    columns.append((f"median {said}", [_spread(row, "median") for _, row in table.iterrows()]))
+    columns.append((f"median {heading}", [_spread(row, "median") for _, row in table.iterrows()]))
     columns.append(("mean", [_number(value) for value in table["mean"]]))
     if "bound" in table and table["bound"].notna().any():
         columns.append(("CRLB", [_number(value) for value in table["bound"]]))

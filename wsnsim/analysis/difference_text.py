@@ -55,8 +55,8 @@ def _estimate_line(first: Mapping[str, Any], unit: str) -> str:
         return f"{where}: only {first['only_in']} has it"
     if np.isnan(first["apart"]):
         none = [name for name, error in zip("AB", first["errors"], strict=True) if np.isnan(error)]
-        said = f"{' and '.join(none)} issued none" if none else "positions cannot be compared"
-        return f"{where}: {said} (columns {', '.join(first['columns'])})"
+        reason = f"{' and '.join(none)} issued none" if none else "positions cannot be compared"
+        return f"{where}: {reason} (columns {', '.join(first['columns'])})"
     errors = " and ".join(f"{name} {error:.4g}" for name, error in zip("AB", first["errors"], strict=True))
     apart = f"{first['apart']:.4g} {unit}".rstrip()
     return f"{where}: {apart} apart (error {errors}; columns {', '.join(first['columns'])})"

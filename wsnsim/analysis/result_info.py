@@ -69,17 +69,17 @@ def _figure_lines(path: str | Path, unit: str) -> list[str]:
     return [f"{QUANTITIES[key].name:<{width}}{QUANTITIES[key].text(value, unit)}" for key, value in shown.items()]
 
 
-def _provenance_lines(made: dict[str, Any], version: str) -> list[str]:
-    if not made:
+def _provenance_lines(origin: dict[str, Any], version: str) -> list[str]:
+    if not origin:
         return [f"made by      wsnsim {version}"]
-    commit = made.get("git") or {}
+    commit = origin.get("git") or {}
     tree = f" (commit {commit['commit'][:12]}{', changed' * commit['dirty']})" if commit else ""
-    versions = made.get("packages", {})
+    versions = origin.get("packages", {})
     return [
-        f"made by      wsnsim {version}{tree}, Python {made.get('python')}, NumPy {versions.get('numpy')}",
-        f"command      {made.get('command_line')}",
-        f"from, to     {made.get('start')}, {made.get('end', 'not ended')}",
-        f"machine      {made.get('platform')} ({' '.join(made.get('cpu_features', []))})",
+        f"made by      wsnsim {version}{tree}, Python {origin.get('python')}, NumPy {versions.get('numpy')}",
+        f"command      {origin.get('command_line')}",
+        f"from, to     {origin.get('start')}, {origin.get('end', 'not ended')}",
+        f"machine      {origin.get('platform')} ({' '.join(origin.get('cpu_features', []))})",
     ]
 
 

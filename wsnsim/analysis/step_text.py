@@ -52,9 +52,9 @@ def _action(action: NodeAction, context: StepContext) -> str:
     if action.kind in VERBS:
         verb, after = VERBS[action.kind]
         return f"{who} {verb}{after.get(action.what, '')}{context.target(action.target)}{paid}{names}"
-    said = _interaction(action, who, context)
+    clause = _interaction(action, who, context)
     target = "" if action.kind == "fault" else context.target(action.target)
-    return f"{said}{target}{paid}{'' if action.kind == 'overhear' else names}"
+    return f"{clause}{target}{paid}{'' if action.kind == 'overhear' else names}"
 
 
 def _interaction(action: NodeAction, who: str, context: StepContext) -> str:
@@ -214,18 +214,20 @@ def _missed(one: LoggedMessage) -> list[int]:
 
 def _fate(one: LoggedMessage, context: StepContext) -> str:
     """The outcome of a unicast message in detail."""
-    said = outcome(one)
+    clause = outcome(one)
     if not one.frames:
-        return said
+        return clause
     hop, last = one.hop, one.hop[-1]
     arrived = sum(frame.arrived for frame in hop)
     if arrived < len(hop) and len(hop) > 1:
-        said += f" ({arrived} of {len(hop)} frames)"
-    elif said.startswith("arrived in part"):
-        said += f" ({_got(hop)} of {sum(frame.packets for frame in hop)} packets)"
+        clause += f" ({arrived} of {len(hop)} frames)"
+    elif clause.startswith("arrived in part"):
+        clause += f" ({_got(hop)} of {sum(frame.packets for frame in hop)} packets)"
     if not arrived and not one.goes_on:
-        said += f" at {last.to}" if last.collided else f" from {last.source} to {last.to}" if len(one.path) > 2 else ""
-    return said
+        clause += (
+            f" at {last.to}" if last.collided else f" from {last.source} to {last.to}" if len(one.path) > 2 else ""
+        )
+    return clause
 
 
 def _facts(group: Sequence[LoggedMessage]) -> str:
@@ -246,28 +248,28 @@ def _sum(group: Sequence[LoggedMessage], context: StepContext) -> str:
     gathers = len(goals) == 1
     for one in group:
         fates.setdefault(outcome(one), []).append(one.source if gathers else one.path[-1])
-    order = sorted(fates, key=lambda said: (said != "arrived", said))
-    said = ", ".join(
+    order = sorted(fates, key=lambda clause: (clause != "arrived", clause))
+    clause = ", ".join(
         f"{len(fates[fate])} {fate}" + ("" if fate == "arrived" else f" ({listed(fates[fate])})") for fate in order
     )
     if fates.keys() == {"arrived"}:
-        said = "all arrived"
+        clause = "all arrived"
     goal, verb = next(iter(goals)), "sent" if group[0].begun else "continued to send"
     if gathers:
         who = "members" if goal in context.heads and group[0].what not in FROM_NODES else "nodes"
         begin = f"{len(group)} {who} {verb} {_parcel(group[0].what, True)} to {context.node(goal)}"
     else:
         begin = f"{context.node(group[0].source)} {verb} {_parcel(group[0].what, False)} to {len(group)} nodes"
-    return f"{begin} {_facts(group)}: {said}"
+    return f"{begin} {_facts(group)}: {clause}"
 
 
 def _broadcasts(group: Sequence[LoggedMessage]) -> str:
     heard = [_audience(one) for one in group]
     got, of, collided = (sum(counts) for counts in zip(*heard, strict=True))
     unsent = sum(not one.frames for one in group)
-    said = f"received {got:,} of {of:,} times" + (f", {collided:,} collided" if collided else "")
-    said += f", {unsent} not sent" if unsent else ""
-    return f"{len(group)} nodes broadcast {_parcel(group[0].what, True)} {_facts(group)}: {said}"
+    clause = f"received {got:,} of {of:,} times" + (f", {collided:,} collided" if collided else "")
+    clause += f", {unsent} not sent" if unsent else ""
+    return f"{len(group)} nodes broadcast {_parcel(group[0].what, True)} {_facts(group)}: {clause}"
 
 
 def _audience(one: LoggedMessage) -> tuple[int, int, int]:
@@ -281,8 +283,8 @@ def _heard(one: LoggedMessage) -> str:
     if not one.frames:
         return f"not sent: {_reason(one.ended)}"
     got, of, _ = _audience(one)
-    said = f"received by {got} of {of}" if of else "no node was in range"
+    clause = f"received by {got} of {of}" if of else "no node was in range"
     collided = sorted({node for frame in one.frames for node in frame.collided})
     lost = sorted({node for frame in one.frames for node in frame.dropped} - set(collided))
-    said += f"; collided at {listed(collided)}" if collided else ""
-    return said + (f"; lost on the way to {listed(lost)}" if lost else "")
+    clause += f"; collided at {listed(collided)}" if collided else ""
+    return clause + (f"; lost on the way to {listed(lost)}" if lost else "")

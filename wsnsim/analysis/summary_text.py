@@ -75,8 +75,8 @@ def _accuracy_rows(figures: Figures, published: Published, report: Report, unit:
     rows += _column_rows(figures["column_rmse"], published, dict(report.states))
     lost = QUANTITIES["lost"]
     count, replicates = round(figures["lost_fraction"] * figures["replicates"]), figures["replicates"]
-    said = f"{lost.text(figures['lost_fraction'], '')} ({count} of {counted(replicates, 'run')})"
-    return [*rows, (lost.name, said, "")]
+    cell = f"{lost.text(figures['lost_fraction'], '')} ({count} of {counted(replicates, 'run')})"
+    return [*rows, (lost.name, cell, "")]
 
 
 def _tracking_rows(figures: Figures, unit: str) -> list[SummaryRow]:
@@ -124,12 +124,12 @@ def _latency_rows(figures: Figures) -> list[SummaryRow]:
 
 def _column_rows(measured: Mapping[str, float], published: Published, units: Mapping[str, str]) -> list[SummaryRow]:
     """The RMSE of the state columns in one row, or in one row each if the paper prints one of them."""
-    said = {name: f"{value:.4g} {units[name]}".rstrip() for name, value in measured.items()}
-    if not any(f"rmse_{name}" in published for name in said):
-        return [(f"RMSE of {', '.join(said)}", ", ".join(said.values()), "")]
+    cell = {name: f"{value:.4g} {units[name]}".rstrip() for name, value in measured.items()}
+    if not any(f"rmse_{name}" in published for name in cell):
+        return [(f"RMSE of {', '.join(cell)}", ", ".join(cell.values()), "")]
     return [
         (f"RMSE of {name}", value, _published(published, f"rmse_{name}", f"{{:.4g}} {units[name]}".rstrip()))
-        for name, value in said.items()
+        for name, value in cell.items()
     ]
 
 
@@ -169,8 +169,8 @@ def _load_rows(report: Report) -> list[SummaryRow]:
     packets, cycles, steps = (
         sum(summary.run[name] for summary in report.summaries) for name in ("packets_sent", "cycles", "steps")
     )
-    said = f"{packets / steps:,.4g} packets, {cycles / steps:,.0f} operations"
-    return [("load on a network, per step", said, "")]
+    cell = f"{packets / steps:,.4g} packets, {cycles / steps:,.0f} operations"
+    return [("load on a network, per step", cell, "")]
 
 
 def _of_steps(figures: Figures) -> str:

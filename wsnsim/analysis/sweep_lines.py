@@ -100,7 +100,7 @@ def lines_of(folder: Folder, metric: str = "rmse", key: str | None = None) -> Sw
     baseline = manifest.baseline if set(by) == set(manifest.by) else None
     found = comparison.compare(folder, metric, [key for key in manifest.keys if key in by], baseline)
     here = [settings[number] for number in found.table[campaigns.POINT]]
-    places, words = _places([said.get(swept) for said in here])
+    places, words = _places([setting.get(swept) for setting in here])
     units = {name: _unit(folder, manifest, name) for name in (swept, *others)}
     lines = _lines(here, places, others, units)
     first = baseline or _label(here[min(lines[0].rows)], others[:1] or (swept,), units)
@@ -124,7 +124,7 @@ def _swept(manifest: Manifest, settings: Sequence[Settings], wanted: str | None)
         raise UsageError(f"{manifest.name} has no swept key to plot over")
 
     def rank(key: str) -> tuple[bool, bool, int]:
-        values = {said[key] for said in settings if key in said}
+        values = {setting[key] for setting in settings if key in setting}
         return key not in manifest.by, all(_is_number(value) for value in values), len(values)
 
     return wanted or max(manifest.keys, key=rank)
@@ -156,8 +156,8 @@ def _follows(settings: Sequence[Settings], key: str, leaders: Sequence[str]) -> 
     """Whether the values of the leaders determine that of the key."""
     known: dict[tuple[Any, ...], Any] = {}
     return all(
-        known.setdefault(tuple(said.get(leader) for leader in leaders), said.get(key)) == said.get(key)
-        for said in settings
+        known.setdefault(tuple(setting.get(leader) for leader in leaders), setting.get(key)) == setting.get(key)
+        for setting in settings
     )
 
 
@@ -189,9 +189,9 @@ def _lines(
     )
 
 
-def _label(said: Settings, keys: Iterable[str], units: Mapping[str, str]) -> str:
+def _label(setting: Settings, keys: Iterable[str], units: Mapping[str, str]) -> str:
     """The values of keys as in 'ipf, step 10 s': numbers with their names."""
-    return ", ".join(_words(key, said[key], units[key]) for key in keys if key in said)
+    return ", ".join(_words(key, setting[key], units[key]) for key in keys if key in setting)
 
 
 def _words(key: str, value: Any, unit: str) -> str:

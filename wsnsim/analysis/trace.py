@@ -227,14 +227,18 @@ def _of_estimate(picked: StepTrace, row: Record | None) -> str:
         return f"no estimate of this step; {head}"
     unit = picked.units[picked.position[0]]
     after = row["issued"] - picked.start
-    said = f"estimate {_place(picked, row)}: position error {row['error']:.3g} {unit}".rstrip()
+    sentence = f"estimate {_place(picked, row)}: position error {row['error']:.3g} {unit}".rstrip()
     if not picked.network:
-        return f"{said}, from {counted(row['readings'], 'reading')}"
-    said += f", issued by cluster head {row['head']} {_ms(after)} ms after the start of the step{_late(row, picked.dt)}"
+        return f"{sentence}, from {counted(row['readings'], 'reading')}"
+    sentence += (
+        f", issued by cluster head {row['head']} {_ms(after)} ms after the start of the step{_late(row, picked.dt)}"
+    )
     sensed = f"{row['active']} of {counted(row['members'], 'member')} sensed"
-    said += f"; {sensed}, {counted(row['readings'], 'reading')} used"
+    sentence += f"; {sensed}, {counted(row['readings'], 'reading')} used"
     received = row["received"]
-    return said + (f"; at the sink {_ms(received - picked.start)} ms after the start" if received == received else "")
+    return sentence + (
+        f"; at the sink {_ms(received - picked.start)} ms after the start" if received == received else ""
+    )
 
 
 def _happened(picked: StepTrace) -> list[str]:

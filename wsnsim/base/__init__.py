@@ -1,1 +1,1 @@
-"""The words everybody speaks. NumPy only."""
+"""The shared vocabulary: requests, ports, setups, tables, metrics, random streams, errors. NumPy only."""

@@ -80,11 +80,11 @@ def estimate_rows(
     issued, effective, late = np.full(steps, NAN), np.full(steps, NAN), np.ones(steps, dtype=np.uint8)
     counts = np.zeros((steps, 3), dtype=np.int64)
     leaders = np.array(heads[1 : steps + 1], dtype=np.int64)
-    for step, made in estimates.items():
-        row, guess = step - 1, made.estimate
+    for step, item in estimates.items():
+        row, guess = step - 1, item.estimate
         means[row], claimed[row] = guess.mean, np.sqrt(np.diag(guess.cov)[place])
-        issued[row], effective[row], late[row] = made.issued, guess.effective, is_late(made.issued, step, dt)
-        leaders[row], counts[row] = made.head, (made.active, made.members, made.readings)
+        issued[row], effective[row], late[row] = item.issued, guess.effective, is_late(item.issued, step, dt)
+        leaders[row], counts[row] = item.head, (item.active, item.members, item.readings)
     numbers = np.arange(1, steps + 1)
     return {
         "step": numbers,
@@ -112,8 +112,8 @@ def fingerprint(event_fingerprint: int, tracks: Iterable[Mapping[int, Issued]]) 
     """
     digest = hashlib.blake2b(event_fingerprint.to_bytes(8, "little"), digest_size=8)
     for target, estimates in enumerate(tracks):
-        for step, made in sorted(estimates.items()):
-            parts = ([made.issued, step, target], made.estimate.mean, made.estimate.cov)
+        for step, item in sorted(estimates.items()):
+            parts = ([item.issued, step, target], item.estimate.mean, item.estimate.cov)
             for part in parts:
                 digest.update(np.ascontiguousarray(part, dtype=np.float64).tobytes())
     return int.from_bytes(digest.digest(), "little")

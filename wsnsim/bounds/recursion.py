@@ -26,22 +26,26 @@ NO_NOISE = 1e-9
 """Eigenvalues of the scaled process noise below this share of the largest count as zero."""
 
 
-def along_trajectories(motions: Iterable[LinearisedMotion], prior: Floats, told: Floats, place: list[int]) -> Floats:
+def along_trajectories(
+    motions: Iterable[LinearisedMotion], prior: Floats, information: Floats, place: list[int]
+) -> Floats:
     """The covariances of R recursions, each along its own trajectory, (T, R, D, D).
 
     Args:
         motions: the linearised motion model of each step.
         prior: (R, D, D) covariances at step 0.
-        told: (T, R, P, P) information of the readings.
+        information: (T, R, P, P) Fisher information of the readings.
         place: the state columns of the position.
     """
-    cov, result = prior, np.empty((len(told), *prior.shape))
+    cov, result = prior, np.empty((len(information), *prior.shape))
     for step, (jacobian, noise) in enumerate(motions):
-        result[step] = cov = updated(predicted(cov, jacobian, noise), told[step], place)
+        result[step] = cov = updated(predicted(cov, jacobian, noise), information[step], place)
     return result
 
 
-def over_trajectories(motions: Iterable[LinearisedMotion], prior: Floats, told: Floats, place: list[int]) -> Floats:
+def over_trajectories(
+    motions: Iterable[LinearisedMotion], prior: Floats, information: Floats, place: list[int]
+) -> Floats:
     """The covariances of one recursion whose expectations are means over R trajectories, (T, D, D).
 
     Args: as `along_trajectories`.
@@ -49,10 +53,12 @@ def over_trajectories(motions: Iterable[LinearisedMotion], prior: Floats, told: 
     Raises:
         ValueError: the process noise is zero in a direction in which the Jacobians differ.
     """
-    cov, result = prior.mean(axis=0), np.empty((len(told), *prior.shape[1:]))
+    cov, result = prior.mean(axis=0), np.empty((len(information), *prior.shape[1:]))
     for step, (jacobian, noise) in enumerate(motions):
         known = updated(cov, _information_of_spread(jacobian, noise), list(range(len(cov))))
-        result[step] = cov = updated(predicted(known, jacobian.mean(axis=0), noise), told[step].mean(axis=0), place)
+        result[step] = cov = updated(
+            predicted(known, jacobian.mean(axis=0), noise), information[step].mean(axis=0), place
+        )
     return result
 
 
@@ -73,15 +79,15 @@ def predicted(cov: Floats, jacobian: Floats, noise: Floats) -> Floats:
     return jacobian @ cov @ jacobian.swapaxes(-1, -2) + noise
 
 
-def updated(cov: Floats, told: Floats, place: list[int]) -> Floats:
+def updated(cov: Floats, information: Floats, place: list[int]) -> Floats:
     """(P⁻¹ + I)⁻¹, (..., D, D), of a P that may be singular and information I (..., p, p) on the columns `place`.
 
     Computed as P - P_x (1 + I P_xx)⁻¹ I P_xᵀ with P_xx the block of these columns and P_x those columns. The
     eigenvalues of I P_xx, a product of two covariances, are not negative, so the inverted matrix is never singular.
     """
     columns = cov[..., :, place]
-    inner = np.eye(len(place)) + told @ columns[..., place, :]
-    smaller = cov - columns @ np.linalg.solve(inner, told @ columns.swapaxes(-1, -2))
+    inner = np.eye(len(place)) + information @ columns[..., place, :]
+    smaller = cov - columns @ np.linalg.solve(inner, information @ columns.swapaxes(-1, -2))
     result: Floats = 0.5 * (smaller + smaller.swapaxes(-1, -2))
     return result
 

@@ -38,7 +38,7 @@ class AroundTruth:
     mean: Annotated[tuple[float, ...] | None, STATE, "of each column; left out: drawn around the start"] = None
 
     def draw(self, start: Floats, rng: np.random.Generator) -> Estimate:
-        """What every filter is told: N(m0, diag(sd²)) with m0 ~ N(start, diag(sd²)), or the mean given."""
+        """The prior that filters are given: N(m0, diag(sd²)) with m0 ~ N(start, diag(sd²)), or the mean given."""
         sd = np.array(self.sd)
         mean = start + sd * rng.standard_normal(sd.size) if self.mean is None else np.array(self.mean)
         return Estimate(mean=mean, cov=np.diag(sd**2))

@@ -212,12 +212,12 @@ class States:
         if isinstance(setup.link, LogNormal):
             pairs.append(("link", "sensitivity", "dBm", self.radio.sensitivity))
             pairs.append(("link", "modulation", "", self.radio.modulation))
-        for role, name, unit, said in pairs:
-            found = getattr(getattr(setup, role), name, said)
-            if found != said:
+        for role, name, unit, expected in pairs:
+            found = getattr(getattr(setup, role), name, expected)
+            if found != expected:
                 yield Issue(
                     (role, name),
-                    f"{found} {unit}".strip() + f" is not that of {self.radio.name}: {said} {unit}".rstrip(),
+                    f"{found} {unit}".strip() + f" is not that of {self.radio.name}: {expected} {unit}".rstrip(),
                 )
 
     @cached_property

@@ -68,7 +68,7 @@ class EventLog:
         self.code = recorder.words.code
 
     def add_all(self, row: Event, nodes: Ints) -> None:
-        """Append one event for each of the nodes; `row` has EACH in the place of the node."""
+        """Append one event for each of the nodes; `row` has EACH instead of the node."""
         self._rows.append(row)
         self._shared_nodes.append(nodes)
         self._shared_rows += nodes.size

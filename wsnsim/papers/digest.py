@@ -27,8 +27,8 @@ def markdown(rows: Sequence[ClaimRow], lines: Sequence[str] = ()) -> str:
         return "No main row is among what was asked for."
     head = [("paper, experiment", *HEADS, "why"), ("---",) * (2 + len(HEADS))] if chosen else []
     table = [*head, *((f"{row.paper}, {row.experiment}", *cells(row), row.reason) for row in chosen)]
-    said = ["| " + " | ".join(map(_plain, line)) + " |" for line in table]
-    return "\n".join([*said, *_beneath(chosen), *(f"- {line}" for line in lines)])
+    rendered = ["| " + " | ".join(map(_plain, line)) + " |" for line in table]
+    return "\n".join([*rendered, *_beneath(chosen), *(f"- {line}" for line in lines)])
 
 
 def _beneath(chosen: Sequence[ClaimRow]) -> Iterator[str]:

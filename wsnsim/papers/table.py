@@ -61,8 +61,8 @@ def _counted(name: str, rows: Sequence[ClaimRow]) -> Iterator[str]:
     for words, some in kinds.items():
         counts = Counter(row.verdict for row in some)
         if some:
-            said = ", ".join(f"{counts[verdict]} x {verdict}" for verdict in RULE if counts[verdict])
-            yield f"{name}: {len(some)} {words}: {said}"
+            summary = ", ".join(f"{counts[verdict]} x {verdict}" for verdict in RULE if counts[verdict])
+            yield f"{name}: {len(some)} {words}: {summary}"
 
 
 def legend(rows: Sequence[ClaimRow]) -> list[str]:

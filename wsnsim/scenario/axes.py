@@ -140,8 +140,8 @@ def zipped(axes: Axes) -> list[Settings]:
     """
     columns = {keys: values_of(node, keys) for keys, node in axes.items()}
     if len({len(column) for column in columns.values()}) > 1:
-        said = ", ".join(f"{dotted(keys)} has {len(column)}" for keys, column in columns.items())
-        raise InvalidAxis(next(iter(axes.values())), f"axes of `zip` must have equal lengths: {said}")
+        counts = ", ".join(f"{dotted(keys)} has {len(column)}" for keys, column in columns.items())
+        raise InvalidAxis(next(iter(axes.values())), f"axes of `zip` must have equal lengths: {counts}")
     return [tuple(zip(axes, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
 

@@ -104,14 +104,14 @@ def datasheet(path: Path) -> Datasheet:
     issues = _issues_of_sources(sheet.sources, (), model.model_fields)
     try:
         values = model.model_validate(plain(sheet.fields))
-        made = built(values)
+        instance = built(values)
     except ValidationError as error:
         raise ScenarioError(issues + issues_of(error, model, sheet.fields)) from None
     except InvalidComponent as error:
         raise ScenarioError([*issues, sheet.fields.spot.issue((), str(error))]) from None
     if issues:
         raise ScenarioError(issues)
-    return Datasheet(str(sheet.sheet.value), path, made, _values(part, values, sheet))
+    return Datasheet(str(sheet.sheet.value), path, instance, _values(part, values, sheet))
 
 
 def _values(part: type[Any], model: PartModel, sheet: _SheetTree) -> tuple[SheetValue, ...]:

@@ -55,9 +55,9 @@ def points_of(bases: Sequence[ScenarioText], common: Sequence[Assignment], setti
             point = _point(scenario, laid, {SCENARIO: scenario.name} if len(bases) > 1 else {})
             twin = points.setdefault(point.id, point)
             if twin is not point:
-                said = f"{_words(twin)} and {_words(point)} are the same point: they differ in nothing"
+                message = f"{_words(twin)} and {_words(point)} are the same point: they differ in nothing"
                 keys, node = laid[-1] if laid else ((), None)
-                issues.setdefault((said,), node.spot.issue(keys, said) if node else Issue((), said))
+                issues.setdefault((message,), node.spot.issue(keys, message) if node else Issue((), message))
     if issues:
         raise ScenarioError(in_order(issues.values()))
     return list(points.values())
@@ -65,11 +65,11 @@ def points_of(bases: Sequence[ScenarioText], common: Sequence[Assignment], setti
 
 def reals_of(bases: Iterable[ScenarioText], common: Sequence[Assignment]) -> Callable[[Keys], bool]:
     """Return a function: whether a key holds a real number in every scenario that is valid without the axes."""
-    said = []
+    content = []
     for base in bases:
         with contextlib.suppress(ScenarioError):  # a value may be missing that an axis gives
-            said.append(resolved(validated(base, common)))
-    return lambda keys: bool(said) and all(isinstance(_value_at(values, keys), float) for values in said)
+            content.append(resolved(validated(base, common)))
+    return lambda keys: bool(content) and all(isinstance(_value_at(values, keys), float) for values in content)
 
 
 def demand_no_axis(assignments: Iterable[Assignment], settings: Iterable[Settings]) -> None:
@@ -79,8 +79,8 @@ def demand_no_axis(assignments: Iterable[Assignment], settings: Iterable[Setting
         ScenarioError: with an issue for each.
     """
     varied = {keys for laid in settings for keys, _ in laid}
-    said = "is an axis of this sweep; --vary takes other values for it"
-    issues = [node.spot.issue(keys, said) for keys, node in assignments if keys in varied]
+    message = "is an axis of this sweep; --vary takes other values for it"
+    issues = [node.spot.issue(keys, message) for keys, node in assignments if keys in varied]
     if issues:
         raise ScenarioError(issues)
 
@@ -91,30 +91,30 @@ def keys_of_points(points: Iterable[Point]) -> tuple[str, ...]:
 
 
 def _point(scenario: Scenario, laid: Settings, first: Mapping[str, Any]) -> Point:
-    said = resolved(scenario)
-    decides = {key: value for key, value in said.items() if key not in LEFT_OUT}
-    decides["record"] = {table: on for table, on in said["record"].items() if on or table not in LATER_TABLES}
-    world = {key: said.get(key) for key in WORLD}
-    values = {name: value for keys, node in laid for name, value in _leaves(keys, node, said)}
-    return Point(_digest(decides), {**first, **values}, json.dumps(said), _digest(world))
+    content = resolved(scenario)
+    decides = {key: value for key, value in content.items() if key not in LEFT_OUT}
+    decides["record"] = {table: on for table, on in content["record"].items() if on or table not in LATER_TABLES}
+    world = {key: content.get(key) for key in WORLD}
+    values = {name: value for keys, node in laid for name, value in _leaves(keys, node, content)}
+    return Point(_digest(decides), {**first, **values}, json.dumps(content), _digest(world))
 
 
-def _leaves(keys: Keys, node: LocatedValue, said: Mapping[str, Any]) -> list[tuple[str, Any]]:
+def _leaves(keys: Keys, node: LocatedValue, content: Mapping[str, Any]) -> list[tuple[str, Any]]:
     """Return (column, value in SI units) of all values of one setting; of a whole role, each of its keys."""
     if isinstance(node.value, dict):
-        return [leaf for key, entry in node.value.items() for leaf in _leaves((*keys, key), entry.node, said)]
-    value = _value_at(said, keys, plain(node))  # a short form is stored elsewhere in the scenario
+        return [leaf for key, entry in node.value.items() for leaf in _leaves((*keys, key), entry.node, content)]
+    value = _value_at(content, keys, plain(node))  # a short form is stored elsewhere in the scenario
     return [(dotted(keys), json.dumps(value) if isinstance(value, list | dict) else value)]
 
 
-def _value_at(said: Any, keys: Keys, default: Any = None) -> Any:
+def _value_at(content: Any, keys: Keys, default: Any = None) -> Any:
     """Return the value of a resolved scenario at a path."""
     for key in keys:
         try:
-            said = said[key]
+            content = content[key]
         except (KeyError, IndexError, TypeError):
             return default
-    return said
+    return content
 
 
 def _words(point: Point) -> str:

@@ -80,8 +80,8 @@ def read(content: str, origin: Origin) -> tuple[LocatedValue | None, list[Issue]
 def _syntax_issue(error: yaml.MarkedYAMLError, origin: Origin) -> Issue:
     mark = error.problem_mark or error.context_mark
     spot = Spot(origin, mark.line, mark.column) if mark else Spot(origin)
-    said = ", ".join(piece for piece in (error.context, error.problem) if piece)
-    return spot.issue(origin.keys, f"not valid YAML: {said}")
+    details = ", ".join(piece for piece in (error.context, error.problem) if piece)
+    return spot.issue(origin.keys, f"not valid YAML: {details}")
 
 
 def _character_issue(content: str, error: yaml.reader.ReaderError, origin: Origin) -> Issue:

@@ -207,11 +207,11 @@ def _with_given(tree: LocatedValue, given: Mapping[str, Any], name: str) -> Loca
     """Return the tree with the values of the command line; --replicates also removes a stopping rule."""
     default = {"name": Entry(tree.spot, LocatedValue(name, tree.spot))}
     spots = {key: Spot(Origin(f"--{key}", Path.cwd(), (), (key,))) for key in given}
-    said = {
+    replacements = {
         key: Entry(spots[key], LocatedValue(value, spots[key])) for key, value in given.items() if value is not None
     }
-    kept = {key: entry for key, entry in tree.value.items() if not ("replicates" in said and key == "until")}
-    return mapping({**default, **kept, **said}, tree.spot)
+    kept = {key: entry for key, entry in tree.value.items() if not ("replicates" in replacements and key == "until")}
+    return mapping({**default, **kept, **replacements}, tree.spot)
 
 
 def _record(spot: Spot) -> list[Assignment]:

@@ -199,7 +199,7 @@ class BackgroundConsumption(Consumption):
                 self._grand[self._radio_cause[index]] -= self._radio[index] * seconds * count
 
     def mark_computing(self, node: int, cycles: float) -> None:
-        """The processor of a node computes for so many cycles."""
+        """The processor of a node computes for a number of cycles."""
         seconds = self._model.seconds(cycles)
         mode = self._mode[node]
         self._grand[self._processor_cause[mode]] -= self._processor[mode] * seconds

@@ -1,7 +1,7 @@
 """The interface of background consumption, and its absence.
 
 Background consumption is the power that nodes draw over time: idle listening, sleep, and the measurements by which
-they look for targets. It knows neither the nodes nor their ledger: `Nodes` asks it for charges and books them.
+they look for targets. It knows neither the nodes nor their ledger: `Nodes` requests charges and books them.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class Consumption:
         """`mark_radio_busy` for different nodes, given as an array and as a list."""
 
     def mark_computing(self, node: int, cycles: float) -> None:
-        """The processor of a node computes for so many cycles."""
+        """The processor of a node computes for a number of cycles."""
 
     def sleep_radio(self, node: int, seconds: float) -> Charges:
         """Return the charges of a radio that sleeps for this time, which the caller has marked as busy."""

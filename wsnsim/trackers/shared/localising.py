@@ -83,9 +83,9 @@ def fix_covariance(point: Floats, ranged: Ranged, spread: float, scene: Scene) -
     u = slopes[telling, :, 0] / steep[telling, None]
     v = variances[telling, 0] / steep[telling] ** 2
     values, axes = np.linalg.eigh(u.T @ u)
-    told = values > OPEN * max(float(values.sum()), OPEN)
-    inverse = (axes[:, told] / values[told]) @ axes[:, told].T
-    unknown = axes[:, ~told]
+    determined = values > OPEN * max(float(values.sum()), OPEN)
+    inverse = (axes[:, determined] / values[determined]) @ axes[:, determined].T
+    unknown = axes[:, ~determined]
     return symmetric(inverse @ (u.T @ (v[:, None] * u)) @ inverse + spread**2 * (unknown @ unknown.T))
 
 

@@ -53,7 +53,7 @@ def carried(ids: tuple[int, ...], probabilities: Floats, now: tuple[int, ...]) -
 def stay_after(stay: float, sensors: int, steps: int) -> float:
     """The probability of staying after several steps: the diagonal of Mˢ, whose other entries are equal again.
 
-    M = c I + (1 - c) 1 1ᵀ / n with c = stay - (1 - stay) / (n - 1), so that Mˢ has cˢ in the place of c.
+    M = c I + (1 - c) 1 1ᵀ / n with c = stay - (1 - stay) / (n - 1), so that Mˢ has cˢ instead of c.
     """
     if sensors < 2:
         return 1.0
