@@ -92,7 +92,8 @@ def compare(
     for number, frame in runs.groupby(campaigns.POINT, sort=True):
         point = manifest.points[int(number)]
         values[int(number)] = frame.set_index("replicate")[metric].astype(np.float64)
-        rows.append({campaigns.POINT: int(number), **_settings(manifest, point.settings), **_statistics(frame, metric)})
+        settings = {key: point.settings.get(key) for key in manifest.keys}
+        rows.append({campaigns.POINT: int(number), **settings, **_statistics(frame, metric)})
     table = pd.DataFrame(rows)
     groups = _groups(manifest, table, chosen)
     table["front"] = _fronts(table, groups, -1.0 if metric in MORE_IS_BETTER else 1.0)
@@ -142,10 +143,6 @@ def _chosen(manifest: Manifest, by: Sequence[str] | None) -> tuple[str, ...]:
         if key not in manifest.keys:
             raise UsageError(f"{manifest.name} does not vary '{key}' ({did_you_mean(key, manifest.keys)})")
     return tuple(by)
-
-
-def _settings(manifest: Manifest, settings: Mapping[str, Any]) -> dict[str, Any]:
-    return {key: settings.get(key) for key in manifest.keys}
 
 
 def _statistics(frame: pd.DataFrame, metric: str) -> dict[str, Any]:

@@ -12,7 +12,8 @@ runs_text(runs, whose) -> str             the number of runs, for a title
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from math import ceil
 from pathlib import Path
 from typing import Any, Final
@@ -93,9 +94,20 @@ def figure_of(panels: list[Panel]) -> Figure:
 def save(figure: Figure, out: Path) -> None:
     """Write a figure. The file gets its name only when it is complete."""
     suffix = suffix_of(out)
+    with replacing(out) as unfinished:
+        figure.savefig(unfinished, format=suffix[1:], metadata=UNDATED[suffix])
+
+
+@contextmanager
+def replacing(out: Path) -> Iterator[Path]:
+    """The path of a temporary file, which gets the name `out` when it is complete.
+
+    Raises:
+        ResultError: the file cannot be written.
+    """
     unfinished = out.with_name(f"{out.name}.{os.getpid()}.tmp")
     try:
-        figure.savefig(unfinished, format=suffix[1:], metadata=UNDATED[suffix])
+        yield unfinished
         unfinished.replace(out)
     except OSError as error:
         raise ResultError(f"{out}: cannot be written: {error.strerror or error}") from error

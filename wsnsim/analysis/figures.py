@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Final
 
 from matplotlib import style
-from matplotlib.axes import Axes
 
 from wsnsim.analysis import plot_data, plots, sweep_plots
 from wsnsim.analysis.figure_style import STYLE, Panel, figure_of, save, suffix_of
@@ -119,7 +118,10 @@ def _panels(path: Path, what: str, choice: PlotSelection, among_all: bool) -> It
             yield what, lambda axes: plots.track(axes, path, replicate, target)
         case "states":
             for column in _columns(plot_data.layout(path), choice.column, among_all):
-                yield f"state {column}", partial(_state, path, column, replicate, target)
+                yield (
+                    f"state {column}",
+                    partial(plots.states, path=path, column=column, replicate=replicate, target=target),
+                )
         case "error":
             yield what, lambda axes: plots.error(axes, path)
         case "energy":
@@ -127,10 +129,6 @@ def _panels(path: Path, what: str, choice: PlotSelection, among_all: bool) -> It
         case "particles":
             last = plot_data.last_step_with_particles(path, replicate, target) if choice.step is None else choice.step
             yield what, lambda axes: plots.particles(axes, path, last, choice.column, replicate, target)
-
-
-def _state(path: Path, column: str, replicate: int, target: int, axes: Axes) -> Axes:
-    return plots.states(axes, path, column, replicate, target)
 
 
 def _columns(plan: plot_data.StateLayout, wanted: str | None, among_all: bool) -> tuple[str, ...]:

@@ -91,12 +91,17 @@ def as_json(report: Report, published: Mapping[str, float], limits: RunBounds = 
 
 def result_arrays(report: Report) -> ResultArrays:
     """The arrays of a report that summary quantities are computed from."""
-    count, targets = len(report.summaries), len(report.summaries[0].errors)
-    errors = np.full((count, targets, max(summary.errors.shape[1] for summary in report.summaries)), np.nan)
+    rows = [summary.run for summary in report.summaries]
+    columns = {name: np.array([row[name] for row in rows], dtype=np.float64) for name in rows[0]}
+    return ResultArrays(_errors(report, max(summary.errors.shape[1] for summary in report.summaries)), columns)
+
+
+def _errors(report: Report, steps: int) -> Floats:
+    """(runs, targets, steps) position errors, NaN after the end of a run."""
+    errors = np.full((len(report.summaries), len(report.summaries[0].errors), steps), np.nan)
     for row, summary in zip(errors, report.summaries, strict=True):
         row[:, : summary.errors.shape[1]] = summary.errors
-    rows = [summary.run for summary in report.summaries]
-    return ResultArrays(errors, {name: np.array([row[name] for row in rows], dtype=np.float64) for name in rows[0]})
+    return errors
 
 
 def bounds_of_report(report: Report) -> RunBounds:
@@ -109,9 +114,7 @@ def bounds_of_report(report: Report) -> RunBounds:
     found = bound(report.scenario, range(len(report.summaries)), kind)
     if found.reason:
         return RunBounds(reason=found.reason)
-    errors = np.full((len(report.summaries), *found.each.shape[1:]), np.nan)
-    for row, summary in zip(errors, report.summaries, strict=True):
-        row[:, : summary.errors.shape[1]] = summary.errors
+    errors = _errors(report, found.each.shape[-1])
     limits = RunBounds(found.time_mean_at(errors), kind)
     if without_network(report) or not math.isfinite(limits.rmse):
         return limits

@@ -17,7 +17,7 @@ import os
 import re
 import shutil
 import socket
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Final, NamedTuple, final
@@ -121,7 +121,7 @@ class Folder:
     def write_manifest(self, manifest: Manifest) -> None:
         """Write the manifest, replacing the former one as a whole."""
         content = {"schema_version": SCHEMA_VERSION, **asdict(manifest)}
-        self._put(self.path / MANIFEST, json.dumps(content, indent=1, ensure_ascii=False))
+        self._put_text(self.path / MANIFEST, json.dumps(content, indent=1, ensure_ascii=False))
 
     def write_scenario(self, point: str, resolved: str) -> None:
         """Write a point's scenario if it is missing or damaged. The point's id is a digest of this text."""
@@ -131,7 +131,7 @@ class Folder:
         except OSError:
             intact = False
         if not intact:
-            self._put(place, resolved)
+            self._put_text(place, resolved)
 
     def scenario(self, point: str) -> str:
         """A point's scenario, as JSON."""
@@ -189,21 +189,12 @@ class Folder:
 
     def copy_in(self, batch: Batch, point: str) -> None:
         """Copy a result file from another folder, as a whole or not at all."""
-        place = self.batch(point, batch.first, batch.last)
-        tmp = self._beside(place)
-        try:
-            place.parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(batch.path, tmp)
-            self._settle(tmp, place)
-        except OSError as error:
-            with contextlib.suppress(OSError):
-                tmp.unlink(missing_ok=True)
-            raise cannot_write(place, error) from error
+        self._put(self.batch(point, batch.first, batch.last), lambda tmp: shutil.copyfile(batch.path, tmp))
 
     def write_failure(self, task: str, words: str) -> None:
         """Write why a task failed. On a full disk, nothing is written."""
         with contextlib.suppress(ResultError):
-            self._put(self.path / "failed" / f"{task}.txt", words)
+            self._put_text(self.path / "failed" / f"{task}.txt", words)
 
     def failures(self) -> dict[str, str]:
         """The reports of failed tasks, by task."""
@@ -245,28 +236,22 @@ class Folder:
             if host == _host() and pid.isdigit() and not _is_alive(int(pid)):
                 place.unlink(missing_ok=True)
 
-    def _put(self, place: Path, text: str) -> None:
-        """Write a text file that gets its name only when it is complete."""
-        tmp = self._beside(place)
+    def _put_text(self, place: Path, text: str) -> None:
+        self._put(place, lambda tmp: tmp.write_text(text, encoding="utf-8"))
+
+    def _put(self, place: Path, write: Callable[[Path], object]) -> None:
+        """Write a file that gets its name only when it is complete and synchronised to the disk."""
+        tmp = place.with_name(f"{place.name}.{_host()}.{os.getpid()}.tmp")
         try:
             place.parent.mkdir(parents=True, exist_ok=True)
-            tmp.write_text(text, encoding="utf-8")
-            self._settle(tmp, place)
+            write(tmp)
+            with tmp.open("rb+") as file:
+                os.fsync(file.fileno())
+            tmp.replace(place)
         except OSError as error:
             with contextlib.suppress(OSError):
                 tmp.unlink(missing_ok=True)
             raise cannot_write(place, error) from error
-
-    @staticmethod
-    def _beside(place: Path) -> Path:
-        return place.with_name(f"{place.name}.{_host()}.{os.getpid()}.tmp")
-
-    @staticmethod
-    def _settle(tmp: Path, place: Path) -> None:
-        """Synchronise a file to the disk, then give it its name."""
-        with tmp.open("rb+") as file:
-            os.fsync(file.fileno())
-        tmp.replace(place)
 
 
 def consecutive(numbers: Sequence[int], block: int) -> Iterator[tuple[int, int]]:

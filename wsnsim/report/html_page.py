@@ -9,7 +9,6 @@ from __future__ import annotations
 import base64
 import hashlib
 import html
-import os
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,8 +17,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from wsnsim.analysis import result_info
+from wsnsim.analysis.figure_style import replacing
 from wsnsim.analysis.replicate_tables import check_replicate, first_replicate
-from wsnsim.base.errors import ResultError
 from wsnsim.report import page_sections
 from wsnsim.report.page_sections import PageSection
 from wsnsim.report.replay import Replay, encode
@@ -74,7 +73,8 @@ def write(
     notes = _notes(sections, replays)
     if len(page) > limit:
         notes.append(f"The page exceeds {limit / 1e6:g} MB: texts and the first figures alone take more.")
-    _write_whole(out, page)
+    with replacing(out) as unfinished:
+        unfinished.write_bytes(page)
     return WrittenPage(out, len(page), tuple(notes))
 
 
@@ -125,18 +125,6 @@ def _drop_figures(sections: Sequence[PageSection], room: int) -> None:
         dropped = sections[i].figures.pop()
         sections[i].left_out.append(f"without {dropped.label}: the page would be too large")
         size -= length
-
-
-def _write_whole(out: Path, page: bytes) -> None:
-    """Write the page. Its file gets its name only when it is complete."""
-    unfinished = out.with_name(f"{out.name}.{os.getpid()}.tmp")
-    try:
-        unfinished.write_bytes(page)
-        unfinished.replace(out)
-    except OSError as error:
-        raise ResultError(f"{out}: cannot be written: {error.strerror or error}") from error
-    finally:
-        unfinished.unlink(missing_ok=True)
 
 
 def _page(sections: Sequence[PageSection], replays: Sequence[Replay], summary: str) -> str:

@@ -60,10 +60,8 @@ class Span(NamedTuple):
         value: float
         if share <= 0.0 or share >= 1.0:
             value = self.low if share <= 0.0 else self.high
-        elif self.logarithmic:
-            value = math.exp((1.0 - share) * math.log(self.low) + share * math.log(self.high))
         else:
-            value = (1.0 - share) * self.low + share * self.high
+            value = self._between(self.low, self.high, share)
         if self.whole:
             return round(value)
         short = float(min(max(float(f"{value:.12g}"), self.low), self.high)) if 0.0 < share < 1.0 else float(value)
@@ -73,12 +71,13 @@ class Span(NamedTuple):
         """Return the value of a uniform number in [0, 1); all whole numbers are equally likely, the ends included."""
         if not self.whole:
             return self.at(uniform)
-        low, high = self.low - 0.5, self.high + 0.5
-        if self.logarithmic:
-            value = math.exp((1.0 - uniform) * math.log(low) + uniform * math.log(high))
-        else:
-            value = (1.0 - uniform) * low + uniform * high
+        value = self._between(self.low - 0.5, self.high + 0.5, uniform)
         return int(min(max(round(value), self.low), self.high))
+
+    def _between(self, low: float, high: float, share: float) -> float:
+        if self.logarithmic:
+            return math.exp((1.0 - share) * math.log(low) + share * math.log(high))
+        return (1.0 - share) * low + share * high
 
 
 class Sampling(NamedTuple):

@@ -76,7 +76,8 @@ def _figure_4(figure: Figure, data: Data) -> None:
         plain_numbers(axes, (0.5, 1, 2, 5, 10, 20, 50))
         axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16))
     figure.axes[0].set_ylabel("position error [m]")
-    _note(figure, f"{MIDDLE} nodes, {_runs(data)} runs; way-points have no density, so there is no posterior bound")
+    words = f"{MIDDLE} nodes, {_runs(data)} runs; way-points have no density, so there is no posterior bound"
+    figure.supxlabel(words, fontsize="medium")
 
 
 def _figure_5(figure: Figure, data: Data) -> None:
@@ -148,10 +149,6 @@ def _line(axes: Axes, values: pd.Series, label: str, **look: Any) -> None:
 def _legend(figure: Figure, title: str) -> None:
     """One legend for all panels."""
     legend_below(figure, figure.axes[:1], 4, title)
-
-
-def _note(figure: Figure, words: str) -> None:
-    figure.supxlabel(words, fontsize="medium")
 
 
 def _at(nodes: int, tracker: str) -> str:
