@@ -34,7 +34,7 @@ class OutageMechanism:
 
 
 class DrainMechanism:
-    """Nodes lose energy: `joules`, or a `share` of their residual energy. Nodes that are down lose none."""
+    """Nodes lose energy: `joules`, or a `share` of what is left; nodes that are down lose none (our choice)."""
 
     def __init__(self, services: FaultServices, joules: float | None, share: float | None) -> None:
         self._services = services
