@@ -8,7 +8,7 @@ from scipy import integrate, stats
 
 from wsnsim.base.rng import derive_all, normals, uniforms
 from wsnsim.kernels.cuckoo import (
-    MOST,
+    MAX_STEP,
     accept_chains,
     accept_greedy,
     fly_cuckoos,
@@ -16,7 +16,7 @@ from wsnsim.kernels.cuckoo import (
     relative_changes,
     replace_nests,
 )
-from wsnsim.kernels.swarm import NOWHERE
+from wsnsim.kernels.swarm import LARGEST_STATE
 
 KEYS = derive_all(5, np.arange(500))
 ROWS = np.array([0, 2])
@@ -28,7 +28,7 @@ def levy_twin(keys, pair, deviation, exponent):
     radius = np.sqrt(-2.0 * np.log1p(-uniforms(keys, 2 * pair)))
     nu = radius * np.sin(2.0 * np.pi * uniforms(keys, 2 * pair + 1))
     white = normals(keys, pair)
-    return white, np.clip(deviation * white / np.maximum(np.abs(nu), 1e-12) ** (1.0 / exponent), -MOST, MOST)
+    return white, np.clip(deviation * white / np.maximum(np.abs(nu), 1e-12) ** (1.0 / exponent), -MAX_STEP, MAX_STEP)
 
 
 def fly_cuckoos_twin(cloud, best, rows, keys, draw, alpha, random_alpha, deviation, exponent, factor):
@@ -39,7 +39,7 @@ def fly_cuckoos_twin(cloud, best, rows, keys, draw, alpha, random_alpha, deviati
         turn = alpha * step * factor * (normals(keys, pair + 1) if random_alpha else 1.0)
         away, c = cloud[row] - best[row], np.abs(1.0 + turn)
         proposal[row] = cloud[row] + turn * away
-        cut = (np.abs(step) >= MOST) | (np.abs(step) >= MOST * c)
+        cut = (np.abs(step) >= MAX_STEP) | (np.abs(step) >= MAX_STEP * c)
         c = np.where(cut, 1.0, c)
         known = np.where(cut, -np.inf, 0.5 * white**2 * (1.0 - c**-2) - np.log(c))
         log_ratio += np.where(away == 0.0, 0.0, known)
@@ -57,7 +57,7 @@ def replace_nests_twin(cloud, nests, rows, keys, draw, keep):
 
 
 def accept_greedy_twin(cloud, fitness, proposal, proposal_fitness):
-    taken = (proposal_fitness > fitness) & np.all(np.abs(proposal) < NOWHERE, axis=0)
+    taken = (proposal_fitness > fitness) & np.all(np.abs(proposal) < LARGEST_STATE, axis=0)
     fitness[taken], cloud[:, taken] = proposal_fitness[taken], proposal[:, taken]
     return int(taken.sum())
 
@@ -65,7 +65,7 @@ def accept_greedy_twin(cloud, fitness, proposal, proposal_fitness):
 def accept_chains_twin(cloud, fitness, prior, proposal, proposal_fitness, proposal_prior, log_ratio, keys, draw):
     with np.errstate(invalid="ignore"):
         ratio = proposal_fitness + proposal_prior - fitness - prior + log_ratio
-    taken = (np.log(uniforms(keys, draw)) < ratio) & np.all(np.abs(proposal) < NOWHERE, axis=0)
+    taken = (np.log(uniforms(keys, draw)) < ratio) & np.all(np.abs(proposal) < LARGEST_STATE, axis=0)
     fitness[taken], prior[taken] = proposal_fitness[taken], proposal_prior[taken]
     cloud[:, taken] = proposal[:, taken]
     return int(taken.sum())
@@ -216,5 +216,5 @@ def test_points_that_are_no_numbers_pass_through_without_harm() -> None:
     assert not np.isnan(ratio).any()
     for proposal in (flown, replaced):
         fitness = np.zeros(4)
-        accept_greedy(cloud, fitness, np.where(np.abs(proposal) < NOWHERE, np.nan, proposal), np.ones(4))
+        accept_greedy(cloud, fitness, np.where(np.abs(proposal) < LARGEST_STATE, np.nan, proposal), np.ones(4))
         assert not fitness.any()

@@ -20,7 +20,7 @@ from wsnsim.scenario.fields import fields_of
 
 MODEL: MotionModel = Ungm()
 SENSOR: SensorModel = Squared()
-NOWHERE, ALIKE = np.zeros((1, 2)), np.empty((1, 0))
+LARGEST_STATE, ALIKE = np.zeros((1, 2)), np.empty((1, 0))
 
 
 def some_states(count: int = 40) -> np.ndarray:
@@ -144,10 +144,10 @@ def test_without_readings_nothing_is_learnt(owners: Any) -> None:
 def test_states_that_are_not_finite_are_impossible_and_warn_nobody() -> None:
     points = np.array([[1.0, np.nan, np.inf, 1e200]])
     for owners in (None, np.zeros(4, np.int64)):
-        found = SENSOR.log_likelihood(points, np.array([2.0]), NOWHERE, ALIKE, owners)
+        found = SENSOR.log_likelihood(points, np.array([2.0]), LARGEST_STATE, ALIKE, owners)
         assert np.isneginf(found).tolist() == [False, True, True, True]
-    assert np.isfinite(SENSOR.linearise(points, NOWHERE, ALIKE)[0]).tolist() == [[True, False, False, False]]
-    assert np.isfinite(SENSOR.information(points, NOWHERE, ALIKE)).ravel().tolist() == [True, False, False, False]
+    assert np.isfinite(SENSOR.linearise(points, LARGEST_STATE, ALIKE)[0]).tolist() == [[True, False, False, False]]
+    assert np.isfinite(SENSOR.information(points, LARGEST_STATE, ALIKE)).ravel().tolist() == [True, False, False, False]
 
 
 def test_linearisation_gives_the_mean_the_variance_and_the_slope_of_finite_differences() -> None:

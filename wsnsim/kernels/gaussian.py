@@ -1,6 +1,7 @@
 """Gaussian distributions of few dimensions: Cholesky factors, fits, densities, samples and linearised updates.
 
-Shapes: points and means (D, N), covariances (N, D, D), lower Cholesky factors (D, D). D is small, the loops are plain.
+Shapes: points and means (D, N), covariances (N, D, D), lower Cholesky factors (D, D). D is small, so that plain
+loops are fast.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from wsnsim.kernels.compilation import inlined, kernel
 from wsnsim.kernels.elementary import dot, log, normal_pair, total
 
 TRIES = 14
+"""Jitters that are tried, 0 included."""
 
 
 @inlined
@@ -33,10 +35,10 @@ def _factorise(matrix: Floats, jitter: float, result: Floats, size: int) -> bool
 
 @kernel
 def cholesky(matrix: Floats, result: Floats) -> None:
-    """Write the lower Cholesky factor of a symmetric (D, D) matrix to `result`; upper triangles stay untouched.
+    """Write the lower Cholesky factor of a symmetric (D, D) matrix to `result`, whose upper triangle is not written.
 
-    A jitter on the diagonal, relative to its mean, starts at nothing, then at 1e-14, and grows tenfold until the factor
-    exists; a matrix beyond that (not finite, or far from definite) gives the identity scaled to that mean, or to one.
+    A jitter on the diagonal, relative to its mean, is first 0, then 1e-14, and grows tenfold until the factor exists.
+    If none does (not finite, or far from definite), the factor is that of the identity times the mean, or times one.
     """
     scale = 0.0
     for i in range(matrix.shape[0]):
@@ -62,16 +64,16 @@ def fit(cloud: Floats, offsets: Ints, ridge: float) -> tuple[Floats, Floats]:
     """
     size, segments = cloud.shape[0], offsets.size - 1
     means, factors = np.empty((segments, size)), np.empty((segments, size, size))
-    cov, around = np.empty((size, size)), np.empty(cloud.shape)
+    cov, deviations = np.empty((size, size)), np.empty(cloud.shape)
     for m in range(segments):
         first, last = offsets[m], offsets[m + 1]
         for d in range(size):
-            row, beyond = cloud[d, first:last], around[d, first:last]
+            row, deviation = cloud[d, first:last], deviations[d, first:last]
             means[m, d] = mean = total(row) / max(row.size, 1)
             for j in range(row.size):
-                beyond[j] = row[j] - mean
+                deviation[j] = row[j] - mean
             for e in range(d + 1):
-                cov[d, e] = dot(beyond, around[e, first:last]) / max(row.size - 1, 1)
+                cov[d, e] = dot(deviation, deviations[e, first:last]) / max(row.size - 1, 1)
                 factors[m, e, d] = 0.0
             cov[d, d] += ridge
         cholesky(cov, factors[m])
@@ -80,7 +82,7 @@ def fit(cloud: Floats, offsets: Ints, ridge: float) -> tuple[Floats, Floats]:
 
 @kernel
 def log_density(points: Floats, means: Floats, factors: Floats, offsets: Ints) -> Floats:
-    """(N,) log density of each point (D, N) under its segment's Gaussian, up to its constant: -|L⁻¹(x - m)|² / 2."""
+    """Log density (N,) of each point (D, N) under its segment's Gaussian, up to its constant: -|L⁻¹(x - m)|² / 2."""
     result = np.empty(points.shape[1])
     white = np.empty(points.shape[0])
     for m in range(offsets.size - 1):
@@ -97,24 +99,24 @@ def log_density(points: Floats, means: Floats, factors: Floats, offsets: Ints) -
 
 @kernel
 def fuse(means: Floats, shares: Floats, within: Floats) -> tuple[Floats, Floats]:
-    """The mean (D,) of means (M, D) by their shares (M,), and its covariance: their spread plus `within` (D, D)."""
-    size, total = means.shape[1], 0.0
+    """The mean (D,) of means (M, D) weighted by shares (M,), and the covariance: their spread plus `within` (D, D)."""
+    size, whole = means.shape[1], 0.0
     mean = np.empty(size)
     for d in range(size):
         mean[d] = 0.0
     for m in range(shares.size):
-        total += shares[m]
+        whole += shares[m]
         for d in range(size):
             mean[d] += shares[m] * means[m, d]
     for d in range(size):
-        mean[d] /= total
+        mean[d] /= whole
     cov = np.empty((size, size))
     for d in range(size):
         for e in range(d + 1):
             spread = 0.0
             for m in range(shares.size):
                 spread += shares[m] * (means[m, d] - mean[d]) * (means[m, e] - mean[e])
-            cov[d, e] = cov[e, d] = spread / total + 0.5 * (within[d, e] + within[e, d])
+            cov[d, e] = cov[e, d] = spread / whole + 0.5 * (within[d, e] + within[e, d])
     return mean, cov
 
 
@@ -142,7 +144,7 @@ def sample(means: Floats, covs: Floats, keys: Keys) -> tuple[Floats, Floats]:
             for e in range(d + 1):
                 value += factor[d, e] * white[e, j]
             points[d, j] = value
-        logs[j] = volume
+        logs[j] = volume  # for the logarithms below
     for j in range(count):
         square = 0.0
         for d in range(size):
@@ -157,7 +159,7 @@ def _set_predicted(
 ) -> None:
     """Write F P Fᵀ + Q of every particle. Inlined, so that loops of known size are unrolled."""
     for j in range(covs.shape[0]):
-        cov, transition, into = covs[j], transitions[j], result[j]
+        cov, transition, target = covs[j], transitions[j], result[j]
         for d in range(size):
             for e in range(size):
                 value = 0.0
@@ -169,12 +171,12 @@ def _set_predicted(
                 value = noise[d, e]
                 for k in range(size):
                     value += product[d, k] * transition[e, k]
-                into[d, e] = into[e, d] = value
+                target[d, e] = target[e, d] = value
 
 
 @kernel
 def predict(covs: Floats, transitions: Floats, noise: Floats) -> Floats:
-    """(N, D, D) covariances one step later: F P Fᵀ + Q, each with its own F (N, D, D). Symmetric by construction."""
+    """The covariances (N, D, D) one step later: F P Fᵀ + Q, each with its own F (N, D, D). Exactly symmetric."""
     result, product = np.empty(covs.shape), np.empty(noise.shape)
     if covs.shape[1] == 4:
         _set_predicted(result, covs, transitions, noise, product, 4)
@@ -191,35 +193,35 @@ def update(
     gradients: Floats,
     variances: Floats,
     readings: Floats,
-    place: Ints,
+    columns: Ints,
 ) -> None:
-    """Update means (D, N) and covariances (N, D, D) in place with S readings, linearised at the means as they come in.
+    """Update means (D, N) and covariances (N, D, D) in place with S readings, linearised at the given means.
 
-    expected, variances (S, N), gradients (S, P, N) in the state's rows `place` (P,). Reading after reading with one
-    fixed point of linearisation: the same as the extended Kalman filter's joint update, whose innovation covariance is
-    S x S. A reading without a finite positive innovation variance is passed over.
+    expected, variances (S, N), gradients (S, P, N) in the state's `columns` (P,). The readings are processed in turn,
+    all linearised at the same point: this equals the extended Kalman filter's joint update, whose innovation covariance
+    is S x S. A reading without a finite positive innovation variance is skipped.
     """
     size, count = means.shape
-    lift, start = np.empty(size), np.empty((place.size, count))
-    for p in range(place.size):
+    cross, start = np.empty(size), np.empty((columns.size, count))
+    for p in range(columns.size):
         for j in range(count):
-            start[p, j] = means[place[p], j]
+            start[p, j] = means[columns[p], j]
     for s in range(readings.size):
         for j in range(count):
-            cov, spread, surprise = covs[j], variances[s, j], readings[s] - expected[s, j]
+            cov, variance, innovation = covs[j], variances[s, j], readings[s] - expected[s, j]
             for d in range(size):
                 value = 0.0
-                for p in range(place.size):
-                    value += cov[d, place[p]] * gradients[s, p, j]
-                lift[d] = value
-            for p in range(place.size):
-                spread += gradients[s, p, j] * lift[place[p]]
-                surprise -= gradients[s, p, j] * (means[place[p], j] - start[p, j])
-            if not (0.0 < spread < np.inf):
+                for p in range(columns.size):
+                    value += cov[d, columns[p]] * gradients[s, p, j]
+                cross[d] = value
+            for p in range(columns.size):
+                variance += gradients[s, p, j] * cross[columns[p]]
+                innovation -= gradients[s, p, j] * (means[columns[p], j] - start[p, j])
+            if not (0.0 < variance < np.inf):
                 continue
-            inverse = 1.0 / spread
+            inverse = 1.0 / variance
             for d in range(size):
-                gain = lift[d] * inverse
-                means[d, j] += gain * surprise
+                gain = cross[d] * inverse
+                means[d, j] += gain * innovation
                 for e in range(size):
-                    cov[d, e] -= gain * lift[e]
+                    cov[d, e] -= gain * cross[e]

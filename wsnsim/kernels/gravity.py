@@ -13,12 +13,12 @@ from wsnsim.kernels.compilation import inlined, kernel
 from wsnsim.kernels.elementary import exp
 from wsnsim.kernels.noise import uniform
 from wsnsim.kernels.particles import NOTHING
-from wsnsim.kernels.swarm import NOWHERE
+from wsnsim.kernels.swarm import LARGEST_STATE
 
 
 @inlined
 def _masses(fitness: Floats) -> Floats:
-    """(N,) M_i = m_i / Σ m, m_i = (fit_i - worst) / (best - worst) with fit = exp(l - l_max); 1/N if best = worst.
+    """Masses M_i = m_i / Σ m, m_i = (fit_i - worst) / (best - worst) with fit = exp(l - l_max); 1/N if best = worst.
 
     A fitness that is not finite counts as fit = 0. Eq. (6).
     """
@@ -48,7 +48,7 @@ def _pulls(points: Floats, masses: Floats, j: int, elite: int) -> bool:
         heavier += (masses[i] > masses[j]) | ((masses[i] == masses[j]) & (i < j))
     for q in range(points.shape[0]):
         farthest += abs(points[q, j])
-    return heavier < max(elite, 1) and masses[j] > 0.0 and farthest < NOWHERE
+    return heavier < max(elite, 1) and masses[j] > 0.0 and farthest < LARGEST_STATE
 
 
 @inlined
@@ -57,7 +57,7 @@ def _add_pulls(
     pull: Floats,
     points: Floats,
     j: int,
-    places: Ints,
+    columns: Ints,
     keys: Keys,
     draw: int,
     strength: float,
@@ -66,10 +66,10 @@ def _add_pulls(
     """Add the attraction by particle j to the accelerations; it is zero on j itself. Eqs. (5), (7)."""
     for i in range(keys.size):
         pull[i] = 0.0
-    for place in places:
-        centre = points[place, j]
+    for column in columns:
+        centre = points[column, j]
         for i in range(keys.size):
-            pull[i] += (centre - points[place, i]) ** 2
+            pull[i] += (centre - points[column, i]) ** 2
     for i in range(keys.size):
         distance = np.sqrt(pull[i]) + softening
         pull[i] = strength * uniform(keys[i], draw) / distance if distance > 0.0 else 0.0
@@ -84,36 +84,36 @@ def attract(
     points: Floats,
     velocities: Floats,
     fitness: Floats,
-    places: Ints,
+    columns: Ints,
     keys: Keys,
     draw: int,
     gravity: float,
     elite: int,
     softening: float,
 ) -> Floats:
-    """(Q, N) points after one iteration; velocities are updated in place.
+    """The points (Q, N) after one iteration; velocities are updated in place.
 
     a_i = G Σ_{j of the K heaviest, j ≠ i} rand_ij M_j (x_j - x_i) / (R_ij + ε)      eqs. (5), (7), (8)
     v_i = rand_i v_i + a_i, x_i = x_i + v_i                                          eq. (9)
 
-    `gravity` is G, `elite` K, `softening` ε. R_ij is the distance in the rows `places` of the points, which are the
+    `gravity` is G, `elite` K, `softening` ε. R_ij is the distance in the rows `columns` of the points, which are the
     position. M_i, which multiplies in (5) and divides in (8), is cancelled: it is 0 for the worst particle, which is
     attracted like any other. There is one scalar rand per ordered pair, as we interpret (7). A particle whose new point
-    would be beyond NOWHERE or NaN keeps its point, and its velocity becomes 0 (our choice).
+    would be beyond LARGEST_STATE or NaN keeps its point, and its velocity becomes 0 (our choice).
     """
     masses, pull = _masses(fitness), np.empty(keys.size)
     falls, proposal = np.zeros(points.shape), np.empty(points.shape)
     for j in range(keys.size):
         if not _pulls(points, masses, j, elite):
             continue
-        _add_pulls(falls, pull, points, j, places, keys, draw + 1 + j, gravity * masses[j], softening)
+        _add_pulls(falls, pull, points, j, columns, keys, draw + 1 + j, gravity * masses[j], softening)
     for i in range(keys.size):
         lasting, farthest = uniform(keys[i], draw), 0.0
         for q in range(points.shape[0]):
             velocities[q, i] = lasting * velocities[q, i] + falls[q, i]
             proposal[q, i] = points[q, i] + velocities[q, i]
             farthest += abs(proposal[q, i])
-        if not farthest < NOWHERE:
+        if not farthest < LARGEST_STATE:
             for q in range(points.shape[0]):
                 velocities[q, i], proposal[q, i] = 0.0, points[q, i]
     return proposal

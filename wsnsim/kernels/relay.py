@@ -5,7 +5,7 @@
                    from one start for all, the filter that relays from sensor to sensor, eqs. 8-14, 18-20
     kalman         the extended Kalman filter's joint update with all readings, to compare with
 
-n sensors, D state columns, P (1 or 2) of them the position in the rows `place`. One filter per sensor has means (D, n)
+n sensors, D state columns, P (1 or 2) of them the position: `columns`. One filter per sensor has means (D, n)
 and covs (D, D, n). Sensors are linearised at N points: expected, variances (n, N), gradients (n, P, N). `stay` is the
 diagonal of the Markov matrix M, whose other entries are (1 - stay) / (n - 1); a single sensor stays. Results are
 written to given arrays, since passing new ones to Python takes longer than computing them.
@@ -90,32 +90,32 @@ def _condition(
 
 @merged
 def _update(
-    covs: Floats, slopes: Floats, variances: Floats, surprises: Floats, place: Ints, shifts: Floats, logs: Floats
+    covs: Floats, slopes: Floats, variances: Floats, innovations: Floats, columns: Ints, shifts: Floats, logs: Floats
 ) -> None:
     """Condition each covariance (D, D, n) on its sensor's reading, in place; eqs. 11-13, 19. Overwrites its arguments.
 
-    slopes (2, n), of which the second is 0 where P = 1; variances, surprises (n,). To `shifts` (D, n) goes G ν, and to
-    `logs` (n,) log N(ν; 0, S) up to its constant: NaN if nothing can be said, -inf if ν is too large for a number;
+    slopes (2, n), of which the second is 0 where P = 1; variances, innovations (n,). G ν goes to `shifts` (D, n), and
+    to `logs` (n,) log N(ν; 0, S) up to its constant: NaN if nothing can be said, -inf if ν is too large for a number;
     then the filter stays.
     """
     size, count = shifts.shape
-    first, last, inverses = place[0], place[place.size - 1], np.empty(count)
+    first, last, inverses = columns[0], columns[columns.size - 1], np.empty(count)
     for d in range(size):
         for i in range(count):
             shifts[d, i] = covs[d, first, i] * slopes[0, i] + covs[d, last, i] * slopes[1, i]  # P Hᵀ
     for i in range(count):
         width = variances[i] + slopes[0, i] * shifts[first, i] + slopes[1, i] * shifts[last, i]
-        known = (0.0 < width < np.inf) and surprises[i] == surprises[i]
-        logs[i] = -0.5 * (surprises[i] * surprises[i] / width + log(width)) if known else np.nan
+        known = (0.0 < width < np.inf) and innovations[i] == innovations[i]
+        logs[i] = -0.5 * (innovations[i] * innovations[i] / width + log(width)) if known else np.nan
         inverses[i] = 1.0 / width
         if not logs[i] > -np.inf:
-            inverses[i] = variances[i] = surprises[i] = slopes[0, i] = slopes[1, i] = 0.0
+            inverses[i] = variances[i] = innovations[i] = slopes[0, i] = slopes[1, i] = 0.0
             for d in range(size):
                 shifts[d, i] = 0.0
     _condition(covs, shifts, inverses, slopes, variances, first, last)
     for d in range(size):
         for i in range(count):
-            shifts[d, i] *= inverses[i] * surprises[i]
+            shifts[d, i] *= inverses[i] * innovations[i]
 
 
 @merged
@@ -202,7 +202,7 @@ def filter_each(
     gradients: Floats,
     variances: Floats,
     readings: Floats,
-    place: Ints,
+    columns: Ints,
     stay: float,
     spread: bool,
     mean: Floats,
@@ -225,10 +225,10 @@ def filter_each(
     for i in range(count):
         j = i if expected.shape[1] > 1 else 0
         table[0, i], table[1, i] = variances[i, j], readings[i] - expected[i, j]
-        slopes[0, i], slopes[1, i] = gradients[i, 0, j], gradients[i, 1, j] if place.size > 1 else 0.0
+        slopes[0, i], slopes[1, i] = gradients[i, 0, j], gradients[i, 1, j] if columns.size > 1 else 0.0
     if transitions.shape[2] == count:
         _predict(covs, transitions, noise)
-    _update(covs, slopes, table[0], table[1], place, shifts, table[2])
+    _update(covs, slopes, table[0], table[1], columns, shifts, table[2])
     _step(probabilities, stay)
     _weigh(probabilities, table[2])
     for d in range(size):
@@ -248,9 +248,9 @@ def filter_each(
 
 @ordered_kernel
 def kalman(
-    mean: Floats, cov: Floats, expected: Floats, gradients: Floats, variances: Floats, readings: Floats, place: Ints
+    mean: Floats, cov: Floats, expected: Floats, gradients: Floats, variances: Floats, readings: Floats, columns: Ints
 ) -> None:
-    """Update mean (D,) and covariance (D, D) with S readings, linearised at the mean as it comes in, in place.
+    """Update mean (D,) and covariance (D, D) with S readings, linearised at the given mean, in place.
 
     expected, variances (S, 1), gradients (S, P, 1). The joint update, reading after reading with one fixed point of
     linearisation, each in Joseph's form; a reading of which nothing can be said is passed over. Bar-Shalom, Li,
@@ -261,26 +261,26 @@ def kalman(
     for d in range(size):
         moved[d] = 0.0
     for s in range(readings.size):
-        width, surprise = variances[s, 0], readings[s] - expected[s, 0]
+        width, innovation = variances[s, 0], readings[s] - expected[s, 0]
         for d in range(size):
             lift[d] = 0.0
-            for p in range(place.size):
-                lift[d] += cov[d, place[p]] * gradients[s, p, 0]
-        for p in range(place.size):
-            width += gradients[s, p, 0] * lift[place[p]]
-            surprise -= gradients[s, p, 0] * moved[place[p]]
-        if not (0.0 < width < np.inf and -np.inf < surprise < np.inf):
+            for p in range(columns.size):
+                lift[d] += cov[d, columns[p]] * gradients[s, p, 0]
+        for p in range(columns.size):
+            width += gradients[s, p, 0] * lift[columns[p]]
+            innovation -= gradients[s, p, 0] * moved[columns[p]]
+        if not (0.0 < width < np.inf and -np.inf < innovation < np.inf):
             continue
         for d in range(size):
             rest = variances[s, 0] * lift[d] / width
             for e in range(size):
                 work[d, e] = cov[d, e] - lift[d] / width * lift[e]
-            for p in range(place.size):
-                rest -= work[d, place[p]] * gradients[s, p, 0]
+            for p in range(columns.size):
+                rest -= work[d, columns[p]] * gradients[s, p, 0]
             for e in range(size):
                 work[d, e] += rest / width * lift[e]
         for d in range(size):
-            moved[d] += lift[d] * (surprise / width)
+            moved[d] += lift[d] * (innovation / width)
             for e in range(size):
                 cov[d, e] = 0.5 * (work[d, e] + work[e, d])
     for d in range(size):

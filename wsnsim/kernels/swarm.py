@@ -14,7 +14,7 @@ from wsnsim.kernels.compilation import kernel
 from wsnsim.kernels.elementary import log
 from wsnsim.kernels.noise import uniform
 
-NOWHERE = 1e9
+LARGEST_STATE = 1e9
 """A state with a larger component is invalid (our choice): a diverging swarm fails without overflowing."""
 
 
@@ -33,7 +33,7 @@ def fly(
     length: float,
     random_factors: bool,
 ) -> Floats:
-    """(D, N) proposals of the swarm; velocities are updated in place, whether the move is accepted later or not.
+    """The proposals (D, N) of the swarm; velocities are updated in place, whether the move is accepted later or not.
 
     gB is the best that any particle of the *same node* has been so far (our choice: a node knows no other's).
     Eqs. (18), (19), with an inertia factor on V that is 1 there.
@@ -75,8 +75,8 @@ def accept(
     """Accept or reject proposals, in place in cloud, fitness, prior and the particles' own best; return the number.
 
     A proposal is accepted if u < min(r, 1), r = [p(z|x') π(x')] / [p(z|x) π(x)], in logs. It is rejected if the ratio
-    is NaN, the state is beyond NOWHERE, or the particle's owner is not `moving` (M,). Eqs. (20)-(24), with the ratio of
-    the Q taken as one.
+    is NaN, the state is beyond LARGEST_STATE, or the particle's owner is not `moving` (M,). Eqs. (20)-(24), with the
+    ratio of the Q taken as one.
     """
     limits = np.empty(keys.size)
     for j in range(keys.size):
@@ -87,7 +87,7 @@ def accept(
         for d in range(cloud.shape[0]):
             farthest = max(farthest, abs(proposal[d, j]))
         ratio = proposal_fitness[j] + proposal_prior[j] - fitness[j] - prior[j]
-        if limits[j] < ratio and farthest < NOWHERE and moving[owners[j]]:
+        if limits[j] < ratio and farthest < LARGEST_STATE and moving[owners[j]]:
             accepted += 1
             fitness[j], prior[j] = proposal_fitness[j], proposal_prior[j]
             for d in range(cloud.shape[0]):

@@ -54,10 +54,10 @@ class BoundedVelocity:
     start: Annotated[tuple[float, float, float, float], STATE, "px, vx, py, vy at time 0, in m and m/s"] = START
 
     def truth(self, steps: int, dt: float, rng: np.random.Generator) -> Floats:
-        """(steps + 1, 4) one trajectory from the start state.
+        """One trajectory (steps + 1, 4) from the start state.
 
         Raises:
-            RunError: the trajectory diverges, since the step is too long for the pull and the drag beyond the bound.
+            RunError: the trajectory diverges because the step is too long for the pull and the drag beyond the bound.
         """
         l11, l21, l22 = self._process(dt).root
         draws = rng.standard_normal((steps, 2, 2))
@@ -74,23 +74,23 @@ class BoundedVelocity:
         return states
 
     def propagate(self, states: Floats, dt: float, keys: Keys, time: float = 0.0) -> Floats:
-        """(4, N) the states one step later, with process noise (eq. 1)."""
+        """The states (4, N) one step later, with process noise (eq. 1)."""
         return kernels.propagate(stateful(states, len(self.columns)), keys, self._law(dt), self._process(dt).root)
 
     def advance(self, states: Floats, dt: float, time: float = 0.0) -> Floats:
-        """(4, N) the states one step later, without noise."""
+        """The states (4, N) one step later, without noise."""
         return kernels.advance(stateful(states, len(self.columns)), self._law(dt))
 
     def matrices(self, states: Floats, dt: float, time: float = 0.0) -> tuple[Floats, Floats]:
-        """A (N, 4, 4) at each state, and the covariance (4, 4) of the process noise (eqs. 2-4)."""
+        """The matrix A (N, 4, 4) at each state, and the covariance (4, 4) of the process noise (eqs. 2-4)."""
         transitions = kernels.transitions(stateful(states, len(self.columns)), self._law(dt))
         return transitions, self._process(dt).covariance.copy()
 
     def log_transition(self, after: Floats, before: Floats, dt: float, time: float = 0.0) -> Floats:
-        """(N,) log p(after | before); -inf where either is not finite.
+        """The log densities p(after | before), (N,); -inf where either is not finite.
 
         Raises:
-            RunError: the process covariance is singular, so there is no density: `noise: g_only`, or q = 0.
+            RunError: the process covariance is singular (`noise: g_only`, or q = 0), so there is no density.
         """
         root = self._process(dt).root
         if not root[0] * root[2] > 0.0:

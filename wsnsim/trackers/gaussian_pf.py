@@ -24,7 +24,7 @@ from wsnsim.base.ports import Scene
 from wsnsim.base.requests import Compute, Flow, Member
 from wsnsim.kernels.gaussian import sample
 from wsnsim.kernels.gravity import attract
-from wsnsim.kernels.swarm import NOWHERE, fly
+from wsnsim.kernels.swarm import LARGEST_STATE, fly
 from wsnsim.trackers.shared.dealing import PREDICT_CYCLES, Pool
 from wsnsim.trackers.shared.heads import (
     MOVE_CYCLES,
@@ -152,7 +152,7 @@ class SwarmGaussianPf(HeadSampling):
             draw = iteration * 2 * len(points)
             rule = (self.inertia, self.c1, self.c2, 1.0, True)
             flown = fly(points, velocities, best, best_fitness, everyone, keys, draw, *rule)
-            points = np.clip(flown, -NOWHERE, NOWHERE)
+            points = np.clip(flown, -LARGEST_STATE, LARGEST_STATE)
             cloud, fitness = _scored(cloud, rows, points, score)
             better = fitness > best_fitness
             best = np.where(better, points, best)

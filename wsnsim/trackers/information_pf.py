@@ -40,9 +40,9 @@ from wsnsim.trackers.shared.stacks import MOVE, propagated_by, snapshot
 
 @dataclass(frozen=True, slots=True)
 class InformationBelief:
-    """Everything is in the head: particles with weights, their moments, and each particle's own covariance (N, D, D).
+    """The belief, held by the head: weighted particles, their moments, and each particle's covariance (N, D, D).
 
-    Without `proposal: per_particle`, no particle has one: (0, D, D).
+    Only with `proposal: per_particle` do particles have covariances; otherwise the array is (0, D, D).
     """
 
     mean: Floats
@@ -76,33 +76,33 @@ class InformationPf:
     handover: Annotated[Literal["particles", "gaussian"], "what a handover carries"] = "particles"
 
     def check(self, setup: NetworkSetup) -> Iterator[Issue]:
-        """The weights need a transition density, and so a process noise that can be inverted."""
+        """Yield an issue if the process noise is singular: the weights need a transition density."""
         yield from noise_issues(setup, "the weight of ipf")
 
     @property
     def member_cycles(self) -> float:
-        """None: members only send their readings, the head does the rest."""
+        """Zero: members only send their readings, the head does the rest."""
         return 0.0
 
     def start(self, prior: Estimate, scene: Scene) -> Flow[InformationBelief]:
         """Draw the particles from the prior, each with the prior's covariance."""
         size = prior.mean.size
-        nothing = InformationBelief(prior.mean, prior.cov, no_particles(size), np.empty((0, size, size)), scene.head)
-        return (yield from self._full(nothing, scene))
+        empty = InformationBelief(prior.mean, prior.cov, no_particles(size), np.empty((0, size, size)), scene.head)
+        return (yield from self._complete(empty, scene))
 
     def step(self, belief: InformationBelief, scene: Scene) -> Flow[InformationBelief]:
         """One step: N_act - 1 readings reach the head, which does the rest."""
-        belief = yield from self._full(belief, scene)
+        belief = yield from self._complete(belief, scene)
         seen = yield from gather_readings(scene)
         yield Compute(self._cycles(len(seen.ids)) + PREDICT_CYCLES * (scene.steps - 1) * self.particles)
         if not seen.ids:
-            return self._predicted(belief, scene)
+            return self._predict(belief, scene)
         if scene.steps > 1:
-            belief = self._predicted(belief, replace(scene, step=scene.step - 1, steps=scene.steps - 1))
-        return self._weighed(belief, seen, scene)
+            belief = self._predict(belief, replace(scene, step=scene.step - 1, steps=scene.steps - 1))
+        return self._update(belief, seen, scene)
 
     def hand_over(self, belief: InformationBelief, scene: Scene, successor: int) -> Flow[InformationBelief | None]:
-        """N_p + ceil(N_p / 4) + 4 packets to the successor, 3 N_p more for covariances; or the moments' 4 alone."""
+        """Send N_p + ceil(N_p / 4) + 4 packets, 3 N_p more with covariances; for `gaussian` only the moments' 4."""
         size = belief.mean.size
         if self.handover == "gaussian":
             arrival = yield from send_moments(belief.mean, belief.cov, successor)
@@ -124,22 +124,22 @@ class InformationPf:
         return Estimate(belief.mean, belief.cov, belief.effective)
 
     def forecast(self, belief: InformationBelief, scene: Scene, ahead: int) -> Estimate:
-        """The estimate `ahead` steps on."""
+        """The estimate predicted `ahead` steps."""
         return forecast(self.estimate(belief), scene, ahead)
 
     def snapshot(self, belief: InformationBelief, members: Sequence[Member]) -> Iterator[tuple[int, Floats, Floats]]:
-        """(head, particles (D, n), weights (n,)): all of them."""
+        """All particles, as (head, particles (D, n), weights (n,))."""
         return snapshot([(belief.head, belief.pool.cloud, belief.pool.log_weights)])
 
     def _cycles(self, sensors: int) -> float:
-        """Section 5: 300 + 110 S a particle; for `cloud` 400 + 70 S once and 100 + 40 S a particle; to predict, 40."""
+        """Section 5: 300 + 110 S per particle; for `cloud` 400 + 70 S once and 100 + 40 S each; prediction 40."""
         if not sensors:
             return PREDICT_CYCLES * self.particles
         if self.proposal == "cloud":
             return 400.0 + 70.0 * sensors + self.particles * (100.0 + 40.0 * sensors)
         return self.particles * (300.0 + 110.0 * sensors)
 
-    def _full(self, belief: InformationBelief, scene: Scene) -> Flow[InformationBelief]:
+    def _complete(self, belief: InformationBelief, scene: Scene) -> Flow[InformationBelief]:
         """The belief with its full number of particles, each with a covariance if it carries one."""
         pool, covariances = belief.pool, belief.covariances
         count, size = pool.log_weights.size, belief.mean.size
@@ -154,8 +154,8 @@ class InformationPf:
             covariances = np.broadcast_to(belief.cov, (self.particles, size, size)).copy()
         return replace(belief, pool=pool, covariances=covariances)
 
-    def _predicted(self, belief: InformationBelief, scene: Scene) -> InformationBelief:
-        """The belief without readings: particles moved with noise, covariances grown."""
+    def _predict(self, belief: InformationBelief, scene: Scene) -> InformationBelief:
+        """The predicted belief: particles moved with noise, covariances F P Fᵀ + Q."""
         covariances = belief.covariances
         before = belief.pool.cloud
         for step in range(scene.steps if len(covariances) else 0):
@@ -167,19 +167,19 @@ class InformationPf:
         mean, cov = predicted(belief.mean, belief.cov, scene)
         return InformationBelief(mean, cov, replace(belief.pool, cloud=cloud), covariances, scene.head)
 
-    def _weighed(self, belief: InformationBelief, seen: Evidence, scene: Scene) -> InformationBelief:
+    def _update(self, belief: InformationBelief, seen: Evidence, scene: Scene) -> InformationBelief:
         """Propose, weigh, and resample if too few particles are effective."""
         before, motion, sensor = belief.pool.cloud, scene.motion, scene.sensor
-        means, covs = self._proposals(belief, seen, scene)
-        everyone = np.array([0, self.particles])
-        keys = particle_keys(np.array([scene.key], np.uint64), everyone, MOVE)
+        means, covs = self._propose(belief, seen, scene)
+        offsets = np.array([0, self.particles])
+        keys = particle_keys(np.array([scene.key], np.uint64), offsets, MOVE)
         cloud, log_proposal = gaussian.sample(means, covs, keys)
         points = cloud[list(motion.position)]
         fitness = sensor.log_likelihood(points, seen.readings, seen.positions, seen.traits)
         prior = motion.log_transition(cloud, before, scene.dt, scene.previous)
         log_weights = belief.pool.log_weights + fitness + prior - log_proposal
-        effective = float(weigh(log_weights, everyone)[0])
-        mean, cov = (moment[0] for moment in moments(cloud, log_weights, everyone))
+        effective = float(weigh(log_weights, offsets)[0])
+        mean, cov = (moment[0] for moment in moments(cloud, log_weights, offsets))
         covariances = covs if self.proposal == "per_particle" else belief.covariances
         pool = Pool(cloud, log_weights)
         if effective < self.threshold * self.particles:
@@ -188,7 +188,7 @@ class InformationPf:
             covariances = covariances[chosen] if len(covariances) else covariances
         return InformationBelief(mean, symmetric(cov), pool, covariances, scene.head, effective)
 
-    def _proposals(self, belief: InformationBelief, seen: Evidence, scene: Scene) -> tuple[Floats, Floats]:
+    def _propose(self, belief: InformationBelief, seen: Evidence, scene: Scene) -> tuple[Floats, Floats]:
         """Means (D, N) and covariances (N, D, D) that the particles are drawn from; one of each for `cloud`."""
         motion = scene.motion
         if self.proposal == "cloud":
@@ -197,15 +197,15 @@ class InformationPf:
         else:
             before, covs = belief.pool.cloud, belief.covariances
         transitions, noise = motion.matrices(before, scene.dt, scene.previous)
-        transitions = np.ascontiguousarray(transitions)  # a linear motion's is one matrix seen N times
+        transitions = np.ascontiguousarray(transitions)  # a linear motion's is one matrix broadcast N times
         if self.proposal == "local":
             covs = np.broadcast_to(noise, transitions.shape).copy()
         else:
             covs = gaussian.predict(covs, transitions, noise)
         means = motion.advance(before, scene.dt, scene.previous)
-        place = np.array(motion.position)
-        linear = scene.sensor.linearise(means[place], seen.positions, seen.traits)
-        gaussian.update(means, covs, *linear, seen.readings, place)
+        columns = np.array(motion.position)
+        linear = scene.sensor.linearise(means[columns], seen.positions, seen.traits)
+        gaussian.update(means, covs, *linear, seen.readings, columns)
         return means, covs
 
 
@@ -214,7 +214,7 @@ def _arrived_covariances(belief: InformationBelief, mask: Bools, first: int) -> 
     count, size = len(belief.covariances), belief.mean.size
     if not count:
         return belief.covariances
-    known = arrived_groups(mask[first:], count, covariance_packets(size))
-    spare = belief.covariances[known].mean(axis=0) if known.any() else belief.cov
-    covariances = np.where(known[:, None, None], belief.covariances, spare)
+    arrived = arrived_groups(mask[first:], count, covariance_packets(size))
+    substitute = belief.covariances[arrived].mean(axis=0) if arrived.any() else belief.cov
+    covariances = np.where(arrived[:, None, None], belief.covariances, substitute)
     return covariances[arrived_groups(mask, count, state_packets(size))]
