@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from wsnsim.analysis.phrases import counted
+from wsnsim.analysis.phrases import aligned, counted
 from wsnsim.analysis.quantities import QUANTITIES
 from wsnsim.experiment import Report
 from wsnsim.recording import read_table
@@ -60,12 +60,10 @@ def text(report: Report) -> str:
         f"{figures['name']}: {runs} of {figures['duration']:g} s of beacons, seed {figures['seed']} → {figures['file']}"
     )
     rows = [*_radio_rows(figures), *_link_rows(figures), *_energy_rows(figures)]
-    widths = [max(len(row[i]) for row in rows) for i in range(2)]
-    lines = [f"  {name:<{widths[0]}}  {value:>{widths[1]}}" for name, value in rows]
     cpu = QUANTITIES["cpu_seconds"]
     per_run = cpu.text(figures["cpu_seconds"] / figures["replicates"], "")
     took = f"  took {figures['wall_seconds']:.1f} s; {cpu.name} {per_run}"
-    return "\n".join([heading, *lines, took])
+    return "\n".join([heading, *aligned(rows), took])
 
 
 MEAN_COLUMNS = (

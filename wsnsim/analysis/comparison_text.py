@@ -11,7 +11,7 @@ from typing import Any, Final
 import pandas as pd
 
 from wsnsim.analysis.comparison import Comparison, label
-from wsnsim.analysis.phrases import counted
+from wsnsim.analysis.phrases import aligned, counted
 from wsnsim.analysis.plot_data import bracketed
 from wsnsim.analysis.quantities import run_metric_name
 from wsnsim.analysis.statistics import LEAST
@@ -25,18 +25,10 @@ def text(found: Comparison) -> str:
     """The table, a line per point, and below it what the columns mean."""
     table = found.table
     heads, rows = _columns(found)
-    widths = [max(len(row[i]) for row in [heads, *rows]) for i in range(len(heads))]
-    left = len(found.keys)
-    lines = [
-        "  ".join(
-            cell.ljust(w) if i < left else cell.rjust(w) for i, (cell, w) in enumerate(zip(row, widths, strict=True))
-        )
-        for row in [heads, *rows]
-    ]
     counts = table["replicates"]
     many = f"{counts.min()}" if counts.min() == counts.max() else f"{counts.min()} to {counts.max()}"
     title = f"{found.name}: {len(table)} point{'s' * (len(table) != 1)}, {many} run{'s' * (many != '1')} each"
-    return "\n".join([title, *(f"  {line}".rstrip() for line in lines), *_notes(found)])
+    return "\n".join([title, *aligned([heads, *rows], len(found.keys)), *_notes(found)])
 
 
 def _columns(found: Comparison) -> tuple[list[str], list[list[str]]]:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from wsnsim.analysis.difference import ABSENT, Pair, ReplicateDifference, ResultDifference
+from wsnsim.analysis.phrases import aligned
 
 
 def text(found: ResultDifference) -> str:
@@ -68,8 +69,7 @@ def _figure_lines(figures: Mapping[str, Pair]) -> list[str]:
     for name, (a, b) in figures.items():
         equal = a == b or (a != a and b != b)
         rows.append((name, f"{a:.6g}", f"{b:.6g}", "=" if equal else f"{b - a:+.4g}"))
-    widths = [max(len(row[i]) for row in rows) for i in range(4)]
-    return ["    " + row[0].ljust(widths[0]) + "".join(f"  {row[i]:>{widths[i]}}" for i in (1, 2, 3)) for row in rows]
+    return [f"  {line}" for line in aligned(rows)]
 
 
 def _shown(value: Any) -> str:

@@ -266,13 +266,12 @@ def _add_burst_event(
 def _new_message(row: LoggedEvent, other: OtherSteps) -> LoggedMessage:
     """The message of its first event in this step. If that event is not a send, it began in an earlier step."""
     what = other.what if row.frame == 0 or row.what == ACK else row.what
-    if row.what == ACK and row.kind in SENDS:
+    is_answer = row.what == ACK if row.kind in SENDS else row.frame != 0
+    if is_answer:
         return LoggedMessage(row.time, row.time, what, row.target, row.peer, row.node, False, other.after)
-    if row.kind in SENDS or row.frame == 0:
-        begun = row.kind != "relay" and not other.before
-        relayed = row.kind == "relay"
-        return LoggedMessage(row.time, row.time, what, row.target, row.node, row.peer, begun, other.after, relayed)
-    return LoggedMessage(row.time, row.time, what, row.target, row.peer, row.node, False, other.after)
+    relayed = row.kind == "relay"
+    begun = not relayed and not other.before
+    return LoggedMessage(row.time, row.time, what, row.target, row.node, row.peer, begun, other.after, relayed)
 
 
 def _add_outcome(message: LoggedMessage, row: LoggedEvent) -> None:

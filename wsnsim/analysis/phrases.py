@@ -126,6 +126,14 @@ def energy_in_words(joules: float) -> str:
     return f"{joules / 1e-9:.3g} nJ"
 
 
+def aligned(rows: Sequence[Sequence[str]], left: int = 1) -> list[str]:
+    """The lines of a table for a terminal, indented by two; its first `left` columns are flush left, others right."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    sides = ["<" if i < left else ">" for i in range(len(widths))]
+    cells = ((f"{cell:{side}{width}}" for cell, side, width in zip(row, sides, widths, strict=True)) for row in rows)
+    return [f"  {'  '.join(row)}".rstrip() for row in cells]
+
+
 def counted(count: int, word: str) -> str:
     """A number with its noun: '1 packet', '2 packets', '9,024 bits'."""
     return f"{count:,} {word}{'' if count == 1 else 's'}"

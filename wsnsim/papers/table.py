@@ -11,6 +11,7 @@ from collections.abc import Iterator, Sequence
 from itertools import groupby
 from typing import Final
 
+from wsnsim.analysis.phrases import aligned
 from wsnsim.papers.reproduction import RULE, ClaimRow
 
 KINDS: Final = {"unconditional": "u", "per_trajectory": "t", "active": "active", "arrived": "arrived"}
@@ -36,11 +37,10 @@ def text(rows: Sequence[ClaimRow]) -> str:
 
 def _block(rows: Sequence[ClaimRow]) -> Iterator[str]:
     """The lines of an experiment."""
-    lines = [cells(row) for row in rows]
-    widths = [max(len(line[i]) for line in [HEADS, *lines]) for i in range(len(HEADS))]
-    yield _line(HEADS, widths)
+    heading, *lines = aligned([HEADS, *map(cells, rows)], len(HEADS))
+    yield heading
     for row, line, after in zip(rows, lines, [*rows[1:], None], strict=True):
-        yield _line(line, widths)
+        yield line
         if after is None or row.reason != after.reason:
             yield f"      {row.reason}"
     for caution in dict.fromkeys(caution for row in rows for caution in row.caution.split("; ") if caution):
@@ -81,10 +81,6 @@ def legend(rows: Sequence[ClaimRow]) -> list[str]:
             f"  runs: with fewer than {FEW}, the interval of a mean or an RMSE may miss that single runs diverge"
         )
     return lines
-
-
-def _line(cells: Sequence[str], widths: Sequence[int]) -> str:
-    return "  " + "  ".join(cell.ljust(width) for cell, width in zip(cells, widths, strict=True)).rstrip()
 
 
 def cells(row: ClaimRow) -> tuple[str, ...]:
