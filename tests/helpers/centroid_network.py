@@ -25,7 +25,7 @@ from wsnsim.models.sensing import AcousticEnergy
 from wsnsim.models.sleep import EventWake
 from wsnsim.models.wakeup import NoWakeUp
 from wsnsim.network.network import Sensors
-from wsnsim.network.result_rows import NetworkOutcome, woken_rows, write_tables
+from wsnsim.network.result_rows import NetworkOutcome, network_columns, write_tables
 from wsnsim.network.world import Targets, World
 
 
@@ -138,7 +138,7 @@ class Run:
         steps, key = self.outcome.steps, {"replicate": replicate, "target": track.target}
         columns = estimate_rows(track.estimates, track.heads, motion, truth, steps, self.parts.dt)
         self.memory.write("truth", {**key, **truth_rows(motion, truth, steps, self.parts.dt)})
-        self.memory.write("estimates", {**key, **columns, **woken_rows(self.outcome, track)})
+        self.memory.write("estimates", {**key, **columns, **network_columns(self.outcome, track)})
         return columns["error"]
 
     def events(self, kind: str, what: str | None = None) -> list[dict[str, Any]]:

@@ -296,7 +296,7 @@ def test_markdown_has_the_main_rows_alone_and_nothing_in_them_is_markup():
     line += "reproduces | because |"
     assert line in said.splitlines() and "unheard" not in said
     assert f"- reproduces: {RULE['reproduces']}" in said and "cannot" not in said
-    assert digest.markdown([]) == digest.markdown([row(paper="x")]) == "No main row is among what was asked for."
+    assert digest.markdown([]) == digest.markdown([row(paper="x")]) == "No main row belongs to the chosen experiments."
 
 
 def test_a_bound_that_is_not_strict_is_marked_in_the_table_and_its_caution_stands_beneath():

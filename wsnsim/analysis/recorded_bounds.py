@@ -1,6 +1,6 @@
 """The trajectory-conditional CRLBs of a result file, to show beside its errors.
 
-    in_range(path) -> Bound or None        beside(path) -> {readings: bound, ...}
+    in_range(path) -> Bound or None        time_averages(path) -> {readings: bound, ...}
 
 They are tight but not strict bounds, see `wsnsim.bounds`. A file without a scenario, of another version, or of a motion
 model without a bound has none; no error is raised.
@@ -23,7 +23,7 @@ def in_range(path: str | Path) -> Bound | None:
     return _found(path, "in_range")
 
 
-def beside(path: str | Path) -> dict[str, float]:
+def time_averages(path: str | Path) -> dict[str, float]:
     """The time average of each bound over the steps that have an estimate, in the position's unit.
 
     Without recorded events, or without a network, the only one is that for all readings in range.

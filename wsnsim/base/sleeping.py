@@ -30,7 +30,7 @@ class SleepSchedule(Protocol):
         """
 
     def awake(self, keys: Keys, time: float) -> Bools:
-        """(n,) which nodes are awake at a time >= 0. A change is in effect from its instant on."""
+        """Which nodes are awake at a time >= 0, (n,). A change is in effect from its instant on."""
 
     def state(self, keys: Keys, time: float) -> tuple[Bools, Floats, Floats]:
         """Which nodes are awake at a time (n,), and a span [from (n,), until (n,)) around it without a change.
@@ -122,8 +122,8 @@ class WakeUpRound:
         node: the head.
         time: when the head sent it, in s.
         foreseen: whether the centre of its region is a prediction; if not, it is the last fix.
-        tracking: {node: copy of the message} of the nodes that track at the message's step.
-        sleepers: nodes of the region that slept when the round began, and have not been called.
+        tracking: {node: its copy of the message} for the nodes that track at the message's step.
+        sleepers: nodes of the region that slept when the round began and have not been called yet.
         called_nodes: nodes that have been called.
         reached: nodes that a call has woken.
         sequence: the number of the message's frames in the event log.
@@ -148,7 +148,7 @@ class WakeUpRound:
 
 
 class Decision(Enum):
-    """What a node does with a message: ignore it as expired, track, forward it, or nothing."""
+    """What a node does with a message: DROP ignores it as expired, STOP does nothing further."""
 
     DROP = "drop"
     TRACK = "track"
@@ -178,10 +178,10 @@ class WakeUp(Protocol):
 
     @property
     def call(self) -> float:
-        """Duration in s of a call on the wake-up radio, at both ends."""
+        """Duration in s of a call on the wake-up radio, for the caller and for the node called."""
 
     def compose(self, plan: WakeUpPlan, belief: Any) -> WakeUpMessage:
-        """The message of a head."""
+        """The message that the head sends."""
 
     def decide(self, place: Point, message: WakeUpMessage, seen: bool, now: float, chance: float) -> Decision:
         """What a node does with a message; a pure function.

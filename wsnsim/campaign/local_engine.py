@@ -17,7 +17,7 @@ from wsnsim.campaign.engines import EngineError, FinishedTask, WorkerLost
 from wsnsim.campaign.task import Task, TaskOutcome, perform, start_worker
 
 MAX_BROKEN_POOLS: Final = 5
-"""Consecutive pools of which no worker started: after that, the tasks are not the cause."""
+"""Stop after this many consecutive pools in which no worker started: then the tasks are not the cause."""
 THREADS: Final = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS")
 
 
@@ -26,7 +26,7 @@ class LocalEngine:
     """An `engines.Engine` of local processes.
 
     Args:
-        workers: number of processes, which run one task each.
+        workers: number of processes; each runs one task at a time.
         perform: what a process does with a task.
     """
 
@@ -35,7 +35,7 @@ class LocalEngine:
         self._perform = perform
         self._pool: ProcessPoolExecutor | None = None
         self._running: dict[Future[TaskOutcome], Task] = {}
-        self._broken = 0
+        self._broken_pools = 0
         self._context: _RecordingContext | None = None
         self._started: Any = None
         self._cancelled: Any = None
@@ -54,14 +54,14 @@ class LocalEngine:
         future: Future[TaskOutcome]
         try:
             with _interrupts_blocked():
-                future = self._opened().submit(_unless_cancelled, self._perform, task)
-        except BrokenProcessPool as error:  # a worker has died since the last call: this task ends with the pool
+                future = self._open_pool().submit(_unless_cancelled, self._perform, task)
+        except BrokenProcessPool as error:  # a worker has died since the last call: this task is lost with the pool
             future = Future()
             future.set_exception(error)
         self._running[future] = task
 
     def finished(self, timeout: float) -> list[FinishedTask]:
-        """The tasks that finished. If the pool broke, all running tasks have."""
+        """The tasks that finished. If the pool broke, these are all running tasks."""
         done, _ = wait(self._running, timeout=timeout, return_when=FIRST_COMPLETED)
         ended = [FinishedTask(self._running.pop(future), _outcome(future)) for future in done]
         if any(isinstance(each.outcome, WorkerLost) for each in ended):
@@ -81,12 +81,12 @@ class LocalEngine:
         if self._pool is not None:
             self._drop()
 
-    def _opened(self) -> ProcessPoolExecutor:
+    def _open_pool(self) -> ProcessPoolExecutor:
         if self._pool is None:
-            if self._broken >= MAX_BROKEN_POOLS:
+            if self._broken_pools >= MAX_BROKEN_POOLS:
                 raise EngineError(
-                    f"workers died {self._broken} times in a row before they started: is there enough memory? A script"
-                    " must start a campaign under: if __name__ == '__main__':"
+                    f"workers died {self._broken_pools} times in a row before they started: is there enough memory? A"
+                    " script must start a campaign under: if __name__ == '__main__':"
                 )
             for name in THREADS:
                 os.environ.setdefault(name, "1")  # workers read them before they import NumPy
@@ -101,9 +101,9 @@ class LocalEngine:
         return self._pool
 
     def _drop(self) -> None:
-        """Kill what is left of the pool. The next task gets a new one."""
+        """Kill the remaining workers of the pool. The next task starts a new pool."""
         assert self._pool is not None and self._context is not None, "only an open pool is dropped"
-        self._broken = 0 if self._started.value else self._broken + 1
+        self._broken_pools = 0 if self._started.value else self._broken_pools + 1
         pool, self._pool = self._pool, None
         for process in self._context.started:
             if process.is_alive():  # False for a process that could not be started
@@ -126,7 +126,7 @@ class _RecordingContext(SpawnContext):
 
 
 _CANCELLED: list[Any] = []
-"""In a worker: the shared flag that says that no further task is to be started."""
+"""In a worker: the shared flag that stops it from starting further tasks."""
 
 
 def _start(started: Any, cancelled: Any) -> None:
@@ -157,7 +157,7 @@ def _interrupts_blocked() -> Iterator[None]:
 
 
 def _outcome(future: Future[TaskOutcome]) -> TaskOutcome | WorkerLost:
-    """The outcome of a future; that of a broken pool is a lost worker."""
+    """The outcome of a future; `WorkerLost` if its pool broke."""
     try:
         return future.result(timeout=5.0)
     except Exception as error:

@@ -34,14 +34,14 @@ class NetworkOutcome:
     """The state of a network at the end of a run.
 
     Attributes:
-        nodes: with the energy that each has spent.
-        counters: those of the radio.
+        nodes: the nodes, each with the energy that it has spent.
+        counters: the counters of the radio.
         event_fingerprint: fingerprint of the event log.
-        awake: share of the nodes' time that they were awake.
+        awake: share of the nodes' total time in which they were awake.
         cycles: operations that trackers computed.
-        steps: the last step.
+        steps: number of the last step.
         tracks: one per target; none in a network without targets.
-        woken: (targets, steps + 1, 2) nodes that woke, and how many of them unnecessarily.
+        woken: numbers of nodes that woke, and of those that woke unnecessarily, (targets, steps + 1, 2).
         received: time in s at which the sink received the estimate of (target, step).
     """
 
@@ -57,7 +57,7 @@ class NetworkOutcome:
 
 
 def write_tables(outcome: NetworkOutcome, replicate: int, setup: RadioSetup, recorder: Recorder) -> None:
-    """Write the tables `nodes`, `energy`, `clusters` and `wakeups` of a run that ended."""
+    """Write the tables `nodes`, `energy`, `clusters` and `wakeups` of a finished run."""
     trait_names = setup.sensor.trait_names if isinstance(setup, NetworkSetup) else ()
     _write(recorder, "nodes", replicate, _nodes(outcome.nodes, trait_names))
     _write(recorder, "energy", replicate, _energy(outcome.nodes))
@@ -80,19 +80,19 @@ def network_result(outcome: NetworkOutcome, setup: RadioSetup, coverage: float =
     totals = _totals(outcome, coverage)
     if not isinstance(setup, NetworkSetup):
         return RunResult(setup.steps, (), totals, joules)
-    tracks = [TrackResult(t.estimates, t.heads, woken_rows(outcome, t), _counts(t)) for t in outcome.tracks]
+    tracks = [TrackResult(t.estimates, t.heads, network_columns(outcome, t), _track_columns(t)) for t in outcome.tracks]
     clusters = sum(len(track.clusters) for track in outcome.tracks)
     return RunResult(outcome.steps, tracks, totals, joules, clusters, setup.due_reports(outcome.steps))
 
 
-def woken_rows(outcome: NetworkOutcome, track: Track) -> dict[str, Any]:
+def network_columns(outcome: NetworkOutcome, track: Track) -> dict[str, Any]:
     """The columns of the table `estimates` that only a network has."""
     woken = outcome.woken[track.target, 1 : outcome.steps + 1]
     received = [outcome.received.get((track.target, step), NAN) for step in range(1, outcome.steps + 1)]
     return {"woken": woken[:, 0], "ineffective": woken[:, 1], "received": np.array(received)}
 
 
-def _counts(track: Track) -> dict[str, int]:
+def _track_columns(track: Track) -> dict[str, int]:
     """The columns of the table `tracks` that only a network has."""
     called, dismissed = (sum(map(attrgetter(name), track.rounds)) for name in ("called", "dismissed"))
     return {"reacquired": track.reacquired, "called": called, "dismissed": dismissed}

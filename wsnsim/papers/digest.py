@@ -16,7 +16,7 @@ def main_rows(rows: Sequence[ClaimRow]) -> list[ClaimRow]:
     """The rows that the papers' files list as main, in that order."""
     found = {(row.paper, row.experiment, row.id, row.key): row for row in rows}
     names = [name for name in PAPERS if any(row.paper == name for row in rows)]
-    keys = [(name, each.name, claim.id, claim.key) for name in names for each, claim in paper(name).main]
+    keys = [(name, experiment.name, claim.id, claim.key) for name in names for experiment, claim in paper(name).main]
     return [found[key] for key in keys if key in found]
 
 
@@ -24,15 +24,15 @@ def markdown(rows: Sequence[ClaimRow], lines: Sequence[str] = ()) -> str:
     """A table of the main rows, with the experiment first and the reason last; beneath it the legend and `lines`."""
     chosen = main_rows(rows)
     if not chosen and not lines:
-        return "No main row is among what was asked for."
+        return "No main row belongs to the chosen experiments."
     head = [("paper, experiment", *HEADS, "why"), ("---",) * (2 + len(HEADS))] if chosen else []
     table = [*head, *((f"{row.paper}, {row.experiment}", *cells(row), row.reason) for row in chosen)]
     rendered = ["| " + " | ".join(map(_plain, line)) + " |" for line in table]
-    return "\n".join([*rendered, *_beneath(chosen), *(f"- {line}" for line in lines)])
+    return "\n".join([*rendered, *_notes(chosen), *(f"- {line}" for line in lines)])
 
 
-def _beneath(chosen: Sequence[ClaimRow]) -> Iterator[str]:
-    """The legend of the rows, and what qualifies their bounds."""
+def _notes(chosen: Sequence[ClaimRow]) -> Iterator[str]:
+    """The legend of the rows, and the cautions about their bounds."""
     if chosen:
         yield from ("", "Verdicts and bounds:")
         yield from (f"- {_plain(line.strip())}" for line in legend(chosen))

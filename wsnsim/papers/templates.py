@@ -1,4 +1,4 @@
-"""Templates of a paper's file become experiments: variables, tables and words are replaced by what they stand for."""
+"""Expand the templates of a paper's file to experiments: replace variables, tables and words by their values."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from wsnsim.scenario.located_values import Keys
 
 NAME: Final = re.compile(r"<(\w+)>")
 BETWEEN_WORDS: Final = re.compile(r", |: ")
-BELOW: Final = " < "
+LESS_THAN: Final = " < "
 STRUCTURE: Final = ("each", "claims", "use")
 
 
@@ -33,13 +33,13 @@ class PlacedClaim(NamedTuple):
 
 @dataclass(frozen=True)
 class TemplateScope:
-    """What `<name>` stands for, and the keys by which a table is read, first match first."""
+    """The values of `<name>`, and the keys that select an entry of a table: the first key that the table has."""
 
     names: Mapping[str, Any]
     keys: tuple[str, ...] = ()
 
     def value(self, template: Any) -> Any:
-        """A value with every name and table replaced; None where a table has no entry."""
+        """A template with every name and table replaced by its value; None where a table has no entry."""
         if isinstance(template, str):
             whole = NAME.fullmatch(template)
             return self._named(whole[1]) if whole else NAME.sub(lambda name: str(self._named(name[1])), template)
@@ -66,7 +66,7 @@ class TemplateScope:
 
 
 def experiment_of(document: Document[PaperDocument], index: int) -> tuple[Experiment, list[PlacedClaim]]:
-    """An experiment of a paper, and its claims with their places.
+    """An experiment of a paper, and its claims with the paths of their templates.
 
     Raises:
         ScenarioError: a text names something that the file does not have.
@@ -82,6 +82,7 @@ def experiment_of(document: Document[PaperDocument], index: int) -> tuple[Experi
                 document, (*path, "like"), f"unknown experiment '{own.like}', {did_you_mean(own.like, others)}"
             )
         given = others[own.like].model_dump(exclude_unset=True) | given
+        # the path of the claims' templates: those of the other experiment if this one has none
         path = path if "claims" in own.model_fields_set else ("experiments", [*others].index(own.like))
     whole = ExperimentTemplate(**given)
     scope = TemplateScope({**content.published, **content.texts, "experiment": whole.name}, (whole.name,))
@@ -93,12 +94,12 @@ def experiment_of(document: Document[PaperDocument], index: int) -> tuple[Experi
         raise _error(document, (*path, "variants"), str(unknown)) from None
     scope = TemplateScope({**scope.names, "variants": list(variants)}, scope.keys)
     parser = _ClaimParser(document, words, whole.repairs)
-    named = [*parser.expanded(whole.claims, (*path, "claims"), {}, scope)]
+    placed = [*parser.expand(whole.claims, (*path, "claims"), {}, scope)]
     assert whole.runs is not None, f"{whole.name} has no runs"
-    given = whole.model_dump(include={"name", "title", "record", "sets", "quick_sets", "summary", "literal"})
-    claims = tuple(each.claim for each in named)
-    experiment = Experiment(variants=variants, claims=claims, figures=whole.figures, **given, **vars(whole.runs))
-    return experiment, named
+    settings = whole.model_dump(include={"name", "title", "record", "sets", "quick_sets", "summary", "literal"})
+    claims = tuple(each.claim for each in placed)
+    experiment = Experiment(variants=variants, claims=claims, figures=whole.figures, **settings, **vars(whole.runs))
+    return experiment, placed
 
 
 def _error(document: Document[PaperDocument], path: Keys, message: str) -> ScenarioError:
@@ -136,11 +137,12 @@ def _words_in(name: str, words: Mapping[str, Any]) -> list[str]:
 
 
 def _variant(name: str, words: Mapping[str, Any], also: Sequence[str]) -> Variant:
+    """The scenario and the settings of a variant: those of its words, then the settings `also`."""
     given = [*(words[word] for word in _words_in(name, words)), list(also)]
     texts = [text for one in given for text in (one if isinstance(one, list) else [one])]
     scenarios = [text for text in texts if "=" not in text]
     if len(scenarios) != 1:
-        raise UnknownName(f"the words of the variant '{name}' give {len(scenarios)} scenarios in place of one")
+        raise UnknownName(f"the words of the variant '{name}' name {len(scenarios)} scenarios instead of one")
     return Variant(scenarios[0], tuple(text for text in texts if "=" in text))
 
 
@@ -152,14 +154,14 @@ class _ClaimParser:
     words: Mapping[str, Any]
     repairs: tuple[str, ...]
 
-    def expanded(
+    def expand(
         self, templates: Sequence[ClaimTemplate], path: Keys, inherited: Mapping[str, Any], scope: TemplateScope
     ) -> Iterator[PlacedClaim]:
-        """Every claim of some templates, each with its template's path."""
+        """The claims that templates stand for, each with its template's path."""
         for index, template in enumerate(templates):
-            yield from self._of(template, (*path, index), inherited, scope)
+            yield from self._expand_one(template, (*path, index), inherited, scope)
 
-    def _of(
+    def _expand_one(
         self, template: ClaimTemplate, path: Keys, inherited: Mapping[str, Any], scope: TemplateScope
     ) -> Iterator[PlacedClaim]:
         own = template.model_dump(exclude_unset=True, exclude=set(STRUCTURE))
@@ -172,9 +174,9 @@ class _ClaimParser:
                         raise UnknownName(
                             f"no shared claims are called '{template.use}' ({did_you_mean(template.use, shared)})"
                         )
-                    yield from self.expanded(shared[template.use], ("shared", template.use), given, inner)
+                    yield from self.expand(shared[template.use], ("shared", template.use), given, inner)
                 elif template.claims is not None:
-                    yield from self.expanded(template.claims, (*path, "claims"), given, inner)
+                    yield from self.expand(template.claims, (*path, "claims"), given, inner)
                 else:
                     among = inner.value(given.get("among"))
                     for name in _names(inner.value(given.get("order") or given.get("variant"))):
@@ -184,7 +186,7 @@ class _ClaimParser:
             raise _error(self.document, path, str(unknown)) from None
 
     def _claim(self, given: Mapping[str, Any], name: str, scope: TemplateScope) -> Claim:
-        variant, _, other = name.partition(BELOW)
+        variant, _, other = name.partition(LESS_THAN)
         words = [word for each in filter(None, (variant, other)) for word in _words_in(each, self.words)]
         here = TemplateScope(scope.names, (name, *scope.keys, *(() if other else reversed(words))))
         allowed = {field.name for field in fields(Claim)}

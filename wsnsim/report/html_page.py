@@ -22,7 +22,7 @@ from wsnsim.analysis.replicate_tables import check_replicate, first_replicate
 from wsnsim.report import page_sections
 from wsnsim.report.page_sections import PageSection
 from wsnsim.report.replay import Replay, encode
-from wsnsim.report.summary_table import Published, summary_table
+from wsnsim.report.summary_table import PublishedLookup, summary_table
 from wsnsim.report.svg_figures import svg_figures
 
 LIMIT: Final = 2_000_000
@@ -49,7 +49,7 @@ def write(
     out: Path,
     replicate: int | None = None,
     limit: int = LIMIT,
-    published: Published | None = None,
+    published: PublishedLookup | None = None,
 ) -> WrittenPage:
     """Write the page of one or several results.
 

@@ -25,16 +25,16 @@ from wsnsim.recording import read_text
 
 PublishedValues = tuple[Mapping[str, float], str]
 """Values by quantity, and the paper's name."""
-Published = Callable[[Mapping[str, Any]], PublishedValues]
-"""Gives the published values of a resolved scenario."""
+PublishedLookup = Callable[[Mapping[str, Any]], PublishedValues]
+"""A function that returns the published values of a resolved scenario."""
 MIN_RUNS: Final = 5
-"""Monte Carlo runs from which on there is an interval."""
+"""Least number of Monte Carlo runs for an interval."""
 RUNS: Final = "Monte Carlo runs"
 PUBLISHED_KEYS: Final = ("rmse", "energy")
 Cells = dict[str, str]
 
 
-def summary_table(results: Sequence[Path], names: Sequence[str], published: Published | None = None) -> str:
+def summary_table(results: Sequence[Path], names: Sequence[str], published: PublishedLookup | None = None) -> str:
     """The table as HTML. A quantity that no result has is left out."""
     columns = [_cells(path, published) for path in results]
     first, *others = (quantity.name for quantity in QUANTITIES.values())
@@ -59,12 +59,12 @@ def summary_table(results: Sequence[Path], names: Sequence[str], published: Publ
 
 
 def _breakable(name: str) -> str:
-    """A result's name as the head of its column, with line breaks allowed behind '_', '/' and ','."""
+    """A result's name as the head of its column, with line breaks allowed after '_', '/' and ','."""
     broken = re.sub("([_/,])", r"\1<wbr>", html.escape(name))
     return f"<bdi>{broken}</bdi>"
 
 
-def _cells(path: Path, published: Published | None) -> Cells:
+def _cells(path: Path, published: PublishedLookup | None) -> Cells:
     """The summary quantities of a result by name, as HTML."""
     values, paper = _published_values(path, published)
     arrays, unit = read_arrays(path), position_unit(path)
@@ -81,7 +81,7 @@ def _cells(path: Path, published: Published | None) -> Cells:
     if arrays.errors.size:
         cells |= {
             BOUND_NAMES[readings]: html.escape(QUANTITIES["rmse"].text(bound, unit))
-            for readings, bound in recorded_bounds.beside(path).items()
+            for readings, bound in recorded_bounds.time_averages(path).items()
         }
     if arrays.runs and arrays.runs["replicate"].size:
         cells[RUNS] = str(arrays.runs["replicate"].size)
@@ -92,7 +92,7 @@ def _small(text: str) -> str:
     return f' <span class="small">{html.escape(text)}</span>' if text else ""
 
 
-def _published_values(path: Path, published: Published | None) -> PublishedValues:
+def _published_values(path: Path, published: PublishedLookup | None) -> PublishedValues:
     """The published values of the result's scenario."""
     if published is None:
         return {}, ""

@@ -6,7 +6,7 @@ TEMPLATE = """\
 # A scenario of wsnsim. `wsnsim check {name}.yaml` finds every issue, `wsnsim run {name}.yaml` runs it.
 # Bare numbers are SI units; quantities with units such as '60 m', '50 nJ/bit' or '5 min' are read exactly.
 # `wsnsim list` shows every kind of every role; `wsnsim schema > scenario.schema.json` serves editors.
-name: {name}                     # also of the result: results/{name}.h5
+name: {name}                     # also names the result: results/{name}.h5
 seed: 1                          # same seed, same run
 replicates: 1                    # Monte Carlo runs with independent random numbers
 duration: 28 s                   # a whole number of steps
@@ -28,7 +28,7 @@ sensor:                          # what a node measures
   kind: acoustic_energy
   reach: 60 m
   decay: 2.2
-energy:                          # energy of each action: `wsnsim info {name}.yaml`
+energy:                          # energy of each action; `wsnsim info {name}.yaml` lists it
   kind: first_order              # also: {{kind: states, radio: cc2420, processor: msp430f1611}}, with idle listening
   electronics: 50 nJ/bit
   amplifier: 100 pJ/bit/m2
@@ -48,16 +48,16 @@ tracker:                         # the strategy: `wsnsim list trackers`, or your
   assumes:                       # assumptions of the filter
     gains: known
     noise_scale: 1
-faults: []                       # injected failures: `wsnsim list faults`; [{{kind: crash, at: 9 s, fraction: 0.1}}]
+faults: []                       # injected failures (`wsnsim list faults`): [{{kind: crash, at: 9 s, fraction: 0.1}}]
 record:                          # which tables are recorded
   events: true
 """
 
 
-BENCH = """\
+OFFLINE = """\
 # A scenario of wsnsim without a network: a filter on a state-space model, offline. Nothing is sent or spent.
 # `wsnsim check {name}.yaml` finds every issue, `wsnsim run {name}.yaml` runs it, `wsnsim list` shows all kinds.
-name: {name}                     # also of the result: results/{name}.h5
+name: {name}                     # also names the result: results/{name}.h5
 network: none                    # with a network: remove this line and add energy, link ...
 seed: 1                          # same seed, same run
 replicates: 20                   # Monte Carlo runs with independent random numbers
@@ -72,7 +72,7 @@ deploy:                          # where the sensors stand; default: one, at the
   places: [[0, 0], [200, 0], [0, 200], [200, 200]]
 motion:                          # also: ungm, constant_acceleration, bounded_velocity
   kind: constant_velocity
-  noise_input: diagonal          # independent process noise on each column
+  noise_input: diagonal          # independent process noise on each column of the state
   variances: [0.5]
   start: [70, 5, 21, 8]          # px, vx, py, vy
 sensor:                          # also: rssi, range_from_origin, squared, acoustic_energy
@@ -85,6 +85,6 @@ tracker:                         # `wsnsim list trackers`, or your own: `mylab:M
 """
 
 
-def template(name: str, bench: bool = False) -> str:
-    """Return the text of a scenario of this name, with a network or without (`bench`)."""
-    return (BENCH if bench else TEMPLATE).format(name=name)
+def template(name: str, offline: bool = False) -> str:
+    """Return the text of a scenario of this name, with a network or without (`offline`)."""
+    return (OFFLINE if offline else TEMPLATE).format(name=name)

@@ -31,12 +31,12 @@ class RangeSensor(Protocol):
     """A sensor whose measurements stand for distances: what trackers with `needs = ("ranges",)` require."""
 
     def ranges(self, readings: Floats) -> Floats:
-        """(S,) the distance in m at which each measurement is expected."""
+        """The distance in m at which each measurement is expected, (S,)."""
         ...
 
 
 def ranges_of(readings: Floats, sensor: object) -> Floats:
-    """(S,) the distance in m at which each measurement is expected; the scenario's check has seen that it can be."""
+    """The distance in m at which each measurement is expected, (S,). The scenario's check requires a `RangeSensor`."""
     return cast(RangeSensor, sensor).ranges(readings)
 
 
@@ -59,7 +59,7 @@ def gather_readings(scene: Scene, bits: int = PACKET_BITS) -> Flow[Evidence]:
 
 
 def share_readings(scene: Scene) -> Flow[Evidence]:
-    """Readings up, then all that arrived down again in one broadcast, four to a packet; they wait in the inboxes.
+    """Gather the readings, and broadcast those that arrived to the members' inboxes, four in a packet.
 
     A member needs the positions of the others to use their readings: we assume that they exchanged them when the
     cluster formed, at no extra cost (our choice).
@@ -75,7 +75,7 @@ def share_readings(scene: Scene) -> Flow[Evidence]:
 
 
 def own_evidence(member: Member) -> Evidence:
-    """A member's own measurement, or none."""
+    """A member's own measurement; empty if it has none."""
     count = 0 if member.reading is None else 1
     values = np.array([member.reading][:count], dtype=np.float64)
     return Evidence((member.id,)[:count], values, member.position[None, :][:count], member.traits[None, :][:count])
@@ -88,11 +88,11 @@ def evidence_at(member: Member, heard: list[Delivery]) -> Evidence:
             shared: Evidence = delivery.payload
             if is_whole(delivery.mask) and (member.reading is None or member.id in shared.ids):
                 return shared
-            return _merged(member, shared, np.repeat(delivery.mask, 4)[: len(shared.ids)])
+            return _merge(member, shared, np.repeat(delivery.mask, 4)[: len(shared.ids)])
     return own_evidence(member)
 
 
-def _merged(member: Member, shared: Evidence, arrived: np.ndarray) -> Evidence:
+def _merge(member: Member, shared: Evidence, arrived: np.ndarray) -> Evidence:
     """The measurements of the broadcast that arrived, with the member's own."""
     rows = [row for row, node in enumerate(shared.ids) if arrived[row] and node != member.id]
     own = own_evidence(member)
