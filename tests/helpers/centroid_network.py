@@ -76,8 +76,8 @@ class Centroid:
         return Estimate(scene.motion.advance(belief[:, None], scene.dt, scene.previous)[:, 0], np.eye(4))
 
 
-def parts(**changes: Any) -> NetworkSetup:
-    """The Jiang set-up for 50 steps, tracked by the centroid; `changes` replace parts."""
+def network_setup(**changes: Any) -> NetworkSetup:
+    """The Jiang set-up for 50 steps, tracked by the centroid; `changes` replace components."""
     motion, sensor = BoundedVelocity(start=(-45.0, -20.0, -50.0, -35.0)), AcousticEnergy()
     values: dict[str, Any] = {
         "name": "toy",
@@ -116,7 +116,7 @@ class Run:
 
     def __init__(self, made: NetworkSetup, positions: Any = None, truths: Any = None, replicate: int = 0) -> None:
         streams = Streams(made.seed, replicate)
-        self.parts = made
+        self.setup = made
         self.memory = Memory()
         if positions is None:
             positions = made.deploy.draw(made.sensor.reach, streams("deploy"))
@@ -134,10 +134,10 @@ class Run:
 
     def _write_track(self, track: Any, replicate: int) -> Any:
         """The rows of one target, and its position errors."""
-        motion, truth = self.parts.motions[track.target], self.truths[track.target]
+        motion, truth = self.setup.motions[track.target], self.truths[track.target]
         steps, key = self.outcome.steps, {"replicate": replicate, "target": track.target}
-        columns = estimate_rows(track.estimates, track.heads, motion, truth, steps, self.parts.dt)
-        self.memory.write("truth", {**key, **truth_rows(motion, truth, steps, self.parts.dt)})
+        columns = estimate_rows(track.estimates, track.heads, motion, truth, steps, self.setup.dt)
+        self.memory.write("truth", {**key, **truth_rows(motion, truth, steps, self.setup.dt)})
         self.memory.write("estimates", {**key, **columns, **network_columns(self.outcome, track)})
         return columns["error"]
 

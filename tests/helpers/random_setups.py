@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from tests.helpers.centroid_network import Centroid, parts, passing
+from tests.helpers.centroid_network import Centroid, network_setup, passing
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.models.access import Csma, IdealMac, Tdma
 from wsnsim.models.clusters import Central, StrongestSignal
@@ -45,12 +45,12 @@ def scenario(number: int) -> tuple[NetworkSetup, Any, Any]:
     steps, nodes = int(rng.integers(30, 41)), int(rng.integers(6, 16))
     targets = 1 + int(rng.uniform() < 0.25)
     duration = steps * DT
-    made = parts(
+    made = network_setup(
         seed=number,
         steps=steps,
         dt=DT,
         deploy=Uniform(nodes=nodes, width=SIDE, height=SIDE, cover=False),
-        motions=parts().motions * targets,
+        motions=network_setup().motions * targets,
         tracker=Centroid(cycles=float(rng.choice([0.0, 1e4, 2e5]))),
         **_radio(rng),
         clusters=_one(rng, StrongestSignal(), StrongestSignal(successor_rule="elect"), Central()),

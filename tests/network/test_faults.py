@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import simpy
 
-from tests.helpers.centroid_network import Centroid, Run, parts, passing, standing
+from tests.helpers.centroid_network import Centroid, Run, network_setup, passing, standing
 from tests.helpers.random_setups import DT, scenario
 from tests.network.ledgers import SPENT, books
 from wsnsim.base.errors import RunError
@@ -250,7 +250,7 @@ ACTS = {
 
 def circle(*faults: Any, steps: int = 20, **changes: Any) -> Run:
     """Six nodes around a target that stands still, on the slow radio unless `changes` say otherwise."""
-    made = parts(steps=steps, dt=DT, faults=faults, **{**SLOW, **changes})
+    made = network_setup(steps=steps, dt=DT, faults=faults, **{**SLOW, **changes})
     return Run(made, CIRCLE, [standing((3.0, 4.0), steps)])
 
 
@@ -261,7 +261,7 @@ def two_camps(*faults: Any, **changes: Any) -> Run:
     truth[8:] = [75.0, 0.0, 3.0, 0.0]
     tracker = Centroid()
     tracker.forecast = lambda belief, scene, ahead: tracker.estimate(np.array([71.0, 0.0, 1.0, 0.0]))
-    made = parts(steps=30, dt=DT, faults=faults, tracker=tracker, **{**SLOW, **changes})
+    made = network_setup(steps=30, dt=DT, faults=faults, tracker=tracker, **{**SLOW, **changes})
     return Run(made, camps, [truth])
 
 
@@ -270,7 +270,7 @@ def is_well_defined(run: Run) -> bool:
     track = run.outcome.tracks[0]
     led = track.head is not None and bool(run.outcome.nodes.alive[track.head])
     told = bool(run.events("lost"))
-    return run.outcome.steps == run.parts.steps and (led or told)
+    return run.outcome.steps == run.setup.steps and (led or told)
 
 
 def first(run: Run, kind: str, what: str | None = None, after: float = -1.0) -> dict[str, Any]:
@@ -382,7 +382,7 @@ def test_a_member_that_restarts_is_no_member_any_more_but_senses_again():
     head = calm.outcome.tracks[0].clusters[0].head
     member = (head + 1) % 6
     struck = circle(Crash(at=0.41, duration=0.1, nodes=(member,)))
-    scenes = struck.parts.tracker.scenes
+    scenes = struck.setup.tracker.scenes
     assert member in scenes[3].roster and member not in scenes[-1].roster
     assert len(struck.outcome.tracks[0].clusters) == 1
     senses = {round(float(row["time"]) / DT) for row in struck.events("sense") if row["node"] == member}
@@ -419,7 +419,7 @@ def test_a_stuck_sensor_and_a_clock_that_jumps_change_what_the_tracker_is_told()
     def told(*faults: Any) -> list[float]:
         tracker = Centroid()
         truth = passing((-10.0, 0.0), (30.0, 0.0), 20, DT)
-        Run(parts(steps=20, dt=DT, faults=faults, tracker=tracker), CIRCLE, [truth])
+        Run(network_setup(steps=20, dt=DT, faults=faults, tracker=tracker), CIRCLE, [truth])
         return [answer[2][0] for answer in tracker.answers]
 
     calm, stuck = told(), told(Stuck(at=0.4, duration=0.2, nodes=(2,), value=123.0))
@@ -462,7 +462,7 @@ def test_the_random_scenarios_meet_what_they_are_for():
 
 
 def _ledger_closes(run: Run, number: int) -> None:
-    battery = run.parts.energy.battery
+    battery = run.setup.energy.battery
     for node, book in books(run.outcome.nodes).items():
         assert sum(book[:SPENT]) == pytest.approx(book[SPENT], rel=1e-9), (number, node)
         assert book[SPENT] <= battery * (1 + 1e-12), (number, node)
@@ -495,7 +495,7 @@ def _nobody_acts_while_down(table: Any, number: int) -> None:
 
 
 def test_a_fault_at_the_beginning_of_a_step_is_of_that_step_and_a_tiny_one_passes():
-    made = parts(
+    made = network_setup(
         faults=(Blackout(at=0.4, duration=0.2, nodes=(1,)), Crash(at=0.2, duration=1e-12, nodes=(2,))), steps=30
     )
     rows = [(int(row["step"]), round(float(row["time"]), 9)) for row in Run(made).events("fault")]

@@ -125,7 +125,7 @@ def test_standing_clusters_sleep_and_wake_nodes_ahead_too(wakeup):
 def test_the_awake_share_is_that_of_the_schedules_and_events():
     """An independent account: every node's awake time from its schedule, scanned, and from its wake and sleep rows."""
     run, steps, dt = Run(scenario(duration=20.0)), 10, 2.0
-    parts = scenarios.build(scenarios.load(scenario(duration=20.0)))
+    setup = scenarios.build(scenarios.load(scenario(duration=20.0)))
     keys = derive_all(Streams(5, 0).key("sleep"), np.arange(200))
     ticks = (np.arange(0, (steps + 1) * dt, 0.002) + 0.001).tolist()
     held: dict[int, list[tuple[float, float]]] = {}
@@ -139,7 +139,7 @@ def test_the_awake_share_is_that_of_the_schedules_and_events():
     held[sink] = [(0.0, (steps + 1) * dt)]
     awake = np.zeros(200)
     for time in ticks:
-        now = parts.sleep.awake(keys, time)
+        now = setup.sleep.awake(keys, time)
         for node, spells in held.items():
             now[node] |= any(start <= time < end for start, end in spells)
         awake += now
@@ -448,6 +448,6 @@ def test_the_first_step_after_a_detection_between_steps_is_as_long_as_the_time_p
     said = scenario("ekf", acquire={"poll": 0.5}, duration=20.0,
                     motion={"kind": "waypoints", "points": [[0, -600, 0], [1.3, -600, 0], [1.4, 0, 0], [40, 40, 0]]},
                     sleep={"kind": "always_on"})  # fmt: skip
-    parts = scenarios.build(scenarios.load(said))
-    experiment.replicate_of(dataclasses.replace(parts, tracker=Curious()), 0, Memory({}))
+    setup = scenarios.build(scenarios.load(said))
+    experiment.replicate_of(dataclasses.replace(setup, tracker=Curious()), 0, Memory({}))
     assert asked[0] == pytest.approx(0.5) and set(np.round(asked[1:], 9)) == {2.0}

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from tests.helpers.centroid_network import Centroid, Run, parts, passing, standing
+from tests.helpers.centroid_network import Centroid, Run, network_setup, passing, standing
 from tests.network.ledgers import SPENT, books
 from wsnsim.base.errors import RunError
 from wsnsim.base.tables import CAUSE, CAUSES
@@ -23,7 +23,7 @@ TRIANGLE = [(0.0, 0.0), (30.0, 0.0), (0.0, 40.0), (150.0, 150.0)]
 def cluster_of_three(**changes):
     """Nodes 0, 1, 2 sense a target at rest at (5, 5); node 3 is out of range of all others."""
     steps = changes.pop("steps", 4)
-    made = parts(steps=steps, energy=changes.pop("energy", FirstOrder(battery=2.0)), **changes)
+    made = network_setup(steps=steps, energy=changes.pop("energy", FirstOrder(battery=2.0)), **changes)
     return Run(made, TRIANGLE, [standing((5.0, 5.0), steps)])
 
 
@@ -62,13 +62,13 @@ def test_every_step_has_an_estimate_issued_within_the_instant():
 
 
 def test_the_ledger_closes_for_every_node():
-    run = Run(parts())
+    run = Run(network_setup())
     for book in books(run.outcome.nodes).values():
         assert sum(book[:SPENT]) == pytest.approx(book[SPENT], rel=1e-9)
 
 
 def test_the_events_alone_reproduce_the_transmit_energy():
-    run = Run(parts())
+    run = Run(network_setup())
     table = run.memory.table("events")
     sent = np.isin(table["kind"], [7, 14])
     ends = table["peer"][sent].astype(int)
@@ -87,7 +87,7 @@ def test_a_handover_out_of_reach_is_relayed_and_every_hop_is_paid():
     truth[4] = [142.0, 0.0, 2.0, 0.0]
     tracker = Centroid()
     tracker.forecast = lambda belief, scene, ahead: type(tracker).estimate(tracker, np.array([141.0, 0.0, 1.0, 0.0]))
-    run = Run(parts(steps=10, tracker=tracker, routing=MinimumHop()), chain, [truth])
+    run = Run(network_setup(steps=10, tracker=tracker, routing=MinimumHop()), chain, [truth])
     relays = run.events("relay")
     assert [(row["node"], row["peer"]) for row in relays] == [(3, 4)]
     sends = list(run.events("send", "belief"))
@@ -103,7 +103,7 @@ def test_without_a_path_the_track_is_lost_and_found_again_from_readings():
     truth[4:] = [188.0, 0.0, 2.0, 0.0]
     tracker = Centroid()
     tracker.forecast = lambda belief, scene, ahead: type(tracker).estimate(tracker, np.array([188.0, 0.0, 1.0, 0.0]))
-    run = Run(parts(steps=10, tracker=tracker), islands, [truth])
+    run = Run(network_setup(steps=10, tracker=tracker), islands, [truth])
     assert len(run.events("drop", "no_path")) == 1
     assert len(run.events("lost", "handover_lost")) == 1
     assert run.outcome.tracks[0].reacquired == 1
@@ -152,23 +152,23 @@ def test_with_a_rate_airtime_counts_and_an_estimate_that_misses_its_step_is_late
     assert np.allclose(delay[made], 0.048)
     assert table["late"].all()
     assert np.flatnonzero(made).tolist() == [2, 4, 6, 8], "every other step is skipped, and stands as a row"
-    assert [scene.steps for scene in slow.parts.tracker.scenes] == [3, 2, 2, 2]
+    assert [scene.steps for scene in slow.setup.tracker.scenes] == [3, 2, 2, 2]
 
 
 def test_frames_that_are_lost_are_missing_from_the_answers_and_the_loss_does_not_depend_on_the_tracker():
     lossy = [
         cluster_of_three(link=Disk(reach=75.0, loss=0.5), steps=40, tracker=Centroid(cycles)) for cycles in (0.0, 1.0)
     ]
-    first = [set(answer) for answer in lossy[0].parts.tracker.answers]
-    assert first == [set(answer) for answer in lossy[1].parts.tracker.answers]
+    first = [set(answer) for answer in lossy[0].setup.tracker.answers]
+    assert first == [set(answer) for answer in lossy[1].setup.tracker.answers]
     assert len({len(answer) for answer in first}) > 1
     assert lossy[0].outcome.counters.frames_lost > 0
     assert len(lossy[0].events("drop")) > 0
 
 
 def test_two_targets_have_two_tracks_and_a_node_may_lead_both():
-    made = parts(steps=6)
-    made = parts(steps=6, motions=made.motions * 2)
+    made = network_setup(steps=6)
+    made = network_setup(steps=6, motions=made.motions * 2)
     run = Run(made, TRIANGLE, [standing((1.0, 1.0), 6), standing((2.0, 2.0), 6)])
     assert [track.clusters[0].head for track in run.outcome.tracks] == [0, 0]
     table = run.memory.table("estimates")
@@ -179,21 +179,23 @@ def test_two_targets_have_two_tracks_and_a_node_may_lead_both():
 
 
 def test_the_second_target_does_not_change_what_is_read_of_the_first():
-    made = parts(steps=6)
+    made = network_setup(steps=6)
     alone = Run(made, TRIANGLE, [standing((1.0, 1.0), 6)])
-    both = Run(parts(steps=6, motions=made.motions * 2), TRIANGLE, [standing((1.0, 1.0), 6), standing((2.0, 2.0), 6)])
+    both = Run(
+        network_setup(steps=6, motions=made.motions * 2), TRIANGLE, [standing((1.0, 1.0), 6), standing((2.0, 2.0), 6)]
+    )
     assert alone.errors[0].tolist() == both.errors[0].tolist()
 
 
 def test_a_cluster_that_stays_too_small_does_not_hand_over_at_every_step():
     pair = [(0.0, 0.0), (10.0, 0.0), (150.0, 150.0)]
-    run = Run(parts(steps=20), pair, [standing((3.0, 3.0), 20)])
+    run = Run(network_setup(steps=20), pair, [standing((3.0, 3.0), 20)])
     assert len(run.outcome.tracks[0].clusters) <= 2
     assert len(run.outcome.tracks[0].estimates) == 20
 
 
 def test_an_open_cluster_takes_readings_of_all_sensing_nodes_over_several_hops_and_never_hands_over():
-    run = Run(parts(clusters=Central(), steps=100))
+    run = Run(network_setup(clusters=Central(), steps=100))
     assert len(run.outcome.tracks[0].clusters) == 1
     assert run.events("relay")
     assert run.events("join") == []
@@ -204,7 +206,7 @@ def test_an_open_cluster_takes_readings_of_all_sensing_nodes_over_several_hops_a
 
 
 def test_the_successor_may_call_an_election():
-    run = Run(parts(clusters=StrongestSignal(successor_rule="elect"), steps=300))
+    run = Run(network_setup(clusters=StrongestSignal(successor_rule="elect"), steps=300))
     assert run.events("send", "wake")
     assert len(run.outcome.tracks[0].clusters) > 2
     assert len(run.outcome.tracks[0].estimates) == 300
@@ -212,10 +214,10 @@ def test_the_successor_may_call_an_election():
 
 
 def test_a_run_until_a_number_of_clusters_ends_when_the_last_would_hand_over():
-    whole = Run(parts(steps=400))
+    whole = Run(network_setup(steps=400))
     count = len(whole.outcome.tracks[0].clusters)
     assert count >= 3
-    cut = Run(parts(steps=400, until_clusters=2))
+    cut = Run(network_setup(steps=400, until_clusters=2))
     assert len(cut.outcome.tracks[0].clusters) == 2
     assert cut.outcome.steps < 400
     again = whole.memory.table("estimates")["error"][: cut.outcome.steps]
@@ -223,7 +225,7 @@ def test_a_run_until_a_number_of_clusters_ends_when_the_last_would_hand_over():
 
 
 def test_a_track_of_a_late_target_is_initiated_from_readings_and_a_target_out_of_range_is_only_predicted():
-    run = Run(parts(steps=400), TRIANGLE[:3], [passing((-150.0, 5.0), (20.0, 0.0), 400)])
+    run = Run(network_setup(steps=400), TRIANGLE[:3], [passing((-150.0, 5.0), (20.0, 0.0), 400)])
     table = run.memory.table("estimates")
     issued = np.isfinite(table["issued"])
     assert not issued[:50].any(), "nobody senses it yet"
@@ -235,16 +237,16 @@ def test_a_track_of_a_late_target_is_initiated_from_readings_and_a_target_out_of
 
 
 def test_a_run_gives_the_same_rows_whatever_ran_before():
-    once = Run(parts(), replicate=3)
-    Run(parts(), replicate=1)
-    again = Run(parts(), replicate=3)
-    other = Run(parts(), replicate=4)
+    once = Run(network_setup(), replicate=3)
+    Run(network_setup(), replicate=1)
+    again = Run(network_setup(), replicate=3)
+    other = Run(network_setup(), replicate=4)
     assert once.outcome.event_fingerprint == again.outcome.event_fingerprint != other.outcome.event_fingerprint
     assert once.errors.tolist() == again.errors.tolist()
 
 
 def test_energy_steps_sum_to_the_ledger():
-    run = Run(parts())
+    run = Run(network_setup())
     table = run.memory.table("energy_steps")
     for cause in range(len(CAUSES)):
         spent = table["joules"][table["cause"] == cause].sum()
@@ -282,7 +284,7 @@ def test_deaths_during_handovers_and_elections_leave_every_track_with_a_head_or_
     lost, died = set(), 0
     for battery in np.geomspace(7e-5, 2e-2, 40):
         energy, policy = FirstOrder(battery=float(battery)), StrongestSignal(successor_rule=rule, threshold=0.0)
-        run = Run(parts(steps=150, energy=energy, clusters=policy), truths=[gone_at((-60.0, -30.0), 150)])
+        run = Run(network_setup(steps=150, energy=energy, clusters=policy), truths=[gone_at((-60.0, -30.0), 150)])
         assert_no_track_waits_for_a_dead_node(run)
         assert_radio_energy_is_in_the_events(run)
         lost |= {run.memory.words.all()[int(row["what"])] for row in run.events("lost")}
@@ -291,9 +293,9 @@ def test_deaths_during_handovers_and_elections_leave_every_track_with_a_head_or_
 
 
 def test_two_targets_that_cross_on_failing_nodes_leave_every_track_with_a_head_or_open_to_election():
-    made = parts(steps=100)
+    made = network_setup(steps=100)
     for battery in np.geomspace(2e-4, 5e-3, 30):
-        both = parts(
+        both = network_setup(
             steps=100,
             motions=made.motions * 2,
             energy=FirstOrder(battery=float(battery)),
@@ -307,7 +309,9 @@ def test_two_targets_that_cross_on_failing_nodes_leave_every_track_with_a_head_o
 
 def test_a_candidate_that_dies_during_its_broadcast_wins_no_election():
     for battery in np.linspace(6.0e-5, 7.5e-5, 40):
-        run = Run(parts(steps=20, energy=FirstOrder(battery=float(battery)), clusters=StrongestSignal(threshold=0.0)))
+        run = Run(
+            network_setup(steps=20, energy=FirstOrder(battery=float(battery)), clusters=StrongestSignal(threshold=0.0))
+        )
         died = run.outcome.nodes.died_at
         assert not any(row["node"] in died and died[row["node"]] < row["time"] for row in run.events("elect"))
         assert_no_track_waits_for_a_dead_node(run)
@@ -315,7 +319,9 @@ def test_a_candidate_that_dies_during_its_broadcast_wins_no_election():
 
 def test_a_late_handover_carries_the_step_of_its_belief():
     tracker = Centroid()
-    run = Run(parts(steps=300, mac=IdealMac(rate=30_000.0), tracker=tracker), truths=[gone_at((-100.0, -60.0), 300)])
+    run = Run(
+        network_setup(steps=300, mac=IdealMac(rate=30_000.0), tracker=tracker), truths=[gone_at((-100.0, -60.0), 300)]
+    )
     assert len(run.outcome.tracks[0].clusters) > 3
     scenes = tracker.scenes
     assert max(scene.steps for scene in scenes) > 1, "the air is slow enough to miss steps"
@@ -323,7 +329,7 @@ def test_a_late_handover_carries_the_step_of_its_belief():
 
 
 def test_on_a_lossy_channel_a_track_survives_its_handovers_or_is_reacquired_and_the_ledger_closes():
-    run = Run(parts(steps=400, link=Disk(reach=75.0, loss=0.4)), truths=[gone_at((-100.0, -60.0), 400)])
+    run = Run(network_setup(steps=400, link=Disk(reach=75.0, loss=0.4)), truths=[gone_at((-100.0, -60.0), 400)])
     assert len(run.outcome.tracks[0].clusters) > 2
     drops = {int(row["frame"]) for row in run.events("drop")} - {0}
     assert run.outcome.counters.frames_lost >= len(drops) > 0
@@ -337,14 +343,16 @@ def test_without_the_wake_packet_no_election_is_held():
     truth[4:] = [188.0, 0.0, 2.0, 0.0]
     tracker = Centroid()
     tracker.forecast = lambda belief, scene, ahead: type(tracker).estimate(tracker, np.array([188.0, 0.0, 1.0, 0.0]))
-    run = Run(parts(steps=10, tracker=tracker, clusters=StrongestSignal(successor_rule="elect")), islands, [truth])
+    run = Run(
+        network_setup(steps=10, tracker=tracker, clusters=StrongestSignal(successor_rule="elect")), islands, [truth]
+    )
     assert len(run.events("lost", "no_successor")) == 1
     step_of_loss = run.events("lost")[0]["step"]
     assert [row["step"] for row in run.events("elect")] == [0, step_of_loss + 1], "the vacancy is filled a step later"
 
 
 def test_woken_counts_the_logged_wake_ups_and_the_unnecessary_ones():
-    run = Run(parts(steps=300), truths=[gone_at((-100.0, -60.0), 300)])
+    run = Run(network_setup(steps=300), truths=[gone_at((-100.0, -60.0), 300)])
     table = run.memory.table("estimates")
     wakes = [row for row in run.events("wake") if row["step"] > 0]
     assert table["woken"].sum() == len(wakes)
@@ -353,7 +361,7 @@ def test_woken_counts_the_logged_wake_ups_and_the_unnecessary_ones():
 
 
 def test_no_node_sends_while_it_is_asleep():
-    run = Run(parts(steps=300), truths=[gone_at((-100.0, -60.0), 300)])
+    run = Run(network_setup(steps=300), truths=[gone_at((-100.0, -60.0), 300)])
     table = run.memory.table("events")
     awake: set[int] = set()
     for kind, node in zip(table["kind"].astype(int), table["node"].astype(int), strict=True):
@@ -370,7 +378,7 @@ def test_a_component_without_a_mechanism_is_refused():
         mechanism = "drum"
 
     with pytest.raises(RunError, match=r"'drum'.*known: none, flood"):
-        Run(parts(wakeup=Drum()))
+        Run(network_setup(wakeup=Drum()))
 
 
 def test_a_failing_tracker_is_named_with_seed_replicate_and_time():
@@ -385,4 +393,4 @@ def test_a_failing_tracker_is_named_with_seed_replicate_and_time():
             return (yield from super().step(belief, scene))
 
     with pytest.raises(RunError, match=r"0\.12 s of simulated time \(seed 7, replicate 0\): Odd: salt and pepper"):
-        Run(parts(tracker=Failing()))
+        Run(network_setup(tracker=Failing()))

@@ -25,10 +25,6 @@ from wsnsim.network.nodes import Nodes
 NAN = float("nan")
 
 
-def _none_woken() -> Ints:
-    return np.zeros((0, 1, 2), dtype=np.int64)
-
-
 @dataclass(frozen=True, slots=True)
 class NetworkOutcome:
     """The state of a network at the end of a run.
@@ -52,7 +48,7 @@ class NetworkOutcome:
     cycles: float = 0.0
     steps: int = 0
     tracks: tuple[Track, ...] = ()
-    woken: Ints = field(default_factory=_none_woken)
+    woken: Ints = field(default_factory=lambda: np.zeros((0, 1, 2), dtype=np.int64))
     received: Mapping[tuple[int, int], float] = field(default_factory=dict)
 
 

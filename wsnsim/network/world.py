@@ -30,7 +30,7 @@ from wsnsim.network.clusters.target_search import TargetSearch
 from wsnsim.network.clusters.track import Track
 from wsnsim.network.clusters.wake_ahead import NoWakeAhead, WakeAhead, WakesAhead
 from wsnsim.network.clusters.wake_up_counters import WakeUpCounters
-from wsnsim.network.clusters.wake_up_service import WakeUpNetwork, WakeUpService
+from wsnsim.network.clusters.wake_up_service import WakeUpService
 from wsnsim.network.network import Network, Sensors, Steps
 from wsnsim.network.node import NodeProcesses, NodeServices
 from wsnsim.network.result_rows import NetworkOutcome
@@ -79,7 +79,7 @@ class World(Network):
         setup, nodes, clock = self._setup, self._nodes, self._clock
         available, imperfections = make_readings(setup, targets.truths, nodes, self._stack.clocks, streams.key("sense"))
         readings: CurrentReadings = [{} for _ in points]
-        network = NetworkView(setup, clock, nodes, readings, setup.head_threshold, streams.key("tracker"))
+        network = NetworkView(setup, clock, self._log, nodes, readings, setup.head_threshold, streams.key("tracker"))
         self._wake_up_counters = WakeUpCounters(network, points)
         wakes_ahead = setup.wakeup.mechanism != "none"
         on_wake = _ignore_wake if wakes_ahead else self._wake_up_counters.count_wake
@@ -90,10 +90,10 @@ class World(Network):
         self._coordination.protocol = make_head_protocol(
             HeadServices(
                 network,
-                HeadMessages(network, self._transport, self._log),
+                HeadMessages(network, self._transport),
                 DriverServices(self._env, nodes, self._transport, self._processors, self._log),
-                Elections(network, self._log, self._transport, self._processes, self._coordination.appoint),
-                Estimates(network, self._log, self._reports, self._recorder, self._replicate),
+                Elections(network, self._transport, self._processes, self._coordination.appoint),
+                Estimates(network, self._reports, self._recorder, self._replicate),
                 self._make_wake_ahead(network, streams.key("wakeup")) if wakes_ahead else NoWakeAhead(),
                 self._processes,
                 TargetSearch(network, available, targets.paths or targets.truths, imperfections, streams.key("search")),
@@ -105,8 +105,7 @@ class World(Network):
 
     def _make_wake_ahead(self, network: NetworkView, key: int) -> WakesAhead:
         """Make the service that wakes nodes for heads, and the last node of a datagram's path."""
-        used = WakeUpNetwork(self._clock, self._nodes, self._processes, self._transport, self._event_log)
-        service = WakeUpService(self._setup, used, key)
+        service = WakeUpService(network, self._processes, self._transport, self._event_log, key)
         self._transport.wake_neighbour = service.call_one
         return WakeAhead(network, service)
 

@@ -149,7 +149,9 @@ class Driver:
                 if parcel.payload is member.reading:
                     readings.add(member.id)
         yield from self.collect(datagrams)
-        answer = {item.source: (item.parcel.payload, item.mask) for item in datagrams if item.arrived}
+        answer = {
+            datagram.source: (datagram.parcel.payload, datagram.mask) for datagram in datagrams if datagram.arrived
+        }
         if readings:
             self.heard = {node: answer[node][0] for node in sorted(readings.intersection(answer))}
             self.readings = len(self.heard)
@@ -163,31 +165,31 @@ class Driver:
         env, (quiet, cap) = self._env, self._window
         began = last = env.now
 
-        def note(item: Datagram) -> None:
+        def note(datagram: Datagram) -> None:
             nonlocal last
-            last = env.now if item.arrived else last
+            last = env.now if datagram.arrived else last
 
-        for item in datagrams:
-            if item.source == item.to:
-                item.arrived = True
+        for datagram in datagrams:
+            if datagram.source == datagram.to:
+                datagram.arrived = True
                 continue
-            event = self._services.transport.carry([item], self._target, self._head)
+            event = self._services.transport.carry([datagram], self._target, self._head)
             assert event.callbacks is not None
-            event.callbacks.append(lambda _, item=item: note(item))  # type: ignore[misc]
+            event.callbacks.append(lambda _, datagram=datagram: note(datagram))  # type: ignore[misc]
         while (left := min(last + quiet, began + cap) - env.now) > ROUNDING:
             yield env.timeout(left)
-        self.bits += sum(item.bits for item in datagrams)
+        self.bits += sum(datagram.bits for datagram in datagrams)
 
     def _scatter(self, request: Scatter) -> Generator[simpy.Event, Any, dict[int, Bools]]:
         datagrams = [
             Datagram(self._head, node, parcel) for node, parcel in request.parcels.items() if node in self._members
         ]
-        packets = sum(item.parcel.packets for item in datagrams if item.to != self._head)
+        packets = sum(datagram.parcel.packets for datagram in datagrams if datagram.to != self._head)
         what = datagrams[0].parcel.what if datagrams else ""
         self._services.log.add("allocate", self._target, self._head, what, packets=packets)
         yield from self._carry(datagrams, self._head)
-        arrived = [item for item in datagrams if item.arrived and item.to in self._members]
-        return {item.to: self._deliver(item.to, item.parcel, item.mask) for item in arrived}
+        arrived = [datagram for datagram in datagrams if datagram.arrived and datagram.to in self._members]
+        return {datagram.to: self._deliver(datagram.to, datagram.parcel, datagram.mask) for datagram in arrived}
 
     def _broadcast(self, request: Broadcast) -> Generator[simpy.Event, Any, dict[int, Bools]]:
         event, (burst,) = self._services.transport.broadcast([self._head], [request.parcel], self._target)
@@ -199,18 +201,18 @@ class Driver:
         }
 
     def _send(self, request: Send) -> Generator[simpy.Event, Any, Bools]:
-        item = Datagram(self._head, request.to, request.parcel)
-        yield from self._carry([item])
-        self.hops = item.hops
-        return item.mask
+        datagram = Datagram(self._head, request.to, request.parcel)
+        yield from self._carry([datagram])
+        self.hops = datagram.hops
+        return datagram.mask
 
     def _carry(self, datagrams: list[Datagram], hub: int | None = None) -> Generator[simpy.Event, Any, None]:
-        if any(item.source != item.to for item in datagrams):
+        if any(datagram.source != datagram.to for datagram in datagrams):
             yield self._services.transport.carry(datagrams, self._target, hub)
-            self.bits += sum(item.bits for item in datagrams)
+            self.bits += sum(datagram.bits for datagram in datagrams)
         else:
-            for item in datagrams:
-                item.arrived = True
+            for datagram in datagrams:
+                datagram.arrived = True
 
     def _deliver(self, node: int, parcel: Parcel, mask: Bools) -> Bools:
         self._members[node].inbox.append(Delivery(parcel.what, parcel.payload, mask))

@@ -18,7 +18,6 @@ from wsnsim.network.clusters.network_view import NetworkView
 from wsnsim.network.clusters.track import Track
 from wsnsim.network.node import NodeProcesses
 from wsnsim.network.radio.transport import Transport
-from wsnsim.network.step_clock import ProtocolLog
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +25,6 @@ class Elections:
     """Holds elections. `appoint(track, handover)` gives a track that has no head to the winner."""
 
     network: NetworkView
-    log: ProtocolLog
     transport: Transport
     processes: NodeProcesses
     appoint: Callable[[Track, Handover], None]
@@ -42,7 +40,7 @@ class Elections:
             return None
         winner: int | None = yield election.closed
         if winner is not None:
-            self.log.add("elect", track.target, winner)
+            self.network.log.add("elect", track.target, winner)
         return winner
 
     def _hold(self, track: Track, fills_vacancy: bool) -> Election | None:
@@ -75,6 +73,6 @@ class Elections:
         except simpy.Interrupt:
             return
         if winner == node and fills_vacancy and self.network.nodes.alive[node]:
-            self.log.add("elect", track.target, node)
+            self.network.log.add("elect", track.target, node)
             readings = election.readings_at(node)
             self.appoint(track, Handover(node, election.step, readings=readings, elected=True, at_once=True))

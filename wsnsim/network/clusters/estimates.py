@@ -16,7 +16,6 @@ from wsnsim.network.clusters.driver import Driver
 from wsnsim.network.clusters.network_view import NetworkView
 from wsnsim.network.clusters.sink_reports import SinkReports
 from wsnsim.network.clusters.track import Track
-from wsnsim.network.step_clock import ProtocolLog
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,7 +23,6 @@ class Estimates:
     """Initiates tracks and records their estimates."""
 
     network: NetworkView
-    log: ProtocolLog
     reports: SinkReports
     recorder: Recorder
     replicate: int
@@ -46,7 +44,7 @@ class Estimates:
         """Note that a track was initiated; one that was lost before has been reacquired."""
         if track.started:
             track.reacquired += 1
-            self.log.add("reacquire", track.target, head)
+            self.network.log.add("reacquire", track.target, head)
         track.started = True
 
     def issue(self, track: Track, step: int, scene: Scene, driver: Driver, belief: Any) -> None:
@@ -54,7 +52,7 @@ class Estimates:
         if step == 0:
             return
         estimate = self.network.setup.tracker.estimate(belief)
-        self.log.add("estimate", track.target, scene.head)
+        self.network.log.add("estimate", track.target, scene.head)
         assert math.isfinite(sum(estimate.mean.tolist())), (
             f"the tracker's estimate at step {step} is not finite: {estimate.mean}"
         )

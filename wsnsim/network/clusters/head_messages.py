@@ -12,7 +12,6 @@ from wsnsim.base.requests import PACKET_BITS, Parcel
 from wsnsim.network.clusters.driver import HeadDied
 from wsnsim.network.clusters.network_view import NetworkView
 from wsnsim.network.radio.transport import Datagram, Transport
-from wsnsim.network.step_clock import ProtocolLog
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,12 +20,11 @@ class HeadMessages:
 
     network: NetworkView
     transport: Transport
-    log: ProtocolLog
 
     def recruit(self, target: int, head: int) -> Generator[simpy.Event, Any, list[int]]:
         """Broadcast an announcement; each sensing node that hears it sends a join. Return who joined, ascending."""
         alive, readings = self.network.nodes.alive, self.network.readings
-        self.log.add("announce", target, head)
+        self.network.log.add("announce", target, head)
         heard = yield from self.ask(target, head, "announce", PACKET_BITS)
         joining = [node for node in heard if node in readings[target]]
         joins = [Datagram(node, head, Parcel(None, 1, PACKET_BITS, "join")) for node in joining]
@@ -34,9 +32,9 @@ class HeadMessages:
             yield self.transport.carry(joins, target)
         if not alive[head]:
             raise HeadDied
-        joined = [item.source for item in joins if item.arrived and alive[item.source]]
+        joined = [join.source for join in joins if join.arrived and alive[join.source]]
         for node in joined:
-            self.log.add("join", target, node, peer=head)
+            self.network.log.add("join", target, node, peer=head)
         return joined
 
     def ask(self, target: int, head: int, what: str, bits: int) -> Generator[simpy.Event, Any, list[int]]:
@@ -58,10 +56,11 @@ class HeadMessages:
         datagrams = [Datagram(node, head, Parcel(value, 1, PACKET_BITS, "reading")) for node, value in readings.items()]
         if datagrams:
             yield self.transport.carry(datagrams, target)
-        return {item.source: readings[item.source] for item in datagrams if item.arrived and item.source in readings}
+        arrived = [datagram.source for datagram in datagrams if datagram.arrived]
+        return {node: readings[node] for node in arrived if node in readings}
 
     def wake(self, target: int, head: int, node: int) -> Generator[simpy.Event, Any, bool]:
         """Send a node a packet that wakes it; return whether it arrived."""
-        item = Datagram(head, node, Parcel(None, 1, PACKET_BITS, "wake"))
-        yield self.transport.carry([item], target)
-        return item.arrived
+        datagram = Datagram(head, node, Parcel(None, 1, PACKET_BITS, "wake"))
+        yield self.transport.carry([datagram], target)
+        return datagram.arrived

@@ -39,7 +39,7 @@ class MovingHeadProtocol:
         self._network = services.network
         self._clock = services.network.clock
         self._setup = services.network.setup
-        self._log = services.driver.log
+        self._log = services.network.log
         self._policy = cast(MovingPolicy, self._setup.clusters)
         self._succession = make_succession(services.network, self._policy.main)
 
@@ -95,10 +95,13 @@ class MovingHeadProtocol:
         listeners = yield from self._ask(lead, "detection")
         answers = [Datagram(node, head, Parcel(detected[node], 1, acquire.answer_bits, "reading"))
                    for node in listeners if node in detected]  # fmt: skip
-        cluster = self._cluster(track, head, [item.source for item in answers])
+        cluster = self._cluster(track, head, [answer.source for answer in answers])
         driver = self._driver(track, cluster)
         yield from driver.collect(answers)
-        readings = {head: detected[head], **{item.source: detected[item.source] for item in answers if item.arrived}}
+        readings = {
+            head: detected[head],
+            **{answer.source: detected[answer.source] for answer in answers if answer.arrived},
+        }
         prior = estimates.initial(track, readings)
         lead.scene = replace(cluster.scene(0), time=began, dt=(step + 1) * clock.dt - began)
         lead.belief = yield from driver.perform(self._setup.tracker.start(prior, lead.scene))

@@ -1,21 +1,23 @@
-"""What heads and clusters read of the network: the setup, the time, the nodes and who senses which target."""
+"""What heads and clusters use of the network: setup, time, log, nodes, and the readings of each target."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from wsnsim.base.arrays import Bools, Floats
+from wsnsim.base.arrays import Bools, Floats, planar
+from wsnsim.base.ports import Scene
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.network.nodes import Nodes
-from wsnsim.network.step_clock import StepClock
+from wsnsim.network.step_clock import ProtocolLog, StepClock
 
 
 @dataclass(frozen=True, slots=True)
 class NetworkView:
-    """The network as heads and clusters see it; none of it is changed through this view.
+    """The network as heads and clusters see it. Through this view they log events, but change nothing else.
 
     `readings[target]` is {node: reading} of the living nodes that sense a target now. A head must hold more than
     `threshold` joules. `tracker_key` is the counter key of the trackers' random numbers.
@@ -23,6 +25,7 @@ class NetworkView:
 
     setup: NetworkSetup
     clock: StepClock
+    log: ProtocolLog
     nodes: Nodes
     readings: Sequence[Mapping[int, float]]
     threshold: float
@@ -35,6 +38,11 @@ class NetworkView:
     def who_can_lead(self) -> Bools:
         """(N,) the same of every node."""
         return self.nodes.able(self.threshold)
+
+    def predicted_position(self, target: int, belief: Any, scene: Scene) -> Floats:
+        """(2,) the position that a belief predicts for the next step."""
+        forecast = self.setup.tracker.forecast(belief, scene, self.clock.step - scene.step + 1)
+        return planar(forecast.mean[list(self.setup.filter_motions[target].position)])
 
     def nearest(self, candidates: Sequence[int], point: Floats) -> int:
         """The candidate nearest to a point (2,); of equally near ones the first."""

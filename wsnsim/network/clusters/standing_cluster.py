@@ -11,7 +11,6 @@ from typing import Any
 
 import simpy
 
-from wsnsim.base.arrays import planar
 from wsnsim.base.ports import Estimate, Scene
 from wsnsim.base.requests import Flow
 from wsnsim.network.clusters.cluster import Cluster
@@ -28,7 +27,7 @@ class StandingClusterProtocol:
         self._services = services
         self._network = services.network
         self._setup = services.network.setup
-        self._log = services.driver.log
+        self._log = services.network.log
 
     def fill_vacancy(self, track: Track, poll: int) -> Handover | None:
         """Hold an election among the nodes that sense the target; its winner takes the lead by itself."""
@@ -121,8 +120,7 @@ class StandingClusterProtocol:
         setup, network, target = self._setup, self._network, track.target
         if setup.until_clusters is not None and len(track.clusters) >= setup.until_clusters:
             raise LastClusterDone
-        forecast = setup.tracker.forecast(belief, scene, network.clock.step - scene.step + 1)
-        point = planar(forecast.mean[list(setup.filter_motions[target].position)])
+        point = network.predicted_position(target, belief, scene)
         nearest = setup.clusters.successor(point, network.nodes.positions, network.who_can_lead())
         track.handovers += 1
         successor, elected = yield from self._successor(track, cluster.head, nearest)

@@ -8,12 +8,10 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from wsnsim.base.arrays import Floats
 from wsnsim.base.ports import Ranks, Scene
 from wsnsim.network.clusters.handover import TrackLost
 from wsnsim.network.clusters.network_view import NetworkView
 from wsnsim.network.clusters.track import Track
-from wsnsim.network.clusters.wake_ahead import predicted_position
 
 
 @dataclass(slots=True)
@@ -100,7 +98,7 @@ class ByAnnouncedPrediction(ByPrediction):
     def waker(self, lead: Lead) -> int:
         """The able node nearest to the predicted position, within sensing range of it."""
         network = self.network
-        point: Floats = predicted_position(network, lead.track.target, lead.belief, lead.scene)
+        point = network.predicted_position(lead.track.target, lead.belief, lead.scene)
         near = network.nodes.tree.query_ball_point(point, network.setup.sensor.reach, return_sorted=True)
         able = [node for node in near if network.can_lead(node)]
         if not able:

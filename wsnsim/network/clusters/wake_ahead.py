@@ -76,7 +76,7 @@ class WakeAhead:
             place=(nodes.x[head], nodes.y[head]),
             fix=_point(planar(mean[list(motion.position)])),
             heading=_heading(mean, motion.columns),
-            prediction=_point(predicted_position(network, target, belief, scene)),
+            prediction=_point(network.predicted_position(target, belief, scene)),
             foreseen=foreseen,
             due=due,
             ahead=due - last_sensed,
@@ -84,13 +84,6 @@ class WakeAhead:
             reach=nodes.reach,
             payload_bits=tracker.belief_bits(belief) if isinstance(tracker, Portable) else 0,
         )
-
-
-def predicted_position(network: NetworkView, target: int, belief: Any, scene: Scene) -> Floats:
-    """(2,) the position that a belief predicts for the next step."""
-    setup = network.setup
-    forecast = setup.tracker.forecast(belief, scene, network.clock.step - scene.step + 1)
-    return planar(forecast.mean[list(setup.filter_motions[target].position)])
 
 
 def _heading(mean: Floats, columns: tuple[str, ...]) -> Point:

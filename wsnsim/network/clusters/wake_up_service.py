@@ -10,7 +10,7 @@ call (our choice).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
@@ -20,16 +20,14 @@ from wsnsim.base.arrays import Ints
 from wsnsim.base.mechanisms import HeardMessage
 from wsnsim.base.requests import PACKET_BITS, Parcel
 from wsnsim.base.rng import derive, derive_all, uniforms
-from wsnsim.base.setups import NetworkSetup
 from wsnsim.base.sleeping import Point, WakeUpMessage, WakeUpRound
 from wsnsim.base.tables import EVENT_CAUSE, KIND
+from wsnsim.network.clusters.network_view import NetworkView
 from wsnsim.network.clusters.track import Track
 from wsnsim.network.clusters.wake_up_mechanisms import MESSAGE_NAMES, make_mechanism
 from wsnsim.network.event_log import EventLog, event
 from wsnsim.network.node import FRAME, NodeProcesses
-from wsnsim.network.nodes import Nodes
 from wsnsim.network.radio.transport import Transport
-from wsnsim.network.step_clock import StepClock
 
 CALL: Final = KIND["call"]
 CALLED: Final = KIND["called"]
@@ -39,27 +37,22 @@ TX: Final = EVENT_CAUSE["tx"]
 RX: Final = EVENT_CAUSE["rx"]
 
 
-@dataclass(frozen=True, slots=True)
-class WakeUpNetwork:
-    """What the wake-up service uses of the network."""
-
-    clock: StepClock
-    nodes: Nodes
-    processes: NodeProcesses
-    transport: Transport
-    event_log: EventLog
-
-
 class WakeUpService:
     """Starts wake-up rounds, and performs what the mechanism of the scenario's `wakeup` does in them.
 
     `key` is the random key of the nodes' chances.
     """
 
-    def __init__(self, setup: NetworkSetup, network: WakeUpNetwork, key: int) -> None:
+    def __init__(
+        self, network: NetworkView, processes: NodeProcesses, transport: Transport, event_log: EventLog, key: int
+    ) -> None:
+        setup = network.setup
         self._protocol = setup.wakeup
         self._energy = setup.energy
-        self._network = network
+        self._clock = network.clock
+        self._processes = processes
+        self._transport = transport
+        self._event_log = event_log
         self._nodes = network.nodes
         self._env = network.clock.env
         self._key = key
@@ -100,7 +93,7 @@ class WakeUpService:
 
     def neighbours(self, node: int) -> Ints:
         """(n,) the nodes that a node's transmissions may reach, those included that are down."""
-        return self._network.transport.neighbours(node).ids
+        return self._transport.neighbours(node).ids
 
     def nodes_within(self, centre: Point, radius: float) -> Ints:
         """(n,) the nodes within `radius` m of a point."""
@@ -122,7 +115,7 @@ class WakeUpService:
         copy = replace(message, sender=node, place=self.place(node))
         parcel = Parcel(copy, 1, copy.bits, self._message_name)
         sequence = round.sequence if relayed else 0
-        event, (burst,) = self._network.transport.broadcast([node], [parcel], copy.target, sequence, relayed)
+        event, (burst,) = self._transport.broadcast([node], [parcel], copy.target, sequence, relayed)
 
         def ended(_: Any) -> None:
             round.sequence = round.sequence or burst.sequence
@@ -148,18 +141,18 @@ class WakeUpService:
     def track(self, round: WakeUpRound, node: int, message: WakeUpMessage) -> None:
         """Note that a node tracks at the message's step, and keep it awake until then and for the waiting time."""
         round.tracking[node] = message
-        self._network.processes.of(node).keep_awake(message.target, message.due + self._protocol.wait, FRAME)
+        self._processes.of(node).keep_awake(message.target, message.due + self._protocol.wait, FRAME)
 
     def release(self, node: int, target: int) -> None:
         """Let a node follow its schedule again."""
-        process = self._network.processes.find(node)
+        process = self._processes.find(node)
         if process is not None:
             process.release(target)
 
     def drop(self, round: WakeUpRound, node: int, message: WakeUpMessage) -> None:
         """Log that a node ignored a message because it had expired."""
         round.expired += 1
-        log = self._network.event_log
+        log = self._event_log
         self._log(DROP, node, message.target, message.sender, log.code("expired"), round.sequence)
 
     def chance(self, node: int, message: WakeUpMessage) -> float:
@@ -191,7 +184,7 @@ class WakeUpService:
             paid = nodes.spend_receive(one, cost, bits)
             self._log(CALLED, one, target, node, bits=paid, joules=cost * paid / bits, cause=RX)
             if nodes.alive[one]:
-                process = self._network.processes.of(one)
+                process = self._processes.of(one)
                 process.keep_awake(target, self._env.now + self._protocol.wait, "call")
                 woken.append(one)
         return woken
@@ -200,6 +193,6 @@ class WakeUpService:
         self, kind: int, node: int, target: int, peer: int = -1, what: int = 0, sequence: int = 0, bits: int = 0,
         joules: float = 0.0, cause: int = NONE,
     ) -> None:  # fmt: skip
-        now, step = self._env.now, self._network.clock.step
+        now, step = self._env.now, self._clock.step
         row = event(now, step, target, node, kind, what, 0, sequence, peer, int(bits > 0), bits, joules, cause)
-        self._network.event_log.add(row)
+        self._event_log.add(row)

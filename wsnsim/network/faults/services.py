@@ -27,10 +27,6 @@ ROUNDING: Final = 1e-9
 """A fault within this share of a step of the beginning of a step happens at that beginning."""
 
 
-def _no_head(target: int) -> int | None:
-    return None
-
-
 @dataclass(frozen=True, slots=True)
 class NodeControl:
     """How faults act on whole nodes.
@@ -43,7 +39,7 @@ class NodeControl:
 
     crash: Callable[[int], None]
     restart: Callable[[int], None]
-    head_of: Callable[[int], int | None] = _no_head
+    head_of: Callable[[int], int | None]
 
 
 @dataclass(frozen=True, slots=True)

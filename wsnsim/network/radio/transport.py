@@ -87,7 +87,7 @@ class Transport:
             if datagram.source == datagram.to:
                 datagram.arrived = True
             elif self._topology.connected(datagram.source, datagram.to) and not (
-                may_wake and self._must_wake(datagram.to)
+                may_wake and self._sleeps(datagram.to)
             ):
                 direct.append(datagram)
             else:
@@ -155,10 +155,6 @@ class Transport:
             if packets == 0:
                 break
         datagram.mask, datagram.arrived = mask, packets > 0
-
-    def _must_wake(self, node: int) -> bool:
-        """Whether a node sleeps, and can be woken."""
-        return self.wake_neighbour is not None and self._sleeps(node)
 
     def _sleeps(self, node: int) -> bool:
         return bool(self._nodes.alive[node]) and not self._nodes.is_awake(node)

@@ -7,7 +7,7 @@ last bit, those of `Readings`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -75,15 +75,8 @@ class ImperfectReadings(Readings):
         """{node: reading} of the nodes that report one at a step, ascending, whether they are up or not."""
         return dict(self._at(step))
 
-    def appeared(self, step: int) -> list[int]:
-        """Nodes that report at this step and did not at the one before, ascending."""
-        before: Mapping[int, float] = self._at(step - 1) if step else {}
-        return [node for node in self._at(step) if node not in before]
-
-    def vanished(self, step: int) -> list[int]:
-        """Nodes that reported at the step before and do not at this one, ascending."""
-        now = self._at(step)
-        return [node for node in self._at(step - 1) if node not in now] if step else []
+    def _ids_at(self, step: int) -> Iterable[int]:
+        return self._at(step)
 
     def _at(self, step: int) -> dict[int, float]:
         if step not in self._taken:

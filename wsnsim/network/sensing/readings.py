@@ -9,6 +9,7 @@ of (seed, run, target, step, node), so it does not depend on which nodes are awa
 from __future__ import annotations
 
 import itertools
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -60,13 +61,17 @@ class Readings:
 
     def appeared(self, step: int) -> list[int]:
         """Nodes that measure the target at this step but did not at the previous one, ascending."""
-        before = set(self.ids[step - 1]) if step else set()
-        return [node for node in self.ids[step] if node not in before]
+        before = set(self._ids_at(step - 1)) if step else set()
+        return [node for node in self._ids_at(step) if node not in before]
 
     def vanished(self, step: int) -> list[int]:
         """Nodes that measured the target at the previous step but do not at this one, ascending."""
-        now = set(self.ids[step])
-        return [node for node in self.ids[step - 1] if node not in now] if step else []
+        now = set(self._ids_at(step))
+        return [node for node in self._ids_at(step - 1) if node not in now] if step else []
+
+    def _ids_at(self, step: int) -> Iterable[int]:
+        """The nodes that measure the target at a step, ascending."""
+        return self.ids[step]
 
 
 def _detecting(model: Detects, point: Floats, ids: list[int], positions: Floats) -> list[int]:

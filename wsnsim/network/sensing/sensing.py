@@ -5,9 +5,10 @@ sensing.update(target)      sensing.readings[target] -> {node: reading} of the l
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, Protocol
+from typing import Final
 
 from wsnsim.base.tables import CAUSE, EVENT_CAUSE, KIND
 from wsnsim.network.event_log import EventLog, event
@@ -34,34 +35,23 @@ class SensingServices:
     joules: float
 
 
-class Sensing(Protocol):
+class Sensing(ABC):
     """How nodes sense. `readings` is changed by `update` and `remove` alone."""
-
-    readings: CurrentReadings
-
-    def update(self, target: int) -> None:
-        """Take the readings of the present step."""
-
-    def remove(self, node: int) -> None:
-        """Discard the readings of a node that is no longer up."""
-
-    def restart(self, node: int) -> None:
-        """Note that a node that was down is up again."""
-
-
-class _CurrentSensing:
-    """What all ways of sensing share: the readings of the present step."""
 
     def __init__(self, services: SensingServices, readings: CurrentReadings) -> None:
         self.readings = readings
         self._services = services
+
+    @abstractmethod
+    def update(self, target: int) -> None:
+        """Take the readings of the present step."""
 
     def remove(self, node: int) -> None:
         """Discard the readings of a node that is no longer up."""
         for readings in self.readings:
             readings.pop(node, None)
 
-    def restart(self, node: int) -> None:
+    def restart(self, node: int) -> None:  # noqa: B027 (event-driven sensing alone does something here)
         """Note that a node that was down is up again: its schedule says when it senses."""
 
     def _pay(self, target: int, readings: dict[int, float]) -> dict[int, float]:
@@ -88,7 +78,7 @@ class _CurrentSensing:
         return {index: value for index, value in readings.items() if services.nodes.is_awake(index)}
 
 
-class EventDrivenSensing(_CurrentSensing):
+class EventDrivenSensing(Sensing):
     """Every living node senses; a node wakes when a target comes into range and rests when it leaves."""
 
     def update(self, target: int) -> None:
@@ -111,7 +101,7 @@ class EventDrivenSensing(_CurrentSensing):
                 services.processes.of(node).hear_target(target)
 
 
-class ScheduledSensing(_CurrentSensing):
+class ScheduledSensing(Sensing):
     """Nodes that are awake sense; a node that senses a target stays awake while it does."""
 
     def update(self, target: int) -> None:
@@ -127,7 +117,7 @@ class ScheduledSensing(_CurrentSensing):
         self.readings[target] = self._pay(target, now)
 
 
-class ContinuousSensing(_CurrentSensing):
+class ContinuousSensing(Sensing):
     """Nodes that are awake search for targets all the time, which is part of their background consumption."""
 
     def update(self, target: int) -> None:
