@@ -166,8 +166,8 @@ def update(means, covs, expected, gradients, variances, readings, place):
     for s in range(readings.size):
         lift = np.einsum("ndp,pn->dn", covs[:, :, place], gradients[s])
         spread = (gradients[s] * lift[place]).sum(axis=0) + variances[s]
-        surprise = readings[s] - expected[s] - (gradients[s] * (means[place] - start)).sum(axis=0)
-        means += lift * surprise / spread
+        innovation = readings[s] - expected[s] - (gradients[s] * (means[place] - start)).sum(axis=0)
+        means += lift * innovation / spread
         covs -= (lift[:, None, :] * lift / spread).transpose(2, 0, 1)
 
 

@@ -34,13 +34,13 @@ def _moved(states: Floats, transition: Floats) -> Floats:
 
 @kernel
 def advance(states: Floats, transition: Floats) -> Floats:
-    """(D, N) the states one step later, without noise: F x."""
+    """The states (D, N) one step later, without noise: F x."""
     return _moved(states, transition)
 
 
 @kernel
 def propagate(states: Floats, keys: Keys, transition: Floats, root: Floats) -> Floats:
-    """(D, N) the states one step later: F x + L w. Components 2p and 2p + 1 of w are the key's p-th normal pair."""
+    """The states (D, N) one step later: F x + L w. Components 2p and 2p + 1 of w are the key's p-th normal pair."""
     count, inputs = states.shape[1], root.shape[1]
     result = _moved(states, transition)
     first, second = np.empty(count), np.empty(count)
@@ -57,7 +57,7 @@ def propagate(states: Floats, keys: Keys, transition: Floats, root: Floats) -> F
 
 @kernel
 def log_transition(after: Floats, before: Floats, transition: Floats, factor: Floats) -> Floats:
-    """(N,) log N(after; F before, Q), `factor` (D, D) being the lower Cholesky factor of Q; -inf where it is no number.
+    """Log N(after; F before, Q), (N,); `factor` (D, D) is the lower Cholesky factor of Q. -inf in place of NaN.
 
     So it is everywhere if the factor's diagonal is not positive.
     """

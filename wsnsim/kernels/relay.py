@@ -252,9 +252,9 @@ def kalman(
 ) -> None:
     """Update mean (D,) and covariance (D, D) with S readings, linearised at the given mean, in place.
 
-    expected, variances (S, 1), gradients (S, P, 1). The joint update, reading after reading with one fixed point of
-    linearisation, each in Joseph's form; a reading of which nothing can be said is passed over. Bar-Shalom, Li,
-    Kirubarajan (2001), 5.2, 10.3.
+    expected, variances (S, 1), gradients (S, P, 1). Readings are processed in turn, all linearised at the same point,
+    in Joseph's form: this equals the joint update. A reading whose innovation is not finite, or has no finite positive
+    variance, is skipped. Bar-Shalom, Li, Kirubarajan (2001), 5.2, 10.3.
     """
     size = mean.size
     moved, lift, work = np.empty(size), np.empty(size), np.empty((size, size))

@@ -97,14 +97,14 @@ class FromReadings:
         Readings that are not finite are ignored; if none remains, the target may be anywhere around the nodes. Columns
         other than the position have mean 0 and the mean square of the prior, mean² + variance.
         """
-        known, place = np.isfinite(readings), list(motion.position)
+        known, columns = np.isfinite(readings), list(motion.position)
         point, spread = self._locate(
-            readings[known], positions[known], traits[known], sensor, _box(positions[:, : len(place)], sensor.reach)
+            readings[known], positions[known], traits[known], sensor, _box(positions[:, : len(columns)], sensor.reach)
         )
         mean = np.zeros(prior.mean.size)
         cov = np.diag(prior.mean**2 + np.diag(prior.cov))
-        mean[place] = point
-        cov[np.ix_(place, place)] = _bounded(spread, self.floor, sensor.reach)
+        mean[columns] = point
+        cov[np.ix_(columns, columns)] = _bounded(spread, self.floor, sensor.reach)
         return Estimate(mean=mean, cov=cov)
 
     def check(self, setup: TrackingSetup) -> Iterator[Issue]:

@@ -158,9 +158,7 @@ class Scenario(BaseModel):  # noqa: PLW1641 - pydantic gives frozen models their
     """
 
     model_config = FROZEN
-    name: Annotated[str, Strict("str"), AfterValidator(_safe_name)] = Field(
-        description="name of the scenario and of its result file"
-    )
+    name: Annotated[str, Strict("str"), AfterValidator(_safe_name)] = Field(description="name of scenario and result")
     seed: Annotated[int, Number(Quantity("", ge=0), whole=True)] = Field(0, description="seed of every random stream")
     replicates: Annotated[int, Number(Quantity("", ge=1, le=100_000), whole=True)] = Field(
         1, description="number of Monte Carlo runs"

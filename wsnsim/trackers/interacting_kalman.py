@@ -93,7 +93,7 @@ class InteractingKalman(HeadFilter):
         """The packets of n means and covariances, and ceil(n / 4) of probabilities; the filters that arrived whole.
 
         Probabilities that are lost share what is missing to one; those of the filters that arrived are renormalised.
-        No filter, no track. If nobody sensed, the moments of the mixture alone go, and must arrive whole.
+        Without a filter there is no track. If no node sensed, only the mixture's moments are sent; all must arrive.
         """
         each, count = moment_packets(belief.mean.size), len(belief.ids)
         if not count:

@@ -174,7 +174,7 @@ def score_of(seen: Evidence, scene: Scene) -> Score:
 
 
 def keys_of(scene: Scene, count: int, tag: int) -> Keys:
-    """(count,) keys, one a particle, for one purpose of this step in this head."""
+    """The keys (count,), one per particle, for one purpose of this step in this head."""
     return particle_keys(np.array([scene.key], np.uint64), np.array([0, count]), tag)
 
 
