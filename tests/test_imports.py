@@ -59,3 +59,14 @@ def test_the_graph_sees_lazy_and_type_only_imports() -> None:
     assert graph.has_edge("wsnsim.scenario.load", "wsnsim.scenario.schema"), "imported for its types"
     assert graph.has_edge("wsnsim.scenario.check", "wsnsim.scenario.kinds"), "imported at the top"
     assert len(graph) > 150
+
+
+def test_a_class_name_is_defined_once_in_the_package():
+    names = [
+        node.name.lstrip("_")
+        for path in modules().values()
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.ClassDef)
+    ]
+    assert len(names) > 300
+    assert [name for name in set(names) if names.count(name) > 1] == []

@@ -18,7 +18,6 @@ from wsnsim.base.version import __version__ as __version__
 
 if TYPE_CHECKING:
     from wsnsim.analysis.comparison import compare
-    from wsnsim.analysis.comparison import compare as compared
     from wsnsim.analysis.frames import read
     from wsnsim.base.part import Quantity, part
     from wsnsim.base.ports import Estimate, Scene, Tracker
@@ -50,7 +49,7 @@ _HOMES = {
 }
 __all__ = [
     "Broadcast", "Compute", "Estimate", "Gather", "Local", "Member", "Parcel", "Quantity", "Scatter", "Scene", "Send",
-    "Tracker", "compare", "compared", "load", "part", "read", "run", "simulate", "sweep",
+    "Tracker", "compare", "load", "part", "read", "run", "simulate", "sweep",
 ]  # fmt: skip
 
 

@@ -85,7 +85,7 @@ def _differing(stored: Mapping[str, Any], here: Mapping[str, Any]) -> list[str]:
 def _commits(stored: Mapping[str, Any], here: Mapping[str, Any]) -> str:
     """A line with both commits if another commit origin the result; it does not excuse a difference."""
     before, now = ((origin.get("git") or {}).get("commit", "no checkout")[:12] for origin in (stored, here))
-    return f"  origin by commit {before}, run again by {now}" if before != now else ""
+    return f"  made by commit {before}, run again by {now}" if before != now else ""
 
 
 def _verification_text(path: Path, rows: list[dict[str, Any]], differing: list[str], commits: str, ok: bool) -> str:

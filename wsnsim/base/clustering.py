@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import Any, Protocol
 
 from wsnsim.base.arrays import Bools, Floats
+from wsnsim.base.deprecation import uses_former
 
 
 class ClusterPolicy(Protocol):
@@ -62,8 +63,9 @@ def head_protocol(policy: Any) -> str:
 
     A policy written before `protocol` existed has the flags `is_open`, `moves` and `calls_election` instead.
     """
+    flags = {"is_open": "open", "moves": "moving", "calls_election": "electing"}
     name = getattr(policy, "protocol", None)
-    if name is not None:
+    if name is not None and not any(uses_former(policy, flag, "protocol") for flag in flags):
         return str(name)
     warnings.warn(
         f"{type(policy).__name__}: the flags is_open, moves and calls_election of a cluster policy are replaced by "
@@ -71,5 +73,4 @@ def head_protocol(policy: Any) -> str:
         DeprecationWarning,
         stacklevel=2,
     )
-    flags = {"is_open": "open", "moves": "moving", "calls_election": "electing"}
     return next((name for flag, name in flags.items() if getattr(policy, flag, False)), "standing")

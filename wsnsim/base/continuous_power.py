@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from typing import Protocol, runtime_checkable
 
+from wsnsim.base.deprecation import uses_former
 from wsnsim.base.radio import ContinuousPower, EnergyModel, Mode, ModePower
 
 
@@ -41,10 +42,8 @@ class RenamedPower:
 
 def continuous_power(energy: EnergyModel) -> ContinuousPower | None:
     """Return the part of an energy model that costs over time, or None if it has none."""
-    if isinstance(energy, ContinuousPower):
-        return energy
-    if isinstance(energy, DrawsPower):
+    if uses_former(energy, "draw", "mode_power") and isinstance(energy, DrawsPower):
         message = f"{type(energy).__name__}.draw(mode) was renamed to mode_power(mode)"
         warnings.warn(message, DeprecationWarning, stacklevel=2)
         return RenamedPower(energy)
-    return None
+    return energy if isinstance(energy, ContinuousPower) else None

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Final, Protocol, runtime_checkable
 
 from wsnsim.base.arrays import Floats, Ints
+from wsnsim.base.errors import RunError
 from wsnsim.base.sleeping import Point, WakeUpMessage, WakeUpRound
 
 HeardMessage = Callable[[int, WakeUpMessage], None]
@@ -238,3 +239,16 @@ class StartsWorkload(Protocol):
 
     def start(self, services: WorkloadServices) -> WorkloadMechanism:
         """Return the mechanism. Called once, before the simulation starts."""
+
+
+def complete(role: str, mechanism: object, *members: str) -> None:
+    """Refuse a mechanism of a plug-in that lacks members of its port.
+
+    Raises:
+        RunError: The role, the class and what it lacks.
+    """
+    lacking = [name for name in members if not callable(getattr(mechanism, name, None))]
+    if lacking:
+        raise RunError(
+            f"{role}: {type(mechanism).__name__}, which start(services) returned, lacks {', '.join(lacking)}"
+        )

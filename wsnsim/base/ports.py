@@ -18,6 +18,7 @@ import numpy as np
 from wsnsim.base.arrays import Bools, Floats, Ints, Keys
 from wsnsim.base.clustering import ClusterPolicy as ClusterPolicy
 from wsnsim.base.clustering import MovingPolicy as MovingPolicy
+from wsnsim.base.deprecation import renamed
 from wsnsim.base.optional_ports import Continuous as Continuous
 from wsnsim.base.optional_ports import Detects as Detects
 from wsnsim.base.optional_ports import Foresees as Foresees
@@ -279,3 +280,7 @@ class Tracker(Protocol[B]):
 
     def forecast(self, belief: B, scene: Scene, ahead: int) -> Estimate:
         """The estimate predicted for `ahead` steps later, for handover and for waking nodes ahead of the target."""
+
+
+def __getattr__(name: str) -> Any:
+    return renamed(__name__, name)

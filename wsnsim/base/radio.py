@@ -9,9 +9,10 @@ counter keys (see `base.rng`): equal keys give equal random numbers.
 from __future__ import annotations
 
 from enum import IntEnum
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 from wsnsim.base.arrays import Bools, Floats, Keys
+from wsnsim.base.deprecation import renamed
 from wsnsim.base.medium_access import ContendingMac as ContendingMac
 from wsnsim.base.medium_access import FramedMac as FramedMac
 from wsnsim.base.medium_access import IdealAccess as IdealAccess
@@ -223,3 +224,7 @@ class Routing(Protocol):
     @property
     def weight(self) -> str:
         """What it minimises: 'energy' or 'hop'; or 'greedy': each hop goes nearest to the destination."""
+
+
+def __getattr__(name: str) -> Any:
+    return renamed(__name__, name)

@@ -13,6 +13,7 @@ from enum import Enum
 from typing import Any, NamedTuple, Protocol
 
 from wsnsim.base.arrays import Bools, Floats, Keys
+from wsnsim.base.deprecation import renamed
 from wsnsim.base.radio import Mode
 
 Point = tuple[float, float]
@@ -193,3 +194,7 @@ class WakeUp(Protocol):
             now: the time.
             chance: a uniform random number of the node for this message, in [0, 1).
         """
+
+
+def __getattr__(name: str) -> Any:
+    return renamed(__name__, name)

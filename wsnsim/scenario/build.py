@@ -14,6 +14,7 @@ import warnings
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
+from wsnsim.base.deprecation import uses_former
 from wsnsim.base.errors import Issue, ScenarioError
 from wsnsim.scenario.kinds import AT_TOP
 from wsnsim.scenario.registry import ROLES, Role, find, kinds, load_class
@@ -151,11 +152,11 @@ def _issues(scenario: Scenario, setup: TrackingSetup | BeaconSetup, components: 
 
 def _checked(part: Any, setup: Setup) -> Iterator[Issue]:
     """Yield what a component finds wrong with the setup; `faults` is the old name of a plug-in's `check`."""
-    if hasattr(part, "check"):
-        yield from part.check(setup)
-    elif hasattr(part, "faults"):
+    if uses_former(part, "faults", "check"):
         warnings.warn(f"{type(part).__name__}.faults is now named check", DeprecationWarning, stacklevel=2)
         yield from part.faults(setup)
+    elif hasattr(part, "check"):
+        yield from part.check(setup)
 
 
 def _within(path: Keys, named: Keys) -> Keys:

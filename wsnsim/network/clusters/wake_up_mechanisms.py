@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import Final
 
 from wsnsim.base.errors import RunError
-from wsnsim.base.mechanisms import StartsWakeUp, WakeUpMechanism, WakeUpServices
+from wsnsim.base.mechanisms import StartsWakeUp, WakeUpMechanism, WakeUpServices, complete
 from wsnsim.base.sleeping import Decision, WakeUp, WakeUpMessage, WakeUpRound
 
 MESSAGE_NAMES: Final = {"flood": "track", "region": "announce", "invite": "invitation"}
@@ -129,7 +129,9 @@ def make_mechanism(component: WakeUp, services: WakeUpServices) -> WakeUpMechani
         RunError: there is neither.
     """
     if isinstance(component, StartsWakeUp):
-        return component.start(services)
+        mechanism = component.start(services)
+        complete("wakeup", mechanism, "begin")
+        return mechanism
     if component.mechanism not in MECHANISMS:
         known = ", ".join(["none", *MECHANISMS])
         raise RunError(

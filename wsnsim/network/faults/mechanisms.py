@@ -9,7 +9,7 @@ import numpy as np
 
 from wsnsim.base.arrays import Ints
 from wsnsim.base.errors import RunError
-from wsnsim.base.mechanisms import NOBODY, FaultMechanism, FaultServices, SensorDefect, StartsFault
+from wsnsim.base.mechanisms import NOBODY, FaultMechanism, FaultServices, SensorDefect, StartsFault, complete
 from wsnsim.base.radio import FaultEvent
 
 CHANGE_READINGS: Final = frozenset({"clock_step", "stuck", "bias"})
@@ -134,7 +134,9 @@ def make_fault(fault: FaultEvent, services: FaultServices) -> FaultMechanism:
         RunError: There is neither.
     """
     if isinstance(fault, StartsFault):
-        return fault.start(services)
+        mechanism = fault.start(services)
+        complete("faults", mechanism, "begin", "end")
+        return mechanism
     if fault.mechanism not in MECHANISMS:
         known = ", ".join(MECHANISMS)
         raise RunError(

@@ -14,6 +14,7 @@ import simpy
 from wsnsim.base.errors import RunError
 from wsnsim.base.frames import EVERYONE, Burst, Received, full_burst
 from wsnsim.base.mac_mechanisms import MacMechanism, StartsMac
+from wsnsim.base.mechanisms import complete
 from wsnsim.base.medium_access import IdealAccess, Mac
 from wsnsim.base.requests import Parcel
 from wsnsim.network.radio.csma import CsmaMechanism
@@ -86,7 +87,9 @@ def make_mac(mac: Mac, services: NetworkMacServices) -> MacMechanism:
         RunError: There is neither.
     """
     if isinstance(mac, StartsMac):
-        return mac.start(services)
+        mechanism = mac.start(services)
+        complete("mac", mechanism, "send", "offer", "silence")
+        return mechanism
     if mac.mechanism not in MECHANISMS:
         raise RunError(
             f"mac: unknown mechanism '{mac.mechanism}', and the component has no start(services); "

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 from wsnsim.base.errors import RunError
-from wsnsim.base.mechanisms import StartsWorkload, WorkloadMechanism, WorkloadServices
+from wsnsim.base.mechanisms import StartsWorkload, WorkloadMechanism, WorkloadServices, complete
 from wsnsim.base.radio import Workload
 from wsnsim.network.workloads.beacons import Beacons
 
@@ -21,7 +21,9 @@ def make_workload(component: Workload, services: WorkloadServices) -> WorkloadMe
         RunError: there is neither.
     """
     if isinstance(component, StartsWorkload):
-        return component.start(services)
+        mechanism = component.start(services)
+        complete("workload", mechanism, "begin")
+        return mechanism
     if component.mechanism not in MECHANISMS:
         known = ", ".join(["tracking", *MECHANISMS])
         raise RunError(
