@@ -95,12 +95,12 @@ class Nodes:
 
     def begin_sending(self, node: int) -> None:
         """A node has a frame to send: it stays awake until `end_sending`, even if its schedule ends before."""
-        if self.duty_cycles.begin_sending(node):
+        if self.follows_schedules and self.duty_cycles.begin_sending(node):
             self._change_mode(node, Mode.AWAKE)
 
     def end_sending(self, node: int) -> None:
         """A node has nothing more to send."""
-        if self.duty_cycles.end_sending(node):
+        if self.follows_schedules and self.duty_cycles.end_sending(node):
             self._change_mode(node, self.rest_of(node))
 
     def set_mode(self, node: int, mode: Mode) -> None:
@@ -164,7 +164,8 @@ class Nodes:
 
         Returns the whole bits that were paid for: fewer than `bits` if the node died of it.
         """
-        self.consumption.mark_radio_busy(node, seconds)
+        if seconds:
+            self.consumption.mark_radio_busy(node, seconds)
         if self.battery - self._spent[node] <= self._tight:
             self._settle(node)
             if not self.alive[node]:
@@ -184,7 +185,8 @@ class Nodes:
 
     def spend_receive(self, node: int, joules: float, bits: int, cause: int = RECEIVE, seconds: float = 0.0) -> int:
         """Book a reception; returns the whole bits that were paid for, fewer if the node died of it."""
-        self.consumption.mark_radio_busy(node, seconds)
+        if seconds:
+            self.consumption.mark_radio_busy(node, seconds)
         if self.battery - self._spent[node] <= self._tight:
             self._settle(node)
             if not self.alive[node]:

@@ -10,8 +10,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
+import numpy as np
+
 from wsnsim.base.tables import CAUSE, EVENT_CAUSE, KIND
-from wsnsim.network.event_log import EventLog, event
+from wsnsim.network.event_log import EACH, EventLog, event
 from wsnsim.network.node import NodeProcesses
 from wsnsim.network.nodes import Nodes
 from wsnsim.network.sensing.readings import Readings
@@ -59,17 +61,18 @@ class Sensing(ABC):
         services, alive = self._services, self._services.nodes.alive
         if not services.nodes.all_listen:
             readings = {index: value for index, value in readings.items() if alive[index]}
-        paid = dict.fromkeys(readings, 0.0)
-        if services.joules:
-            paid = {index: services.nodes.spend(index, SENSE_CAUSE, services.joules) for index in readings}
-            paid = {index: spent for index, spent in paid.items() if spent}
-            readings = {index: value for index, value in readings.items() if alive[index]}
         now, step = services.clock.now, services.clock.step
-        cause = EVENT_CAUSE["sense" if services.joules else "none"]
+        if not services.joules:
+            if readings:
+                ids = np.fromiter(readings, np.int64, len(readings))
+                services.event_log.add_all(event(now, step, target, EACH, SENSE), ids)
+            return readings
+        paid = {index: services.nodes.spend(index, SENSE_CAUSE, services.joules) for index in readings}
         services.event_log.extend(
-            [event(now, step, target, index, SENSE, 0, 0, 0, -1, 0, 0, spent, cause) for index, spent in paid.items()]
-        )
-        return readings
+            [event(now, step, target, index, SENSE, joules=spent, cause=EVENT_CAUSE["sense"])
+             for index, spent in paid.items() if spent]
+        )  # fmt: skip
+        return {index: value for index, value in readings.items() if alive[index]}
 
     def _awake(self, target: int) -> dict[int, float]:
         """The readings of the nodes that are awake."""
