@@ -57,7 +57,7 @@ class WorkloadNetwork:
 
     def broadcast(self, node: int, bits: int, word: int) -> None:
         """Broadcast a payload of `bits` to all in range."""
-        self._mac.offer(node, bits, lambda heard: None, word)
+        self._mac.offer(node, bits, _ignore, word)
 
     def send(self, node: int, to: int, bits: int, what: str, on_end: Callable[[bool], None]) -> None:
         """Send a payload of `bits` to a node, relayed if it is out of range; `on_end(arrived)` is called at the end."""
@@ -100,3 +100,7 @@ class WorkloadWorld(Network):
     def _log_death(self, node: int) -> None:
         log = self._event_log
         log.add(event(self._env.now, log.step, -1, node, KIND["death"]))
+
+
+def _ignore(received: object) -> None:
+    """Take the result of a broadcast that nothing waits for."""
