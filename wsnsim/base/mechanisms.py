@@ -6,7 +6,7 @@ the mechanism may use. The built-in components have no `start`: `network` binds 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final, Protocol, runtime_checkable
 
@@ -252,3 +252,10 @@ def complete(role: str, mechanism: object, *members: str) -> None:
         raise RunError(
             f"{role}: {type(mechanism).__name__}, which start(services) returned, lacks {', '.join(lacking)}"
         )
+
+
+def unknown_mechanism(role: str, name: str, known: Iterable[str]) -> RunError:
+    """Return the error of a component whose mechanism is neither built in nor started by the component itself."""
+    return RunError(
+        f"{role}: unknown mechanism '{name}', and the component has no start(services); known: {', '.join(known)}"
+    )

@@ -9,8 +9,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Final
 
-from wsnsim.base.errors import RunError
-from wsnsim.base.mechanisms import StartsWakeUp, WakeUpMechanism, WakeUpServices, complete
+from wsnsim.base.mechanisms import StartsWakeUp, WakeUpMechanism, WakeUpServices, complete, unknown_mechanism
 from wsnsim.base.sleeping import Decision, WakeUp, WakeUpMessage, WakeUpRound
 
 MESSAGE_NAMES: Final = {"flood": "track", "region": "announce", "invite": "invitation"}
@@ -133,9 +132,5 @@ def make_mechanism(component: WakeUp, services: WakeUpServices) -> WakeUpMechani
         complete("wakeup", mechanism, "begin")
         return mechanism
     if component.mechanism not in MECHANISMS:
-        known = ", ".join(["none", *MECHANISMS])
-        raise RunError(
-            f"wakeup: unknown mechanism '{component.mechanism}', and the component has no start(services); "
-            f"known: {known}"
-        )
+        raise unknown_mechanism("wakeup", component.mechanism, ["none", *MECHANISMS])
     return MECHANISMS[component.mechanism](component, services)

@@ -8,8 +8,15 @@ from typing import Any, Final
 import numpy as np
 
 from wsnsim.base.arrays import Ints
-from wsnsim.base.errors import RunError
-from wsnsim.base.mechanisms import NOBODY, FaultMechanism, FaultServices, SensorDefect, StartsFault, complete
+from wsnsim.base.mechanisms import (
+    NOBODY,
+    FaultMechanism,
+    FaultServices,
+    SensorDefect,
+    StartsFault,
+    complete,
+    unknown_mechanism,
+)
 from wsnsim.base.radio import FaultEvent
 
 CHANGE_READINGS: Final = frozenset({"clock_step", "stuck", "bias"})
@@ -138,9 +145,5 @@ def make_fault(fault: FaultEvent, services: FaultServices) -> FaultMechanism:
         complete("faults", mechanism, "begin", "end")
         return mechanism
     if fault.mechanism not in MECHANISMS:
-        known = ", ".join(MECHANISMS)
-        raise RunError(
-            f"faults: unknown mechanism '{fault.mechanism}', and {type(fault).__name__} has no start(services); "
-            f"known: {known}"
-        )
+        raise unknown_mechanism("faults", fault.mechanism, MECHANISMS)
     return MECHANISMS[fault.mechanism](fault, services)

@@ -11,10 +11,9 @@ from typing import Any, Final
 import numpy as np
 import simpy
 
-from wsnsim.base.errors import RunError
 from wsnsim.base.frames import EVERYONE, Burst, Received, full_burst
 from wsnsim.base.mac_mechanisms import MacMechanism, StartsMac
-from wsnsim.base.mechanisms import complete
+from wsnsim.base.mechanisms import complete, unknown_mechanism
 from wsnsim.base.medium_access import IdealAccess, Mac
 from wsnsim.base.requests import Parcel
 from wsnsim.network.radio.csma import CsmaMechanism
@@ -91,8 +90,5 @@ def make_mac(mac: Mac, services: NetworkMacServices) -> MacMechanism:
         complete("mac", mechanism, "send", "offer", "silence")
         return mechanism
     if mac.mechanism not in MECHANISMS:
-        raise RunError(
-            f"mac: unknown mechanism '{mac.mechanism}', and the component has no start(services); "
-            f"known: {', '.join(MECHANISMS)}"
-        )
+        raise unknown_mechanism("mac", mac.mechanism, MECHANISMS)
     return MECHANISMS[mac.mechanism](mac, services)

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any, Final
 
-from wsnsim.base.errors import RunError
-from wsnsim.base.mechanisms import StartsWorkload, WorkloadMechanism, WorkloadServices, complete
+from wsnsim.base.mechanisms import StartsWorkload, WorkloadMechanism, WorkloadServices, complete, unknown_mechanism
 from wsnsim.base.radio import Workload
 from wsnsim.network.workloads.beacons import Beacons
 
@@ -25,9 +24,5 @@ def make_workload(component: Workload, services: WorkloadServices) -> WorkloadMe
         complete("workload", mechanism, "begin")
         return mechanism
     if component.mechanism not in MECHANISMS:
-        known = ", ".join(["tracking", *MECHANISMS])
-        raise RunError(
-            f"workload: unknown mechanism '{component.mechanism}', and the component has no start(services); "
-            f"known: {known}"
-        )
+        raise unknown_mechanism("workload", component.mechanism, ["tracking", *MECHANISMS])
     return MECHANISMS[component.mechanism](component, services)
