@@ -27,9 +27,9 @@ SWEEPS = ("iterations", "sleep_probability")
 SWEEP_DURATIONS = {"iterations": "4 s", "sleep_probability": "40 s"}
 TABLES = ("runs", "tracks", "truth", "estimates", "events", "energy", "energy_steps", "clusters", "nodes", "wakeups")
 LEFT_OUT = {("runs", "cpu_seconds")}
-RENAMED: dict[str, str] = {"runs.fingerprint": "runs.event_fingerprint"}
+RENAMED: dict[str, str] = {}
 """{'table.column' of an older tree: the same of this one}."""
-ADDED: tuple[str, ...] = ("runs.fingerprint",)
+ADDED: tuple[str, ...] = ()
 """'table.column' that this tree has and an older one has not."""
 
 
