@@ -81,7 +81,7 @@ TRACKERS: Final = (
     _tracker("gmtt", "wsnsim.trackers.grey:GreyTracking",
         "least-squares fixes from ranges; a grey model of the last fixes predicts the next", LI,
         state="the last fixes with their times, in the head",
-        variants="correction tail|literal|none, report fix|prediction, shift, window"),
+        variants="predictor grey|linear, correction tail|literal|none, report fix|prediction, shift, window"),
     _tracker("tsstp", "wsnsim.trackers.markov:TwoPhase",
         "least-squares fixes from ranges; the last fix is the prediction", f"Ren, Li, Gao, Cheng (2009), after {LI}",
         state="the last two fixes, in the head"),

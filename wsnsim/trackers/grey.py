@@ -1,4 +1,4 @@
-"""GMTT: a least-squares fix at each step, and a grey model of the last fixes that predicts the next.
+"""GMTT: a least-squares fix at each step, and a grey model (or a line) of the last fixes that predicts the next.
 
 Requests of a step:
 
@@ -7,6 +7,7 @@ Requests of a step:
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Annotated, ClassVar, Final, Literal
 
 import numpy as np
@@ -15,6 +16,7 @@ from wsnsim.base.arrays import Floats
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Estimate, Scene
 from wsnsim.kernels.grey import forecast_at
+from wsnsim.kernels.line import line_at
 from wsnsim.trackers.shared.fixes import Fixes, RangeFix
 
 LEAST_FIXES: Final = 4
@@ -28,6 +30,9 @@ HEADER_BITS: Final = 104
 @part
 class GreyTracking(RangeFix):
     """Least squares on the ranges, and GM(1,1) on each axis of the last `window` fixes, which predicts the next.
+
+    `predictor: linear` is not the paper's: the least-squares line of the same fixes at their own times. `shift` and
+    `correction` do not apply to it.
 
     Fixes have unequal intervals: Ψ interpolates them at equal ones, and the model is evaluated at the fractional index
     of the requested instant. A prediction is limited to the field. With fewer than four fixes the prediction is the
@@ -45,9 +50,14 @@ class GreyTracking(RangeFix):
     idea: ClassVar[str] = "least-squares fixes from ranges; a grey model of the last fixes predicts the next"
     state: ClassVar[str] = "the last fixes with their times, in the head"
     messages: ClassVar[str] = "a reading up per member"
-    variants: ClassVar[str] = "correction tail|literal|none, report fix|prediction, shift, window"
+    variants: ClassVar[str] = (
+        "predictor grey|linear, correction tail|literal|none, report fix|prediction, shift, window"
+    )
 
     window: Annotated[int, Quantity("", ge=4, le=64), "n: number of fixes in the model"] = 5
+    predictor: Annotated[Literal["grey", "linear"], "model of the fixes: grey (GM(1,1), the paper's), or a line"] = (
+        "grey"
+    )
     shift: Annotated[float, Quantity("m", ge=0.0, le=1e7), "added to positions before the model; 0 is literal"] = 500.0
     correction: Annotated[Literal["tail", "literal", "none"], "correction of a model that fails its check"] = "tail"
     report: Annotated[Literal["fix", "prediction"], "what is reported as the estimate"] = "fix"
@@ -75,21 +85,35 @@ class GreyTracking(RangeFix):
         return self.window
 
     def _other_cycles(self, fixes: int) -> float:
-        return 2.0 * grey_cycles(fixes, self.correction) if fixes >= LEAST_FIXES else 0.0
+        if fixes < LEAST_FIXES:
+            return 0.0
+        return 2.0 * (line_cycles(fixes) if self.predictor == "linear" else grey_cycles(fixes, self.correction))
 
     def _predicts(self, belief: Fixes) -> bool:
         return self.foresees(belief)
 
     def _at(self, belief: Fixes, time: float, scene: Scene) -> Floats:
-        """(2,) the grey model's position at a time after the last fix, in the field."""
+        """(2,) the model's position at a time after the last fix, in the field."""
         if not self.foresees(belief) or time <= belief.times[-1]:
             return np.array(belief.points[-1])
-        axes = zip(*belief.points, strict=True)
-        found = np.array([forecast_at(time, belief.times, axis, self.shift, self.correction) for axis in axes])
+        found = np.array([self._extrapolated(time, belief.times, axis) for axis in zip(*belief.points, strict=True)])
         half = np.array([scene.field.width, scene.field.height]) / 2.0
         centre = np.array(scene.field.centre)
         inside: Floats = np.minimum(np.maximum(found, centre - half), centre + half)
         return inside
+
+    def _extrapolated(self, time: float, times: Sequence[float], axis: Sequence[float]) -> float:
+        if self.predictor == "linear":
+            return line_at(time, times, axis)
+        return forecast_at(time, times, axis, self.shift, self.correction)
+
+
+def line_cycles(fixes: int) -> float:
+    """Operations of one axis with a line, weighted as in `shared.localising`; n fixes.
+
+    Means 2 n + 4, deviations 2 n, their products and sums 4 n - 2, the slope 3, the value 3.
+    """
+    return 8.0 * fixes + 8.0
 
 
 def grey_cycles(fixes: int, correction: str) -> float:
