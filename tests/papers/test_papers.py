@@ -18,11 +18,12 @@ from wsnsim.papers import reproduce
 from wsnsim.papers.measures import computing
 from wsnsim.papers.paper import FOLDER, PAGES, Paper, paper
 from wsnsim.papers.reasons import rendered
-from wsnsim.papers.reproduction import ClaimRow
+from wsnsim.papers.reproduction import BASES, ClaimRow
 
 EXPERIMENTS = [(name, experiment) for name in PAGES for experiment in paper(name).experiments]
 TABLES = {"rmse": {"estimates"}, "rmse_of_kept": {"estimates"}, "over": {"estimates"}, "less_than": {"estimates"},
-          "column": {"estimates", "truth"}, "column_of_kept": {"estimates", "truth"}}  # fmt: skip
+          "column": {"estimates", "truth"}, "column_of_kept": {"estimates", "truth"},
+          "per_run_rmse": {"estimates", "truth"}}  # fmt: skip
 OWN = {
     "clusters": {"clusters"}, "least_level": {"clusters", "energy_steps"},
     "largest_level": {"clusters", "energy_steps"},
@@ -146,3 +147,22 @@ def test_computing_takes_the_operations_of_an_estimate_at_the_rate_of_the_proces
         scenario=lambda variant: {"cpu": {"rate": 8e6, "cycles_per_flop": 2.0}},
     )
     assert computing(data, "pf").to_dict() == {3: 500.0, 4: 500.0}
+
+
+def test_the_basis_of_a_claim_is_its_own_or_that_of_a_word_or_that_of_the_experiment(edited):
+    experiment = "    record: [truth, estimates, nodes, tracker_state]\n"
+    changed = experiment + "    basis: our constant\n    bases: {imsf: reconstruction, spread: construction}\n"
+    claims = edited(experiment, changed).experiments[0].claims
+    found = {claim.key: claim.basis for claim in claims}
+    assert found["imsf < rkf, spread"] == found["imsf"] == "reconstruction"
+    assert (found["rkf, spread"], found["rkf"]) == ("construction", "our constant")
+    own = {claim.basis for claim in edited("id: order, ", "id: order, basis: evidence, ").experiments[0].claims}
+    assert own == {"evidence"}
+
+
+def test_every_published_value_has_a_number_of_runs_and_every_basis_is_known(edited):
+    for _, experiment in EXPERIMENTS:
+        assert all(claim.basis in BASES for claim in experiment.claims)
+        assert all(claim.published_runs > 0 for claim in experiment.claims if claim.published is not None)
+    with pytest.raises(ScenarioError, match=r"basis: 'reconstructed' .did you mean 'reconstruction'"):
+        edited("id: order, ", "id: order, basis: reconstructed, ").experiments  # noqa: B018

@@ -38,6 +38,9 @@ class ClaimTemplate(DocumentModel):
     factor: Any = None
     literal: Any = None
     shown: bool | None = None
+    basis: Any = None
+    deterministic: bool | None = None
+    published_runs: Any = None
 
 
 class PaperFigure(DocumentModel):
@@ -62,8 +65,9 @@ class ExperimentTemplate(DocumentModel):
 
     A variant's name consists of words that `words` explains: the name of a scenario, or settings. `[[a, b], [c, d]]`
     stands for all combinations: 'a, c', 'a, d', 'b, c', 'b, d'. `also` has further settings of single variants. Claims
-    on variants with one of the words in `repairs` are not counted among the paper's. `like` names another experiment,
-    whose keys hold where this one has none.
+    on variants with one of the words in `repairs` are not counted among the paper's. A claim without a `basis` has that
+    of a word of its variants in `bases` ({word: basis}), or else the experiment's. `published_runs` is by default the
+    paper's. `like` names another experiment, whose keys hold where this one has none.
     """
 
     name: str
@@ -79,6 +83,9 @@ class ExperimentTemplate(DocumentModel):
     sets: tuple[str, ...] = ()
     quick_sets: tuple[str, ...] = ()
     repairs: tuple[str, ...] = ()
+    basis: str = "evidence"
+    bases: dict[str, str] | None = None
+    published_runs: int | None = None
     summary: str = ""
     literal: bool = True
 
@@ -100,13 +107,15 @@ class PaperDocument(DocumentModel):
     """A paper: what it prints, what is run for it, and what is claimed about the results.
 
     `words` holds for every experiment. `main` lists the rows of the README's table: for an experiment, the ids of
-    claims and the variants or orders shown, or `all`.
+    claims and the variants or orders shown, or `all`. `published_runs` is the number of Monte Carlo runs behind a
+    published value, where an experiment or a claim gives no other.
     """
 
     source: str
     published: dict[str, Any]
     texts: dict[str, Any]
     words: dict[str, str | list[str]]
+    published_runs: int = 0
     shared: dict[str, list[ClaimTemplate]] | None = None
     experiments: list[ExperimentTemplate]
     main: tuple[dict[str, dict[str, Any]], ...] = ()

@@ -8,6 +8,7 @@ A measure is a name:
     rmse                 the time-averaged RMSE over runs (Jiang 2013, eq. 26; Ruan 2020, eq. 10)
     rmse_of_kept         the same over the runs that kept their target
     column:px            the root mean square error of a state column over steps and runs; column_of_kept:px
+    per_run_rmse:px      that over the steps of a run, averaged over the runs (Wei 2022, eq. 17)
     over:VARIANT         `rmse` divided by that of another variant, on the same runs;  less_than:VARIANT, one less that
     mean:energy, median:rmse        over runs, of one of the paper's own measures or of a column of `runs`
     share:lost           the fraction of runs in which a column of `runs` is above zero, with Wilson's interval
@@ -135,7 +136,7 @@ def problem(measure: str, own: Collection[str], variants: Collection[str]) -> st
     columns = {table: [column.name for column in TABLES[table]] for table in ("runs", "tracks")}
     known: dict[str, Collection[str] | None] = {
         **dict.fromkeys(("rmse", "rmse_of_kept")),
-        **{name: [rest] for name in ("column", "column_of_kept")},
+        **{name: [rest] for name in ("column", "column_of_kept", "per_run_rmse")},
         **dict.fromkeys(COMPARED, variants),
         **{name: [*own, *columns["runs"]] for name in ("mean", "median")},
         "share": columns["runs"],
@@ -164,6 +165,9 @@ def measured(data: Data, variant: str, measure: str) -> Measured:
         found = (statistics.median if "median" in name else statistics.mean)(values)
         known = int(np.isfinite(values).sum())
         return Measured(found.value, found.low, found.high, min(known, len(lost)), fraction)
+    if name == "per_run_rmse":
+        found = statistics.mean(_of_runs(data, variant, measure).to_numpy())
+        return Measured(found.value, found.low, found.high, len(lost), fraction)
     rows, statistic = _rows(data, variant, name, column)
     count = len(lost)
     if name.endswith("of_kept"):
@@ -264,6 +268,10 @@ def _of_runs(data: Data, variant: str, measure: str) -> pd.Series:
     name, _, column = measure.partition(":")
     if column in data.own:
         return data.own[column](data, variant)
+    if name == "per_run_rmse":
+        rows = data.column_errors(variant, column)
+        runs = np.sort(data.of(variant, "runs")["replicate"].to_numpy())
+        return pd.Series([metrics.rmse(row) for row in rows.reshape(len(runs), -1)], index=runs)
     table = data.of(variant, "tracks" if name.startswith("tracks") else "runs")
     values = table.set_index("replicate")[column or "rmse"].astype(np.float64)
     return values.groupby(level=0).mean()

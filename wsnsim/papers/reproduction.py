@@ -19,6 +19,14 @@ Verdict = Literal[
     "reproduces", "same order", "does not reproduce", "cannot: beyond the bound", "undecided", "not judged",
     "not published",
 ]  # fmt: skip
+Basis = Literal["evidence", "reconstruction", "construction", "our constant"]
+BASES: Final[Mapping[Basis, str]] = {
+    "evidence": "a result of the paper's method in the paper's set-up",
+    "reconstruction": "of a method that we rebuilt from a few words of the paper",
+    "construction": "true by the construction of the method, whatever the data are",
+    "our constant": "set by a constant that the paper does not give and that we chose",
+}
+"""What a claim rests on. Only claims that rest on evidence are counted."""
 CLOSE: Final = 0.1
 """Relative difference up to which a measured value reproduces the published one."""
 FACTOR: Final = 2.0
@@ -50,7 +58,10 @@ class Claim:
         literal: False for repairs and other readings, which are not counted among the paper's claims.
         id: the name under which reasons and the list of main rows refer to the claim.
         shown: False for a value that only reasons use.
-        other: for the order of two variants: the variant whose measure is larger in each run; otherwise ''.
+        other: for the order of two variants: the variant whose measure is larger; otherwise ''.
+        basis: what the claim rests on, see BASES.
+        deterministic: True if the measured value is not random, such as an operation count.
+        published_runs: Monte Carlo runs behind the published value; 0 if it has no Monte Carlo error.
     """
 
     quantity: str
@@ -67,6 +78,9 @@ class Claim:
     id: str = ""
     shown: bool = True
     other: str = ""
+    basis: Basis = "evidence"
+    deterministic: bool = False
+    published_runs: int = 0
 
     @property
     def label(self) -> str:

@@ -10,7 +10,7 @@ from typing import Any, Final, NamedTuple
 
 from wsnsim.base.errors import ScenarioError, did_you_mean
 from wsnsim.papers.document import ClaimTemplate, ExperimentTemplate, PaperDocument
-from wsnsim.papers.reproduction import Claim, Experiment, Variant
+from wsnsim.papers.reproduction import BASES, Claim, Experiment, Variant
 from wsnsim.scenario.documents import Document
 from wsnsim.scenario.located_values import Keys
 
@@ -93,7 +93,9 @@ def experiment_of(document: Document[PaperDocument], index: int) -> tuple[Experi
     except UnknownName as unknown:
         raise _error(document, (*path, "variants"), str(unknown)) from None
     scope = TemplateScope({**scope.names, "variants": list(variants)}, scope.keys)
-    parser = _ClaimParser(document, words, whole.repairs)
+    runs = content.published_runs if whole.published_runs is None else whole.published_runs
+    defaults = {"basis": whole.basis, "published_runs": runs}
+    parser = _ClaimParser(document, words, whole.repairs, defaults, whole.bases or {})
     placed = [*parser.expand(whole.claims, (*path, "claims"), {}, scope)]
     assert whole.runs is not None, f"{whole.name} has no runs"
     settings = whole.model_dump(include={"name", "title", "record", "sets", "quick_sets", "summary", "literal"})
@@ -153,6 +155,8 @@ class _ClaimParser:
     document: Document[PaperDocument]
     words: Mapping[str, Any]
     repairs: tuple[str, ...]
+    defaults: Mapping[str, Any]
+    bases: Mapping[str, str]
 
     def expand(
         self, templates: Sequence[ClaimTemplate], path: Keys, inherited: Mapping[str, Any], scope: TemplateScope
@@ -194,5 +198,13 @@ class _ClaimParser:
         found = {key: value for key, value in found.items() if value is not None}
         if isinstance(published := found.get("published"), list):
             found["published"] = published[0] / published[1]
+        found["basis"] = self._basis(found.get("basis"), words)
         found["literal"] = found.get("literal", True) and not set(words) & set(self.repairs)
-        return Claim(**{**found, "variant": variant, "other": other})
+        return Claim(**{**self.defaults, **found, "variant": variant, "other": other})
+
+    def _basis(self, given: str | None, words: Sequence[str]) -> str:
+        """A claim's own basis, or that of the first of its words that has one, or the experiment's."""
+        basis = str(given or next((self.bases[word] for word in words if word in self.bases), self.defaults["basis"]))
+        if basis not in BASES:
+            raise UnknownName(f"basis: '{basis}' ({did_you_mean(basis, BASES)})")
+        return basis
