@@ -80,6 +80,43 @@ def test_paths_are_the_cheapest_by_energy_or_by_hops():
             assert sum(graph[a][b]["w"] for a, b in itertools.pairwise(found)) == pytest.approx(truth)
 
 
+BETWEEN = [(0, 0), (35, 0), (70, 0), (105, 0)]
+"""On the first-order model two hops of 35 m cost less than one of 70 m."""
+
+
+@pytest.mark.parametrize(("weight", "hops"), [("energy", 2), ("hop", 1), ("greedy", 1)])
+def test_routing_decides_the_path_within_range_as_well(weight, hops):
+    network = ideal_network(BETWEEN, weight=weight)
+    (sent,) = network.carry(Datagram(0, 2, parcel(3)))
+    each = 70.0 / hops
+    spent = sum(book[SPENT] for book in books(network.nodes).values())
+    assert sent.arrived and (sent.hops, sent.bits) == (hops, 3 * 96 * hops)
+    assert spent == pytest.approx(sent.bits * (2 * 50e-9 + 100e-12 * each**2), rel=1e-12)
+
+
+def test_a_metre_more_does_not_make_a_datagram_cheaper():
+    energy = []
+    for end in (74.0, 76.0):
+        network = ideal_network([(0, 0), (25, 0), (50, 0), (end, 0)])
+        network.carry(Datagram(0, 3, parcel(100)))
+        energy.append(sum(book[SPENT] for book in books(network.nodes).values()))
+    assert energy[0] < energy[1]
+
+
+def test_within_a_cluster_a_member_in_range_is_one_hop_away():
+    network = ideal_network(BETWEEN)
+    near, far = Datagram(2, 0, parcel()), Datagram(3, 0, parcel())
+    network.env.run(until=network.transport.carry([near, far], 0, 0, one_hop=True))
+    assert (near.hops, far.hops) == (1, 3)
+
+
+def test_a_datagram_to_a_neighbour_that_died_is_sent_in_vain():
+    network = ideal_network([(0, 0), (35, 0), (70, 0)])
+    network.nodes.spend(2, CAUSE["cpu"], 10.0)
+    (sent,) = network.carry(Datagram(0, 2, parcel()))
+    assert not sent.arrived and (sent.hops, sent.bits) == (1, 96)
+
+
 def test_dead_nodes_relay_nothing():
     network = ideal_network([(0, 0), (60, 0), (60, 30), (120, 0)], weight="hop")
     network.router.path(0, 3)

@@ -219,7 +219,7 @@ class FaultEvent(Protocol):
 
 
 class Routing(Protocol):
-    """The path of a relayed datagram."""
+    """The path of a datagram that leaves its cluster."""
 
     @property
     def weight(self) -> str:

@@ -1,4 +1,4 @@
-"""Link models and routing: which nodes receive each other with which probability, and the path of relayed datagrams.
+"""Link models and routing: which nodes receive each other with which probability, and the path of datagrams.
 
     powers(distances, pairs, directions) -> dBm (n,)    reception(powers, bits, interference) -> probability (n,)
     senses(powers) -> bool (n,)                         reach, audible: m
@@ -173,14 +173,18 @@ class LogNormal:
 
 @part
 class MinimumEnergy:
-    """Relay along the path with the least energy for sending and receiving (our choice: the paper names none)."""
+    """Send along the path with the least energy for sending and receiving (our choice: the paper names none).
+
+    A destination in range is reached over several hops where these cost less. Between a head and the members of its
+    cluster that are in range there is one hop.
+    """
 
     weight: ClassVar[str] = "energy"
 
 
 @part
 class MinimumHop:
-    """Relay along the path with the fewest hops."""
+    """Send along the path with the fewest hops: one to a destination in range."""
 
     weight: ClassVar[str] = "hop"
 

@@ -82,7 +82,7 @@ _ROLES: Final = (
         Kind("none", "wsnsim.models.hardware:NoPacking", "one packet per frame", JIANG),
         Kind("frames", "wsnsim.models.hardware:Frames", "as many packets as the payload of a frame holds"),
     )),
-    Role("routing", "the path of a relayed datagram", "Routing", "minimum_energy", (
+    Role("routing", "the path of a datagram that leaves its cluster", "Routing", "minimum_energy", (
         Kind("minimum_energy", "wsnsim.models.links:MinimumEnergy", "the path with the least energy"),
         Kind("minimum_hop", "wsnsim.models.links:MinimumHop", "the path with the fewest hops"),
         Kind("greedy_geographic", "wsnsim.models.links:GreedyGeographic",

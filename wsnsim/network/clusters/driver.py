@@ -51,6 +51,7 @@ class Driver:
         members: every member by id, the head included, with its memory of this cluster.
         window: (quiet, cap) in s: the head collects until nothing arrived for `quiet`, at most for `cap`. None: it
             knows when everything has arrived or is lost.
+        one_hop: whether members within range are one hop away; otherwise routing decides the paths in the cluster.
 
     Attributes:
         readings: the number of readings in the last computation.
@@ -61,7 +62,7 @@ class Driver:
 
     def __init__(
         self, services: DriverServices, target: int, head: int, members: dict[int, Member],
-        window: tuple[float, float] | None = None,
+        window: tuple[float, float] | None = None, one_hop: bool = True,
     ) -> None:  # fmt: skip
         self._services = services
         self._env = services.env
@@ -70,6 +71,7 @@ class Driver:
         self._head = head
         self._members = members
         self._window = window
+        self._one_hop = one_hop
         self.readings = 0
         self.heard: dict[int, float] = {}
         self.bits = 0
@@ -173,7 +175,7 @@ class Driver:
             if datagram.source == datagram.to:
                 datagram.arrived = True
                 continue
-            event = self._services.transport.carry([datagram], self._target, self._head)
+            event = self._services.transport.carry([datagram], self._target, self._head, self._one_hop)
             assert event.callbacks is not None
             event.callbacks.append(lambda _, datagram=datagram: note(datagram))  # type: ignore[misc]
         while (left := min(last + quiet, began + cap) - env.now) > ROUNDING:
@@ -208,7 +210,8 @@ class Driver:
 
     def _carry(self, datagrams: list[Datagram], hub: int | None = None) -> Generator[simpy.Event, Any, None]:
         if any(datagram.source != datagram.to for datagram in datagrams):
-            yield self._services.transport.carry(datagrams, self._target, hub)
+            one_hop = hub is not None and self._one_hop
+            yield self._services.transport.carry(datagrams, self._target, hub, one_hop)
             self.bits += sum(datagram.bits for datagram in datagrams)
         else:
             for datagram in datagrams:

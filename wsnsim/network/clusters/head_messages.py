@@ -29,7 +29,7 @@ class HeadMessages:
         joining = [node for node in heard if node in readings[target]]
         joins = [Datagram(node, head, Parcel(None, 1, PACKET_BITS, "join")) for node in joining]
         if joins:
-            yield self.transport.carry(joins, target)
+            yield self.transport.carry(joins, target, one_hop=True)
         if not alive[head]:
             raise HeadDied
         joined = [join.source for join in joins if join.arrived and alive[join.source]]

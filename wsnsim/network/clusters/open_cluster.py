@@ -9,6 +9,7 @@ import numpy as np
 import simpy
 
 from wsnsim.network.clusters.cluster import Cluster, OpenCluster
+from wsnsim.network.clusters.driver import Driver
 from wsnsim.network.clusters.handover import Handover
 from wsnsim.network.clusters.standing_cluster import StandingClusterProtocol
 from wsnsim.network.clusters.track import Track
@@ -40,6 +41,10 @@ class OpenClusterProtocol(StandingClusterProtocol):
     ) -> Generator[simpy.Event, Any, Mapping[int, float]]:
         """The readings of all nodes that sense, sent to the head."""
         return (yield from self._services.messages.readings_of_everyone(track.target, head))
+
+    def _driver(self, track: Track, cluster: Cluster) -> Driver:
+        """Members may be anywhere: routing decides every path."""
+        return Driver(self._services.driver, track.target, cluster.head, cluster.members, one_hop=False)
 
     def _waits_for(self, track: Track, cluster: Cluster) -> set[int] | None:
         """None: an open cluster is never too small."""

@@ -1,4 +1,4 @@
-"""Routing: the path of a datagram whose destination is not a neighbour. networkx is used here only.
+"""Routing: the path of a datagram, whether its destination is a neighbour or not. networkx is used here only.
 
     Router(radio, weight, longest).path(source, to) -> [source, ..., to], or None without a path
 
@@ -96,6 +96,8 @@ class Router:
     def _search(self, source: int, to: int) -> list[int] | None:
         if not (self._nodes.alive[source] and self._nodes.alive[to]):
             return None
+        if self._weight != "energy" and self._topology.connected(source, to):
+            return [source, to]
         if self._weight == "greedy":
             return self._greedy(source, to)
         if self._nodes.size > SMALL or self._nodes.follows_schedules:

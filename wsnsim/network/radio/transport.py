@@ -1,4 +1,4 @@
-"""Transport: parcels from node to node, over one hop if they are neighbours, over several if not.
+"""Transport: parcels from node to node, over the path that the scenario's `routing` names.
 
 transport.carry(datagrams, target) -> simpy.Event                   fires when every datagram has ended
 transport.broadcast(sources, parcels, target) -> (event, bursts)
@@ -70,25 +70,26 @@ class Transport:
         self._router = router
         self.wake_neighbour: Callable[[int, int, int], simpy.Event] | None = None
 
-    def carry(self, datagrams: Sequence[Datagram], target: int, head: int | None = None) -> simpy.Event:
+    def carry(
+        self, datagrams: Sequence[Datagram], target: int, head: int | None = None, one_hop: bool = False
+    ) -> simpy.Event:
         """Send datagrams; each ends with what arrived written into it.
 
         Args:
             datagrams: The datagrams.
             target: The target that they are about.
             head: The cluster head, if they are all between it and its members; a MAC may then use slots.
+            one_hop: Whether a destination within range is sent to directly, as between a head and the members of its
+                cluster. Otherwise routing decides, whether the destination is within range or not.
 
         Returns:
             An event that fires when the last datagram has ended.
         """
         direct, relayed = [], []
-        may_wake = self.wake_neighbour is not None
         for datagram in datagrams:
             if datagram.source == datagram.to:
                 datagram.arrived = True
-            elif self._topology.connected(datagram.source, datagram.to) and not (
-                may_wake and self._sleeps(datagram.to)
-            ):
+            elif self._goes_directly(datagram, one_hop):
                 direct.append(datagram)
             else:
                 relayed.append(datagram)
@@ -155,6 +156,17 @@ class Transport:
             if packets == 0:
                 break
         datagram.mask, datagram.arrived = mask, packets > 0
+
+    def _goes_directly(self, datagram: Datagram, one_hop: bool) -> bool:
+        """Whether a datagram takes one hop, to a destination that is within range and need not be woken.
+
+        A neighbour without a path died: the sender does not know, and sends in vain.
+        """
+        source, to = datagram.source, datagram.to
+        if not self._topology.connected(source, to) or (self.wake_neighbour is not None and self._sleeps(to)):
+            return False
+        path = None if one_hop else self._router.path(source, to)
+        return path is None or len(path) == 2
 
     def _sleeps(self, node: int) -> bool:
         return bool(self._nodes.alive[node]) and not self._nodes.is_awake(node)
