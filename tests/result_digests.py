@@ -29,7 +29,9 @@ TABLES = ("runs", "tracks", "truth", "estimates", "events", "energy", "energy_st
 LEFT_OUT = {("runs", "cpu_seconds")}
 RENAMED: dict[str, str] = {}
 """{'table.column' of an older tree: the same of this one}."""
-ADDED: tuple[str, ...] = ()
+ADDED: tuple[str, ...] = (
+    "runs.losses", "runs.time_lost", "runs.lost_share", "tracks.losses", "tracks.time_lost", "tracks.lost_share",
+)  # fmt: skip
 """'table.column' that this tree has and an older one has not."""
 
 

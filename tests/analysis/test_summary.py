@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
 import re
@@ -30,6 +31,9 @@ def run_row(errors, network=True, **said):
         "steps": errors.shape[1],
         "rmse": math.sqrt(np.mean(known**2)) if known.size else NAN,
         "lost": 0,
+        "losses": 0,
+        "time_lost": 0.0,
+        "lost_share": 0.0,
         "energy": 1.5 if network else NAN,
         "handovers": 4 if network else 0,
         "frames_sent": 30,
@@ -357,6 +361,24 @@ def test_without_events_there_is_the_bound_of_all_readings_alone_and_without_any
     assert "no probability density" in summary.bounds_of_report(waypoints).reason
     told = summary_text.text(waypoints, {}, limits=summary.bounds_of_report(waypoints))
     assert "no bound: the target moves in straight lines" in told and "CRLB" not in told
+
+
+def test_a_run_astray_in_the_middle_is_said_although_it_came_back():
+    """One run lost its track twice and found it again, another lost it for good."""
+    report = report_of(ERRORS, COLUMNS)
+    told = [(2, 3.0, 0.25, 0), (0, 0.0, 0.0, 0), (1, 6.0, 0.5, 1)]
+    summaries = tuple(
+        dataclasses.replace(s, run=dict(s.run) | {"losses": n, "time_lost": time, "lost_share": share, "lost": end})
+        for s, (n, time, share, end) in zip(report.summaries, told, strict=True)
+    )
+    report = dataclasses.replace(report, summaries=summaries)
+    figures, text = summary.as_json(report, {}), rows(report)
+    assert (figures["ever_lost"], figures["lost_fraction"]) == pytest.approx((2 / 3, 1 / 3))
+    assert (figures["losses"], figures["time_lost"], figures["lost_share"]) == pytest.approx((1.0, 3.0, 0.25))
+    assert text["lost at any time"] == "66.7% (2 of 3 runs)"
+    assert text["lost at the end"] == "33.3% (1 of 3 runs)"
+    assert text["losses of a run, time lost"] == "1, 3 s (25.0% of the steps)"
+    assert "losses of a run, time lost" not in rows(report_of(ERRORS, COLUMNS))
 
 
 def test_terminal_page_info_and_json_have_the_same_names_and_values(tmp_path):

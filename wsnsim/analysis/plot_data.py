@@ -164,10 +164,17 @@ def errors(path: str | Path) -> PositionErrors:
     return PositionErrors(result, steps, times)
 
 
-def lost_runs(path: str | Path) -> int | None:
-    """The number of runs with a lost track, None if the table `runs` was not recorded."""
-    known = "runs" in recording.tables(path)
-    return int(recording.read_table(path, "runs", ["lost"])["lost"].sum()) if known else None
+def lost_runs(path: str | Path) -> tuple[int, int] | None:
+    """The numbers of runs with a track lost at any time, and lost at the end; None if `runs` was not recorded.
+
+    A file of an earlier version knows the tracks lost at the end alone, which then count for both.
+    """
+    held = recording.tables(path)
+    if "runs" not in held:
+        return None
+    ever = "losses" if "losses" in held["runs"].columns else "lost"
+    rows = recording.read_table(path, "runs", list({ever, "lost"}))
+    return int((rows[ever] > 0).sum()), int((rows["lost"] > 0).sum())
 
 
 def spent(path: str | Path) -> tuple[Floats, Floats, int]:

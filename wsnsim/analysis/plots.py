@@ -93,7 +93,15 @@ def error(axes: Axes, path: str | Path) -> Axes:
         axes.set_xlim(0.0, float(times[-1]))
     axes.set_xlabel("time [s]")
     axes.set_ylabel("position error" + bracketed(plan.units[plan.position[0]]))
-    return _titled(axes, "position error" + ("" if lost is None else f", {lost} of {of_runs} lost"))
+    return _titled(axes, "position error" + _loss_text(lost, of_runs))
+
+
+def _loss_text(lost: tuple[int, int] | None, of_runs: str) -> str:
+    """In how many runs a track was lost at any time, and how many of them lost it for good."""
+    if lost is None:
+        return ""
+    ever, at_end = lost
+    return f", {ever} of {of_runs} lost" + (f" ({at_end} at the end)" if ever else "")
 
 
 def energy(axes: Axes, path: str | Path) -> Axes:

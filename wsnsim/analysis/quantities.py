@@ -58,6 +58,12 @@ def median_time(times: Floats) -> float:
     return middle if np.isfinite(middle) else NAN
 
 
+def share_above_zero(values: Floats) -> float:
+    """The share of the known values that are above zero; NaN without one."""
+    known = values[np.isfinite(values)]
+    return float(np.mean(known > 0.0)) if known.size else NAN
+
+
 def interval(samples: Floats, statistic: Callable[[Floats], float]) -> tuple[float, float]:
     """The 95 % bootstrap interval of a statistic over the rows; NaN with fewer than five, or if nothing is known."""
     return metrics.bootstrap_interval(samples, statistic) if np.isfinite(samples).any() else (NAN, NAN)
@@ -139,7 +145,23 @@ QUANTITIES: Final[dict[str, SummaryQuantity]] = {
         "median position error", "median over all runs, targets and steps", "{:.4f}", POSITION_UNIT, (),
         metrics.median_error,
     ),
-    "lost": _of_runs("lost fraction", "share of the runs in which a track was lost", "{:.1%}", "", "lost"),
+    "ever_lost": _of_runs(
+        "lost at any time", "share of the runs in which a track was lost at some time, found again or not",
+        "{:.1%}", "", "losses", share_above_zero,
+    ),
+    "lost": _of_runs(
+        "lost at the end", "share of the runs in which a track is lost in its last window of steps",
+        "{:.1%}", "", "lost",
+    ),
+    "losses": _of_runs(
+        "track losses", "losses of tracks in a run, those that ended included, mean", "{:.3g}", "", "losses"
+    ),
+    "time_lost": _of_runs(
+        "time lost", "time for which a track was lost in a run, mean over targets and runs", "{:.3g}", "s", "time_lost"
+    ),
+    "lost_share": _of_runs(
+        "share of steps lost", "share of the steps at which a track was lost", "{:.1%}", "", "lost_share"
+    ),
     "tracked": _of_runs("steps tracked", "share of the steps with an estimate in time", "{:.1%}", "", "tracked"),
     "energy": _of_runs("energy spent", "energy that the network spent in a run, mean", "{:.4g}", "J", "energy"),
     "handovers": _of_runs("handovers", "handovers begun in a run, mean", "{:.4g}", "", "handovers"),
@@ -218,7 +240,8 @@ def worth_showing(arrays: ResultArrays) -> dict[str, float]:
     dull = {key for key in ONLY_IF_NOT_ZERO if not found.get(key)}
     dull |= {"awake"} if found.get("awake") == 1.0 else set()
     dull |= {"in_range", "delivered"} if found.get("packet_delivery_ratio") == 1.0 else set()
-    dull |= set() if arrays.has_targets else {"lost"}
+    dull |= set() if found.get("ever_lost") else {"losses", "time_lost", "lost_share"}
+    dull |= set() if arrays.has_targets else {"lost", "ever_lost"}
     return {key: value for key, value in found.items() if key not in dull}
 
 

@@ -18,6 +18,8 @@ SummaryRow = tuple[str, str, str]
 """The name of a quantity, its measured value, and its published value."""
 Figures = Mapping[str, Any]
 Published = Mapping[str, float]
+LOSS_KEYS: Final = {"ever_lost": "ever_lost", "lost_fraction": "lost"}
+"""Shares of runs, each with its key in `quantities.QUANTITIES`."""
 BOUND_KEYS: Final = {"bound": "in_range", "bound_active": "active", "bound_arrived": "arrived"}
 
 
@@ -65,7 +67,7 @@ def _accuracy_rows(figures: Figures, published: Published, report: Report, unit:
     name, value, printed = _row(figures, "rmse", unit, of.text(published["rmse"], unit) if "rmse" in published else "")
     rows = [(name, value + _of_steps(figures), printed)]
     if figures["lost_fraction"] > 0 and math.isfinite(figures["rmse_of_kept"]):
-        rows.append(("  of tracks that were not lost", of.text(figures["rmse_of_kept"], unit), ""))
+        rows.append(("  of tracks not lost at the end", of.text(figures["rmse_of_kept"], unit), ""))
     rows += [
         (f"  {BOUND_NAMES[readings]}", of.text(figures[key], unit), "")
         for key, readings in BOUND_KEYS.items()
@@ -73,10 +75,21 @@ def _accuracy_rows(figures: Figures, published: Published, report: Report, unit:
     ]
     rows += [_row(figures, "rmse_median", unit), _row(figures, "median_error", unit)]
     rows += _column_rows(figures["column_rmse"], published, dict(report.states))
-    lost = QUANTITIES["lost"]
-    count, replicates = round(figures["lost_fraction"] * figures["replicates"]), figures["replicates"]
-    cell = f"{lost.text(figures['lost_fraction'], '')} ({count} of {counted(replicates, 'run')})"
-    return [*rows, (lost.name, cell, "")]
+    return rows + _loss_rows(figures)
+
+
+def _loss_rows(figures: Figures) -> list[SummaryRow]:
+    """In how many runs a track was lost at any time and at the end; how often and for how long if it ever was."""
+    replicates, rows = figures["replicates"], []
+    known = [(key, name) for key, name in LOSS_KEYS.items() if math.isfinite(figures[key])]
+    for key, name in known:
+        count = round(figures[key] * replicates)
+        cell = f"{QUANTITIES[name].text(figures[key], '')} ({count} of {counted(replicates, 'run')})"
+        rows.append((QUANTITIES[name].name, cell, ""))
+    if figures["ever_lost"] > 0.0:
+        losses, time, share = (QUANTITIES[key].text(figures[key], "") for key in ("losses", "time_lost", "lost_share"))
+        rows.append(("  losses of a run, time lost", f"{losses}, {time} ({share} of the steps)", ""))
+    return rows
 
 
 def _tracking_rows(figures: Figures, unit: str) -> list[SummaryRow]:

@@ -42,12 +42,41 @@ def is_lost(errors: Floats, window: int = LOST_WINDOW, limit: float = LOST_ERROR
 
 def first_lost(errors: Floats, window: int = LOST_WINDOW, limit: float = LOST_ERROR) -> float:
     """The last step (from 1) of the first window in which the track `is_lost`; NaN if there is none."""
+    lost, _ = _windows(errors, window, limit)
+    return float(min(window, errors.size) + np.argmax(lost)) if lost.any() else float("nan")
+
+
+def lost_steps(errors: Floats, window: int = LOST_WINDOW, limit: float = LOST_ERROR) -> Bools:
+    """(steps,) whether the track is lost at each step, of the errors (steps,) of one track.
+
+    A loss begins at the last step of a window in which the track `is_lost`. It ends, with hysteresis, at the last step
+    of a window that has estimates at more than half of its steps and a mean error of at most half of `limit`; so an
+    error that wavers about the limit is one loss. The steps of the first window share the state at its end. The rule
+    is our choice: the papers give none.
+    """
+    lost, found = _windows(errors, window, limit)
+    if not lost.any():
+        return np.zeros(errors.shape, dtype=np.bool_)
+    latest = np.maximum.accumulate(np.where(lost | found, np.arange(lost.size), -1))
+    state = (latest >= 0) & lost[latest]
+    return np.concatenate([np.full(errors.size - state.size, state[0]), state])
+
+
+def count_losses(lost: Bools) -> int:
+    """The number of losses of one track, of `lost_steps`: uninterrupted stretches of lost steps."""
+    return int(np.count_nonzero(lost[1:] & ~lost[:-1])) + int(lost[:1].any())
+
+
+def _windows(errors: Floats, window: int, limit: float) -> tuple[Bools, Bools]:
+    """(steps − window + 1,) whether the track is lost in each window, and whether it is surely found there."""
     window = min(window, errors.size)
     known = np.isfinite(errors)
-    counts, sums = (np.concatenate(([0.0], np.cumsum(x))) for x in (known, np.where(known, errors, 0.0)))
+    # An error above limit * window decides on its window alone; larger ones would only cost the sums their precision.
+    bounded = np.minimum(np.where(known, errors, 0.0), 2.0 * limit * window)
+    counts, sums = (np.concatenate(([0.0], np.cumsum(x))) for x in (known, bounded))
     seen, total = counts[window:] - counts[:-window], sums[window:] - sums[:-window]
-    bad = (seen * 2 <= window) | (total > limit * seen)
-    return float(window + np.argmax(bad)) if bad.any() else float("nan")
+    few, most = seen * 2 <= window, limit * np.maximum(seen, 1.0)
+    return few | (total > most), ~few & (total <= 0.5 * most)
 
 
 def per_step_rmse(errors: Floats) -> Floats:

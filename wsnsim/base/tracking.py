@@ -11,6 +11,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from wsnsim.base import metrics
+from wsnsim.base.arrays import Floats
 from wsnsim.base.rows import Issued, late_steps
 
 NAN: Final = float("nan")
@@ -33,13 +34,25 @@ def track_row(estimates: Mapping[int, Issued], columns: Mapping[str, Any], rule:
     return {
         "rmse": metrics.rmse(errors),
         "median_error": metrics.median_error(errors),
-        "lost": int(metrics.is_lost(errors, rule.window, rule.limit)),
-        "lost_at": metrics.first_lost(errors, rule.window, rule.limit) * rule.dt,
+        **_losses(errors, rule),
         "late": late_steps(estimates, steps, rule.dt),
         "reports": len(estimates),
         **_delays(columns, rule),
         **_followed(columns, rule.dt),
         **_woken(columns, steps),
+    }
+
+
+def _losses(errors: Floats, rule: TrackRule) -> dict[str, Any]:
+    """Whether the track is lost at the end, how often and for how long it was lost, and when first."""
+    lost = metrics.lost_steps(errors, rule.window, rule.limit)
+    steps = int(lost.sum())
+    return {
+        "lost": int(metrics.is_lost(errors, rule.window, rule.limit)),
+        "losses": metrics.count_losses(lost),
+        "time_lost": steps * rule.dt,
+        "lost_share": steps / lost.size if lost.size else NAN,
+        "lost_at": metrics.first_lost(errors, rule.window, rule.limit) * rule.dt,
     }
 
 

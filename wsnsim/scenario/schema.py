@@ -134,7 +134,7 @@ class Until(BaseModel):
 
 
 class Lost(BaseModel):
-    """The criterion of a lost track: the mean error of its last steps exceeds a limit."""
+    """The criterion of a lost track: the mean error of a window of steps exceeds a limit; found again at half of it."""
 
     model_config = FROZEN
     window: Annotated[int, Number(Quantity("", ge=1, le=MOST_STEPS), whole=True)] = Field(
