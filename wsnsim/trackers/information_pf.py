@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal, NamedTuple
 
 import numpy as np
 
@@ -35,7 +35,7 @@ from wsnsim.trackers.shared.dealing import (
 from wsnsim.trackers.shared.moments import forecast, noise_issues, predicted, symmetric
 from wsnsim.trackers.shared.parcels import arrived_groups, covariance_packets, state_packets
 from wsnsim.trackers.shared.readings import Evidence, gather_readings
-from wsnsim.trackers.shared.stacks import MOVE, propagated_by, snapshot
+from wsnsim.trackers.shared.stacks import MOVE, Score, propagated_by, snapshot
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,13 +53,31 @@ class InformationBelief:
     effective: float = float("nan")
 
 
+class Proposal(NamedTuple):
+    """Where a step's particles come from, and how their prediction is weighed.
+
+    Attributes:
+        means, covs: (D, N) and (N, D, D) of the Gaussians that they are drawn from; (D, 1), (1, D, D) if it is one.
+        log_prior: (D, N) -> (N,) the log density of the prediction at the particles drawn, up to a constant.
+        log_weights: (N,) log-weights with which they start.
+    """
+
+    means: Floats
+    covs: Floats
+    log_prior: Score
+    log_weights: Floats
+
+
 @part
 class InformationPf:
-    """IPF: each particle is drawn from a Gaussian updated with all readings, and weighed by p(z|x) p(x|x_prev) / q(x).
+    """IPF: particles are drawn from a Gaussian updated with all readings, and weighed by prediction over proposal.
 
     `proposal`: `per_particle` carries a covariance with each particle, `local` starts each update from the process
-    noise, `cloud` draws all particles from one update of the whole cloud. The state-dependent variance of a reading is
-    taken where the update is linearised.
+    noise. A particle then has an ancestor, and its weight is multiplied by p(z|x) p(x|x_prev) / q(x). With `cloud` all
+    particles are drawn from one update of the whole cloud. They have no ancestors: a weight is p(z|x) N(x; m, P) / q(x)
+    with the predicted mean m and covariance P of the whole cloud, and earlier weights enter through these moments alone
+    (our choice; the paper gives no formula). The state-dependent variance of a reading is taken where the update is
+    linearised.
     """
 
     paper: ClassVar[str] = "Jiang, Song, Lin (2013)"
@@ -169,18 +187,16 @@ class InformationPf:
 
     def _update(self, belief: InformationBelief, seen: Evidence, scene: Scene) -> InformationBelief:
         """Propose, weigh, and resample if too few particles are effective."""
-        before, motion, sensor = belief.pool.cloud, scene.motion, scene.sensor
-        means, covs = self._propose(belief, seen, scene)
+        proposal = self._propose(belief, seen, scene)
         offsets = np.array([0, self.particles])
         keys = particle_keys(np.array([scene.key], np.uint64), offsets, MOVE)
-        cloud, log_proposal = gaussian.sample(means, covs, keys)
-        points = cloud[list(motion.position)]
-        fitness = sensor.log_likelihood(points, seen.readings, seen.positions, seen.traits)
-        prior = motion.log_transition(cloud, before, scene.dt, scene.previous)
-        log_weights = belief.pool.log_weights + fitness + prior - log_proposal
+        cloud, log_proposal = gaussian.sample(proposal.means, proposal.covs, keys)
+        points = cloud[list(scene.motion.position)]
+        fitness = scene.sensor.log_likelihood(points, seen.readings, seen.positions, seen.traits)
+        log_weights = proposal.log_weights + fitness + proposal.log_prior(cloud) - log_proposal
         effective = float(weigh(log_weights, offsets)[0])
         mean, cov = (moment[0] for moment in moments(cloud, log_weights, offsets))
-        covariances = covs if self.proposal == "per_particle" else belief.covariances
+        covariances = proposal.covs if self.proposal == "per_particle" else belief.covariances
         pool = Pool(cloud, log_weights)
         if effective < self.threshold * self.particles:
             chosen = resampled(log_weights, self.particles, scene.key)
@@ -188,14 +204,13 @@ class InformationPf:
             covariances = covariances[chosen] if len(covariances) else covariances
         return InformationBelief(mean, symmetric(cov), pool, covariances, scene.head, effective)
 
-    def _propose(self, belief: InformationBelief, seen: Evidence, scene: Scene) -> tuple[Floats, Floats]:
-        """Means (D, N) and covariances (N, D, D) that the particles are drawn from; one of each for `cloud`."""
-        motion = scene.motion
+    def _propose(self, belief: InformationBelief, seen: Evidence, scene: Scene) -> Proposal:
+        """The proposal of a step: predicted Gaussians, updated with the readings."""
+        motion, pool = scene.motion, belief.pool
+        before, covs, log_weights = pool.cloud, belief.covariances, pool.log_weights
         if self.proposal == "cloud":
-            centre, cov = moments(belief.pool.cloud, belief.pool.log_weights, np.array([0, self.particles]))
-            before, covs = np.ascontiguousarray(centre.T), cov
-        else:
-            before, covs = belief.pool.cloud, belief.covariances
+            centre, covs = moments(pool.cloud, pool.log_weights, np.array([0, self.particles]))
+            before, log_weights = np.ascontiguousarray(centre.T), np.zeros(self.particles)
         transitions, noise = motion.matrices(before, scene.dt, scene.previous)
         transitions = np.ascontiguousarray(transitions)  # a linear motion's is one matrix broadcast N times
         if self.proposal == "local":
@@ -203,10 +218,23 @@ class InformationPf:
         else:
             covs = gaussian.predict(covs, transitions, noise)
         means = motion.advance(before, scene.dt, scene.previous)
+        log_prior = _log_predictive(means, covs) if self.proposal == "cloud" else _log_transition(before, scene)
         columns = np.array(motion.position)
         linear = scene.sensor.linearise(means[columns], seen.positions, seen.traits)
         gaussian.update(means, covs, *linear, seen.readings, columns)
-        return means, covs
+        return Proposal(means, covs, log_prior, log_weights)
+
+
+def _log_transition(before: Floats, scene: Scene) -> Score:
+    """The log transition density from each particle's ancestor."""
+    return lambda cloud: scene.motion.log_transition(cloud, before, scene.dt, scene.previous)
+
+
+def _log_predictive(means: Floats, covs: Floats) -> Score:
+    """The log density, up to its constant, of one Gaussian (D, 1), (1, D, D), as it is now."""
+    centre, factors = means.T.copy(), np.zeros(covs.shape)
+    gaussian.cholesky(covs[0], factors[0])
+    return lambda cloud: gaussian.log_density(cloud, centre, factors, np.array([0, cloud.shape[1]]))
 
 
 def _arrived_covariances(belief: InformationBelief, mask: Bools, first: int) -> Floats:
