@@ -31,6 +31,8 @@ RENAMED: dict[str, str] = {}
 """{'table.column' of an older tree: the same of this one}."""
 ADDED: tuple[str, ...] = (
     "runs.losses", "runs.time_lost", "runs.lost_share", "tracks.losses", "tracks.time_lost", "tracks.lost_share",
+    "runs.nees", "runs.nis", "estimates.cov_xy", "estimates.nees", "estimates.nis", "estimates.nis_dof",
+    "estimates.gaussian",
 )  # fmt: skip
 """'table.column' that this tree has and an older one has not."""
 

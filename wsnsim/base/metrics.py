@@ -13,6 +13,8 @@ from wsnsim.base.arrays import Bools, Floats, Ints
 
 ENOUGH_READINGS = 3
 """Number of ranges that determine a position in the plane."""
+LEAST_EIGENVALUE = 1e-12
+"""Of a correlation matrix, below which it counts as singular: rounding errors are near 1e-16 (our choice)."""
 LOST_WINDOW = 100
 LOST_ERROR = 20.0
 
@@ -119,6 +121,24 @@ def tracked_share(issued: Floats, times: Floats, readings: Ints, dt: float, leas
     """Share of steps whose estimate was issued before the next step, from at least `least` measurements."""
     in_time = np.isfinite(issued) & (issued <= times + dt)
     return float(np.mean(in_time & (readings >= least))) if len(times) else float("nan")
+
+
+def normalised_squares(deviations: Floats, covs: Floats) -> Floats:
+    """(n,) normalised squares eᵀ P⁻¹ e of deviations (n, D) with covariances (n, D, D); NaN where one is unknown.
+
+    NaN, too, where P is not positive definite: where a correlation has an eigenvalue below `LEAST_EIGENVALUE`. Of
+    estimation errors this is the NEES, of innovations the NIS (Bar-Shalom, Li, Kirubarajan 2001, section 5.4).
+    """
+    result = np.full(len(deviations), np.nan)
+    variances = np.diagonal(covs, axis1=1, axis2=2)
+    finite = np.isfinite(deviations).all(axis=1) & np.isfinite(covs).all(axis=(1, 2))
+    rows = np.flatnonzero(finite & (variances > 0.0).all(axis=1))
+    scale = np.sqrt(variances[rows])
+    white, correlations = deviations[rows] / scale, covs[rows] / (scale[:, :, None] * scale[:, None, :])
+    definite = np.linalg.eigvalsh(correlations)[:, 0] > LEAST_EIGENVALUE
+    white = white[definite]
+    result[rows[definite]] = (white * np.linalg.solve(correlations[definite], white[..., None])[..., 0]).sum(axis=1)
+    return result
 
 
 def mean_error(errors: Floats) -> float:

@@ -21,6 +21,18 @@ class Continuous(Protocol):
 
 
 @runtime_checkable
+class LinearGaussian(Protocol):
+    """Optional port of a motion model, a sensor model or a tracker, for χ² intervals of NEES and NIS.
+
+    A model that is linear with Gaussian noise, or a tracker that is exact for such models. Where motion, sensor and
+    tracker say so, the posterior is Gaussian (column `estimates.gaussian`).
+    """
+
+    @property
+    def linear_gaussian(self) -> bool: ...
+
+
+@runtime_checkable
 class Informs(Protocol):
     """Optional port of a sensor model: the Fisher information of its measurements, for Cramér-Rao bounds."""
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol, TypeVar
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from wsnsim.base.optional_ports import Continuous as Continuous
 from wsnsim.base.optional_ports import Detects as Detects
 from wsnsim.base.optional_ports import Foresees as Foresees
 from wsnsim.base.optional_ports import Informs as Informs
+from wsnsim.base.optional_ports import LinearGaussian as LinearGaussian
 from wsnsim.base.optional_ports import Portable as Portable
 from wsnsim.base.optional_ports import Ranks as Ranks
 from wsnsim.base.optional_ports import ReportsState as ReportsState
@@ -48,13 +49,27 @@ class Field:
         return inside
 
 
+class Innovation(NamedTuple):
+    """The normalised innovation squared νᵀ S⁻¹ ν of one update, NaN without one; `dof` readings: its expectation."""
+
+    nis: float = float("nan")
+    dof: int = 0
+
+
+NO_INNOVATION = Innovation()
+
+
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """A Gaussian summary of a belief: mean (D,), cov (D, D), and the effective number of particles."""
+    """A Gaussian summary of a belief: mean (D,), cov (D, D).
+
+    Filters with particles add the effective number of these, Kalman filters the innovation of the step's update.
+    """
 
     mean: Floats
     cov: Floats
     effective: float = float("nan")
+    innovation: Innovation = NO_INNOVATION
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""The result of one run, and its rows of the tables `runs`, `tracks`, `truth` and `estimates`.
+"""The result of one run, and its rows of the tables `runs`, `tracks`, `truth`, `estimates` and `covariances`.
 
 summarise(setup, replicate, result, truths, recorder) -> Summary        writes the rows of these tables
 """
@@ -16,7 +16,16 @@ import numpy as np
 from wsnsim.base import metrics
 from wsnsim.base.arrays import Floats
 from wsnsim.base.ports import Recorder
-from wsnsim.base.rows import NAN, Issued, deviation_rmse, estimate_rows, fingerprint, truth_rows
+from wsnsim.base.rows import (
+    NAN,
+    Issued,
+    consistency,
+    covariance_rows,
+    deviation_rmse,
+    estimate_rows,
+    fingerprint,
+    truth_rows,
+)
 from wsnsim.base.setups import Setup, TrackingSetup
 from wsnsim.base.tracking import TrackRule, track_row
 
@@ -115,23 +124,28 @@ def summarise(
         started: Processor time (s) at the start of the run, as `time.process_time` gives it.
     """
     errors = np.empty((len(truths), result.steps))
-    deviations, rows = [], []
+    deviations, rows, estimates = [], [], []
     for target, truth in enumerate(truths):
         assert isinstance(setup, TrackingSetup), "only a tracking scenario has targets"
         rule = TrackRule(setup.lost_window, setup.lost_limit, setup.dt, result.due)
         track, motion = result.tracks[target], setup.motions[target]
         key = {"replicate": replicate, "target": target}
         columns = estimate_rows(track.estimates, track.heads, motion, truth, result.steps, setup.dt)
-        columns.update(track.columns)
+        columns.update(track.columns, gaussian=int(setup.posterior_is_gaussian(target)))
         if recorder.wants("truth"):
             recorder.write("truth", {**key, **truth_rows(motion, truth, result.steps, setup.dt)})
         if recorder.wants("estimates"):
             recorder.write("estimates", {**key, **columns})
+        if recorder.wants("covariances"):
+            recorder.write("covariances", {**key, **covariance_rows(track.estimates, motion.columns)})
+        estimates.append(columns)
         errors[target] = columns["error"]
         deviations.append(deviation_rmse(columns, motion, truth))
         rows.append({**key, **track_row(track.estimates, columns, rule), **track.counts})
     column_rmse = np.array(deviations) if deviations else np.empty((0, 0))
-    run = {"replicate": replicate, **_run_row(result, errors, rows), "cpu_seconds": time.process_time() - started}
+    run = {"replicate": replicate, **_run_row(result, errors, rows)}
+    run |= consistency(estimates, len(setup.motions[0].position) if isinstance(setup, TrackingSetup) else 1)
+    run["cpu_seconds"] = time.process_time() - started
     for table, written in (("tracks", rows), ("runs", [run])):
         for row in written if recorder.wants(table) else ():
             recorder.write(table, row)

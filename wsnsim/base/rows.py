@@ -12,8 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from wsnsim.base import metrics
 from wsnsim.base.arrays import Floats
-from wsnsim.base.ports import Estimate, MotionModel, Recorder, ReportsState, Snapshots
+from wsnsim.base.ports import NO_INNOVATION, Estimate, MotionModel, Recorder, ReportsState, Snapshots
 from wsnsim.base.requests import Member
 
 NAN = float("nan")
@@ -62,7 +63,7 @@ def truth_rows(motion: MotionModel, truth: Floats, steps: int, dt: float) -> dic
 def estimate_rows(
     estimates: Mapping[int, Issued], heads: Sequence[int], motion: MotionModel, truth: Floats, steps: int, dt: float
 ) -> dict[str, Any]:
-    """Columns of the table `estimates`, except `woken` and `ineffective`: one row per step from 1 on.
+    """Columns of the table `estimates`, except `woken`, `ineffective` and `gaussian`: one row per step from 1 on.
 
     Values of a step without an estimate are NaN.
 
@@ -76,23 +77,24 @@ def estimate_rows(
     """
     place = list(motion.position)
     means = np.full((steps, len(motion.columns)), NAN)
-    claimed = np.full((steps, len(place)), NAN)
+    covs, block = np.full((steps, len(place), len(place)), NAN), np.ix_(place, place)
+    innovations = np.full((steps, 2), NO_INNOVATION)
     issued, effective, late = np.full(steps, NAN), np.full(steps, NAN), np.ones(steps, dtype=np.uint8)
     counts = np.zeros((steps, 3), dtype=np.int64)
     leaders = np.array(heads[1 : steps + 1], dtype=np.int64)
     for step, item in estimates.items():
         row, guess = step - 1, item.estimate
-        means[row], claimed[row] = guess.mean, np.sqrt(np.diag(guess.cov)[place])
+        means[row], covs[row], innovations[row] = guess.mean, guess.cov[block], guess.innovation
         issued[row], effective[row], late[row] = item.issued, guess.effective, is_late(item.issued, step, dt)
         leaders[row], counts[row] = item.head, (item.active, item.members, item.readings)
-    numbers = np.arange(1, steps + 1)
+    numbers, deviations = np.arange(1, steps + 1), means[:, place] - truth[1 : steps + 1, place]
     return {
         "step": numbers,
         "time": numbers * dt,
         "issued": issued,
         **{name: means[:, i] for i, name in enumerate(motion.columns)},
-        **dict(zip(("sd_x", "sd_y"), claimed.T, strict=False)),
-        "error": np.sqrt(((means[:, place] - truth[1 : steps + 1, place]) ** 2).sum(axis=1)),
+        **_spread_columns(covs),
+        "error": np.sqrt((deviations**2).sum(axis=1)),
         "head": leaders,
         "active": counts[:, 0],
         "members": counts[:, 1],
@@ -100,7 +102,44 @@ def estimate_rows(
         "received": np.full(steps, NAN),
         "late": late,
         "effective_particles": effective,
+        "nees": metrics.normalised_squares(deviations, covs),
+        "nis": innovations[:, 0],
+        "nis_dof": innovations[:, 1].astype(np.int64),
     }
+
+
+def _spread_columns(covs: Floats) -> dict[str, Floats]:
+    """Standard deviations of the position and its covariance, of the covariances (steps, P, P)."""
+    names = ("sd_x", "sd_y")[: covs.shape[1]]
+    columns = {name: np.sqrt(covs[:, i, i]) for i, name in enumerate(names)}
+    return columns | ({"cov_xy": covs[:, 0, 1]} if len(names) > 1 else {})
+
+
+def covariance_rows(estimates: Mapping[int, Issued], columns: Sequence[str]) -> dict[str, Any]:
+    """Columns of the table `covariances`: one row per estimate, the upper triangle of its covariance (D, D)."""
+    size = len(columns)
+    covs = np.array([item.estimate.cov for _, item in sorted(estimates.items())]).reshape(-1, size, size)
+    triangle = [(i, j) for i in range(size) for j in range(i, size)]
+    return {
+        "step": np.array(sorted(estimates), dtype=np.int64),
+        **{f"cov_{columns[i]}_{columns[j]}": covs[:, i, j] for i, j in triangle},
+    }
+
+
+def consistency(tracks: Sequence[Mapping[str, Any]], size: int) -> dict[str, float]:
+    """The columns `nees` and `nis` of the table `runs`, from the columns of each track's estimates.
+
+    Args:
+        tracks: Columns of the table `estimates` of each track.
+        size: Number of position columns.
+    """
+    nees, nis, dof = (
+        np.concatenate([track[name] for track in tracks]) if tracks else np.empty(0)
+        for name in ("nees", "nis", "nis_dof")
+    )
+    known = np.isfinite(nis) & (dof > 0)
+    per_reading = float(nis[known].sum() / dof[known].sum()) if known.any() else NAN
+    return {"nees": metrics.mean_error(nees) / size, "nis": per_reading}
 
 
 def fingerprint(event_fingerprint: int, tracks: Iterable[Mapping[int, Issued]]) -> int:

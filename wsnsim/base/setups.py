@@ -18,6 +18,7 @@ from wsnsim.base.ports import (
     Acquire,
     Deployment,
     Detection,
+    LinearGaussian,
     MotionModel,
     PriorModel,
     SensorModel,
@@ -61,6 +62,11 @@ class TrackingSetup(Setup):
     def member_cycles(self) -> float:
         """Operations that one member computes in a step, as the tracker states them; 0 if it states none."""
         return getattr(self.tracker, "member_cycles", 0.0)
+
+    def posterior_is_gaussian(self, target: int) -> bool:
+        """Whether the assumed models of a target are linear with Gaussian noise, and the tracker exact for such."""
+        parts = (self.filter_motions[target], self.filter_sensor, self.tracker)
+        return all(isinstance(part, LinearGaussian) and part.linear_gaussian for part in parts)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -68,6 +68,8 @@ TABLES: Final[dict[str, tuple[Column, ...]]] = {
         _c("losses", "u4", "1", "number of track losses, those that ended included; summed over targets"),
         _c("time_lost", "f8", "s", "time for which a track was lost, mean over targets; NaN without a target"),
         _c("lost_share", "f8", "1", "share of steps at which a track was lost, mean over targets"),
+        _c("nees", "f8", "1", "mean of estimates.nees per position column; 1: consistent, above 1: overconfident"),
+        _c("nis", "f8", "1", "sum of estimates.nis per degree of freedom; 1: consistent; NaN without innovations"),
         _c("energy", "f8", "J", "energy that the network consumed; NaN without a network"),
         _c("handovers", "u4", "1", "number of handovers begun"),
         _c("frames_sent", "u8", "1", "bursts sent, each hop counted"),
@@ -195,6 +197,7 @@ TABLES: Final[dict[str, tuple[Column, ...]]] = {
         _c("issued", "f8", "s", "time at which the head had the estimate; NaN for a skipped step"),
         _error("sd_x", "estimated standard deviation of the first position column"),
         _error("sd_y", "estimated standard deviation of the second position column"),
+        Column("cov_xy", "f8", "m2", "estimated covariance of the two position columns", of_position=True),
         _error("error", "position error: distance from the ground truth; NaN for a skipped step"),
         _c("head", "i4", "", "cluster head; -1 if there is none"),
         _c("active", "u2", "1", "members with a measurement, the head included"),
@@ -215,7 +218,12 @@ TABLES: Final[dict[str, tuple[Column, ...]]] = {
             "1",
             "effective number of particles at the head; NaN without particles",
         ),
+        _c("nees", "f8", "1", "normalised estimation error squared of the position; NaN if skipped or P is singular"),
+        _c("nis", "f8", "1", "normalised innovation squared of the step's update; NaN without one"),
+        _c("nis_dof", "u4", "1", "measurements that the innovation is of: the expectation of nis"),
+        _c("gaussian", "u1", "1", "1 if the posterior is Gaussian: linear Gaussian models and a filter exact for them"),
     ),
+    "covariances": (_REPLICATE, _TARGET, _STEP),
     "events": (
         _REPLICATE,
         _TIME,
@@ -302,4 +310,5 @@ TABLES: Final[dict[str, tuple[Column, ...]]] = {
         _c("value", "f8", "", "value at this index; the tracker defines its unit"),
     ),
 }
-RECORDED_BY_DEFAULT: Final = {name: name not in ("links", "particles", "tracker_state") for name in TABLES}
+OFF_BY_DEFAULT: Final = ("covariances", "links", "particles", "tracker_state")
+RECORDED_BY_DEFAULT: Final = {name: name not in OFF_BY_DEFAULT for name in TABLES}

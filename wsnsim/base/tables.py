@@ -26,7 +26,7 @@ from wsnsim.base.table_columns import (
 )
 
 __all__ = [
-    "CAUSE", "CAUSES", "EVENT_CAUSE", "EVENT_CAUSES", "KIND", "KINDS", "METRICS", "MORE_IS_BETTER",
+    "CAUSE", "CAUSES", "EVENT_CAUSE", "EVENT_CAUSES", "KIND", "KINDS", "METRICS", "MORE_IS_BETTER", "ONE_IS_BEST",
     "RECORDED_BY_DEFAULT", "STATE_AFTER", "STATUSES", "TABLES", "Column", "Memory", "Words", "columns_of",
     "equally_long",
 ]  # fmt: skip
@@ -39,6 +39,8 @@ METRICS: Final = tuple(
     if column.name not in ("replicate", "status", "fingerprint", "event_fingerprint", "cpu_seconds")
 )
 """The columns of `runs` that are metrics: the same each time that a run is repeated."""
+ONE_IS_BEST: Final = ("nees", "nis")
+"""The metrics of consistency: neither more nor less is better."""
 MORE_IS_BETTER: Final = ("delivered", "tracked", "tracked_three", "alive", "first_death", "half_dead", "coverage")
 """The metrics of which more is better."""
 
@@ -52,15 +54,34 @@ def columns_of(
         table: Name of the table.
         states: (name, unit) of the model's state columns, which are inserted after `STATE_AFTER[table]`.
         position: Which state columns are the position. Its unit replaces metres; if it is one column, there is no
-            `sd_y`.
+            `sd_y` and no `cov_xy`.
     """
     columns = TABLES[table]
+    if table == "covariances":
+        return columns + covariance_columns(states)
     if position is not None:
         unit = states[position[0]][1]
-        columns = tuple(replace(c, units=unit) if c.of_position else c for c in columns)
-        columns = tuple(c for c in columns if c.name != "sd_y" or len(position) > 1)
+        units = {"m": unit, "m2": product_unit(unit, unit)}
+        columns = tuple(replace(c, units=units[c.units]) if c.of_position else c for c in columns)
+        columns = tuple(c for c in columns if c.name not in ("sd_y", "cov_xy") or len(position) > 1)
     if table not in STATE_AFTER:
         return columns
     cut = 1 + next(i for i, column in enumerate(columns) if column.name == STATE_AFTER[table])
     state = tuple(Column(name, "f8", unit, "state of the target", smooth=True) for name, unit in states)
     return columns[:cut] + state + columns[cut:]
+
+
+def covariance_columns(states: Sequence[tuple[str, str]]) -> tuple[Column, ...]:
+    """The columns of the upper triangle of a state's covariance, row by row: cov_px_px, cov_px_vx, ..."""
+    return tuple(
+        Column(f"cov_{one}_{other}", "f8", product_unit(unit, per), "estimated covariance of the state", smooth=True)
+        for i, (one, unit) in enumerate(states)
+        for other, per in states[i:]
+    )
+
+
+def product_unit(one: str, other: str) -> str:
+    """The unit of a product: 'm2' of 'm' and 'm', 'm m/s' of 'm' and 'm/s', one of them if the other is a number."""
+    if one == other and one.isalpha():
+        return f"{one}2"
+    return " ".join(unit for unit in (one, other) if unit)

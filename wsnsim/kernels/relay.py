@@ -249,14 +249,17 @@ def filter_each(
 @ordered_kernel
 def kalman(
     mean: Floats, cov: Floats, expected: Floats, gradients: Floats, variances: Floats, readings: Floats, columns: Ints
-) -> None:
+) -> tuple[float, int]:
     """Update mean (D,) and covariance (D, D) with S readings, linearised at the given mean, in place.
+
+    Returns the normalised innovation squared νᵀ S⁻¹ ν, and the number of readings used: the innovation of each reading
+    given those before it is white, so that their squares sum to that of the joint update.
 
     expected, variances (S, 1), gradients (S, P, 1). Readings are processed in turn, all linearised at the same point,
     in Joseph's form: this equals the joint update. A reading whose innovation is not finite, or has no finite positive
     variance, is skipped. Bar-Shalom, Li, Kirubarajan (2001), 5.2, 10.3.
     """
-    size = mean.size
+    size, square, used = mean.size, 0.0, 0
     moved, lift, work = np.empty(size), np.empty(size), np.empty((size, size))
     for d in range(size):
         moved[d] = 0.0
@@ -271,6 +274,7 @@ def kalman(
             innovation -= gradients[s, p, 0] * moved[columns[p]]
         if not (0.0 < width < np.inf and -np.inf < innovation < np.inf):
             continue
+        square, used = square + innovation * innovation / width, used + 1
         for d in range(size):
             rest = variances[s, 0] * lift[d] / width
             for e in range(size):
@@ -285,3 +289,4 @@ def kalman(
                 cov[d, e] = 0.5 * (work[d, e] + work[e, d])
     for d in range(size):
         mean[d] += moved[d]
+    return square, used

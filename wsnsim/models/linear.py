@@ -42,6 +42,7 @@ class ConstantAcceleration:
     columns: ClassVar[tuple[str, ...]] = ("px", "vx", "ax")
     units: ClassVar[tuple[str, ...]] = ("m", "m/s", "m/s2")
     position: ClassVar[tuple[int, ...]] = (0,)
+    linear_gaussian: ClassVar[bool] = True
 
     q: Annotated[float, Quantity("m2/s4", ge=0, le=1e9), "variance of the noise in the acceleration"] = 1e-6
     start: Annotated[tuple[float, float, float], STATE, "px, vx, ax at time 0, in SI units"] = (1.0, 0.1, 0.01)
@@ -103,6 +104,7 @@ class ConstantVelocity:
     columns: ClassVar[tuple[str, ...]] = ("px", "vx", "py", "vy")
     units: ClassVar[tuple[str, ...]] = ("m", "m/s", "m", "m/s")
     position: ClassVar[tuple[int, ...]] = (0, 2)
+    linear_gaussian: ClassVar[bool] = True
 
     noise_input: Annotated[NoiseInput, "Γ: what the process noise acts on"] = "accelerations"
     variances: Annotated[

@@ -49,6 +49,8 @@ _ROLES: Final = (
         Kind("range", "wsnsim.models.ranging:Range", "distance from the node, with constant variance", LIU),
         Kind("range_from_origin", "wsnsim.models.ranging:RangeFromOrigin",
             "distance from the origin, wherever the node stands", f"{WEI}, experiment 3"),
+        Kind("coordinate", "wsnsim.models.linear_sensing:Coordinate",
+            "the target's coordinate along an axis of the node: linear, the Kalman filter is exact"),
         Kind("rssi", "wsnsim.models.ranging:Rssi",
             "received signal strength, which falls with the logarithm of the distance", f"{RUAN}, eq. 4"),
         Kind("squared", "wsnsim.models.ungm:Squared", "the square of a scalar state, divided by 20",

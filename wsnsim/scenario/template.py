@@ -75,7 +75,7 @@ motion:                          # also: ungm, constant_acceleration, bounded_ve
   noise_input: diagonal          # independent process noise on each column of the state
   variances: [0.5]
   start: [70, 5, 21, 8]          # px, vx, py, vy
-sensor:                          # also: rssi, range_from_origin, squared, acoustic_energy
+sensor:                          # also: rssi, coordinate, range_from_origin, squared, acoustic_energy
   kind: range
   sd: 1 m
   reach: .inf

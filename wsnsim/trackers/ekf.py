@@ -8,13 +8,14 @@ Requests of a step:
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 
 from wsnsim.base.arrays import Floats, planar
 from wsnsim.base.part import part
-from wsnsim.base.ports import Scene
+from wsnsim.base.ports import NO_INNOVATION, Estimate, Innovation, Scene
 from wsnsim.base.requests import Compute, Flow, Gather, Member, Parcel, Scatter
 from wsnsim.kernels.relay import kalman
 from wsnsim.trackers.shared.heads import GaussianBelief, HeadFilter
@@ -27,13 +28,20 @@ LINEARISE_CYCLES = 20.0
 """CPU cycles to linearise one reading."""
 
 
+@dataclass(frozen=True, slots=True)
+class KalmanBelief(GaussianBelief):
+    """Mean and covariance after a step, and the innovation of its update."""
+
+    innovation: Innovation = NO_INNOVATION
+
+
 @part
 class ExtendedKalman(HeadFilter):
     """Extended Kalman filter on all readings that reach the head, or on that of the nearest sensor alone.
 
     `nearest` polls only the member that is nearest to the predicted position: a packet down that polls it, and its
     reading up; nothing if it is the head. All readings are linearised at the predicted mean. The variance of a reading
-    is taken there, too.
+    is taken there, too. The innovation of each update is reported (columns `nis` and `nis_dof` of `estimates`).
 
     Source: Bar-Shalom, Li, Kirubarajan (2001), section 10.3.
     """
@@ -43,6 +51,7 @@ class ExtendedKalman(HeadFilter):
     state: ClassVar[str] = "mean and covariance in the head"
     messages: ClassVar[str] = "a reading up per member; or a poll down and a reading up, of the nearest"
     variants: ClassVar[str] = "readings all|nearest"
+    linear_gaussian: ClassVar[bool] = True
 
     readings: Annotated[Literal["all", "nearest"], "whose readings update the filter"] = "all"
 
@@ -55,12 +64,19 @@ class ExtendedKalman(HeadFilter):
         else:
             seen = yield from gather_readings(scene)
         yield Compute(_cycles(mean.size, place.size, len(seen.ids), scene.steps))
+        innovation = NO_INNOVATION
         if seen.ids:
             linear = scene.sensor.linearise(mean[place, None], seen.positions, seen.traits)
             mean = mean.copy()
             expected, gradients, variances = map(np.ascontiguousarray, linear)
-            kalman(mean, cov, expected, gradients, variances, seen.readings, place)
-        return GaussianBelief(mean, cov, scene.head)
+            square, used = kalman(mean, cov, expected, gradients, variances, seen.readings, place)
+            innovation = Innovation(square, used) if used else NO_INNOVATION
+        return KalmanBelief(mean, cov, scene.head, innovation=innovation)
+
+    def estimate(self, belief: GaussianBelief) -> Estimate:
+        """The belief's mean and covariance, with the innovation of the step; after a handover there is none yet."""
+        innovation = belief.innovation if isinstance(belief, KalmanBelief) else NO_INNOVATION
+        return Estimate(belief.mean, belief.cov, innovation=innovation)
 
 
 def _nearest_reading(point: Floats, scene: Scene) -> Flow[Evidence]:
