@@ -226,3 +226,11 @@ def test_the_bound_of_the_readings_that_arrived_is_no_smaller_than_that_of_all_i
         found = frontier_measures.arrived(data, name)
         assert found.index.tolist() == [0, 1]
         assert (found.to_numpy() >= whole * (1.0 - 1e-9)).all()
+
+
+def test_a_strategy_that_strays_and_comes_back_in_one_run_of_ten_does_not_follow_the_target():
+    runs = pd.DataFrame({"rmse": [0.3] * 10, "lost": 0, "losses": [0] * 9 + [2], "energy": 1.0, "tracked": 1.0})
+    found = frontier_measures._strategy("ideal: ekf", runs)
+    assert found.lost == 0.1 and not found.follows
+    assert frontier_measures._strategy("ideal: ekf", runs.assign(losses=0)).follows
+    assert frontier_measures._strategy("ideal: ekf", runs.drop(columns="losses")).follows, "of an earlier version"

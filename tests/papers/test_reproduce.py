@@ -145,7 +145,7 @@ def test_rows_are_what_the_tables_of_the_campaign_hold(done):
     assert rows["over"].measured == pytest.approx(1.0 - less, rel=1e-12) and rows["over"].read
     assert rows["seconds"].verdict == "not judged" and not rows["share less"].literal
     kept = rows["RMSE of the tracks kept"]
-    whole = (runs.loc["imsf", "lost"] == 0).to_numpy()
+    whole = (runs.loc["imsf", "losses"] == 0).to_numpy()
     assert (kept.replicates, kept.measured) == (whole.sum(), metrics.time_mean_rmse(errors["imsf"][whole]))
     pairs = runs.loc["ekf", "rmse"] - runs.loc["rkf", "rmse"]
     assert rows["RMSE of a run below that of rkf (figure 1)"].measured == np.median(pairs)

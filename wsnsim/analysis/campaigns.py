@@ -2,6 +2,7 @@
 
 read(folder, table, columns=None) -> DataFrame          as `wsnsim.read` of a folder
 metric(folder, point, name, replicates) -> values of a metric, and which runs are on disk
+ever_lost(runs) -> whether each run lost a track at any time
 """
 
 from __future__ import annotations
@@ -17,18 +18,26 @@ from wsnsim.analysis.data_frames import read_file, stacked
 from wsnsim.base.arrays import Bools, Floats
 from wsnsim.base.errors import ResultError
 from wsnsim.base.tables import RECORDED_BY_DEFAULT, TABLES
-from wsnsim.recording import read_table
+from wsnsim.recording import read_table, tables
 from wsnsim.recording.folder import Folder, PointOnDisk
 
 POINT = "point"
 
 
-def read(path: str | Path, table: str, columns: Sequence[str] | None = None) -> pd.DataFrame:
+def read(
+    path: str | Path, table: str, columns: Sequence[str] | None = None, younger: Sequence[str] = ()
+) -> pd.DataFrame:
     """A table of a campaign, in the order of points, runs and recorded rows.
 
     The first columns are `point` (its number in the manifest) and one for each swept parameter, named by its key, in SI
     units and its own type (integer, float, boolean or text), missing for points without it. A key that is also a column
     of the table, such as `step`, is named `set.step`.
+
+    Args:
+        path: the folder of the campaign.
+        table: name of the table.
+        columns: the columns to read; None for all.
+        younger: those of them that files of earlier versions lack, which then are NaN.
 
     Raises:
         ResultError: there is no campaign or no result, or a file cannot be read.
@@ -38,7 +47,7 @@ def read(path: str | Path, table: str, columns: Sequence[str] | None = None) -> 
     wanted = None if columns is None else list(dict.fromkeys(["replicate", *columns]))
     files, pieces, numbers = [], [], []
     for number, point in enumerate(manifest.points):
-        for batch, frame in _frames_of(folder, point, table, wanted):
+        for batch, frame in _frames_of(folder, point, table, wanted, younger):
             files.append(batch)
             pieces.append(frame)
             numbers.append(number)
@@ -72,14 +81,14 @@ def metric(folder: Folder, point: str, name: str, replicates: int) -> tuple[Floa
 
 
 def _frames_of(
-    folder: Folder, point: PointOnDisk, table: str, columns: Sequence[str] | None
+    folder: Folder, point: PointOnDisk, table: str, columns: Sequence[str] | None, younger: Sequence[str]
 ) -> list[tuple[Path, pd.DataFrame]]:
     """The point's files with their rows: each run once, and only those that belong to the campaign."""
     found, seen = [], np.zeros(0, dtype=np.int64)
     for batch in folder.batches(point.id):
         if batch.first >= point.replicates:
             continue
-        frame = _of_file(batch.path, table, columns)
+        frame = _of_file(batch.path, table, columns, younger)
         numbers = frame["replicate"].to_numpy().astype(np.int64)
         fresh = (numbers < point.replicates) & ~np.isin(numbers, seen)
         found.append((batch.path, frame if fresh.all() else frame[fresh]))
@@ -87,9 +96,24 @@ def _frames_of(
     return found
 
 
-def _of_file(path: Path, table: str, columns: Sequence[str] | None) -> pd.DataFrame:
+def ever_lost(runs: pd.DataFrame) -> Bools:
+    """(runs,) whether a track was lost at any time, of rows of the table `runs`.
+
+    Where `losses` is missing or unknown, in files of an earlier version, those lost at the end count.
+    """
+    at_end = runs["lost"].to_numpy(dtype=np.float64)
+    if "losses" not in runs:
+        return np.asarray(at_end > 0.0)
+    losses = runs["losses"].to_numpy(dtype=np.float64)
+    return np.asarray(np.where(np.isfinite(losses), losses, at_end) > 0.0)
+
+
+def _of_file(path: Path, table: str, columns: Sequence[str] | None, younger: Sequence[str]) -> pd.DataFrame:
+    missing = set(younger) - set(tables(path)[table].columns) if younger and table in tables(path) else set()
     try:
-        return read_file(path, table, columns)
+        if columns is None or not missing:
+            return read_file(path, table, columns)
+        return read_file(path, table, [name for name in columns if name not in missing]).reindex(columns=list(columns))
     except ResultError as error:
         if table in RECORDED_BY_DEFAULT and f"no table '{table}'" in str(error):
             hint = f"a campaign records it with record.{table}=true in its sweep or by --set"

@@ -6,7 +6,7 @@
 
 A measure is a name:
     rmse                 the time-averaged RMSE over runs (Jiang 2013, eq. 26; Ruan 2020, eq. 10)
-    rmse_of_kept         the same over the runs that kept their target
+    rmse_of_kept         the same over the runs that never lost their target
     column:px            the root mean square error of a state column over steps and runs; column_of_kept:px
     per_run_rmse:px      that over the steps of a run, averaged over the runs (Wei 2022, eq. 17)
     over:VARIANT         `rmse` divided by that of another variant, on the same runs;  less_than:VARIANT, one less that
@@ -114,8 +114,8 @@ class Data:
         return np.asarray(frame["error"], dtype=np.float64).reshape(tracks, -1)
 
     def lost(self, variant: str) -> Bools:
-        """(replicates,) whether a track was lost."""
-        return np.asarray(self.of(variant, "runs")["lost"].to_numpy() > 0)
+        """(replicates,) whether a track was lost at any time, found again or not."""
+        return campaigns.ever_lost(self.of(variant, "runs"))
 
     def of_runs(self, variant: str, column: str) -> pd.Series:
         """A column of the table `runs`, by replicate."""

@@ -70,7 +70,7 @@ def rmse_curves(
 
 
 def mean_and_lost(data: Data) -> Callable[[str, Floats], str]:
-    """A label of rmse_curves: the time-averaged RMSE, and the number of lost runs if there are any."""
+    """A label of rmse_curves: the time-averaged RMSE, and the number of runs that ever lost a track."""
 
     def label(variant: str, rows: Floats) -> str:
         return f": mean {metrics.time_mean_rmse(rows):.2f} m" + lost_runs(data)(variant, rows)
@@ -79,7 +79,7 @@ def mean_and_lost(data: Data) -> Callable[[str, Floats], str]:
 
 
 def lost_runs(data: Data) -> Callable[[str, Floats], str]:
-    """A label of rmse_curves: the number of lost runs if there are any."""
+    """A label of rmse_curves: the number of runs that ever lost a track, if there are any."""
 
     def label(variant: str, rows: Floats) -> str:
         lost = int(data.lost(variant).sum())

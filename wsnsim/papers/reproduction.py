@@ -125,7 +125,7 @@ class Experiment:
 
 
 class Measured(NamedTuple):
-    """A value with its 95 % interval, the number of runs behind it, and the fraction of them that lost the target."""
+    """A value with its 95 % interval, the number of runs, and the fraction of them that ever lost the target."""
 
     value: float
     low: float
@@ -173,7 +173,7 @@ class ClaimRow:
 
     @property
     def lost(self) -> float:
-        """The number of runs that lost the target."""
+        """The number of runs that lost the target at any time."""
         return self.lost_fraction * self.replicates
 
 
