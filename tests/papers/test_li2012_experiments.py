@@ -21,17 +21,20 @@ def test_every_experiment_is_a_campaign_of_scenarios_that_load(name, full):
     assert len(points) == len(experiment.variants)
     assert (experiment.full if full else experiment.quick) >= 5
     found = {(one["step"], one["duration"]) for one in points}
-    assert found == {(2.0, 200.0) if name != "every_10_s" else (10.0, 1000.0 if full else 200.0)}
+    once_a_report = {(10.0, 1000.0 if full else 200.0)}
+    steps = {"every_10_s": once_a_report, "straight_motion": {(2.0, 12.0), (10.0, 60.0)}}
+    assert found == steps.get(name, {(2.0, 200.0)})
     assert {one["sink"]["every"] for one in points} == {10.0}
 
 
-def test_the_plain_name_is_gmtt_as_printed_and_the_repair_is_called_so_and_differs_by_nothing_else():
-    names = ("gmtt, 300", "gmtt, repaired, 300")
+def test_gmtt_has_three_forms_each_by_its_own_name_that_differ_by_nothing_else():
+    names = ("gmtt, literal, 300", "gmtt, repaired, 300", "gmtt, linear, 300")
     for name in ("figures_3_6", "every_10_s"):
         few = dataclasses.replace(EXPERIMENTS[name], variants={one: EXPERIMENTS[name].variants[one] for one in names})
-        printed, ours = (json.loads(point.resolved)["tracker"] for point in reproduce.plan("li2012", few).points)
+        printed, ours, line = (json.loads(point.resolved)["tracker"] for point in reproduce.plan("li2012", few).points)
         differing = {key: (printed[key], ours[key]) for key in ours if ours[key] != printed[key]}
         assert differing == {"shift": (0.0, 500.0), "correction": ("literal", "tail")}
+        assert {key for key in line if line[key] != ours[key]} == {"predictor"} and line["predictor"] == "linear"
 
 
 def test_of_what_is_left_open_all_is_of_the_repaired_form_with_one_thing_otherwise():
@@ -47,10 +50,12 @@ def test_of_what_is_left_open_all_is_of_the_repaired_form_with_one_thing_otherwi
 
 def test_what_counts_is_as_printed_once_a_report_at_the_middle_levels():
     assert {name: experiment.literal for name, experiment in EXPERIMENTS.items()} == {
-        "figures_3_6": False, "every_10_s": True, "left_open": False}  # fmt: skip
-    for _, claim in (pair for pair in CLAIMS if pair[0].name != "left_open"):
+        "figures_3_6": False, "every_10_s": True, "left_open": False, "straight_motion": False}  # fmt: skip
+    for _, claim in (pair for pair in CLAIMS if pair[0].name in ("figures_3_6", "every_10_s")):
         names = f"{claim.variant}, {getattr(claim, 'other', '')}"
-        ours = any(mark in names for mark in ("repaired", "low", "high", "ris")) or "efficiency" in claim.where
+        ours = (
+            any(mark in names for mark in ("repaired", "linear", "low", "high", "ris")) or "efficiency" in claim.where
+        )
         assert claim.literal != ours, claim
 
 
@@ -66,8 +71,10 @@ def test_both_forms_of_gmtt_are_asked_for_the_same():
         asked: dict[bool, list[tuple[str, ...]]] = {True: [], False: []}
         for _, claim in (pair for pair in CLAIMS if pair[0].name == name):
             names = (claim.variant, claim.other)
-            if any(one.startswith("gmtt") for one in names) and not claim.quantity.startswith("Cramér"):
-                said = tuple(one.replace("gmtt, repaired", "gmtt") for one in names)
+            if "linear" in claim.variant or claim.quantity.startswith("Cramér"):
+                continue
+            if any(one.startswith("gmtt") for one in names):
+                said = tuple(one.replace("gmtt, repaired", "gmtt, literal") for one in names)
                 asked[any("repaired" in one for one in names)].append((claim.quantity, claim.measure, *said))
         assert asked[True] and sorted(asked[True]) == sorted(asked[False])
 
@@ -83,7 +90,7 @@ def test_what_is_published_is_what_the_paper_prints():
 
 
 @pytest.mark.parametrize(("tracker", "error", "least", "greatest"), [
-    ("cluster", 2.0, 0.2, 0.3), ("gmtt", 2.5, 0.04, 0.09), ("tsstp", 4.0, 0.02, 0.06)])  # fmt: skip
+    ("cluster", 2.0, 0.2, 0.3), ("gmtt, literal", 2.5, 0.04, 0.09), ("tsstp", 4.0, 0.02, 0.06)])  # fmt: skip
 def test_each_tracker_has_its_own_figures(tracker, error, least, greatest):
     own = [c for c in EXPERIMENTS["figures_3_6"].claims if not c.other and c.variant == f"{tracker}, 300"]
     assert {c.published for c in own if c.where == "figure 4"} == {error}
@@ -94,11 +101,11 @@ def test_each_tracker_has_its_own_figures(tracker, error, least, greatest):
 def test_every_published_order_is_asked_for_the_right_way_round():
     found = {(c.variant, c.other) for c in EXPERIMENTS["figures_3_6"].claims
              if c.other and c.quantity.startswith("share")}  # fmt: skip
-    assert {("tsstp, 200", "gmtt, 200"), ("tsstp, 200", "cluster, 200")} <= found
+    assert {("tsstp, 200", "gmtt, literal, 200"), ("tsstp, 200", "cluster, 200")} <= found
     assert all(variant.startswith("tsstp") for variant, _ in found)
     of_delay = [(c.variant, c.other) for c in EXPERIMENTS["every_10_s"].claims
                 if c.other and "delay" in c.quantity]  # fmt: skip
-    gmtt, repaired = "gmtt, 300", "gmtt, repaired, 300"
+    gmtt, repaired = "gmtt, literal, 300", "gmtt, repaired, 300"
     assert of_delay == 2 * [("tsstp, 300", gmtt), ("tsstp, 300", repaired), ("tsstp, 300", "cluster, 300"),
                             (gmtt, "cluster, 300"), (repaired, "cluster, 300")]  # fmt: skip
     of_error = {(c.variant, c.other) for c in EXPERIMENTS["every_10_s"].claims
@@ -111,11 +118,11 @@ def test_the_reasons_that_the_text_gives_are_asked_for_too():
     found = {(c.quantity, c.variant, c.other) for c in EXPERIMENTS["every_10_s"].claims
              if c.other and c.where.startswith("text of")}  # fmt: skip
     assert {
-        ("re-acquisitions a run", "gmtt, 200", "tsstp, 200"),
-        ("ranges a step, of steps 1 to 20", "tsstp, 300", "gmtt, 300"),
-        ("operations a run", "gmtt, 300", "cluster, 300"),
+        ("re-acquisitions a run", "gmtt, literal, 200", "tsstp, 200"),
+        ("ranges a step, of steps 1 to 20", "tsstp, 300", "gmtt, literal, 300"),
+        ("operations a run", "gmtt, literal, 300", "cluster, 300"),
         ("operations a run", "tsstp, 300", "cluster, 300"),
-        ("unnecessary wake-ups in 20 steps, more at 400 nodes than at 200", "gmtt, 400", "tsstp, 400"),
+        ("unnecessary wake-ups in 20 steps, more at 400 nodes than at 200", "gmtt, literal, 400", "tsstp, 400"),
     } <= found
 
 
@@ -194,7 +201,7 @@ def test_no_least_squares_fix_is_better_than_that_on_average():
 
 def test_a_tiny_run_gives_rows_and_pictures_and_is_not_run_again(tmp_path):
     whole = EXPERIMENTS["figures_3_6"]
-    names = ("gmtt, 300", "gmtt, repaired, 300", "tsstp, 300", "cluster, 300")
+    names = ("gmtt, literal, 300", "gmtt, repaired, 300", "tsstp, 300", "cluster, 300")
     shown = [dataclasses.replace(claim, reason="") for claim in whole.claims if claim.shown]
     kept = [claim for claim in shown if {claim.variant, claim.other or names[0]} <= set(names)]
     tiny = dataclasses.replace(whole, variants={name: whole.variants[name] for name in names}, claims=tuple(kept),
@@ -204,7 +211,7 @@ def test_a_tiny_run_gives_rows_and_pictures_and_is_not_run_again(tmp_path):
     found = reproduce.rows("li2012", tiny, folder)
     assert len(found) == len(kept)
     assert all(row.replicates == 2 for row in found)
-    at_ten = next(row for row in found if row.quantity.startswith("RMS error") and row.variant == "gmtt, 300")
+    at_ten = next(row for row in found if row.quantity.startswith("RMS error") and row.variant == "gmtt, literal, 300")
     assert 0.1 < at_ten.measured < 100.0
     files = {file: file.stat().st_mtime_ns for file in folder.rglob("*.h5")}
     assert files and reproduce.run("li2012", tiny, tmp_path, 1).complete

@@ -19,9 +19,12 @@ from wsnsim.papers.li2012.measures import MIDDLE, STEPS, delays, efficient_error
 from wsnsim.papers.measures import Data, measured
 from wsnsim.papers.plotting import Drawings, legend_below, plain_numbers, published_level
 
+LITERAL: Final = "gmtt, literal"
 REPAIRED: Final = "gmtt, repaired"
+PRINTED_AS: Final = {LITERAL: "gmtt"}
+"""The name of a variant among the published values, where it is another."""
 LOOK: Final[dict[str, dict[str, Any]]] = {
-    "gmtt": {"color": COLOURS[0]},
+    LITERAL: {"color": COLOURS[0]},
     REPAIRED: {"color": COLOURS[5], "linestyle": "-."},
     "tsstp": {"color": COLOURS[1]},
     "tsstp low": {"color": COLOURS[4], "linestyle": (0, (4, 2))},
@@ -30,7 +33,7 @@ LOOK: Final[dict[str, dict[str, Any]]] = {
     "ris": {"color": "#888888", "linestyle": "-."},
 }
 SAID: Final = {
-    "gmtt": "GMTT as printed",
+    LITERAL: "GMTT, literal",
     REPAIRED: "GMTT, repaired",
     "tsstp": "TSSTP, mid",
     "tsstp low": "TSSTP, low",
@@ -39,9 +42,9 @@ SAID: Final = {
     "ris": "no node woken (RIS)",
 }
 AT: Final = (1, 5, 10, 15, 20)
-BESIDE: Final = {"tsstp": 1.2, "gmtt": 2.0, "cluster": 1.2}
+BESIDE: Final = {"tsstp": 1.2, LITERAL: 2.0, "cluster": 1.2}
 """Position of a published range: steps after the last one."""
-SHORT: Final = {"tsstp": "TSSTP", "gmtt": "GMTT", "cluster": "Cluster"}
+SHORT: Final = {"tsstp": "TSSTP", LITERAL: "GMTT", "cluster": "Cluster"}
 FIX: Final[dict[str, Any]] = {"color": "#000000", "linewidth": 0.8}
 """The line of a reference that is no bound: a filter may use more than the ranges of one step."""
 MARK: Final[dict[str, Any]] = {"marker": "o", "markersize": 3.5, "linewidth": 1.2, "capsize": 2.5}
@@ -60,17 +63,17 @@ def _figure_3(figure: Figure, data: Data) -> None:
 
 def _figure_4(figure: Figure, data: Data) -> None:
     """The position error at the first 20 steps, at 300 nodes."""
-    names = ("cluster", "gmtt", "tsstp")
-    possible = pd.Series(efficient_errors(data, _at(MIDDLE, "gmtt")))
+    names = ("cluster", LITERAL, "tsstp")
+    possible = pd.Series(efficient_errors(data, _at(MIDDLE, LITERAL)))
     for axes, name in zip(figure.subplots(1, 3, sharey=True), names, strict=True):
         found = errors(data, _at(MIDDLE, name))
         _band(axes, found, name)
         _line(axes, found.mean(), f"{SAID[name]}: mean", linestyle="--", linewidth=0.9, color=LOOK[name]["color"])
-        if name == "gmtt":
+        if name == LITERAL:
             repaired = errors(data, _at(MIDDLE, REPAIRED))
             _line(axes, repaired.median(), f"{SAID[REPAIRED]}: median", linewidth=1.2, **LOOK[REPAIRED])
         _line(axes, possible, "an efficient fix of\none step's ranges: median", **FIX)
-        level = data.published["error"][name]
+        level = data.published["error"][PRINTED_AS.get(name, name)]
         published_level(axes, level, f"published: about {level:g} m")
         axes.set(xlabel="step", xticks=AT, yscale="log", xlim=(0.5, STEPS + 0.5))
         plain_numbers(axes, (0.5, 1, 2, 5, 10, 20, 50))
@@ -88,7 +91,8 @@ def _figure_5(figure: Figure, data: Data) -> None:
         "at the sink": (report_delays, "step" if every == 1 else "report"),
     }
     for axes, (place, (measure, counted)) in zip(figure.subplots(1, 2, sharey=True), places.items(), strict=True):
-        for name, ends in data.published["delay"].items():
+        for name in SHORT:
+            ends = data.published["delay"][PRINTED_AS.get(name, name)]
             _band(axes, 1e3 * measure(data, _at(MIDDLE, name)), name)
             _published(axes, STEPS + BESIDE[name], ends, name)
         axes.set(title=place, xlabel=counted, xticks=AT, yscale="log", ylim=(8, 400), xlim=(0.5, None))

@@ -48,6 +48,11 @@ def start_excess(data: Data, variant: str) -> pd.Series:
     return errors(data, variant).iloc[:, :WINDOW].median(axis=1) - later_median(data, variant)
 
 
+def last_error(data: Data, variant: str) -> pd.Series:
+    """The position error at the last step of a run (m)."""
+    return data.of(variant, "estimates").sort_values("step").groupby("replicate")["error"].last()
+
+
 def ranges(data: Data, variant: str) -> pd.Series:
     """The mean number of ranges behind the estimate of a step, over the first 20 steps."""
     return _first(data.of(variant, "estimates"), "readings").mean(axis=1)
@@ -148,7 +153,7 @@ def _first(frame: pd.DataFrame, column: str) -> pd.DataFrame:
 
 
 _FUNCTIONS: Final = (
-    mean_error, median_error, later_mean, later_median, start_excess, ranges, vain_growth, least_delay,
+    mean_error, median_error, later_mean, later_median, start_excess, last_error, ranges, vain_growth, least_delay,
     greatest_delay, least_report_delay, greatest_report_delay, fix_bound, computing,
 )  # fmt: skip
 MEASURES: Final = {measure.__name__: measure for measure in _FUNCTIONS}
