@@ -70,7 +70,7 @@ def test_a_scenario_shows_what_its_radio_rests_on_and_what_follows(capsys: pytes
     )
     lines = [" ".join(line.split()) for line in said(capsys, "info", "air.yaml").splitlines()]
     for line in (
-        "radio.sleep 0.0014 W power while off",
+        "radio.sleep 6.6e-05 W power while asleep",
         "max_backoffs 4 macMaxCSMABackoffs: attempts after the first",
         "exponent 2.4 path-loss exponent: 2 in free space",
         # 12 bytes and 17 of preamble, header and checksum at 250 kbit/s

@@ -82,6 +82,30 @@ def test_the_cc2420_draws_what_its_currents_say():
     assert radio.transmit[radio.levels.index(-15)] == pytest.approx(9.9e-3 * 3.3, abs=1e-6)
 
 
+def test_the_cc2420_sleeps_in_power_down_and_in_its_other_states_by_name():
+    """20 uA, 426 uA and 0.02 uA at 3.3 V; the crystal needs 0.86 ms and the regulator 0.6 ms to start (SWRS041)."""
+    radio = sheet("cc2420")
+    assert radio.voltage == 3.3
+    assert radio.sleeping(None) == radio.sleeping("power_down")
+    currents = {"power_down": 20e-6, "idle": 426e-6, "regulator_off": 0.02e-6}
+    assert set(radio.sleep_states) == set(currents)
+    for state, current in currents.items():
+        assert radio.sleeping(state).power == pytest.approx(current * radio.voltage, rel=0.01)
+    idle, down, off = (radio.sleeping(state) for state in ("idle", "power_down", "regulator_off"))
+    assert down.wake - idle.wake == pytest.approx(0.86e-3)
+    assert 256 * 14 * down.power == pytest.approx(0.2365, abs=1e-4), "joules of 256 sleeping radios in 14 s"
+    assert off.wake - down.wake == pytest.approx(0.6e-3)
+    from_idle = idle.wake * idle.wake_power
+    assert down.wake * down.wake_power == pytest.approx(from_idle + 0.86e-3 * idle.power, rel=1e-3)
+    assert off.wake * off.wake_power == pytest.approx(from_idle + 0.86e-3 * idle.power + 0.6e-3 * down.power, rel=1e-3)
+
+
+@pytest.mark.parametrize("missing", ["sleep_powers", "sleep_wakes", "sleep_wake_powers"])
+def test_sleep_states_have_a_value_each(missing):
+    with pytest.raises(ValueError, match=f"sleep_states has 3 items and {missing} 2: one a state"):
+        dataclasses.replace(sheet("cc2420"), **{missing: (0.0, 0.0)})
+
+
 def test_the_processors_cycle_costs_what_it_draws_over_its_rate():
     assert sheet("msp430f1611").cycle == pytest.approx(5.4e-3 / 8e6)
     assert sheet("sa1100").cycle == pytest.approx(0.4 / 206e6)

@@ -195,3 +195,23 @@ def test_a_plugin_model_with_the_former_name_of_mode_power_works_and_is_warned_o
 
 def test_a_model_without_power_over_time_has_none():
     assert continuous_power(object()) is None
+
+
+def test_a_sleep_state_of_the_radio_is_chosen_by_name():
+    radio = radio_of(
+        sleep_states=("idle", "off"),
+        sleep_powers=(1.4e-3, 1e-9),
+        sleep_wakes=(0.2e-3, 2e-3),
+        sleep_wake_powers=(60e-3, 8e-3),
+    )
+    powers = [states(radio=radio, sleep_state=state).mode_power(Mode.ASLEEP).radio for state in (None, "idle", "off")]
+    assert powers == [RADIO.sleep, 1.4e-3, 1e-9]
+    waking = [
+        states(radio=radio, sleep_state=state).switching(Mode.ASLEEP, Mode.DORMANT) for state in (None, "idle", "off")
+    ]
+    assert waking == pytest.approx([0.194e-3 * 62e-3, 0.2e-3 * 60e-3, 2e-3 * 8e-3])
+    assert issues(states(radio=radio, sleep_state="off")) == []
+    ((path, message),) = issues(states(radio=radio, sleep_state="of"))
+    assert (path, message) == ("energy.sleep_state", "'of' is not a sleep state of CC2420 (did you mean 'off'?)")
+    ((path, message),) = issues(states(sleep_state="idle"))
+    assert message == "CC2420 has no sleep states to select: leave it out"

@@ -157,7 +157,7 @@ def test_a_network_that_wakes_no_node_consumes_what_its_schedules_say():
     asleep = 200 * 62.0 - seconds.sum()
     joules = run.summary.joules
     assert joules["idle"] == pytest.approx(seconds.sum() * (62e-3 + 3 * 54.5e-6), rel=1e-9)
-    assert joules["sleep"] == pytest.approx(asleep * (1.4e-3 + 3 * 5.1e-6), rel=1e-9)
+    assert joules["sleep"] == pytest.approx(asleep * (66e-6 + 3 * 5.1e-6), rel=1e-9)
     assert joules["sense"] == pytest.approx(seconds.sum() * 11e-6, rel=1e-9)
     assert changes.sum() > 0 and joules["switch"] > 0
     assert set(joules) == {"idle", "sleep", "sense", "switch"}
@@ -277,7 +277,7 @@ def test_a_run_continues_after_a_moving_head_crashes_at_any_time():
 
 
 def test_nodes_that_run_out_of_charge_die_while_asleep_and_the_ledger_closes():
-    """Half a joule: 8 s of listening, 350 s of sleep."""
+    """Half a joule: 8 s of listening, 6150 s of sleep."""
     energy = {"kind": "states", "radio": "cc2420", "processor": "msp430f1611", "sensing": 11e-6, "battery": 0.5}
     run = Run(scenario(duration=60.0, energy=energy))
     nodes, died = run.table("nodes"), run.summary.run["alive"]
@@ -290,7 +290,7 @@ def test_nodes_that_run_out_of_charge_die_while_asleep_and_the_ledger_closes():
     for node in np.flatnonzero(untouched)[:20]:
         awake, changes = schedule.tally(keys[node : node + 1], np.zeros(1), float(nodes["died_at"][node]))
         asleep = nodes["died_at"][node] - awake[0]
-        drawn = awake[0] * (62e-3 + 163.5e-6 + 11e-6) + asleep * (1.4e-3 + 15.3e-6)
+        drawn = awake[0] * (62e-3 + 163.5e-6 + 11e-6) + asleep * (66e-6 + 15.3e-6)
         assert drawn == pytest.approx(0.5, abs=2e-4 + 1e-4 * changes[0])
     energy_table = run.table("energy")
     spent = np.bincount(energy_table["node"].astype(int), energy_table["joules"], 200)

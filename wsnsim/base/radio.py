@@ -29,7 +29,7 @@ class Mode(IntEnum):
     AWAKE = 1
     """Processor and receiver on."""
     ASLEEP = 2
-    """Processor and radio off."""
+    """Processor and radio asleep."""
     DOWN = 3
     """Crashed or dead: no power."""
     SCHEDULED = 4
@@ -111,7 +111,8 @@ class LinkModel(Protocol):
         Args:
             distances: (n,) lengths in m.
             pairs: (n,) counter keys, equal for both directions of a link.
-            directions: (n,) counter keys of the directions.
+            directions: (n,) counter keys of the directions; those of the two directions of a link are complements (~)
+                of each other.
         """
 
     def reception(self, powers: Floats, bits: float, interference: Floats | float) -> Floats:

@@ -6,7 +6,7 @@ source of each value.
 
 from __future__ import annotations
 
-from typing import Annotated, Final
+from typing import Annotated, Final, NamedTuple
 
 from wsnsim.base.part import Quantity, part
 from wsnsim.models.modulation import Modulation
@@ -14,6 +14,14 @@ from wsnsim.models.modulation import Modulation
 WATTS: Final = Quantity("W", ge=0.0, le=1e3)
 SECONDS: Final = Quantity("s", ge=0.0, le=10.0)
 LEVEL: Final = Quantity("dBm", ge=-200.0, le=60.0)
+
+
+class RadioSleep(NamedTuple):
+    """A sleep state of a radio: its power in W, the time in s to listening, and the mean power in W of that time."""
+
+    power: float
+    wake: float
+    wake_power: float
 
 
 @part
@@ -27,11 +35,11 @@ class RadioSheet:
     listen: Annotated[float, WATTS, "power in idle listening"]
     levels: Annotated[tuple[float, ...], LEVEL, "output powers that can be selected"]
     transmit: Annotated[tuple[float, ...], WATTS, "power while sending, at each of the output powers"]
-    sleep: Annotated[float, WATTS, "power while off"]
-    wake: Annotated[float, SECONDS, "time from off to listening"]
-    wake_power: Annotated[float, WATTS, "power from off to listening"]
-    doze: Annotated[float, SECONDS, "time from listening to off"]
-    doze_power: Annotated[float, WATTS, "power from listening to off"]
+    sleep: Annotated[float, WATTS, "power while asleep"]
+    wake: Annotated[float, SECONDS, "time from asleep to listening, which costs energy and no delay (our choice)"]
+    wake_power: Annotated[float, WATTS, "mean power from asleep to listening"]
+    doze: Annotated[float, SECONDS, "time from listening to asleep"]
+    doze_power: Annotated[float, WATTS, "power from listening to asleep"]
     turnaround: Annotated[float, SECONDS, "time between receiving and sending"]
     turnaround_power: Annotated[float, WATTS, "power between receiving and sending"]
     sensitivity: Annotated[float, LEVEL, "sensitivity of the receiver"]
@@ -39,15 +47,37 @@ class RadioSheet:
         float, LEVEL, "noise floor of the receiver, for information: a link derives its own from the sensitivity"
     ]
     modulation: Annotated[Modulation, "oqpsk: IEEE 802.15.4 at 2.4 GHz; ncfsk: non-coherent FSK"] = "oqpsk"
+    voltage: Annotated[
+        float | None, Quantity("V", ge=0.0, le=100.0), "supply voltage at which the powers hold, for information"
+    ] = None
+    sleep_states: Annotated[tuple[str, ...], "names of the states that `energy.sleep_state` can select"] = ()
+    sleep_powers: Annotated[tuple[float, ...], WATTS, "power in each of the sleep states"] = ()
+    sleep_wakes: Annotated[tuple[float, ...], SECONDS, "time from each sleep state to listening"] = ()
+    sleep_wake_powers: Annotated[tuple[float, ...], WATTS, "mean power from each sleep state to listening"] = ()
 
     def __post_init__(self) -> None:
-        """Raise ValueError if levels and powers do not match."""
+        """Raise ValueError if levels and powers, or the values of the sleep states, do not match."""
         if not self.levels:
             raise ValueError("levels must name at least one output power, such as [0]")
         if len(self.levels) != len(self.transmit):
             raise ValueError(f"levels has {len(self.levels)} items and transmit {len(self.transmit)}: one a level")
         if len(set(self.levels)) < len(self.levels):
             raise ValueError(f"levels names an output power twice: {', '.join(f'{x:g}' for x in self.levels)} dBm")
+        for name in ("sleep_powers", "sleep_wakes", "sleep_wake_powers"):
+            if len(getattr(self, name)) != len(self.sleep_states):
+                count = len(getattr(self, name))
+                raise ValueError(f"sleep_states has {len(self.sleep_states)} items and {name} {count}: one a state")
+
+    def sleeping(self, state: str | None) -> RadioSleep:
+        """The sleep state of a name; None: `sleep`, `wake` and `wake_power`.
+
+        Raises:
+            ValueError: the radio has no such state.
+        """
+        if state is None:
+            return RadioSleep(self.sleep, self.wake, self.wake_power)
+        at = self.sleep_states.index(state)
+        return RadioSleep(self.sleep_powers[at], self.sleep_wakes[at], self.sleep_wake_powers[at])
 
 
 @part

@@ -14,11 +14,11 @@ from collections.abc import Iterator
 from functools import cached_property
 from typing import Annotated, Any, Final
 
-from wsnsim.base.errors import Issue
+from wsnsim.base.errors import Issue, did_you_mean
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.radio import Mode, ModePower
 from wsnsim.base.setups import RadioSetup, Setup
-from wsnsim.models.datasheets import ProcessorSheet, RadioSheet
+from wsnsim.models.datasheets import ProcessorSheet, RadioSheet, RadioSleep
 from wsnsim.models.links import LogNormal
 
 NOTHING: Final = ModePower(0.0, False, 0.0, False)
@@ -129,8 +129,8 @@ class States:
     E_tx = P_tx k / rate at the level of the output power, E_rx = P_rx k / rate, E_cpu = P_run N_c / f. A datasheet does
     not separate electronics and amplifier: sending is booked as electronics, at any distance.
 
-    A dormant node listens while its processor sleeps; asleep, both are off. The power of a processor that wakes is that
-    of one that runs (our choice); crashing and restarting cost nothing (our choice).
+    A dormant node listens while its processor sleeps; asleep, the radio is in its `sleep_state` too. The power of a
+    processor that wakes is that of one that runs (our choice); crashing and restarting cost nothing (our choice).
 
     The battery is two AA cells: 18,720 J, as in Castalia 3.
     """
@@ -140,6 +140,9 @@ class States:
     power: Annotated[float, Quantity("dBm", ge=-200.0, le=60.0), "output power: one of the levels of the radio"] = 0.0
     battery: Annotated[float, Quantity("J", gt=0), "initial charge of a node; .inf for no limit"] = 18_720.0
     sensing: Annotated[float, Quantity("J", ge=0, le=1e6), "energy of one reading"] = 0.0
+    sleep_state: Annotated[
+        str | None, "sleep state of the radio, one of its `sleep_states`; left out: the one that its `sleep` belongs to"
+    ] = None
 
     def transmit(self, bits: float, distance: float) -> tuple[float, float]:
         """(electronics, amplifier) joules of sending `bits`: the amplifier's are zero, at any distance."""
@@ -164,7 +167,7 @@ class States:
             return ModePower(radio.listen, False, processor.sleep, True)
         if mode is Mode.AWAKE:
             return ModePower(radio.listen, False, processor.idle, False)
-        return ModePower(radio.sleep, True, processor.sleep, True) if mode is Mode.ASLEEP else NOTHING
+        return ModePower(self._sleep.power, True, processor.sleep, True) if mode is Mode.ASLEEP else NOTHING
 
     def switching(self, before: Mode, after: Mode) -> float:
         """Joules of a change of mode: starting or stopping the radio, and waking the processor."""
@@ -172,7 +175,7 @@ class States:
             return 0.0
         radio, processor, joules = self.radio, self.processor, 0.0
         if before is Mode.ASLEEP and after is not Mode.ASLEEP:
-            joules += radio.wake * radio.wake_power
+            joules += self._sleep.wake * self._sleep.wake_power
         if after is Mode.ASLEEP and before is not Mode.ASLEEP:
             joules += radio.doze * radio.doze_power
         if after is Mode.AWAKE and before is not Mode.AWAKE:
@@ -188,7 +191,7 @@ class States:
         return cycles / self.processor.rate
 
     def check(self, setup: Setup) -> Iterator[Issue]:
-        """Yield an issue for an output power that the radio lacks, and for a link or a MAC of another radio."""
+        """Yield issues: an output power or a sleep state that the radio lacks, a link or a MAC of another radio."""
         levels = self.radio.levels
         if self.power not in levels:
             nearest = min(levels, key=lambda level: abs(level - self.power))
@@ -202,7 +205,18 @@ class States:
             yield Issue(
                 ("energy", "power"), f"{self.power:g} dBm is not link.power = {link.power:g} dBm: they must agree"
             )
+        yield from self._unknown_sleep_state()
         yield from self._other_radio(setup)
+
+    def _unknown_sleep_state(self) -> Iterator[Issue]:
+        """Yield an issue for a sleep state that the radio lacks."""
+        states, name = self.radio.sleep_states, self.radio.name
+        if self.sleep_state is None or self.sleep_state in states:
+            return
+        message = f"{name} has no sleep states to select: leave it out"
+        if states:
+            message = f"'{self.sleep_state}' is not a sleep state of {name} ({did_you_mean(self.sleep_state, states)})"
+        yield Issue(("energy", "sleep_state"), message)
 
     def _other_radio(self, setup: Setup) -> Iterator[Issue]:
         """Yield an issue for each value of the link or the MAC that differs from the datasheet."""
@@ -219,6 +233,11 @@ class States:
                     (role, name),
                     f"{found} {unit}".strip() + f" is not that of {self.radio.name}: {expected} {unit}".rstrip(),
                 )
+
+    @cached_property
+    def _sleep(self) -> RadioSleep:
+        """The sleep state of the radio."""
+        return self.radio.sleeping(self.sleep_state)
 
     @cached_property
     def _per_bit(self) -> float:

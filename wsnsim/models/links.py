@@ -74,9 +74,9 @@ class Disk:
 class LogNormal:
     """Log-normal shadowing: power falls with the logarithm of the distance, and differs from link to link.
 
-    P = power - loss_at_1m - 10 exponent log10(d / 1 m) + N(0, shadowing²) per link + N(0, asymmetry²) per direction.
-    Distances below 1 m count as 1 m, and both normal variables are truncated at three standard deviations (our
-    choices). They are sampled once per run.
+    P = power - loss_at_1m - 10 exponent log10(d / 1 m) + N(0, shadowing²) ± N(0, asymmetry²) / 2, with one sample of
+    each per link; the sign of the second differs between the two directions. Distances below 1 m count as 1 m, and both
+    normal variables are truncated at three standard deviations (our choices). They are sampled once per run.
 
     A frame arrives if none of its bits is wrong. The bit error rate is that of the modulation at the ratio of signal to
     noise and interference. The noise follows from the receiver's `sensitivity`, as the standard defines it: 1 % of the
@@ -85,21 +85,32 @@ class LogNormal:
     With `interference: overlap`, overlapping frames are both lost where both are heard. With `sinr`, overlapping frames
     add to the noise, and the stronger one may survive (capture).
 
+    The channel is busy during a transmission that arrives with `carrier_sense` or more (CCA mode 1 of the standard), or
+    that is recognised as a frame because it arrives with the sensitivity or more (mode 2), or in both cases (mode 3).
+    Our choice is that a frame is recognised whether or not the radio has heard its beginning.
+
     A power is heard (otherwise it is -inf) if the shortest frame arrives once in a thousand times, or if the channel is
     sensed busy; with `sinr` also if it raises the noise by a tenth (our choices).
 
     Source: Zuniga, Krishnamachari (2004), "Analyzing the transitional region in low power wireless links", for path
-    loss and reception; IEEE 802.15.4-2006, 6.1.7 (sensitivity), annex E.4.1.8 (bit error rate). Defaults of the path:
-    Castalia 3's (55 dB at 1 m, 2.4, 4 dB, 1 dB).
+    loss and reception; IEEE 802.15.4-2006, 6.1.7 (sensitivity), 6.9.9 (CCA modes), annex E.4.1.8 (bit error rate).
+    Defaults of the path: Castalia 3's (55 dB at 1 m, 2.4, 4 dB, 1 dB), which also halves the sample of the asymmetry.
+    Defaults of the assessment: TI SWRS041 (CC2420), CCA_THR = -32 in register RSSI with an offset of -45 dBm, and
+    CCA_MODE = 3 in register MDMCTRL0.
     """
 
     power: Annotated[float, LEVEL, "transmit power"] = 0.0
     loss_at_1m: Annotated[float, Quantity("dB", ge=0.0, le=200.0), "path loss at 1 m"] = 55.0
     exponent: Annotated[float, Quantity("", ge=1.0, le=10.0), "path-loss exponent: 2 in free space"] = 2.4
     shadowing: Annotated[float, SPREAD, "standard deviation of the path loss from link to link"] = 4.0
-    asymmetry: Annotated[float, SPREAD, "standard deviation between the two directions of a link"] = 1.0
+    asymmetry: Annotated[float, SPREAD, "standard deviation of the difference between the two directions of a link"] = (
+        1.0
+    )
     sensitivity: Annotated[float, LEVEL, "received power at which 1 % of frames of 20 bytes are lost"] = -95.0
-    carrier_sense: Annotated[float, LEVEL, "received power from which the channel is busy"] = -95.0
+    carrier_sense: Annotated[float, LEVEL, "received power from which the channel is busy in CCA modes 1 and 3"] = -77.0
+    cca_mode: Annotated[
+        int, Quantity("", ge=1, le=3), "what makes the channel busy; 1: power, 2: a frame that is recognised, 3: either"
+    ] = 3
     interference: Annotated[Literal["overlap", "sinr"], "effect of overlapping frames on each other"] = "overlap"
     modulation: Annotated[Modulation, "oqpsk: IEEE 802.15.4 at 2.4 GHz; ncfsk: non-coherent FSK"] = "oqpsk"
 
@@ -118,7 +129,7 @@ class LogNormal:
     @property
     def audible(self) -> float:
         """The distance in m beyond which no node hears another, even over the strongest link."""
-        return self._distance(self.floor - MOST_DEVIATIONS * (self.shadowing + self.asymmetry))
+        return self._distance(self.floor - MOST_DEVIATIONS * (self.shadowing + self.asymmetry / 2.0))
 
     @cached_property
     def noise(self) -> float:
@@ -131,7 +142,7 @@ class LogNormal:
         least = self.noise * snr_for(LEAST_SUCCESS, SHORTEST_BITS, self.modulation)
         if self.captures:
             least = min(least, self.noise * LEAST_DISTURBANCE)
-        return min(10.0 * float(np.log10(least)), self.carrier_sense)
+        return min(10.0 * float(np.log10(least)), self._busy_from)
 
     def powers(self, distances: Floats, pairs: Keys, directions: Keys) -> Floats:
         """(n,) received power in dBm over links of these lengths; -inf where it is below the floor."""
@@ -139,7 +150,7 @@ class LogNormal:
         if self.shadowing:
             powers += self.shadowing * truncated_normals(pairs)
         if self.asymmetry:
-            powers += self.asymmetry * truncated_normals(directions)
+            powers += self.asymmetry * _antisymmetric_halves(directions)
         return np.where(powers >= self.floor, powers, -np.inf)
 
     def reception(self, powers: Floats, bits: float, interference: Floats | float) -> Floats:
@@ -152,7 +163,13 @@ class LogNormal:
 
     def senses(self, powers: Floats) -> Bools:
         """(n,) whether a node that receives these powers takes the channel for busy."""
-        return np.asarray(powers) >= self.carrier_sense
+        return np.asarray(powers) >= self._busy_from
+
+    @property
+    def _busy_from(self) -> float:
+        """The received power in dBm from which the channel is busy."""
+        thresholds = {1: self.carrier_sense, 2: self.sensitivity}
+        return thresholds.get(self.cca_mode, min(self.carrier_sense, self.sensitivity))
 
     def check(self, setup: Setup) -> Iterator[Issue]:
         """Yield an issue if the mean power at 1 m is below the sensitivity."""
@@ -198,6 +215,16 @@ class GreedyGeographic:
     """
 
     weight: ClassVar[str] = "greedy"
+
+
+def _antisymmetric_halves(directions: Keys) -> Floats:
+    """(n,) halves of standard normals; the sign of one direction is the opposite of that of the other.
+
+    The keys of the two directions of a link are complements of each other.
+    """
+    others = ~directions
+    halves = 0.5 * truncated_normals(np.minimum(directions, others))
+    return np.where(directions < others, halves, -halves)
 
 
 def _milliwatts(level: float) -> float:

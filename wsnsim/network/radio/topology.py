@@ -154,5 +154,6 @@ class Topology:
         distances = np.sqrt(apart[:, 0] ** 2 + apart[:, 1] ** 2)
         low, high = np.minimum(sources, ids), np.maximum(sources, ids)
         pairs = derive_each(derive_all(self._pairs, low), high.astype(np.uint64))
-        directions = derive_each(derive_all(self._directions, sources), ids.astype(np.uint64))
+        links = derive_each(derive_all(self._directions, low), high.astype(np.uint64))
+        directions = np.where(sources == low, links, ~links)
         return self.link.powers(distances, pairs, directions)
