@@ -62,6 +62,7 @@ def test_the_defaults_are_the_standards_in_symbols():
     assert (mac.min_be, mac.max_be, mac.max_backoffs, mac.max_retries, mac.acks) == (3, 5, 4, 3, True)
     assert (mac.mechanism, Tdma().mechanism, IdealMac().mechanism) == ("csma", "tdma", "ideal")
     assert IdealMac().rate is None
+    assert Tdma().contention == pytest.approx(440 * SYMBOL), "aMinCAPLength"
 
 
 def test_a_slot_holds_its_frame_between_two_guards_and_the_acknowledgement_if_there_is_one():
@@ -86,6 +87,7 @@ def test_the_defaults_have_no_issues(mac):
         (Csma(header=30, max_psdu=30), "mac.header", "mac.max_psdu = 30"),
         (Csma(max_psdu=22), "mac.max_psdu", "a packet of 96 bits does not fit a frame, which carries 88 bits"),
         (Csma(ack_wait=500e-6), "mac.ack_wait", "at least 0.000544 s"),
+        (Tdma(ack_wait=500e-6), "mac.ack_wait", "outside slots"),
         (Tdma(slot=1.4e-3), "mac.slot", "at least 0.001428 s"),
         (Tdma(max_be=2), "mac.max_be", "less than mac.min_be = 3"),
     ],
@@ -98,7 +100,6 @@ def test_contradictions_in_a_mac_are_issues(mac, path, words):
 
 def test_without_acknowledgements_no_wait_is_needed():
     assert issues(Csma(ack_wait=500e-6, acks=False)) == []
-    assert issues(Tdma(ack_wait=500e-6)) == []
 
 
 @pytest.mark.parametrize("mac", [IdealMac(rate=250e3), Csma()])

@@ -1,13 +1,14 @@
-"""TDMA inside clusters: no collisions and no overhearing among members; CSMA/CA elsewhere."""
+"""TDMA inside clusters: no collisions and no overhearing among members; CSMA/CA elsewhere, outside the slots."""
 
 import numpy as np
 import pytest
 
 from tests.network.radio_network import RadioNetwork
+from wsnsim import load, simulate
 from wsnsim.base.frames import full_burst
 from wsnsim.base.radio import Mode
 from wsnsim.base.requests import PACKET_BITS, Parcel
-from wsnsim.base.tables import CAUSE
+from wsnsim.base.tables import CAUSE, KIND, Memory
 from wsnsim.models.access import Csma, Tdma
 from wsnsim.models.energy import FirstOrder
 from wsnsim.models.links import Disk
@@ -34,7 +35,8 @@ def test_a_round_has_one_slot_per_frame_and_the_schedule_is_announced_once():
     gather(network)
     began = network.env.now
     gather(network)
-    assert network.env.now - began == pytest.approx(8 * Tdma().slot_needed(29 * 8), rel=1e-9)
+    took = Tdma().contention + 8 * Tdma().slot_needed(29 * 8)
+    assert network.env.now - began == pytest.approx(took, rel=1e-9)
     assert sum(row["peer"] == -1 for row in network.rows("send")) == 1
     gather(network, sources=range(1, 5))
     assert sum(row["peer"] == -1 for row in network.rows("send")) == 1, "fewer members need no new schedule"
@@ -48,7 +50,7 @@ def test_members_do_not_overhear_each_other_but_other_nodes_do():
 
 
 def test_members_turn_the_radio_off_in_the_slots_of_others():
-    network = RadioNetwork(STAR, mac=Tdma(), energy=FirstOrder(idle=0.06, sleep=0.001, battery=100.0))
+    network = RadioNetwork(STAR, mac=Tdma(contention=0.0), energy=FirstOrder(idle=0.06, sleep=0.001, battery=100.0))
     gather(network)
     began, before = network.env.now, network.nodes.totals_now()
     gather(network)
@@ -98,7 +100,7 @@ def test_a_frame_without_acknowledgement_gets_another_slot_at_the_end():
 def test_a_burst_has_one_slot_per_frame_and_a_long_frame_several_slots_of_fixed_length():
     network = RadioNetwork(STAR, mac=Tdma())
     assert [burst.packets for burst in gather(network, sources=[1, 2], packets=5)] == [5, 5]
-    fixed = RadioNetwork(STAR, mac=Tdma(slot=2e-3))
+    fixed = RadioNetwork(STAR, mac=Tdma(slot=2e-3, contention=0.0))
     gather(fixed, sources=[1])
     began = fixed.env.now
     burst = full_burst(1, 0, Parcel("long", 1, 800, "reading"), 0)
@@ -149,3 +151,91 @@ def test_two_clusters_of_one_head_keep_each_others_schedule():
         gather(network, sources=range(1, 5))
         gather(network, sources=range(5, 9))
     assert sum(row["peer"] == -1 for row in network.rows("send")) == 2
+
+
+def joins(network, sources, head=0):
+    """Send a join from each source, outside slots."""
+    bursts = [full_burst(node, head, Parcel(None, 1, PACKET_BITS, "join"), 0) for node in sources]
+    network.env.run(until=network.mac.send(bursts))
+    return bursts
+
+
+def test_joins_contend_with_acknowledgements_and_retries_though_slots_have_none():
+    ring = [(0, 0), *((40 * np.cos(a), 40 * np.sin(a)) for a in np.linspace(0, 6, 16))]
+    arrived = {}
+    for mac in (Tdma(), Csma(acks=False), Csma()):
+        networks = [RadioNetwork(ring, mac=mac, seed=seed) for seed in range(10)]
+        arrived[mac] = sum(burst.packets for network in networks for burst in joins(network, range(1, 17)))
+    assert arrived[Tdma()] > 140 > 100 > arrived[Csma()] > arrived[Csma(acks=False)], "of 160"
+    network = RadioNetwork(ring, mac=Tdma())
+    gather(network, range(1, 17))
+    assert not any(network.memory.words.all()[int(row["what"])] == "ack" for row in network.rows("send"))
+
+
+CHAIN = [*STAR, (0, 60), (0, 120)]
+"""A cluster around node 0; node 9 hears its head, node 10 hears node 9 but not the head."""
+
+
+def relayed_during_a_round(mac, source, to, **components):
+    """A network whose members send readings in slots while `source` sends frames to `to` all the time."""
+    network = RadioNetwork(CHAIN, mac=mac, **components)
+    gather(network)
+    relayed = []
+    for at in np.arange(0.0, 0.1, 2e-3):
+        burst = full_burst(source, to, Parcel(None, 1, PACKET_BITS, "report"), 0)
+        relayed.append(burst)
+        network.at(network.env.now + at, lambda burst=burst: network.mac.send([burst]))
+    network.at(network.env.now + 0.05, lambda: None)
+    rounds = [gather(network) for _ in range(5)]
+    network.env.run(until=network.env.now + 0.3)
+    return network, [burst.packets for readings in rounds for burst in readings], [b.packets for b in relayed]
+
+
+@pytest.mark.parametrize(("source", "to"), [(9, 10), (1, 9), (0, 9)], ids=["neighbour", "member", "head"])
+def test_relays_wait_for_the_end_of_a_round_and_get_through_between_rounds(source, to):
+    network, readings, relayed = relayed_during_a_round(Tdma(), source, to)
+    assert all(readings) and network.counters.collided == 0
+    assert sum(relayed) >= 48, "of 50: rounds that follow each other leave a contention period"
+
+
+def test_only_nodes_in_range_of_the_head_or_a_member_hold_frames_back():
+    ends = []
+    for source in (9, 11):
+        network = RadioNetwork([*CHAIN, (0, 180)], mac=Tdma())
+        gather(network)
+        report = full_burst(source, 10, Parcel(None, 1, PACKET_BITS, "report"), 0)
+        network.env.run(until=network.env.now + 0.1)
+        began = network.env.now
+        gathering = network.mac.send(
+            [full_burst(node, 0, Parcel("reading", 1, PACKET_BITS, "reading"), 0) for node in range(1, 9)], 0
+        )
+        network.env.run(until=network.mac.send([report]))
+        ends.append(network.env.now - began)
+        network.env.run(until=gathering)
+        assert report.packets == 1
+    round_ = 8 * Tdma().slot_needed(29 * 8)
+    assert ends[0] > round_ > 5e-3 > ends[1]
+
+
+def test_a_round_begins_after_the_exchange_that_is_under_way():
+    network = RadioNetwork(CHAIN, mac=Tdma(contention=0.0, min_be=0))
+    gather(network)
+    began, report = network.env.now, full_burst(9, 10, Parcel(None, 1, PACKET_BITS, "report"), 0)
+    network.mac.send([report])
+    network.env.run(until=began + 1e-3)
+    assert all(burst.packets for burst in gather(network)) and report.packets == 1
+    mac, slots = Tdma(), 8 * Tdma().slot_needed(29 * 8)
+    exchange = mac.cca + mac.turnaround + mac.airtime(29 * 8) + mac.ack_wait
+    assert network.env.now - began == pytest.approx(exchange + slots, rel=1e-6)
+
+
+def test_joins_of_a_tracking_network_arrive_and_no_frame_collides_in_a_slot():
+    memory = Memory({"events": True, "clusters": True})
+    simulate(load("ekf_real", ["duration=3 s"]), recorder=memory)
+    events, words = memory.table("events"), memory.words.all()
+    what = np.array([words[int(code)] for code in events["what"]])
+    kinds = {name: events["kind"] == KIND[name] for name in ("send", "join", "collide")}
+    wanted = len(np.unique(events["sequence"][kinds["send"] & (what == "join")]))
+    members = memory.table("clusters")["members"]
+    assert kinds["join"].sum() >= 0.9 * wanted > 0 and members.mean() > 7
+    assert (kinds["collide"] & (what == "reading")).sum() <= 0.002 * (kinds["send"] & (what == "reading")).sum()

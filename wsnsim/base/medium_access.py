@@ -79,17 +79,19 @@ class ContendingMac(FramedMac, Protocol):
 
 
 class SlottedMac(ContendingMac, Protocol):
-    """TDMA inside clusters, CSMA/CA elsewhere.
+    """TDMA inside clusters, CSMA/CA elsewhere. `acks` is about unicasts in slots; those outside always have them.
 
     Attributes:
         guard: Silence at both ends of a slot, in s.
         slot: Length of a slot in s; None: as long as needed.
         schedule_bits: Bits of one entry in the schedule that the head broadcasts.
+        contention: Shortest time between two rounds of a head, in s.
     """
 
     guard: float
     slot: float | None
     schedule_bits: int
+    contention: float
 
     def slot_needed(self, bits: int) -> float:
         """Seconds of a slot for a frame of this length: turnaround, acknowledgement and guards included."""

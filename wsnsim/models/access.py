@@ -95,14 +95,19 @@ class Framed:
     def check(self, setup: Setup) -> Iterator[Issue]:
         """Yield issues: frames too small, too short a wait for acknowledgements, a rate that is not the radio's."""
         yield from self._too_small(setup)
+        if self.acks:
+            yield from self._short_wait("or acks: false")
+        yield from _other_rate(self.rate, setup)
+
+    def _short_wait(self, otherwise: str) -> Iterator[Issue]:
+        """Yield an issue if an acknowledgement arrives after the wait for it."""
         needed = self.turnaround + self.airtime(self.ack_bits)
-        if self.acks and self.ack_wait < needed:
+        if self.ack_wait < needed:
             yield Issue(
                 ("mac", "ack_wait"),
                 f"{self.ack_wait:g} s is over before an acknowledgement of {self.ack_bytes} bytes at {self.rate:g} "
-                f"bit/s has arrived: at least {needed:g} s are needed, or acks: false",
+                f"bit/s has arrived: at least {needed:g} s are needed, {otherwise}",
             )
-        yield from _other_rate(self.rate, setup)
 
     def _too_small(self, setup: Setup) -> Iterator[Issue]:
         """Yield issues: a frame that cannot carry any payload, or not what the scenario sends in one frame."""
@@ -147,7 +152,11 @@ class Tdma(Csma):
     """TDMA inside clusters, with slots given by the head; frames outside a schedule use CSMA/CA, as in `Csma`.
 
     The head broadcasts the schedule, with `schedule_bits` per entry. Frames in slots cannot collide inside the cluster
-    and are not acknowledged by default.
+    and are not acknowledged by default. Frames outside slots (joins, handovers, relayed datagrams) are always
+    acknowledged. With each retransmission BE grows, too, so that the many joins that answer one announcement spread:
+    hence the largest `max_be` and `max_retries` of the standard. A node in range of the head or of a member with a slot
+    holds such frames back until the round has ended. Rounds of one head are `contention` apart, so that these frames
+    get their turn; the default is aMinCAPLength, 440 symbols. These rules are ours.
 
     A slot begins and ends with a `guard` (our choice, 0.25 ms). Two clocks of ±90 ppm (three standard deviations of
     30 ppm) differ by 0.18 ms after one second, so that the two guards between neighbouring frames suffice for 2.8 s
@@ -156,11 +165,16 @@ class Tdma(Csma):
     misses its slot.
 
     Source: LEACH, Heinzelman, Chandrakasan, Balakrishnan (2002), section III: set-up by CSMA, then TDMA in the cluster.
+    Contention period: IEEE 802.15.4-2006, 5.5.1; aMinCAPLength 7.4.1; macMaxBE and macMaxFrameRetries 7.4.2.
     """
 
     mechanism: ClassVar[str] = "tdma"
 
-    acks: Annotated[bool, "whether the receiver acknowledges a unicast"] = False
+    acks: Annotated[bool, "whether the receiver acknowledges a unicast in a slot; outside slots it always does"] = False
+    max_be: Annotated[int, Quantity("", ge=0, le=16), "largest backoff exponent"] = 8
+    max_retries: Annotated[
+        int, Quantity("", ge=0, le=100), "how often a frame is sent again without an acknowledgement"
+    ] = 7
     guard: Annotated[float, Quantity("s", ge=0.0, le=10.0), "silence at both ends of a slot"] = 0.25e-3
     slot: Annotated[
         float | None,
@@ -168,6 +182,11 @@ class Tdma(Csma):
         "length of a slot; left out: as long as the longest frame of its round needs",
     ] = None
     schedule_bits: Annotated[int, Quantity("", ge=1, le=1000), "bits of one entry of the schedule"] = 16
+    contention: Annotated[
+        float,
+        Quantity("s", ge=0.0, le=10.0),
+        "shortest time between two rounds of slots, in which other frames contend",
+    ] = 7.04e-3
 
     def slot_needed(self, bits: float) -> float:
         """Seconds of a slot for a frame of this length on the air: guards, airtime, acknowledgement if any."""
@@ -177,6 +196,8 @@ class Tdma(Csma):
     def check(self, setup: Setup) -> Iterator[Issue]:
         """Yield the issues of `Csma`, and one if a slot is too short for a packet of 12 bytes."""
         yield from Csma.check(self, setup)
+        if not self.acks:
+            yield from self._short_wait("as frames outside slots are acknowledged")
         needed = self.slot_needed(self.bits(PACKET_BITS))
         if self.slot is not None and self.slot < needed:
             guards = f"its guards of {self.guard:g} s" + (" and its acknowledgement" if self.acks else "")

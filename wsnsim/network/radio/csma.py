@@ -16,6 +16,7 @@ import simpy
 from wsnsim.base.frames import EVERYONE, SEND, Burst, MacFrame, OfferedFrame, Received
 from wsnsim.base.medium_access import ContendingMac
 from wsnsim.base.rng import GOLDEN, MASK, derive, mix
+from wsnsim.network.radio.contention_periods import ContentionPeriods
 from wsnsim.network.radio.mac_services import NetworkMacServices
 from wsnsim.network.radio.transmission import Transmission
 
@@ -65,15 +66,26 @@ class _Sender:
 
 
 class CsmaMechanism:
-    """CSMA/CA of all nodes on one channel."""
+    """CSMA/CA of all nodes on one channel.
 
-    def __init__(self, mac: ContendingMac, services: NetworkMacServices) -> None:
+    Args:
+        mac: The parameters.
+        services: The services of the network.
+        periods: When nodes may contend, beside slots; None: always. With them, unicasts are always acknowledged, and BE
+            grows by one with each retransmission of a frame, too.
+    """
+
+    def __init__(
+        self, mac: ContendingMac, services: NetworkMacServices, periods: ContentionPeriods | None = None
+    ) -> None:
         self._services = services
         self._env = services.radio.env
         self._nodes = services.radio.nodes
         self._log = services.radio.log
         self._counters = services.counters
         self._mac = mac
+        self._acks = mac.acks or periods is not None
+        self._periods = periods
         self._key = services.key("mac")
         self._senders: dict[int, _Sender] = {}
         self._log.code("no_channel")  # Registered first, so that the codes in result files stay the same.
@@ -140,6 +152,8 @@ class CsmaMechanism:
     def _contend(self, sender: _Sender) -> None:
         sender.attempts = 0
         sender.exponent = self._mac.min_be
+        if self._periods is not None and sender.frame is not None:  # Answers to one announcement collide otherwise.
+            sender.exponent = min(sender.exponent + sender.frame.retries, self._mac.max_be)
         self._back_off(sender, max(sender.free_at - self._env.now, 0.0))
 
     def _back_off(self, sender: _Sender, pause: float = 0.0) -> None:
@@ -155,11 +169,10 @@ class CsmaMechanism:
 
     def _assess(self, timeout: simpy.Event) -> None:
         sender: Any = timeout.value
-        if sender.stopped:
+        if sender.stopped or (self._periods is not None and self._is_held_back(sender, self._periods)):
             return
         if not self.channel.is_busy(sender.node):
-            sender.frame.owner = sender
-            self.channel.transmit(sender.node, sender.frame, self._sent)
+            self._transmit(sender)
             return
         sender.attempts += 1
         sender.exponent = min(sender.exponent + 1, self._mac.max_be)
@@ -170,13 +183,36 @@ class CsmaMechanism:
             self._services.log_drop(sender.node, sender.frame, "no_channel")
             self._finish(sender, True if sender.received else None)
 
+    def _is_held_back(self, sender: _Sender, periods: ContentionPeriods) -> bool:
+        """Whether a sender must wait for the end of a round of slots; then it backs off again, and tries as often."""
+        reopens = periods.closed_until(sender.node)
+        if reopens is None:
+            return False
+        reopens.callbacks.append(lambda _: self._resume(sender))
+        return True
+
+    def _resume(self, sender: _Sender) -> None:
+        """Back off again: the round is over that held a frame back."""
+        if not sender.stopped:
+            self._back_off(sender)
+
+    def _transmit(self, sender: _Sender) -> None:
+        """Send a frame, followed by its acknowledgement."""
+        frame, mac = sender.frame, self._mac
+        assert frame is not None
+        frame.owner = sender
+        if self._periods is not None:
+            answer = 0.0 if frame.to == EVERYONE else mac.ack_wait
+            self._periods.note_exchange((sender.node, frame.to), mac.turnaround + mac.airtime(frame.bits) + answer)
+        self.channel.transmit(sender.node, frame, self._sent)
+
     def _sent(self, transmission: Transmission, received: Received) -> None:
         """Finish a frame that was sent, or send its acknowledgement; if none will come, wait until it is overdue."""
         frame = transmission.frame
         sender: _Sender = frame.owner
         if sender.stopped:
             return
-        if frame.to == EVERYONE or not self._mac.acks:
+        if frame.to == EVERYONE or not self._acks:
             self._finish(sender, received)
         elif received and not self.channel.is_sending(frame.to):
             sender.received = True

@@ -3,9 +3,11 @@
 When the members of a head change, it broadcasts a schedule. A member that receives it knows the slots, and turns the
 radio off in those of others. A round has one slot per frame, in the order of the schedule, with a guard at both ends
 of each slot. A member whose clock has drifted by more than the guard since the schedule misses its slot. Elections,
-announcements, relayed datagrams and handovers belong to no cluster and use CSMA/CA.
+announcements, joins, relayed datagrams and handovers belong to no schedule and use CSMA/CA, with acknowledgements and
+retransmissions. They keep out of the slots: see `contention_periods`.
 
-Source: Heinzelman, Chandrakasan, Balakrishnan (2002), sections III-B and III-C; acknowledgements and guards are ours.
+Source: Heinzelman, Chandrakasan, Balakrishnan (2002), sections III-B and III-C; acknowledgements, guards and contention
+periods are ours. LEACH gives each cluster a spreading code of its own; here the slots of two clusters may collide.
 """
 
 from __future__ import annotations
@@ -22,6 +24,7 @@ from wsnsim.base.arrays import Ints
 from wsnsim.base.frames import EVERYONE, SEND, Burst, MacFrame, Received, full_burst
 from wsnsim.base.medium_access import SlottedMac
 from wsnsim.base.requests import Parcel
+from wsnsim.network.radio.contention_periods import ContentionPeriods
 from wsnsim.network.radio.csma import CsmaMechanism
 from wsnsim.network.radio.mac_services import NetworkMacServices
 from wsnsim.network.radio.transmission import Transmission
@@ -60,7 +63,8 @@ class TdmaMechanism:
         self._counters = services.counters
         self._clocks = services.clocks
         self._mac = mac
-        self._csma = CsmaMechanism(mac, services)
+        self._periods = ContentionPeriods(self._env)
+        self._csma = CsmaMechanism(mac, services, self._periods)
         self._channel = self._csma.channel
         self._schedules: dict[int, dict[int, float]] = {}
         """{head: {member that knows the schedule: how far its clock was ahead of the head's, in s}}"""
@@ -84,14 +88,23 @@ class TdmaMechanism:
         self._csma.silence(node)
 
     def _round(self, head: int, bursts: Sequence[Burst], previous: simpy.Event | None) -> Round:
-        """One slot per frame; a frame without acknowledgement gets another slot at the end."""
+        """One round: after the one before, its contention period, and the schedule if a member does not know it."""
         if previous is not None and not previous.processed:
             yield previous
         members = {node for burst in bursts for node in (burst.source, burst.to)} - {head}
         if not members <= self._schedules.get(head, {}).keys():
             yield from self._announce(head, members)
+        if left := self._periods.left(head, self._mac.contention):
+            yield self._env.timeout(left)
+        if exchanges := self._periods.close(head):
+            yield self._env.timeout(exchanges)
         slots = deque(self._slots(head, bursts))
-        scheduled = np.array(sorted(members & self._schedules[head].keys()), dtype=np.int64)
+        scheduled = np.array(sorted(members & self._schedules.get(head, {}).keys()), dtype=np.int64)
+        yield from self._all_slots(slots, scheduled)
+        self._periods.reopen(head)
+
+    def _all_slots(self, slots: deque[_Slot], scheduled: Ints) -> Round:
+        """One slot per frame; a frame without acknowledgement gets another slot at the end."""
         length = self._slot_length([slot.frame for slot in slots])
         while slots:
             slot = slots.popleft()
@@ -114,6 +127,8 @@ class TdmaMechanism:
         for node in members & burst.received.keys():
             if burst.received[node].all():
                 schedule[node] = self._clock_offset(head, node)
+        neighbours = self._services.radio.topology.neighbours
+        self._periods.inform(head, set().union(*(neighbours(node).id_list for node in [head, *schedule])))
 
     def _clock_offset(self, head: int, node: int) -> float:
         """By how much a node's clock is ahead of the head's, in s."""
