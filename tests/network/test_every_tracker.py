@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from wsnsim import experiment, scenario
-from wsnsim.base.tables import Memory
+from wsnsim.base.tables import KIND, Memory
 from wsnsim.scenario.registry import ROLES
 
 OTHERS = {"grid", "trilateration", "gmtt", "tsstp", "cluster", "ris"}  # one column, or distances: not on this field
@@ -37,6 +37,16 @@ def test_on_jiangs_field_with_a_lossy_radio(kind: str) -> None:
     fewer = [] if kind in ("ekf", "rkf", "imsf") else ["tracker.particles=60"]
     changes = f"tracker.kind={kind}", "duration=6 s", "link.loss=0.2", *fewer
     assert_valid_run(*simulated("jiang_field", *changes))
+
+
+@pytest.mark.parametrize("kind", ["pso_mhpf", "ipf", "ppf"])
+def test_in_an_open_cluster_whose_particles_travel_over_lossy_relays(kind: str) -> None:
+    changes = f"tracker.kind={kind}", "tracker.particles=60", "clusters.kind=central", "duration=6 s", "link.loss=0.2"
+    memory, _ = simulated("jiang_field", *changes)
+    estimates = memory.table("estimates")
+    known = np.isfinite(estimates["issued"])
+    assert known.mean() > 0.5 and np.isfinite(estimates["error"][known]).all()
+    assert (memory.table("events")["kind"] == KIND["relay"]).any()
 
 
 @pytest.mark.parametrize("kind", [kind for kind in LINE if kind != "grid"])

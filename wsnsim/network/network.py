@@ -39,8 +39,10 @@ class Sensors:
 class Network(ABC):
     """A network: its nodes, their radio stack, the faults, and how nodes go down and come back.
 
-    A subclass defines what happens in a step and how a death is logged.
+    A subclass defines what happens in a step and how a death is logged, and makes the faults.
     """
+
+    _faults: FaultSchedule
 
     def __init__(
         self, setup: RadioSetup, replicate: int, sensors: Sensors, streams: Streams, recorder: Recorder,
@@ -52,7 +54,6 @@ class Network(ABC):
         self._event_log = log = EventLog(recorder, replicate)
         self._stack = stack = make_radio_stack(setup, sensors.positions, sensors.traits, streams, log, count_links)
         self._env, self._nodes = stack.radio.env, stack.radio.nodes
-        self._nodes.on_death = self._handle_death
         self._clock = StepClock(self._env, setup.dt)
         self._router = Router(stack.radio, setup.routing.weight, setup.link.audible)
         self._transport = Transport(stack.radio, stack.mac, self._router)
@@ -65,6 +66,13 @@ class Network(ABC):
         control = NodeControl(self._crash, self._restart, head_of)
         site = FaultSite(self._env, self._nodes, self._event_log, self._stack.clocks, control, defects)
         return FaultSchedule(self._setup.faults, site, key, self._setup.dt)
+
+    def _start(self) -> None:
+        """Take down the nodes that died while the network was built, and begin with the faults."""
+        self._nodes.on_death = self._handle_death
+        for node in self._nodes.died_early:
+            self._handle_death(node)
+        self._faults.start()
 
     def _run_until(self, ended: simpy.Event) -> NetworkOutcome:
         """Run until an event, and return the outcome. Errors name the seed, the run and the simulated time."""

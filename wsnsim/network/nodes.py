@@ -36,7 +36,8 @@ class Nodes:
         all_listen: Whether all nodes are up and listen.
         jammed, loss: (N,) radios that faults jam, and the probability that faults lose a frame from or to a node.
         disturbed: Whether any node is jammed or loses frames.
-        on_death: Called with a node at the instant at which its battery is empty; `died_at` holds that time.
+        on_death: Called with a node at the instant at which its battery is empty; `died_at` holds that time. Until it
+            is set, nodes that die are noted in `died_early`.
     """
 
     def __init__(
@@ -56,7 +57,8 @@ class Nodes:
         self.disturbed = False
         self.died_at: dict[int, float] = {}
         self.ledger = EnergyLedger(size)
-        self.on_death: Callable[[int], None] = lambda node: None
+        self.died_early: list[int] = []
+        self.on_death: Callable[[int], None] = self.died_early.append
         self.duty_cycles = DutyCycles() if duty_cycles is None else duty_cycles
         self.follows_schedules = self.duty_cycles.rest is Mode.SCHEDULED
         self.all_listen = not self.follows_schedules

@@ -111,7 +111,7 @@ class World(Network):
 
     def run(self, progress: OnTime | None = None) -> NetworkOutcome:
         """Run to the end and return the outcome. Errors name the seed, the run and the simulated time."""
-        self._faults.start()
+        self._start()
         steps = self._env.process(self._run_steps(progress))
         outcome = self._run_until(self._env.any_of([steps, self._coordination.ended]))
         return replace(

@@ -248,12 +248,14 @@ class PsoMhpf:
     ) -> Spread:
         """Local estimates by their share of the particles, the shares renormalised over those that arrived.
 
-        The covariance is the spread of the local means plus that of one cloud: the head's own, or where it has none,
-        the last it had, predicted.
+        A report of particles that the head does not know of is left out. The covariance is the spread of the local
+        means plus that of one cloud: the head's own, or where it has none, the last it had, predicted.
         """
         packets = state_packets(belief.mean.size)
         reports = {
-            node: (report, mask) for node, (report, mask) in answer.items() if is_whole(mask) or mask[:packets].all()
+            node: (report, mask)
+            for node, (report, mask) in answer.items()
+            if deal.held.get(node) and (is_whole(mask) or mask[:packets].all())
         }
         if not reports:
             return only_predicted(belief, deal, scene)
@@ -265,7 +267,7 @@ class PsoMhpf:
                 return Spread(mean, symmetric(spread + within), within, deal, scene.head)
         own = answer[scene.head][0].own if scene.head in answer else None
         within = within_predicted(belief, scene) if own is None else own.cov
-        shares = np.array([deal.held.get(node, 0) for node in reports], dtype=np.float64)
+        shares = np.array([deal.held[node] for node in reports], dtype=np.float64)
         mean, cov = fuse(means, shares, within)
         return Spread(mean, cov, within, deal, scene.head, own.effective if own else math.nan)
 

@@ -86,7 +86,7 @@ class WorkloadWorld(Network):
 
     def run(self, progress: OnTime | None = None) -> NetworkOutcome:
         """Run to the end and return the outcome. Errors name the seed, the run and the simulated time."""
-        self._faults.start()
+        self._start()
         self.workload.begin()
         return self._run_until(self._env.process(self._run_steps(progress)))
 
