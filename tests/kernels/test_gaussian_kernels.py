@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from wsnsim.base.rng import derive_all
-from wsnsim.kernels.gaussian import cholesky, fit, log_density, predict, sample, update
+from wsnsim.kernels.gaussian import cholesky, fit, fit_weighted, log_density, predict, sample, update
 
 KEYS = derive_all(17, np.arange(20_000))
 
@@ -48,6 +48,28 @@ def test_a_fit_is_the_sample_mean_and_covariance_with_a_ridge() -> None:
     for m, (first, last) in ((2, (1, 20)), (3, (20, 30))):
         assert means[m] == pytest.approx(cloud[:, first:last].mean(axis=1), rel=1e-9)
         assert factors[m] @ factors[m].T == pytest.approx(np.cov(cloud[:, first:last]) + 1e-3 * np.eye(4), rel=1e-9)
+
+
+def test_a_weighted_fit_is_numpys_weighted_covariance_with_a_ridge() -> None:
+    rng = np.random.default_rng(2)
+    cloud, weights = rng.normal(2.0, 3.0, (4, 30)), rng.uniform(0.0, 1.0, 30)
+    weights[[3, 25]] = 0.0
+    offsets = np.array([0, 1, 1, 20, 30])
+    means, factors = fit_weighted(cloud, np.log(weights, where=weights > 0, out=np.full(30, -np.inf)), offsets, 1e-3)
+    assert means[0] == pytest.approx(cloud[:, 0]) and factors[0] == pytest.approx(np.sqrt(1e-3) * np.eye(4))
+    for m, (first, last) in ((2, (1, 20)), (3, (20, 30))):
+        piece, share = cloud[:, first:last], weights[first:last]
+        assert means[m] == pytest.approx(np.average(piece, axis=1, weights=share), rel=1e-9)
+        expected = np.cov(piece, aweights=share) + 1e-3 * np.eye(4)
+        assert factors[m] @ factors[m].T == pytest.approx(expected, rel=1e-9)
+
+
+def test_a_weighted_fit_with_equal_weights_is_the_fit_without() -> None:
+    cloud, offsets = np.random.default_rng(2).normal(2.0, 3.0, (4, 30)), np.array([0, 12, 30])
+    for found, expected in zip(
+        fit_weighted(cloud, np.full(30, -3.0), offsets, 1e-3), fit(cloud, offsets, 1e-3), strict=True
+    ):
+        assert found == pytest.approx(expected, rel=1e-12)
 
 
 def test_log_densities_differ_from_scipys_by_a_constant_of_their_segment() -> None:

@@ -11,9 +11,12 @@ import numpy as np
 from wsnsim.kernels.arrays import Floats, Ints, Keys
 from wsnsim.kernels.compilation import inlined, kernel
 from wsnsim.kernels.elementary import dot, log, normal_pair, total
+from wsnsim.kernels.particles import moments, relative_weights
 
 TRIES = 14
 """Jitters that are tried, 0 included."""
+LEAST_REST = 1e-9
+"""1 - Σ w² below which a weighted covariance is that of one particle: rounding error."""
 
 
 @inlined
@@ -77,6 +80,28 @@ def fit(cloud: Floats, offsets: Ints, ridge: float) -> tuple[Floats, Floats]:
                 factors[m, e, d] = 0.0
             cov[d, d] += ridge
         cholesky(cov, factors[m])
+    return means, factors
+
+
+@kernel
+def fit_weighted(cloud: Floats, log_weights: Floats, offsets: Ints, ridge: float) -> tuple[Floats, Floats]:
+    """Means (M, D) and Cholesky factors as from `fit`, of segments whose particles have log-weights (N,).
+
+    The covariances are divided by 1 - Σ w², with which equal weights give those of `fit`; by one if one particle has
+    all the weight.
+    """
+    means, covs = moments(cloud, log_weights, offsets)
+    weights, _ = relative_weights(log_weights, offsets)
+    factors = np.zeros(covs.shape)
+    for m in range(means.shape[0]):
+        mine = weights[offsets[m] : offsets[m + 1]]
+        whole = max(total(mine), 1.0)
+        rest = 1.0 - dot(mine, mine) / (whole * whole)
+        for d in range(covs.shape[1]):
+            for e in range(covs.shape[1]):
+                covs[m, d, e] /= rest if rest > LEAST_REST else 1.0
+            covs[m, d, d] += ridge
+        cholesky(covs[m], factors[m])
     return means, factors
 
 

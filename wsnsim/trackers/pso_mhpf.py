@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from typing import Annotated, ClassVar, Literal, NamedTuple
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Estimate, Scene
 from wsnsim.base.requests import PACKET_BITS, Flow, Gather, Local, Member, Parcel
 from wsnsim.base.setups import NetworkSetup
-from wsnsim.kernels.gaussian import fit, fuse, log_density
+from wsnsim.kernels.gaussian import fuse, log_density
 from wsnsim.kernels.particles import moments, weigh
 from wsnsim.trackers.shared.dealing import (
     PREDICT_CYCLES,
@@ -33,7 +33,14 @@ from wsnsim.trackers.shared.dealing import (
     resampled,
     update_deal,
 )
-from wsnsim.trackers.shared.local_estimates import LOCAL, LocalEstimate, cycles_of, feed_back
+from wsnsim.trackers.shared.local_estimates import (
+    LOCAL,
+    EstimateReport,
+    LocalEstimate,
+    cycles_of,
+    feed_back,
+    reported_variances,
+)
 from wsnsim.trackers.shared.moments import forecast, fused_by_variance, noise_issues, symmetric
 from wsnsim.trackers.shared.parcels import arrived_particles, is_whole, state_packets
 from wsnsim.trackers.shared.readings import share_readings
@@ -49,18 +56,7 @@ from wsnsim.trackers.shared.stacks import (
     settle,
     stacked,
 )
-from wsnsim.trackers.shared.swarms import Pull, move, resampled_columns
-
-RIDGE = 1e-3
-"""m², (m/s)²: added to the diagonal of a fitted covariance, which fewer than five particles leave singular."""
-
-
-class EstimateReport(NamedTuple):
-    """Payload of a member's report: its local estimate; the head's own, which is not sent, has a covariance."""
-
-    mean: Floats
-    variances: Floats | None
-    own: LocalEstimate | None
+from wsnsim.trackers.shared.swarms import Predicted, Pull, Start, fitted_prior, move, ranks_of, resampled_columns
 
 
 @part
@@ -69,11 +65,18 @@ class PsoMhpf:
 
     The move is a heuristic and no valid Markov chain: the proposal depends on the whole swarm's past, the ratio of the
     proposals is taken as one, and the paper's posterior, a sum of Diracs, cannot be evaluated at a new point.
-    `acceptance` says what stands in for it: a Gaussian fitted to the node's predicted particles (our choice), the
-    particle's own transition density, or nothing but the likelihood, which loses the target. After the move weights are
-    equal and the last iterate alone is kept, so that a burn-in has no effect of its own; unless `resample_first`, the
-    weights before it are thrown away, as in the paper. Without random factors and with a step length of one, eq. (18)
-    has a double root at -1 and swings up: literal, and kept. The particles' share of the head is our choice too.
+    `acceptance` says what stands in for it: the likelihood times a Gaussian fitted to the node's predicted particles
+    (our choice), times the particle's own transition density, or alone, which loses the target.
+
+    Weights of steps without a move are carried on. In the paper they enter w_k (13), thereby the posterior of (15) in
+    the test (20), and χ_0 (17), which is w_k. So they do here: `prior_fit` weights the Gaussian by w_{k-1}, and
+    `ranking` takes χ_0 = w_k, normalised over the node's own share, although χ of later iterations is a likelihood
+    (23). `unweighted` and `likelihood` leave them out of both, as earlier versions did. After the move weights are
+    equal and the last iterate alone is kept, so that a burn-in has no effect of its own. A chain starts at every
+    particle, however small its weight, unless `resample_first`.
+
+    Without random factors and with a step length of one, eq. (18) has a double root at -1 and swings up: literal. The
+    particles' share of the head is our choice.
     """
 
     paper: ClassVar[str] = "Jiang, Song, Lin (2013)"
@@ -83,7 +86,8 @@ class PsoMhpf:
     state: ClassVar[str] = "particles on the active members; mean and covariance in the head"
     messages: ClassVar[str] = "a local estimate up per member; moved particles when membership changes"
     variants: ClassVar[str] = (
-        "measurements own|all, acceptance gaussian|transition|likelihood, random_factors, step_length one|dt, "
+        "measurements own|all, acceptance gaussian|transition|likelihood, prior_fit weighted|unweighted, "
+        "ranking weight|likelihood, random_factors, step_length one|dt, "
         "estimate_when after|before, resample_first, resample_always, fusion share|inverse_variance, feedback, "
         "handover particles|gaussian"
     )
@@ -98,6 +102,14 @@ class PsoMhpf:
         Literal["gaussian", "transition", "likelihood"],
         "what stands beside the likelihood in the acceptance ratio, eq. 20",
     ] = "gaussian"
+    prior_fit: Annotated[
+        Literal["weighted", "unweighted"],
+        "whether the Gaussian of `acceptance` is fitted to the predicted particles with their weights w_{k-1}",
+    ] = "weighted"
+    ranking: Annotated[
+        Literal["weight", "likelihood"],
+        "χ_0, which ranks particles before the first move: the normalised weight w_k (eq. 17), or the likelihood alone",
+    ] = "weight"
     measurements: Annotated[Literal["own", "all"], "readings that a member uses for its weights"] = "own"
     threshold: Annotated[
         float, Quantity("", ge=0, le=1), "the swarm moves below this fraction of effective particles"
@@ -175,14 +187,14 @@ class PsoMhpf:
         likelihood = likelihood_of(self.measurements, members, heard, scene)
         before, stack.cloud = propagated(stack.cloud, stack.offsets, stack.keys, scene)  # eq. 12
         score = likelihood.score(stack)
-        fitness = score(stack.cloud)
-        stack.log_weights = stack.log_weights + fitness  # eq. 13
+        carried, fitness = stack.log_weights, score(stack.cloud)
+        stack.log_weights = carried + fitness  # eq. 13
         effective = weigh(stack.log_weights, stack.offsets)  # eq. 14
         moving = np.full(effective.size, True) if self.resample_always else effective < self.threshold * stack.counts
         if self.estimate_when == "before":
             means, covs = moments(stack.cloud, stack.log_weights, stack.offsets)
         if True in moving.tolist():
-            self._move(stack, before, fitness, moving, score, scene)
+            self._move(stack, Predicted(before, carried, fitness), moving, score, scene)
         if self.estimate_when == "after":
             means, covs = moments(stack.cloud, stack.log_weights, stack.offsets)  # eq. 16
         stack.store(members)
@@ -204,19 +216,22 @@ class PsoMhpf:
         move_cycles = fit_cycles + self.iterations * (50.0 + 30.0 * seen) if moves else 0.0
         return PREDICT_CYCLES * steps + 30.0 * seen + move_cycles
 
-    def _move(self, stack: Stack, before: Floats, fitness: Floats, moving: Bools, score: Score, scene: Scene) -> None:
+    def _move(self, stack: Stack, predicted: Predicted, moving: Bools, score: Score, scene: Scene) -> None:
         """Move the swarms of those who are `moving` (M,) in place of a resampling, and give them equal weights.
 
         Section 3, step 4. All nodes' swarms are moved in one go; a node that does not move keeps what it had.
         """
-        reference = fit(stack.cloud, stack.offsets, RIDGE) if self.acceptance == "gaussian" else None
-        cloud = stack.cloud
+        reference = fitted_prior(stack, predicted.carried, self.prior_fit) if self.acceptance == "gaussian" else None
+        before, cloud, fitness = predicted.before, stack.cloud, predicted.fitness
+        ranks = ranks_of(stack, fitness, self.ranking)
         if self.resample_first:
             drawn = resampled_columns(stack, moving)
-            before, cloud, fitness = before.take(drawn, axis=1), cloud.take(drawn, axis=1), fitness[drawn]
+            before, cloud = before.take(drawn, axis=1), cloud.take(drawn, axis=1)
+            fitness, ranks = fitness[drawn], ranks[drawn]
         length = scene.dt if self.step_length == "dt" else 1.0
         pull = Pull(self.iterations, self.phi1, self.phi2, length, self.random_factors)
-        move(cloud, fitness, moving, stack, score, self._log_prior(stack, before, reference, scene), pull)
+        start = Start(cloud, fitness, ranks)
+        move(start, moving, stack, score, self._log_prior(stack, before, reference, scene), pull)
         stack.cloud = cloud
         stack.log_weights[moving[stack.layout.owners]] = 0.0
 
@@ -261,7 +276,7 @@ class PsoMhpf:
             return only_predicted(belief, deal, scene)
         means = np.array([report.mean for report, _ in reports.values()])
         if self.fusion == "inverse_variance":
-            variances = _reported_variances(list(reports.values()), packets)
+            variances = reported_variances(list(reports.values()), packets)
             if variances is not None:
                 mean, spread, within = fused_by_variance(means, variances)
                 return Spread(mean, symmetric(spread + within), within, deal, scene.head)
@@ -286,13 +301,3 @@ def _give_all(member: Member) -> Parcel | None:
         columns = resampled(log_weights, log_weights.size, member.key)
         keep(member, np.take(member.memory[CLOUD], columns, axis=1), np.zeros(log_weights.size))
     return give(member, log_weights.size, common=0.0)
-
-
-def _reported_variances(reports: list[tuple[EstimateReport, Bools]], packets: int) -> Floats | None:
-    """(M, D) the variances sent, a lost one taken to be the mean of the others'; None where all are lost."""
-    known = np.array([is_whole(mask[packets:]) for _, mask in reports])
-    if not known.any():
-        return None
-    variances = np.array([report.variances for report, _ in reports])
-    variances[~known] = variances[known].mean(axis=0)
-    return variances

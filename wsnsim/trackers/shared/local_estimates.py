@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 from typing import Final, NamedTuple
 
-from wsnsim.base.arrays import Floats
+import numpy as np
+
+from wsnsim.base.arrays import Bools, Floats
 from wsnsim.base.ports import Scene
 from wsnsim.base.requests import Broadcast, Flow, Local, Member
-from wsnsim.trackers.shared.parcels import parcel, state_packets
+from wsnsim.trackers.shared.parcels import is_whole, parcel, state_packets
 from wsnsim.trackers.shared.spread import Spread
 from wsnsim.trackers.shared.stacks import CLOUD, LOG_WEIGHTS, keep, settle
 
@@ -25,10 +27,28 @@ class LocalEstimate(NamedTuple):
     effective: float = math.nan
 
 
+class EstimateReport(NamedTuple):
+    """Payload of a member's report: its local estimate; the head's own, which is not sent, has a covariance."""
+
+    mean: Floats
+    variances: Floats | None
+    own: LocalEstimate | None
+
+
 def cycles_of(member: Member) -> float:
     """The operations that the member's local estimate took."""
     estimate: LocalEstimate = member.memory[LOCAL]
     return estimate.cycles
+
+
+def reported_variances(reports: list[tuple[EstimateReport, Bools]], packets: int) -> Floats | None:
+    """(M, D) the variances sent, a lost one taken to be the mean of the others'; None where all are lost."""
+    known = np.array([is_whole(mask[packets:]) for _, mask in reports])
+    if not known.any():
+        return None
+    variances = np.array([report.variances for report, _ in reports])
+    variances[~known] = variances[known].mean(axis=0)
+    return variances
 
 
 def feed_back(belief: Spread, scene: Scene) -> Flow[None]:
