@@ -73,12 +73,27 @@ class Member:
 
 @dataclass(slots=True)
 class Parcel:
-    """A message of `packets` packets with `packet_bits` each. `what` names it in the event log."""
+    """A message of `packets` packets with `packet_bits` each.
+
+    Attributes:
+        what: Its name in the event log.
+        readings: How many readings of its sender it carries, in whatever form; they count as used once it arrives at
+            the head. None: one if the payload is a number, otherwise none.
+    """
 
     payload: Any
     packets: int
     packet_bits: int
     what: str
+    readings: int | None = None
+
+    def readings_of(self, sender: Member) -> int:
+        """How many readings of its sender it carries."""
+        if sender.reading is None:
+            return 0
+        if self.readings is not None:
+            return self.readings
+        return 1 if isinstance(self.payload, float | int | np.number) else 0
 
 
 @dataclass(slots=True)

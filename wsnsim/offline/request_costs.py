@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from typing import Any
 
 from wsnsim.base.arrays import Bools
@@ -18,6 +19,8 @@ class RequestCosts:
     cycles: float = 0.0
     readings: int = 0
     _counted_once: bool = False
+    _parcel_of: Callable[[Member], Parcel | None] = field(init=False)
+    _sent: dict[int, int] = field(default_factory=dict)
 
     def before(self, request: Request) -> None:
         """Count what is known of a request before it is performed. A broadcast is one frame for all receivers."""
@@ -26,6 +29,8 @@ class RequestCosts:
             self._add(request.parcel)
         elif isinstance(request, Compute):
             self.cycles += request.cycles
+        elif isinstance(request, Gather):
+            self._sent, self._parcel_of, request.parcel_of = {}, request.parcel_of, self._note
 
     def carry(self, source: int, to: int, parcel: Parcel) -> Bools:
         """Count a parcel; all of its packets arrive."""
@@ -40,8 +45,15 @@ class RequestCosts:
             self.cycles += sum(cycles(members[node]) if callable(cycles) else cycles for node in answer)
             self.readings = sum(members[node].reading is not None for node in answer)
         elif isinstance(request, Gather):
-            known = sum(payload is members[node].reading for node, (payload, _) in answer.items())
-            self.readings = known or self.readings
+            request.parcel_of = self._parcel_of
+            self.readings = sum(self._sent.get(node, 0) for node in answer) or self.readings
+
+    def _note(self, member: Member) -> Parcel | None:
+        """A member's parcel, whose readings are counted."""
+        parcel = self._parcel_of(member)
+        if parcel is not None:
+            self._sent[member.id] = parcel.readings_of(member)
+        return parcel
 
     def _add(self, parcel: Parcel) -> None:
         self.frames += 1

@@ -143,20 +143,22 @@ class Driver:
 
     def _gather(self, request: Gather) -> Generator[simpy.Event, Any, dict[int, tuple[Any, Bools]]]:
         datagrams = []
-        readings = set()
+        readings: dict[int, tuple[float, int]] = {}
         for member in self._addressed(request.who):
             parcel = request.parcel_of(member)
             if parcel is not None:
                 datagrams.append(Datagram(member.id, self._head, parcel))
-                if parcel.payload is member.reading:
-                    readings.add(member.id)
+                if count := parcel.readings_of(member):
+                    assert member.reading is not None, "only a member with a reading sends one"
+                    readings[member.id] = member.reading, count
         yield from self.collect(datagrams)
         answer = {
             datagram.source: (datagram.parcel.payload, datagram.mask) for datagram in datagrams if datagram.arrived
         }
         if readings:
-            self.heard = {node: answer[node][0] for node in sorted(readings.intersection(answer))}
-            self.readings = len(self.heard)
+            arrived = sorted(readings.keys() & answer.keys())
+            self.heard = {node: readings[node][0] for node in arrived}
+            self.readings = sum([readings[node][1] for node in arrived])
         return answer
 
     def collect(self, datagrams: list[Datagram]) -> Generator[simpy.Event, Any, None]:

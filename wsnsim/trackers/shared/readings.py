@@ -44,7 +44,7 @@ def reading_parcel(member: Member, bits: int = PACKET_BITS) -> Parcel | None:
     """A member's own measurement in one packet of `bits`; None if it has none, or it is not finite."""
     if member.reading is None or not math.isfinite(member.reading):
         return None
-    return Parcel(member.reading, 1, bits, "reading")
+    return Parcel(member.reading, 1, bits, "reading", readings=1)
 
 
 def gather_readings(scene: Scene, bits: int = PACKET_BITS) -> Flow[Evidence]:

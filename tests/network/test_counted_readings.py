@@ -1,0 +1,66 @@
+"""The readings that enter an estimate are counted by what parcels declare, with a network and without one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from tests.helpers.centroid_network import Centroid, Run, network_setup, standing
+from wsnsim.base.ports import Estimate
+from wsnsim.base.requests import PACKET_BITS, Gather, Member, Parcel
+from wsnsim.offline.loopback import perform
+from wsnsim.offline.request_costs import RequestCosts
+
+NODES = [(0.0, 0.0), (30.0, 0.0), (0.0, 40.0)]
+
+
+class Sends(Centroid):
+    """A centroid tracker whose members send their readings in another form."""
+
+    def __init__(self, parcel_of: Callable[[Member], Parcel]) -> None:
+        super().__init__()
+        self._parcel_of = parcel_of
+
+    def step(self, belief, scene):
+        answer = yield Gather(self._parcel_of)
+        return belief if len(answer) < 4 else None
+
+
+FORMS = {
+    "as it is": (lambda member: Parcel(member.reading, 1, PACKET_BITS, "reading"), 3),
+    "in single precision": (lambda member: Parcel(np.float32(member.reading), 1, PACKET_BITS, "reading"), 3),
+    "in whole numbers": (lambda member: Parcel(np.int16(100 * member.reading), 1, PACKET_BITS, "reading"), 3),
+    "in a tuple, declared": (lambda member: Parcel((member.reading, 1), 1, PACKET_BITS, "pair", readings=1), 3),
+    "the mean of two": (lambda member: Parcel(member.reading, 1, PACKET_BITS, "mean", readings=2), 6),
+    "a number that is no reading": (lambda member: Parcel(7.0, 1, PACKET_BITS, "count", readings=0), 0),
+    "an estimate": (lambda member: Parcel(np.zeros(4), 1, PACKET_BITS, "estimate"), 0),
+}
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_readings_are_counted_in_a_network_by_declaration(form):
+    parcel_of, count = FORMS[form]
+    run = Run(network_setup(steps=3, tracker=Sends(parcel_of)), NODES, [standing((5.0, 5.0), 3)])
+    assert run.memory.table("estimates")["readings"].tolist() == [count] * 3
+    assert np.isfinite(run.memory.table("estimates")["error"]).all()
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_readings_are_counted_without_a_network_by_declaration(form):
+    parcel_of, count = FORMS[form]
+    members = {node: Member(node, np.zeros(2), np.ones(1), 2.5) for node in range(3)}
+    costs, request = RequestCosts(), Gather(parcel_of)
+
+    def flow():
+        for _ in range(2):
+            yield request
+        return Estimate(np.zeros(4), np.eye(4))
+
+    perform(flow(), members, 0, costs.carry, costs.before, lambda asked, got: costs.after(asked, got, members))
+    assert costs.readings == count and request.parcel_of is parcel_of
+
+
+def test_a_member_without_a_reading_carries_none():
+    assert Parcel(1.0, 1, PACKET_BITS, "reading", readings=1).readings_of(Member(0, np.zeros(2), np.ones(1))) == 0
