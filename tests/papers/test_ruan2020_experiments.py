@@ -1,6 +1,6 @@
 import json
 from dataclasses import replace
-from itertools import pairwise
+from itertools import combinations
 from types import SimpleNamespace
 
 import numpy as np
@@ -83,13 +83,21 @@ def test_shares_are_of_one_order_within_a_fifth_only():
     assert {claim.factor for claim in shares} == {1.2}
 
 
-def test_every_filter_of_table_1_is_claimed_to_be_better_than_the_next_at_every_number_of_particles():
+def test_every_filter_of_table_1_is_claimed_to_be_better_than_all_worse_ones_at_every_number_of_particles():
     orders = {(claim.variant, claim.other) for claim in TABLE_1_RUNS.claims if claim.other and claim.where == "table 1"}
     wanted = set()
     for row, count in enumerate((50, 100, 200)):
         ranked = sorted(PAGE, key=lambda kind: PAGE[kind][row])
-        wanted |= {(f"{one}, {count}", f"{other}, {count}") for one, other in pairwise(ranked)}
-    assert orders == wanted
+        wanted |= {(f"{one}, {count}", f"{other}, {count}") for one, other in combinations(ranked, 2)}
+    assert orders == wanted and len(orders) == 18
+    measures_of = {claim.measure for claim in TABLE_1_RUNS.claims if claim.other and claim.where == "table 1"}
+    assert measures_of == {"rmse"}, "eq. 10, which the table prints"
+
+
+def test_rows_with_pso_gpf_or_with_simulated_measurements_in_place_of_recorded_ones_are_reconstructions():
+    for experiment, claim in CLAIMS:
+        rebuilt = "pso_gpf" in f"{claim.variant} {claim.other}" or experiment is INDOOR_RUNS
+        assert claim.basis == ("reconstruction" if rebuilt else "evidence"), claim
 
 
 def test_what_is_drawn_of_the_surrogate_says_so():
@@ -150,7 +158,7 @@ def test_a_small_run_gives_a_row_a_claim_and_a_picture_a_figure(tmp_path_factory
     few, folder = small(INDOOR_RUNS, tmp_path_factory, monkeypatch, sets=("duration=2 s",))
     rows = reproduce.rows("ruan2020", few, folder)
     assert len(rows) == len(few.claims)
-    means = [row for row in rows if row.quantity.startswith("RMSE, m")]
+    means = [row for row in rows if row.quantity.startswith("RMSE, m") and row.id == "rmse"]
     assert all(0.0 < row.measured < 10.0 and row.replicates == 2 and row.bound > 0.0 for row in means)
     files = reproduce.draw("ruan2020", few, folder, tmp_path)
     assert [file.name for file in files] == ["ruan2020_figure_4.png", "ruan2020_figure_5.png"]

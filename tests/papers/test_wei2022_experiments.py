@@ -56,6 +56,26 @@ def test_table_2_is_as_printed(name):
     }
 
 
+def test_every_pair_of_filters_of_a_table_is_compared_by_the_statistic_that_the_table_prints():
+    """Table 1 is the RMSE of a run (eq. 17) averaged over runs, table 2 the RMSE over runs and steps."""
+    pairs = {("cs_pf", "pf"), ("ics_pf", "pf"), ("ics_pf", "cs_pf")}
+    found = {(c.variant, c.other, c.measure) for c in EXPERIMENTS["table_1"].claims if c.other and c.where == "table 1"}
+    assert found == {(f"{one}, {n}", f"{other}, {n}", "per_run_rmse:x") for one, other in pairs for n in (30, 60, 100)}
+    assert {c.measure for c in values(EXPERIMENTS["table_1"]) if c.id == "rmse"} == {"per_run_rmse:x"}
+    found = {(c.variant, c.other, c.measure) for c in EXPERIMENTS["table_2"].claims if c.other and c.where == "table 2"}
+    columns = ("px", "vx", "py", "vy")
+    assert found == {(one, other, f"column:{column}") for one, other in pairs for column in columns}
+
+
+def test_what_is_true_by_construction_or_set_by_the_number_of_generations_is_not_counted():
+    for experiment in EXPERIMENTS.values():
+        for claim in experiment.claims:
+            name = claim.measure.partition(":")[2]
+            wanted = {"distinct": "construction", "operations": "our constant"}.get(name.partition("_")[0], "evidence")
+            assert claim.basis == (wanted if claim.other or claim.published is not None else "evidence"), claim
+            assert claim.deterministic == (wanted == "our constant"), claim
+
+
 def test_run_times_are_as_printed_and_only_their_ratios_are_judged():
     found = [c for c in values(EXPERIMENTS["table_2"]) if c.where == "section 4.2"]
     assert {c.variant: c.published for c in found if not c.judged} == {"pf": 50.36, "cs_pf": 35.32, "ics_pf": 28.36}
