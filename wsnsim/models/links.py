@@ -82,8 +82,9 @@ class LogNormal:
     noise and interference. The noise follows from the receiver's `sensitivity`, as the standard defines it: 1 % of the
     frames with a PSDU of 20 bytes are lost.
 
-    With `interference: overlap`, overlapping frames are both lost where both are heard. With `sinr`, overlapping frames
-    add to the noise, and the stronger one may survive (capture).
+    With `interference: overlap`, overlapping frames are both lost where both are heard. With `sinr`, a receiver locks
+    on one frame, and others add to the noise while they overlap it. A frame that is stronger by `capture_margin` takes
+    over while the synchronisation header of the first is on the air (capture).
 
     The channel is busy during a transmission that arrives with `carrier_sense` or more (CCA mode 1 of the standard), or
     that is recognised as a frame because it arrives with the sensitivity or more (mode 2), or in both cases (mode 3).
@@ -96,7 +97,7 @@ class LogNormal:
     loss and reception; IEEE 802.15.4-2006, 6.1.7 (sensitivity), 6.9.9 (CCA modes), annex E.4.1.8 (bit error rate).
     Defaults of the path: Castalia 3's (55 dB at 1 m, 2.4, 4 dB, 1 dB), which also halves the sample of the asymmetry.
     Defaults of the assessment: TI SWRS041 (CC2420), CCA_THR = -32 in register RSSI with an offset of -45 dBm, and
-    CCA_MODE = 3 in register MDMCTRL0.
+    CCA_MODE = 3 in register MDMCTRL0; of the capture margin: its co-channel rejection, -3 dB.
     """
 
     power: Annotated[float, LEVEL, "transmit power"] = 0.0
@@ -112,6 +113,9 @@ class LogNormal:
         int, Quantity("", ge=1, le=3), "what makes the channel busy; 1: power, 2: a frame that is recognised, 3: either"
     ] = 3
     interference: Annotated[Literal["overlap", "sinr"], "effect of overlapping frames on each other"] = "overlap"
+    capture_margin: Annotated[
+        float, Quantity("dB", ge=0.0, le=60.0), "with `sinr`: how much stronger a later frame must be to take over"
+    ] = 3.0
     modulation: Annotated[Modulation, "oqpsk: IEEE 802.15.4 at 2.4 GHz; ncfsk: non-coherent FSK"] = "oqpsk"
 
     perfect: ClassVar[bool] = False

@@ -20,6 +20,7 @@ from wsnsim.base.frames import EVERYONE, MacFrame
 from wsnsim.base.medium_access import FramedMac
 from wsnsim.base.tables import CAUSE, EVENT_CAUSE
 from wsnsim.network.event_log import event
+from wsnsim.network.radio.capture import HEADER_BITS, CapturingReceivers
 from wsnsim.network.radio.link_counters import LinkCounters, NoLinkCounters
 from wsnsim.network.radio.radio_services import RadioServices
 from wsnsim.network.radio.reception import Reception
@@ -51,7 +52,9 @@ class Channel:
         self._topology = radio.topology
         self._counters = radio.counters
         self._mac = mac
-        self._reception = Reception(radio, key)
+        captures = radio.topology.link.captures
+        self._receivers = CapturingReceivers(radio, mac.airtime(HEADER_BITS)) if captures else None
+        self._reception = Reception(radio, key, self._receivers)
         self._assessment = assessment
         self._links = links
         self._turnaround = mac.turnaround
@@ -106,6 +109,8 @@ class Channel:
         if own and own[0].end <= now - self._assessment:
             own[:] = [other for other in own if other.end > now - self._assessment]
         own.append(transmission)
+        if self._receivers is not None:
+            self._receivers.expect(transmission)
         self._sending[source] = transmission
         timeout = env.timeout(end - now, transmission)
         timeout.callbacks.append(self._end)

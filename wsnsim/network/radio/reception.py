@@ -1,6 +1,6 @@
 """Reception: which neighbours receive a transmission, lose it to what, or overhear it; each is charged and logged.
 
-    Reception(radio, key).resolve(transmission) -> Received
+    Reception(radio, key, receivers).resolve(transmission) -> Received
 
 A radio that receives a frame pays for it, whether it can use the frame or not. A radio that hears two frames at once
 pays for the time once. A radio that sends receives nothing. `resolve` chooses one of three ways to the same result:
@@ -18,6 +18,7 @@ from wsnsim.base.frames import EVERYONE, Received
 from wsnsim.base.rng import derive, derive_all, uniforms
 from wsnsim.base.tables import CAUSE, EVENT_CAUSE, KIND
 from wsnsim.network.event_log import EACH, event
+from wsnsim.network.radio.capture import CapturingReceivers
 from wsnsim.network.radio.radio_services import RadioServices
 from wsnsim.network.radio.transmission import Transmission
 from wsnsim.network.radio.use_counter import UseCounter
@@ -30,14 +31,17 @@ NOWHERE: Final = np.False_
 
 
 class Reception:
-    """What transmissions do at the neighbours of their senders. `key` is the key of the random losses."""
+    """What transmissions do at the neighbours of their senders. `key` is the key of the random losses.
 
-    def __init__(self, radio: RadioServices, key: int) -> None:
+    `receivers` know which frame each receiver is locked on, where frames are captured; elsewhere they are None.
+    """
+
+    def __init__(self, radio: RadioServices, key: int, receivers: CapturingReceivers | None = None) -> None:
         self._env = radio.env
         self._nodes = radio.nodes
         self._log = radio.log
         self._topology = radio.topology
-        self._link = radio.topology.link
+        self._receivers = receivers
         self._counters = radio.counters
         self._key = key
         self._uses = UseCounter()
@@ -148,14 +152,16 @@ class Reception:
         if sent.asleep is not None:
             hears = hears & ~np.isin(ids, sent.asleep)
         quiet = sent.overlapping is None and not nodes.disturbed
-        hit, interference, share = (None, None, None) if quiet else self._disturbances(sent)
+        if self._receivers is not None:
+            self._receivers.lock_started()
+        hit, overlapped, share = (None, None, None) if quiet else self._disturbances(sent)
         arrived = hears if hit is None else hears & ~hit
         reliable = self._topology.reliable(neighbours, frame.bits)
         if not self._topology.distance_only or nodes.disturbed:
-            arrived = arrived & self._survives(sent, interference)
+            arrived = arrived & self._survives(sent)
         collided: Any = NOWHERE
-        if hit is not None and interference is not None:
-            collided = hears & ~arrived & (hit | (interference > 0)) & reliable
+        if hit is not None and overlapped is not None:
+            collided = hears & ~arrived & (hit | overlapped) & reliable
         meant = reliable if everyone else ids == frame.to
         got = arrived if everyone else arrived & meant
         self._charge(sent, got, share, RECEIVE, RX)
@@ -184,38 +190,39 @@ class Reception:
             self._counters.delivered += arrived
             self._counters.collided += int(collided.sum())
 
-    def _disturbances(self, sent: Transmission) -> tuple[Bools, Floats, Floats]:
+    def _disturbances(self, sent: Transmission) -> tuple[Bools, Bools, Floats]:
         """What overlapping transmissions and faults do at each neighbour, as three arrays (n,).
 
-        hit: the frame is lost. interference: power in mW with which the frame competes. share: the part of the airtime
-        that the radio has not paid for yet; 0 if it was sending itself.
+        hit: the frame is lost. overlapped: another frame was heard meanwhile. share: the part of the airtime that the
+        radio has not paid for yet; 0 if it was sending itself.
         """
-        nodes, neighbours, captures = self._nodes, sent.neighbours, self._link.captures
+        nodes, neighbours, receivers = self._nodes, sent.neighbours, self._receivers
         ids = neighbours.ids
-        hit, interference = np.zeros(ids.size, dtype=np.bool_), np.zeros(ids.size)
+        hit, overlapped = np.zeros(ids.size, dtype=np.bool_), np.zeros(ids.size, dtype=np.bool_)
         paid_until = np.full(ids.size, sent.start)
         for other in sent.overlapping or ():
             if other.end <= max(other.start, sent.start):
                 continue
-            here, there = neighbours.common(other.neighbours)
-            if captures:
-                interference[here] += 10.0 ** (other.neighbours.powers[there] / 10.0)
-            else:
-                hit[here] = True
+            here, _ = neighbours.common(other.neighbours)
+            overlapped[here] = True
             if other.end <= sent.end and not other.cut:
                 paid_until[here] = np.maximum(paid_until[here], other.end)
             at = neighbours.index(other.source)
             if at >= 0:
                 hit[at], paid_until[at] = True, sent.end
+        if receivers is None:
+            hit |= overlapped
+        elif sent.overlapping:
+            hit |= ~receivers.locked(sent)
         if nodes.disturbed:
             hit |= nodes.jammed[ids] | nodes.jammed[sent.source]
-        return hit, interference, (sent.end - paid_until) / (sent.end - sent.start)
+        return hit, overlapped, (sent.end - paid_until) / (sent.end - sent.start)
 
-    def _survives(self, sent: Transmission, interference: Floats | None) -> Bools:
+    def _survives(self, sent: Transmission) -> Bools:
         """(n,) sample at which neighbours the frame arrives in spite of noise and interference."""
         nodes, neighbours, bits = self._nodes, sent.neighbours, sent.frame.bits
-        if interference is not None and interference.any():
-            probabilities = self._link.reception(neighbours.powers, bits, interference)
+        if self._receivers is not None and sent.overlapping:
+            probabilities = self._receivers.probabilities(sent)
         else:
             probabilities = self._topology.probabilities(neighbours, bits)
         if nodes.disturbed:

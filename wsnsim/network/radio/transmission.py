@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from wsnsim.base.arrays import Ints
+from wsnsim.base.arrays import Bools, Ints
 from wsnsim.base.frames import EVERYONE, MacFrame, Received
 from wsnsim.network.radio.topology import Neighbours
 
@@ -30,6 +30,7 @@ class Transmission:
         missed: Whether a node that it was meant for did not receive it.
         asleep: Ids of nodes that have the radio off because they know that the frame is not for them.
         costs: (electronics J, amplifier J, reception J, airtime s).
+        locks: (n,) which neighbours are locked on it (see `capture`); None as long as nobody asked.
     """
 
     __slots__ = (
@@ -38,6 +39,7 @@ class Transmission:
         "cut",
         "end",
         "frame",
+        "locks",
         "missed",
         "neighbours",
         "number",
@@ -63,6 +65,7 @@ class Transmission:
         self.missed = False
         self.asleep: Ints | None = None
         self.costs = FREE
+        self.locks: Bools | None = None
 
 
 OnEnd = Callable[[Transmission, Received], None]
