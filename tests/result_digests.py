@@ -33,7 +33,7 @@ ADDED: tuple[str, ...] = (
     "runs.losses", "runs.time_lost", "runs.lost_share", "tracks.losses", "tracks.time_lost", "tracks.lost_share",
     "tracks.handover_bits",
     "runs.nees", "runs.nis", "estimates.cov_xy", "estimates.nees", "estimates.nis", "estimates.nis_dof",
-    "estimates.gaussian",
+    "estimates.gaussian", "nodes.x_assumed", "nodes.y_assumed",
 )  # fmt: skip
 """'table.column' that this tree has and an older one has not."""
 

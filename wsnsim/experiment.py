@@ -108,7 +108,7 @@ def _in_network(
 ) -> RunResult:
     """A run of a network that tracks targets."""
     paths = sample_paths(setup, conditions.truths, replicate)
-    sensors = Sensors(conditions.positions, conditions.traits)
+    sensors = Sensors(conditions.positions, conditions.traits, conditions.assumed)
     targets = Targets(conditions.truths, conditions.priors, paths)
     outcome = World(setup, replicate, sensors, targets, Streams(setup.seed, replicate), recorder).run(progress)
     write_tables(outcome, replicate, setup, recorder)

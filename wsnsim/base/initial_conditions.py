@@ -10,7 +10,7 @@ import numpy as np
 from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import RunError
 from wsnsim.base.ports import Continuous, Estimate
-from wsnsim.base.rng import Streams
+from wsnsim.base.rng import Streams, derive_all, normals
 from wsnsim.base.setups import NetworkSetup, Setup, TrackingSetup
 
 
@@ -18,20 +18,22 @@ class InitialConditions(NamedTuple):
     """The network, trajectories and priors of one Monte Carlo run.
 
     Attributes:
-        positions: (N, 2) of the nodes, in m.
+        positions: (N, 2) where the nodes stand, in m.
         traits: (N, T) constants of the nodes' sensors, such as gains.
         truths: For each target, its states (steps + 1, D).
         priors: For each target, the prior of its filter.
+        assumed: (N, 2) positions of the nodes that filters and cluster heads assume, in m.
     """
 
     positions: Floats
     traits: Floats
     truths: list[Floats]
     priors: list[Estimate]
+    assumed: Floats
 
 
 def sample_initial_conditions(setup: TrackingSetup, replicate: int) -> InitialConditions:
-    """The initial conditions of one run, from the streams `deploy`, `gains`, `truth` and `prior`.
+    """The initial conditions of one run, from the streams `deploy`, `gains`, `truth`, `prior` and `position_error`.
 
     Raises:
         RunError: The deployment did not succeed; names seed and replicate.
@@ -41,7 +43,8 @@ def sample_initial_conditions(setup: TrackingSetup, replicate: int) -> InitialCo
     traits = setup.sensor.draw_traits(len(positions), streams("gains"))
     truth, prior = streams("truth"), streams("prior")
     truths = [motion.truth(setup.steps, setup.dt, truth) for motion in setup.motions]
-    return InitialConditions(positions, traits, truths, [setup.prior.draw(states[0], prior) for states in truths])
+    priors = [setup.prior.draw(states[0], prior) for states in truths]
+    return InitialConditions(positions, traits, truths, priors, assumed_positions(setup, positions, replicate))
 
 
 def sample_positions(setup: Setup, reach: float, replicate: int) -> Floats:
@@ -54,6 +57,21 @@ def sample_positions(setup: Setup, reach: float, replicate: int) -> Floats:
         return setup.deploy.draw(reach, Streams(setup.seed, replicate)("deploy"))
     except RunError as reason:
         raise RunError(f"{reason} (seed {setup.seed}, replicate {replicate})") from reason
+
+
+def assumed_positions(setup: Setup, positions: Floats, replicate: int) -> Floats:
+    """(N, 2) the positions that filters and cluster heads assume of nodes at `positions`, constant over a run.
+
+    Each coordinate has an independent Gaussian error with the standard deviation `deploy.position_error` (our choice).
+    The draws of a node are a function of (seed, replicate, node) in the stream `position_error`; without an error the
+    array is `positions` itself.
+    """
+    if not setup.position_error:
+        return positions
+    keys = derive_all(Streams(setup.seed, replicate).key("position_error"), np.arange(len(positions)))
+    errors = np.column_stack([normals(keys, axis) for axis in range(2)])
+    assumed: Floats = positions + setup.position_error * errors
+    return assumed
 
 
 def sample_paths(setup: NetworkSetup, truths: Sequence[Floats], replicate: int) -> Sequence[Floats]:

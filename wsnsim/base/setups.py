@@ -40,6 +40,11 @@ class Setup:
     deploy: Deployment
     record: Mapping[str, bool] = field(default_factory=dict)
 
+    @property
+    def position_error(self) -> float:
+        """Standard deviation (m, per axis) of the assumed positions of nodes; 0 for a deployment that has none."""
+        return getattr(self.deploy, "position_error", 0.0)
+
 
 @dataclass(frozen=True, kw_only=True)
 class TrackingSetup(Setup):

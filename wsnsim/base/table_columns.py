@@ -189,6 +189,8 @@ TABLES: Final[dict[str, tuple[Column, ...]]] = {
         _NODE,
         _c("x", "f8", "m", "position", smooth=True),
         _c("y", "f8", "m", "position", smooth=True),
+        _c("x_assumed", "f8", "m", "position that filters and heads assume", smooth=True),
+        _c("y_assumed", "f8", "m", "position that filters and heads assume", smooth=True),
         _c("gain", "f8", "1", "gain of the node's sensor"),
         _c("energy_initial", "f8", "J", "energy at the start"),
         _c("energy_left", "f8", "J", "residual energy at the end"),

@@ -47,6 +47,8 @@ def cautions(setup: TrackingSetup, conditions: Sequence[InitialConditions]) -> I
     if getattr(prior, "mean", None) is not None and any(_starts_elsewhere(prior, m) for m in setup.motions):
         yield "filters are given a fixed prior: the bound holds on average over starts sampled from it"
     yield from sorted({reason_without_bound(motion, "unconditional") for motion in setup.motions} - {""})
+    if setup.position_error:
+        yield "the bound takes node positions as known: the filters have only assumed ones (deploy.position_error)"
     for target, motion in enumerate(setup.motions):
         bound = getattr(motion, "bound", None)
         positions = np.array([one.truths[target][:, list(motion.position)] for one in conditions])

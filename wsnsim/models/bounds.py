@@ -12,6 +12,8 @@ from wsnsim.base.part import Quantity
 MOST_NODES: Final = 10_000_000
 LENGTH: Final = Quantity("m", ge=1e-3, le=1e7)
 """A side of the field, or a range."""
+POSITION_ERROR: Final = Quantity("m", ge=0, le=1e6)
+"""Standard deviation of what is believed of a node's position, per axis."""
 PLACE: Final = Quantity("m", ge=-1e7, le=1e7)
 """A coordinate of a position."""
 STATE: Final = Quantity("", ge=-1e7, le=1e7)

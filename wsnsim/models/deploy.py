@@ -1,6 +1,9 @@
 """Deployments: where the nodes stand, and which rectangle they monitor.
 
 draw(reach, rng) -> positions (N, 2)          field -> Field, the monitored rectangle
+
+Every deployment has `position_error`: the standard deviation, per axis, by which the positions that filters, cluster
+heads and wake-up messages assume differ from those where the nodes stand. See `base.initial_conditions`.
 """
 
 from __future__ import annotations
@@ -17,9 +20,11 @@ from wsnsim.base.errors import Issue, RunError
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Field
 from wsnsim.base.setups import NetworkSetup, RadioSetup, Setup, TrackingSetup
-from wsnsim.models.bounds import LENGTH, MOST_NODES, PLACE
+from wsnsim.models.bounds import LENGTH, MOST_NODES, PLACE, POSITION_ERROR
 from wsnsim.models.coverage import TOLERANCE, coverage, covers, nodes_needed
 from wsnsim.models.csvfile import read_columns
+
+ASSUMED: Final = "sd per axis of the nodes' assumed positions, which filters and heads use; 0: known exactly"
 
 LEAST_SIDE: Final = 1.0
 """Least side (m) of a field that is derived from the positions of the nodes, as with one node or nodes on a line."""
@@ -37,6 +42,7 @@ class Uniform:
     height: Annotated[float, LENGTH, "of the field, in y"] = 400.0
     cover: Annotated[bool, "whether every point of the field must be within sensing range of a node"] = True
     draws: Annotated[int, Quantity("", ge=1, le=100_000), "most deployments sampled until one covers the field"] = 1000
+    position_error: Annotated[float, POSITION_ERROR, ASSUMED] = 0.0
 
     @property
     def field(self) -> Field:
@@ -61,6 +67,7 @@ class Grid:
     width: Annotated[float, LENGTH, "of the field, in x"] = 400.0
     height: Annotated[float, LENGTH, "of the field, in y"] = 400.0
     cover: Annotated[bool, "whether every point of the field must be within sensing range of a node"] = True
+    position_error: Annotated[float, POSITION_ERROR, ASSUMED] = 0.0
 
     @property
     def field(self) -> Field:
@@ -87,6 +94,7 @@ class JitteredGrid:
     jitter: Annotated[float, Quantity("", ge=0, le=1), "fraction of its cell over which a node is spread"] = 0.5
     cover: Annotated[bool, "whether every point of the field must be within sensing range of a node"] = True
     draws: Annotated[int, Quantity("", ge=1, le=100_000), "most deployments sampled until one covers the field"] = 1000
+    position_error: Annotated[float, POSITION_ERROR, ASSUMED] = 0.0
 
     @property
     def field(self) -> Field:
@@ -111,6 +119,7 @@ class FromFile:
     width: Annotated[float, LENGTH, "of the field, in x"] = 400.0
     height: Annotated[float, LENGTH, "of the field, in y"] = 400.0
     cover: Annotated[bool, "whether every point of the field must be within sensing range of a node"] = True
+    position_error: Annotated[float, POSITION_ERROR, ASSUMED] = 0.0
 
     @property
     def field(self) -> Field:
@@ -147,6 +156,7 @@ class Anchors:
         tuple[float, float] | None, PLACE, "x and y of the field's centre; default: the centre of the nodes' extent"
     ] = None
     cover: Annotated[bool, "whether every point of the field must be within sensing range of a node"] = False
+    position_error: Annotated[float, POSITION_ERROR, ASSUMED] = 0.0
 
     def __post_init__(self) -> None:
         """Raises ValueError if no node is listed."""

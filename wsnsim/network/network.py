@@ -19,6 +19,7 @@ from wsnsim.network.energy.energy_steps import EnergySteps
 from wsnsim.network.event_log import EventLog
 from wsnsim.network.faults.schedule import FaultSchedule
 from wsnsim.network.faults.services import FaultSite, NodeControl
+from wsnsim.network.places import Places
 from wsnsim.network.radio.radio_stack import make_radio_stack
 from wsnsim.network.radio.routing import Router
 from wsnsim.network.radio.transport import Transport
@@ -30,10 +31,14 @@ Steps = Generator[simpy.Event, Any, None]
 
 @dataclass(frozen=True, slots=True)
 class Sensors:
-    """Where the nodes stand: positions (N, 2) in m; and their sensors' constants, traits (N, T)."""
+    """Where the nodes stand: positions (N, 2) in m; their sensors' constants, traits (N, T); and the positions assumed.
+
+    `assumed` (N, 2) are the positions in m that filters, cluster heads and messages use; None: those where they stand.
+    """
 
     positions: Floats
     traits: Floats
+    assumed: Floats | None = None
 
 
 class Network(ABC):
@@ -54,6 +59,8 @@ class Network(ABC):
         self._event_log = log = EventLog(recorder, replicate)
         self._stack = stack = make_radio_stack(setup, sensors.positions, sensors.traits, streams, log, count_links)
         self._env, self._nodes = stack.radio.env, stack.radio.nodes
+        if sensors.assumed is not None and sensors.assumed is not sensors.positions:
+            self._nodes.assumed = Places(sensors.assumed)
         self._clock = StepClock(self._env, setup.dt)
         self._router = Router(stack.radio, setup.routing.weight, setup.link.audible)
         self._transport = Transport(stack.radio, stack.mac, self._router)

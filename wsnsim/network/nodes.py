@@ -10,7 +10,6 @@ from collections.abc import Callable
 from typing import Final
 
 import numpy as np
-from scipy.spatial import KDTree
 
 from wsnsim.base.arrays import Bools, Floats, Ints, scalars
 from wsnsim.base.radio import Mode
@@ -19,6 +18,7 @@ from wsnsim.network.energy.battery_timers import EVERYBODY
 from wsnsim.network.energy.consumption import Consumption
 from wsnsim.network.energy.duty_cycles import DutyCycles
 from wsnsim.network.energy.ledger import AMPLIFIER, ELECTRONICS, IDLE, Charges, EnergyLedger
+from wsnsim.network.places import Places
 
 RECEIVE, SWITCH = CAUSE["rx"], CAUSE["switch"]
 BELOW_BATTERY: Final = 1.0 - 4e-16
@@ -29,7 +29,9 @@ class Nodes:
     """The nodes of a network.
 
     Attributes:
-        positions: (N, 2) in m; `x` and `y` give single coordinates fast, `tree` finds neighbours.
+        positions: (N, 2) where the nodes stand, in m: the truth for sensing, the channel and coverage. `x` and `y`
+            give single coordinates fast, `tree` finds neighbours.
+        assumed: The positions that filters, cluster heads, messages and greedy routing use; by default `positions`.
         traits: (N, T) constants of the sensors.
         battery, reach: Initial charge of a node in J, and communication range in m.
         living: (N,) which nodes are up, that is neither dead nor crashed; `alive[i]` is the same for single nodes.
@@ -44,12 +46,11 @@ class Nodes:
         self, positions: Floats, traits: Floats, battery: float, reach: float,
         duty_cycles: DutyCycles | None = None, consumption: Consumption | None = None,
     ) -> None:  # fmt: skip
-        self.positions = positions
+        self.assumed = places = Places(positions)
+        self.positions, self.x, self.y, self.tree = positions, places.x, places.y, places.tree
         self.traits = traits
         self.size = size = len(positions)
-        self.x, self.y = (scalars(np.ascontiguousarray(positions[:, i], dtype=np.float64)) for i in range(2))
         self.battery, self.reach = battery, reach
-        self.tree = KDTree(positions)
         self.living = np.ones(size, dtype=np.bool_)
         self.alive = scalars(self.living)
         self.jammed = np.zeros(size, dtype=np.bool_)

@@ -129,6 +129,8 @@ def _nodes(nodes: Nodes, trait_names: tuple[str, ...]) -> dict[str, Any]:
         "node": np.arange(nodes.size),
         "x": nodes.positions[:, 0],
         "y": nodes.positions[:, 1],
+        "x_assumed": nodes.assumed.positions[:, 0],
+        "y_assumed": nodes.assumed.positions[:, 1],
         "gain": gain,
         "energy_initial": np.full(nodes.size, nodes.battery),
         "energy_left": nodes.residual_energies(),

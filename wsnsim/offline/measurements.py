@@ -24,7 +24,7 @@ class OfflineCluster:
 
     def __init__(self, setup: TrackingSetup, target: int, conditions: InitialConditions, streams: Streams) -> None:
         self._setup, self._target = setup, target
-        self._positions, self._traits = conditions.positions, conditions.traits
+        self._positions, self._assumed, self._traits = conditions.positions, conditions.assumed, conditions.traits
         self._sense_key = derive(streams.key("sense"), target)
         self._track_key = derive(streams.key("tracker"), target)
         truth = conditions.truths[target]
@@ -33,7 +33,7 @@ class OfflineCluster:
         self._block = _Block(0, [], [], [])
         self._ids: tuple[int, ...] = ()
         self._rows = np.zeros(0, dtype=np.int64)
-        sensors = zip(self._positions, self._traits, strict=True)
+        sensors = zip(self._assumed, self._traits, strict=True)
         self.members = {node: Member(node, position, traits) for node, (position, traits) in enumerate(sensors)}
 
     def scene(self, step: int, steps: int) -> Scene:
@@ -52,7 +52,7 @@ class OfflineCluster:
             target=self._target,
             head=HEAD,
             ids=ids,
-            positions=self._positions[self._rows],
+            positions=self._assumed[self._rows],
             traits=self._traits[self._rows],
             roster=tuple(self.members),
             joined=() if ids == before else tuple([node for node in ids if node not in before]),

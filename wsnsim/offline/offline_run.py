@@ -70,6 +70,8 @@ class OfflineRun:
             "node": np.arange(len(traits)),
             "x": self._conditions.positions[:, 0],
             "y": self._conditions.positions[:, 1],
+            "x_assumed": self._conditions.assumed[:, 0],
+            "y_assumed": self._conditions.assumed[:, 1],
             "gain": traits[:, names.index("gain")] if "gain" in names else np.ones(len(traits)),
             "energy_initial": unknown,
             "energy_left": unknown,

@@ -30,7 +30,7 @@ class Cluster:
         self._keyed: tuple[tuple[int, ...], int] = ((), 0)
         self._ids: tuple[int, ...] = ()
         self._traits = network.nodes.traits[:0]
-        self._positions = network.nodes.positions[:0]
+        self._positions = network.nodes.assumed.positions[:0]
         self.head = head
         self.members: dict[int, Member] = {}
         for node in [head, *joined]:
@@ -38,7 +38,7 @@ class Cluster:
 
     def _admit(self, node: int) -> None:
         nodes = self._network.nodes
-        self.members[node] = Member(node, nodes.positions[node], nodes.traits[node])
+        self.members[node] = Member(node, nodes.assumed.positions[node], nodes.traits[node])
 
     def roster(self) -> tuple[int, ...]:
         """The living members, whether they sense or not."""
@@ -103,7 +103,7 @@ class Cluster:
         if ids == before:
             return (), ()
         index = np.array(ids, dtype=np.int64)
-        self._ids, self._positions, self._traits = ids, nodes.positions[index], nodes.traits[index]
+        self._ids, self._positions, self._traits = ids, nodes.assumed.positions[index], nodes.traits[index]
         gone = [node for node in before if node not in ids]
         for node in gone:
             self.members[node].reading = None

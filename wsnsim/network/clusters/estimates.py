@@ -33,7 +33,7 @@ class Estimates:
         nodes = np.array(sorted(readings), dtype=np.int64)
         return setup.acquire.estimate(
             np.array([readings[node] for node in nodes.tolist()]),
-            at.positions[nodes],
+            at.assumed.positions[nodes],
             at.traits[nodes],
             setup.filter_sensor,
             setup.filter_motions[track.target],

@@ -45,6 +45,6 @@ class NetworkView:
         return planar(forecast.mean[list(self.setup.filter_motions[target].position)])
 
     def nearest(self, candidates: Sequence[int], point: Floats) -> int:
-        """The candidate nearest to a point (2,); of equally near ones the first."""
-        away = ((self.nodes.positions[np.array(candidates)] - point) ** 2).sum(axis=1)
+        """The candidate assumed nearest to a point (2,); of equally near ones the first."""
+        away = ((self.nodes.assumed.positions[np.array(candidates)] - point) ** 2).sum(axis=1)
         return candidates[int(np.argmin(away))]

@@ -21,7 +21,7 @@ class OpenClusterProtocol(StandingClusterProtocol):
     def fill_vacancy(self, track: Track, poll: int) -> Handover | None:
         """Appoint the head that the policy names, once some node senses the target."""
         network, step = self._network, self._network.clock.step
-        head = self._setup.clusters.successor(np.zeros(2), network.nodes.positions, network.who_can_lead())
+        head = self._setup.clusters.successor(np.zeros(2), network.nodes.assumed.positions, network.who_can_lead())
         if head is None or not (network.readings[track.target] or step == 0):
             return None
         return Handover(head, step, readings={}, elected=True, at_once=True)

@@ -121,7 +121,7 @@ class StandingClusterProtocol:
         if setup.until_clusters is not None and len(track.clusters) >= setup.until_clusters:
             raise LastClusterDone
         point = network.predicted_position(target, belief, scene)
-        nearest = setup.clusters.successor(point, network.nodes.positions, network.who_can_lead())
+        nearest = setup.clusters.successor(point, network.nodes.assumed.positions, network.who_can_lead())
         track.handovers += 1
         successor, elected = yield from self._successor(track, cluster.head, nearest)
         if successor is None:

@@ -99,7 +99,7 @@ class ByAnnouncedPrediction(ByPrediction):
         """The able node nearest to the predicted position, within sensing range of it."""
         network = self.network
         point = network.predicted_position(lead.track.target, lead.belief, lead.scene)
-        near = network.nodes.tree.query_ball_point(point, network.setup.sensor.reach, return_sorted=True)
+        near = network.nodes.assumed.tree.query_ball_point(point, network.setup.sensor.reach, return_sorted=True)
         able = [node for node in near if network.can_lead(node)]
         if not able:
             raise TrackLost("empty_region")

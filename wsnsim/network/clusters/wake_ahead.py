@@ -73,7 +73,7 @@ class WakeAhead:
             step=network.clock.step + 1,
             sequence=self._sequence,
             sender=head,
-            place=(nodes.x[head], nodes.y[head]),
+            place=(nodes.assumed.x[head], nodes.assumed.y[head]),
             fix=_point(planar(mean[list(motion.position)])),
             heading=_heading(mean, motion.columns),
             prediction=_point(network.predicted_position(target, belief, scene)),

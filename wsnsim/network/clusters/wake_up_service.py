@@ -88,16 +88,16 @@ class WakeUpService:
         return result
 
     def place(self, node: int) -> Point:
-        """The position of a node."""
-        return self._nodes.x[node], self._nodes.y[node]
+        """The assumed position of a node."""
+        return self._nodes.assumed.x[node], self._nodes.assumed.y[node]
 
     def neighbours(self, node: int) -> Ints:
         """(n,) the nodes that a node's transmissions may reach, those included that are down."""
         return self._transport.neighbours(node).ids
 
     def nodes_within(self, centre: Point, radius: float) -> Ints:
-        """(n,) the nodes within `radius` m of a point."""
-        return np.array(self._nodes.tree.query_ball_point(centre, radius), dtype=np.int64)
+        """(n,) the nodes whose assumed position is within `radius` m of a point."""
+        return np.array(self._nodes.assumed.tree.query_ball_point(centre, radius), dtype=np.int64)
 
     def sleepers(self, nodes: Ints) -> set[int]:
         """The nodes, out of the given ones, that are up and asleep now."""

@@ -58,7 +58,7 @@ class Router:
         radio: The services of the radio.
         weight: What a path minimises. 'energy': the joules of a bit for sender and receiver, divided by the
             probability of a packet on the link. 'hop': the number of hops. 'greedy': each hop goes to the neighbour
-            nearest to the destination.
+            nearest to the destination, by the positions that nodes assume; the others know their links (our choice).
         longest: The distance in m beyond which no link is usable.
     """
 
@@ -126,8 +126,9 @@ class Router:
         nodes = self._nodes
         ids = self._topology.neighbours(here).ids
         ids = ids[nodes.hears(ids, self._env.now)]
-        away = _lengths(nodes.positions[ids] - nodes.positions[to])
-        limit = _lengths(nodes.positions[[here]] - nodes.positions[to])[0]
+        places = nodes.assumed.positions
+        away = _lengths(places[ids] - places[to])
+        limit = _lengths(places[[here]] - places[to])[0]
         candidates = ids[np.argsort(away, kind="stable")[: np.count_nonzero(away < limit)]].tolist()
         return next((node for node in candidates if self._topology.connected(here, node)), None)
 
