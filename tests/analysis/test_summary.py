@@ -28,6 +28,7 @@ def run_row(errors, network=True, **said):
     """A row of the table `runs` for errors (targets, steps)."""
     known = errors[np.isfinite(errors)]
     return {
+        "replicate": 0,
         "steps": errors.shape[1],
         "rmse": math.sqrt(np.mean(known**2)) if known.size else NAN,
         "lost": 0,

@@ -169,6 +169,7 @@ def test_every_deployment_names_its_field(tmp_path):
     for part in (Uniform, Grid, JitteredGrid):
         assert part(width=30.0, height=20.0).field == Field(30.0, 20.0)
     assert FromFile(path=path, width=30.0, height=20.0).field == Field(30.0, 20.0)
+    assert FromFile(path=path, width=30.0, height=20.0, centre=(5.0, 2.0)).field == Field(30.0, 20.0, (5.0, 2.0))
 
 
 def test_without_a_network_there_is_no_cluster_to_be_too_small_for(tmp_path):
@@ -189,3 +190,11 @@ def test_one_sensor_without_end_covers_any_field(reach, tmp_path):
         assert part.draw(reach, generator()).shape == (1, 2)
     assert covers(np.zeros((1, 2)), reach, 400.0, 400.0)
     assert not covers(np.empty((0, 2)), reach, 400.0, 400.0)
+
+
+def test_the_field_of_a_file_may_be_centred_elsewhere(tmp_path):
+    path = written(tmp_path, "x,y\n100,60\n120,40\n")
+    part = FromFile(path=path, width=40.0, height=40.0, centre=(110.0, 50.0))
+    assert part.draw(60.0, generator()).tolist() == [[100.0, 60.0], [120.0, 40.0]]
+    with pytest.raises(RunError, match="outside the field of 40 m by 40 m around"):
+        FromFile(path=path, width=40.0, height=40.0).draw(60.0, generator())

@@ -117,7 +117,9 @@ class SummaryQuantity:
         return interval(self.samples(arrays), self.statistic)
 
     def text(self, value: float, position_unit: str) -> str:
-        """The value with its unit."""
+        """The value with its unit; "unknown" for NaN."""
+        if np.isnan(value):
+            return "unknown"
         unit = position_unit if self.unit == POSITION_UNIT else self.unit
         return f"{self.form.format(value)} {unit}".rstrip()
 

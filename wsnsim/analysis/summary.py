@@ -14,6 +14,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
+from wsnsim.analysis import notes
 from wsnsim.analysis.quantities import QUANTITIES, ResultArrays, interval, median_time
 from wsnsim.base import metrics
 from wsnsim.base.arrays import Floats
@@ -55,8 +56,15 @@ def as_json(report: Report, published: Mapping[str, float], limits: RunBounds = 
     The quantities of `quantities.QUANTITIES` have their keys there, except `lost`, which is `lost_fraction` here, and
     `cpu_seconds`, which is the sum over runs. `column_rmse` is the root mean square over steps, runs and targets,
     `column_rmse_median` the median over runs. `rmse_three` and its like are medians over tracks; counts of waking are
-    means of a run. Steps without an estimate are left out.
+    means of a run. Steps without an estimate are left out. `notes` says what a reader must know beside the figures, and
+    `unknown` why each figure without a value has none.
     """
+    figures = _figures(report, published, limits)
+    return figures | {"notes": notes.of_report(report, figures), "unknown": notes.reasons(report, figures)}
+
+
+def _figures(report: Report, published: Mapping[str, float], limits: RunBounds) -> dict[str, Any]:
+    """The summary without its notes."""
     arrays = result_arrays(report)
     found = {key: quantity.value(arrays) for key, quantity in QUANTITIES.items()}
     found |= dict.fromkeys(NETWORK_ONLY, NAN) if without_network(report) else {}

@@ -50,6 +50,7 @@ def text(report: Report, published: Published, source: str = "the paper", limits
         lines.append(f"  {BOUND_NOTE}")
     if figures["bound_reason"] not in ("", NOT_COMPUTED.reason):
         lines.append(f"  no bound: {figures['bound_reason']}")
+    lines += [f"  note: {note}" for note in figures["notes"]]
     cpu = QUANTITIES["cpu_seconds"]
     took = f"  took {figures['wall_seconds']:.1f} s; {cpu.name} {cpu.text(figures['cpu_seconds'] / replicates, '')}"
     return "\n".join([heading, *lines, took])
@@ -137,13 +138,17 @@ def _latency_rows(figures: Figures) -> list[SummaryRow]:
 
 def _column_rows(measured: Mapping[str, float], published: Published, units: Mapping[str, str]) -> list[SummaryRow]:
     """The RMSE of the state columns in one row, or in one row each if the paper prints one of them."""
-    cell = {name: f"{value:.4g} {units[name]}".rstrip() for name, value in measured.items()}
+    cell = {name: _column_cell(value, units[name]) for name, value in measured.items()}
     if not any(f"rmse_{name}" in published for name in cell):
         return [(f"RMSE of {', '.join(cell)}", ", ".join(cell.values()), "")]
     return [
         (f"RMSE of {name}", value, _published(published, f"rmse_{name}", f"{{:.4g}} {units[name]}".rstrip()))
         for name, value in cell.items()
     ]
+
+
+def _column_cell(value: float, unit: str) -> str:
+    return f"{value:.4g} {unit}".rstrip() if math.isfinite(value) else "unknown"
 
 
 def _energy_rows(figures: Figures, published: Published) -> list[SummaryRow]:

@@ -108,18 +108,21 @@ def _page_path(result: Path) -> Path:
 @click.argument("sources", metavar="SCENARIO...", nargs=-1, required=True)
 @overrides_option
 def check(sources: tuple[str, ...], overrides: tuple[str, ...]) -> int:
-    """Check scenarios without running them, and report every error."""
+    """Check scenarios without running them, and report every error; notes on what no node can measure."""
     import wsnsim.scenario as scenario
+    from wsnsim.analysis import notes
 
     invalid = False
     for source in sources:
         try:
-            scenario.build(_loaded(source, overrides))
+            setup = scenario.build(_loaded(source, overrides))
         except ScenarioError as error:
             invalid = True
             click.echo(str(error), err=True)
         else:
             click.echo(f"{source}: ok")
+            for note in notes.of_setup(setup):
+                click.echo(f"  note: {note}")
     return 2 if invalid else 0
 
 

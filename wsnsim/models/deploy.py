@@ -113,18 +113,19 @@ class JitteredGrid:
 
 @part
 class FromFile:
-    """Nodes at positions from a CSV file with the columns x and y, in m; the field is centred at (0, 0)."""
+    """Nodes at positions from a CSV file with the columns x and y, in m."""
 
     path: Annotated[str, "CSV file with a header that names x and y; other columns are ignored"]
     width: Annotated[float, LENGTH, "of the field, in x"] = 400.0
     height: Annotated[float, LENGTH, "of the field, in y"] = 400.0
+    centre: Annotated[tuple[float, float], PLACE, "x and y of the field's centre"] = (0.0, 0.0)
     cover: Annotated[bool, "whether every point of the field must be within sensing range of a node"] = True
     position_error: Annotated[float, POSITION_ERROR, ASSUMED] = 0.0
 
     @property
     def field(self) -> Field:
-        """The rectangle of `width` by `height`, centred at (0, 0)."""
-        return Field(self.width, self.height)
+        """The rectangle of `width` by `height`, centred at `centre`."""
+        return Field(self.width, self.height, self.centre)
 
     def draw(self, reach: float, rng: np.random.Generator) -> Floats:
         """(N, 2) positions in the file's order. Raises RunError with file and line if it cannot be read."""

@@ -1,0 +1,164 @@
+"""What a reader must know beside the figures: targets out of range, steps without an estimate, figures without a value.
+
+of_setup(setup) -> notes      of_report(report, figures) -> notes      reasons(report, figures) -> {figure: reason}
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from scipy.spatial import KDTree
+
+from wsnsim import scenario as scenarios
+from wsnsim.base.arrays import planar
+from wsnsim.base.errors import RunError
+from wsnsim.base.initial_conditions import InitialConditions, sample_initial_conditions
+from wsnsim.base.setups import Setup, TrackingSetup
+from wsnsim.experiment import Report
+
+NO_ESTIMATE: Final = "no step has an estimate"
+NO_NETWORK: Final = "no network is simulated"
+NO_THREE: Final = "no step with an estimate has three readings"
+UNKNOWN: Final = "it is not known in any run"
+OF_ESTIMATES: Final = (
+    "rmse",
+    "rmse_median",
+    "median_error",
+    "mean_error",
+    "column_rmse",
+    "column_rmse_median",
+    "bound",
+)
+OF_NETWORKS: Final = (
+    "energy", "handovers", "frames_lost", "delivered", "packet_delivery_ratio", "clusters", "awake", "coverage",
+)  # fmt: skip
+REASONS: Final = {
+    "packet_delivery_ratio": "no frame was sent to a node in range",
+    "first_death": "no node died in half of the runs",
+    "half_dead": "half of the nodes did not die in half of the runs",
+    "lost_at": "no track was lost in half of the runs",
+    "rmse_of_kept": "every track that has an estimate is lost at the end",
+    "nees": "no estimate has an invertible covariance",
+    "nis": "the tracker offers no innovations",
+    "delay": NO_ESTIMATE,
+    "report_delay": "no report reached a sink",
+    "rmse_three": NO_THREE,
+    "mean_error_three": NO_THREE,
+    "median_error_three": NO_THREE,
+    "bound_active": "it needs the recorded events, estimates and clusters of a network",
+    "bound_arrived": "it needs the recorded events, estimates and clusters of a network",
+}
+"""Why a figure has no value, where it is always for the same reason."""
+LEAST_RUNS: Final = 5
+"""Runs from which on there are intervals (see `quantities`)."""
+
+
+class _Visibility(NamedTuple):
+    """Of how many steps of a target it is out of the sensing range of all nodes, and outside the field."""
+
+    steps: int
+    unheard: int
+    outside: int
+    nearest: float
+
+
+def of_setup(setup: Setup, replicate: int = 0) -> list[str]:
+    """What makes a valid scenario hopeless or harder than it looks, seen in the initial conditions of one run."""
+    if not isinstance(setup, TrackingSetup):
+        return []
+    try:
+        conditions = sample_initial_conditions(setup, replicate)
+    except RunError as error:
+        return [f"run {replicate} cannot start: {error}"]
+    return _visibility_notes(setup, [_visibilities(setup, conditions, setup.steps)], f"run {replicate}")
+
+
+def of_report(report: Report, figures: Mapping[str, Any]) -> list[str]:
+    """Which steps have no estimate, and whether targets were out of range in runs that were not tracked throughout."""
+    missing, steps = figures["without_estimate"], figures["steps"] * figures["targets"]
+    notes = []
+    if missing == steps:
+        notes = ["no step has an estimate: there is no error"]
+    elif missing:
+        count = f"{missing:,.4g} of {steps:,} steps"
+        notes = [f"{count} have no estimate (mean of the runs); errors are over the others"]
+    poor = [summary for summary in report.summaries if any(track["tracked"] < 1.0 for track in summary.tracks)]
+    setup = scenarios.build(report.scenario) if poor else None
+    if not isinstance(setup, TrackingSetup):
+        return notes
+    seen = [
+        _visibilities(setup, sample_initial_conditions(setup, summary.run["replicate"]), summary.run["steps"])
+        for summary in poor
+    ]
+    when = (
+        f"run {poor[0].run['replicate']}" if len(poor) == 1 else f"mean of the {len(poor)} runs with steps not tracked"
+    )
+    return notes + _visibility_notes(setup, seen, when)
+
+
+def reasons(report: Report, figures: Mapping[str, Any]) -> dict[str, str]:
+    """Why each figure without a value has none."""
+    unknown = [
+        key
+        for key, value in figures.items()
+        for each in (value.values() if isinstance(value, Mapping) else (value,))
+        if isinstance(each, float) and math.isnan(each)
+    ]
+    return {key: _reason(key, report, figures) for key in unknown}
+
+
+def _reason(key: str, report: Report, figures: Mapping[str, Any]) -> str:
+    base = key.removesuffix("_low").removesuffix("_high")
+    known = figures.get(base, math.nan)
+    if base != key and isinstance(known, float) and math.isfinite(known):
+        few = len(report.summaries) < LEAST_RUNS
+        return f"an interval needs {LEAST_RUNS} runs" if few else "it is known in too few runs"
+    if base.startswith("bound") and figures["bound_reason"]:
+        return str(figures["bound_reason"])
+    if base in OF_NETWORKS and report.scenario.network is not None:
+        return NO_NETWORK
+    if base in OF_ESTIMATES or (base in REASONS and REASONS[base] == NO_THREE and math.isnan(figures["rmse"])):
+        return NO_ESTIMATE
+    return REASONS.get(base, UNKNOWN)
+
+
+def _visibilities(setup: TrackingSetup, conditions: InitialConditions, steps: int) -> list[_Visibility]:
+    """How well each target can be seen over the steps of a run."""
+    tree = KDTree(conditions.positions)
+    found = []
+    for motion, truth in zip(setup.motions, conditions.truths, strict=True):
+        points = planar(truth[1 : steps + 1, list(motion.position)])
+        distances = tree.query(points)[0]
+        inside = setup.deploy.field.contains(points)
+        unheard = int((distances > setup.sensor.reach).sum())
+        found.append(_Visibility(len(points), unheard, int((~inside).sum()), float(distances.min(initial=math.inf))))
+    return found
+
+
+def _visibility_notes(setup: TrackingSetup, runs: Sequence[Sequence[_Visibility]], when: str) -> list[str]:
+    """What is said of the targets that no node can measure at some steps."""
+    notes = []
+    for target in range(len(setup.motions)):
+        of = [run[target] for run in runs]
+        steps, unheard, outside = (
+            float(np.mean([getattr(each, key) for each in of])) for key in _Visibility._fields[:3]
+        )
+        reach = f"the sensing range of {setup.sensor.reach:g} m"
+        if unheard == steps:
+            nearest = min(each.nearest for each in of)
+            notes.append(
+                f"{when}: target {target} is never within {reach} of a node; the nearest is {nearest:.4g} m away"
+            )
+        elif unheard:
+            count = f"{unheard:,.4g} of {steps:,.4g} steps"
+            notes.append(f"{when}: target {target} is not within {reach} of any node at {count}")
+        if unheard and outside:
+            field = setup.deploy.field
+            place = f"{field.width:g} m by {field.height:g} m around ({field.centre[0]:g}, {field.centre[1]:g})"
+            notes.append(
+                f"{when}: target {target} is outside the field of {place} at {outside:,.4g} of {steps:,.4g} steps"
+            )
+    return notes
