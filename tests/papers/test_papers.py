@@ -19,6 +19,7 @@ from wsnsim.papers.measures import computing
 from wsnsim.papers.paper import FOLDER, PAGES, Paper, paper
 from wsnsim.papers.reasons import rendered
 from wsnsim.papers.reproduction import BASES, ClaimRow
+from wsnsim.papers.verdicts import Judgement
 
 EXPERIMENTS = [(name, experiment) for name in PAGES for experiment in paper(name).experiments]
 TABLES = {"rmse": {"estimates"}, "rmse_of_kept": {"estimates"}, "over": {"estimates"}, "less_than": {"estimates"},
@@ -91,7 +92,7 @@ def test_every_measure_of_a_paper_is_claimed_and_every_row_that_is_not_shown_is_
 
 def test_a_number_in_a_reason_is_that_of_the_row_it_names():
     nan = float("nan")
-    one = ClaimRow("p", "e", "RMSE", "pf, 50", 1.0, 0.25, nan, nan, 50, 0.3, nan, "", "reproduces",
+    one = ClaimRow("RMSE", "pf, 50", 1.0, 0.25, nan, nan, 50, 0.3, nan, "", Judgement("reproduces"),
                    "{rmse[gpf: 5 %].measured:.2f} m, {row.lost:.0f} of {row.replicates} lost")  # fmt: skip
     other = replace(one, variant="gpf: 5 %", measured=1.234)
     assert rendered(one.reason, one, {"rmse": {"gpf: 5 %": other}}) == "1.23 m, 15 of 50 lost"
@@ -156,8 +157,8 @@ def test_the_basis_of_a_claim_is_its_own_or_that_of_a_word_or_that_of_the_experi
     found = {claim.key: claim.basis for claim in claims}
     assert found["imsf < rkf, spread"] == found["imsf"] == "reconstruction"
     assert (found["rkf, spread"], found["rkf"]) == ("construction", "our constant")
-    claims = edited("id: order, ", "id: order, basis: evidence, ").experiments[0].claims
-    assert {claim.basis for claim in claims if claim.id == "order"} == {"evidence"}
+    own = edited("id: order, ", "id: order, basis: our constant, ").experiments[0].claims
+    assert [claim.basis for claim in own if claim.id == "order"] == ["our constant"]
 
 
 def test_every_published_value_has_a_number_of_runs_and_every_basis_is_known(edited):

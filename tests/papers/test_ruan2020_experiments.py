@@ -77,12 +77,6 @@ def test_repairs_and_other_truths_are_not_counted():
             assert claim.reason.startswith("of a surrogate: ")
 
 
-def test_shares_are_of_one_order_within_a_fifth_only():
-    shares = [c for _, c in CLAIMS if not c.other and c.measure.startswith("less_than")]
-    assert len(shares) == 7
-    assert {claim.factor for claim in shares} == {1.2}
-
-
 def test_every_filter_of_table_1_is_claimed_to_be_better_than_all_worse_ones_at_every_number_of_particles():
     orders = {(claim.variant, claim.other) for claim in TABLE_1_RUNS.claims if claim.other and claim.where == "table 1"}
     wanted = set()
@@ -156,7 +150,7 @@ def test_a_share_is_of_the_time_means_and_its_interval_resamples_the_runs_of_bot
 
 def test_a_small_run_gives_a_row_a_claim_and_a_picture_a_figure(tmp_path_factory, tmp_path, monkeypatch):
     few, folder = small(INDOOR_RUNS, tmp_path_factory, monkeypatch, sets=("duration=2 s",))
-    rows = reproduce.rows("ruan2020", few, folder)
+    rows = [row for row in reproduce.rows("ruan2020", few, folder) if not row.paired]
     assert len(rows) == len(few.claims)
     means = [row for row in rows if row.quantity.startswith("RMSE, m") and row.id == "rmse"]
     assert all(0.0 < row.measured < 10.0 and row.replicates == 2 and row.bound > 0.0 for row in means)

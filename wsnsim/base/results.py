@@ -72,7 +72,7 @@ class TrackResult(NamedTuple):
     estimates: Mapping[int, Issued]
     heads: Sequence[int]
     columns: Mapping[str, Any]
-    counts: Mapping[str, float]
+    counts: Mapping[str, int]
 
 
 class RunResult(NamedTuple):

@@ -14,10 +14,12 @@ from wsnsim.papers.table import HEADS, cells, legend
 
 def main_rows(rows: Sequence[ClaimRow]) -> list[ClaimRow]:
     """The rows that the papers' files list as main, in that order."""
-    found = {(row.paper, row.experiment, row.id, row.key): row for row in rows}
+    found: dict[tuple[str, ...], list[ClaimRow]] = {}
+    for row in rows:
+        found.setdefault((row.paper, row.experiment, row.id, row.key), []).append(row)
     names = [name for name in PAPERS if any(row.paper == name for row in rows)]
     keys = [(name, experiment.name, claim.id, claim.key) for name in names for experiment, claim in paper(name).main]
-    return [found[key] for key in keys if key in found]
+    return [row for key in keys for row in found.get(key, ())]
 
 
 def markdown(rows: Sequence[ClaimRow], lines: Sequence[str] = ()) -> str:

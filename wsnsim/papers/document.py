@@ -35,7 +35,7 @@ class ClaimTemplate(DocumentModel):
     reason: Any = None
     read: bool | None = None
     judged: bool | None = None
-    factor: Any = None
+    fraction: bool | None = None
     literal: Any = None
     shown: bool | None = None
     basis: Any = None

@@ -1,8 +1,8 @@
 """Measures of a variant over its Monte Carlo runs, with 95 % intervals.
 
     Data(folder): tables, scenarios and bounds by variant
-    measured(data, variant, measure) -> Measured;  difference(data, variant, other, measure) -> Measured
-    bound_beside(data, variant, measure, kind) -> BoundBeside
+    measured(data, variant, measure) -> Measured        sample(data, variant, measure) -> Resampled
+    difference(data, variant, other, measure) -> Resampled
 
 A measure is a name:
     rmse                 the time-averaged RMSE over runs (Jiang 2013, eq. 26; Ruan 2020, eq. 10)
@@ -10,9 +10,10 @@ A measure is a name:
     column:px            the root mean square error of a state column over steps and runs; column_of_kept:px
     per_run_rmse:px      that over the steps of a run, averaged over the runs (Wei 2022, eq. 17)
     over:VARIANT         `rmse` divided by that of another variant, on the same runs;  less_than:VARIANT, one less that
+    over:VARIANT; mean:energy       the same of another measure
     mean:energy, median:rmse        over runs, of one of the paper's own measures or of a column of `runs`
     share:lost           the fraction of runs in which a column of `runs` is above zero, with Wilson's interval
-    tracks_mean:delay, tracks_median:delay     of a column of `tracks`, over tracks;  tracks:delay, in an order
+    tracks_mean:delay, tracks_median:delay     of a column of `tracks`, over tracks;  tracks:delay is tracks_mean:delay
 
 A paper's own measures are functions (data, variant) -> one value for each run, a Series by replicate; they stand in the
 dict MEASURES of the paper's module `measures`.
@@ -22,7 +23,7 @@ from __future__ import annotations
 
 import functools
 import json
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping
 from typing import Any, Final, Protocol, TypeAlias, final
 
 import numpy as np
@@ -30,23 +31,46 @@ import pandas as pd
 
 import wsnsim.bounds as bounds
 from wsnsim.analysis import campaigns, statistics
-from wsnsim.base import metrics
 from wsnsim.base.arrays import Bools, Floats
 from wsnsim.base.errors import did_you_mean
 from wsnsim.base.tables import TABLES
-from wsnsim.papers.reproduction import BoundBeside, Measured
+from wsnsim.papers.reproduction import Claim, Losses, Measured
+from wsnsim.papers.resampling import (
+    MEAN,
+    MEDIAN,
+    PER_RUN_RMSE,
+    POOLED_RMSE,
+    SHARE,
+    TIME_MEAN_RMSE,
+    TRACKS_MEAN,
+    TRACKS_MEDIAN,
+    Compared,
+    Resampled,
+    Sample,
+    known,
+    value,
+)
+from wsnsim.papers.verdicts import PublishedValue, interval
 from wsnsim.recording import attributes
 from wsnsim.recording.folder import Folder
 
 OwnMeasure: TypeAlias = "Callable[[Data, str], pd.Series]"
 VARIANT: Final = "variant"
-OVER_RUNS: Final = ("mean", "median", "tracks_mean", "tracks_median")
-COMPARED: Final = ("over", "less_than")
 TRUTHS: Final = 100
 """Ground truths that a posterior bound averages over, whatever was run; the most that other bounds use."""
-FROM_EVENTS: Final = ("active", "arrived")
 ROUNDING: Final = 1e-9
 """Relative difference of two values that are equal but for rounding."""
+OF_ANOTHER: Final = "; "
+"""Between a variant and the measure that is compared."""
+OVER_RUNS: Final = {"mean": MEAN, "median": MEDIAN, "share": SHARE, "tracks_mean": TRACKS_MEAN,
+                    "tracks_median": TRACKS_MEDIAN, "tracks": TRACKS_MEAN}  # fmt: skip
+OF_ERRORS: Final = {"rmse": TIME_MEAN_RMSE, "rmse_of_kept": TIME_MEAN_RMSE, "column": POOLED_RMSE,
+                    "column_of_kept": POOLED_RMSE, "per_run_rmse": PER_RUN_RMSE}  # fmt: skip
+RATIOS: Final[Mapping[str, tuple[Callable[[Floats, Floats], Floats], str]]] = {
+    "over": (lambda one, other: one / other, "ratio"),
+    "less_than": (lambda one, other: 1.0 - one / other, "one less the ratio"),
+}
+COMPARED: Final = tuple(RATIOS)
 
 
 class MeasuredPaper(Protocol):
@@ -137,86 +161,105 @@ def problem(measure: str, own: Collection[str], variants: Collection[str]) -> st
     known: dict[str, Collection[str] | None] = {
         **dict.fromkeys(("rmse", "rmse_of_kept")),
         **{name: [rest] for name in ("column", "column_of_kept", "per_run_rmse")},
-        **dict.fromkeys(COMPARED, variants),
         **{name: [*own, *columns["runs"]] for name in ("mean", "median")},
         "share": columns["runs"],
         **dict.fromkeys(("tracks", "tracks_mean", "tracks_median"), columns["tracks"]),
     }
+    if family in COMPARED:
+        rival, _, compared = rest.partition(OF_ANOTHER)
+        if rival not in variants:
+            return f"{family}: unknown name '{rival}' ({did_you_mean(rival, variants)})"
+        return problem(compared, own, ()) if compared else ""
     if family not in known:
-        return f"unknown measure '{family}' ({did_you_mean(family, known)})"
+        return f"unknown measure '{family}' ({did_you_mean(family, [*known, *COMPARED])})"
     names = known[family]
     return "" if names is None or rest in names else f"{family}: unknown name '{rest}' ({did_you_mean(rest, names)})"
 
 
 def measured(data: Data, variant: str, measure: str) -> Measured:
-    """The value of a measure for a variant, with a bootstrap interval over runs.
+    """The value of a measure for a variant, with a 95 % interval over runs.
 
     Raises:
         KeyError: no such measure, or the experiment does not record what it needs.
     """
     name, _, column = measure.partition(":")
+    found = sample(data, variant, measure)
     lost = data.lost(variant)
     fraction = float(lost.mean()) if len(lost) else float("nan")
+    count = len(known(found).runs)
     if name == "share":
-        found = statistics.share(data.of(variant, "runs")[column].to_numpy() > 0)
-        return Measured(found.value, found.low, found.high, len(lost), fraction)
+        flags = statistics.share(data.of(variant, "runs")[column].to_numpy() > 0)
+        return Measured(flags.value, flags.low, flags.high, count, fraction)
     if name in OVER_RUNS:
-        values = _values(data, variant, measure)
-        found = (statistics.median if "median" in name else statistics.mean)(values)
-        known = int(np.isfinite(values).sum())
-        return Measured(found.value, found.low, found.high, min(known, len(lost)), fraction)
-    if name == "per_run_rmse":
-        found = statistics.mean(_of_runs(data, variant, measure).to_numpy())
-        return Measured(found.value, found.low, found.high, len(lost), fraction)
-    rows, statistic = _rows(data, variant, name, column)
-    count = len(lost)
-    if name.endswith("of_kept"):
-        rows = rows[~np.repeat(lost, len(rows) // len(lost))]
-        count = int(np.count_nonzero(~lost))
-    value = statistic(rows) if len(rows) else float("nan")
-    low, high = metrics.bootstrap_interval(rows, statistic) if len(rows) else (float("nan"),) * 2
-    return Measured(value, low, high, count, fraction)
+        of = statistics.median if "median" in name else statistics.mean
+        estimate = of(np.asarray(found.rows.ravel() if isinstance(found, Sample) else found.per_run))
+        return Measured(estimate.value, estimate.low, estimate.high, count, fraction)
+    return Measured(value(found), *interval(found), count, fraction)
 
 
-def bound_beside(data: Data, variant: str, measure: str, kind: str) -> BoundBeside:
-    """The bound in the terms of a measure, on the runs that were made; NaN where the measure has none.
+def sample(data: Data, variant: str, measure: str) -> Resampled:
+    """A measure of a variant as a statistic over its runs, which can be resampled.
 
-    Args:
-        data: the results.
-        variant: whose bound.
-        measure: the measure beside which the bound stands.
-        kind: 'unconditional' or 'per_trajectory', see `wsnsim.bounds`; 'active' or 'arrived', conditional on each
-            trajectory, for the measurements of active members or those that arrived (of runs that recorded events);
-            'variant:NAME', the measured value of a variant that nothing can be better than; or 'own:NAME', the median
-            over runs of one of the paper's own measures.
+    Raises:
+        KeyError: no such measure, or the experiment does not record what it needs.
     """
-    family, _, rest = kind.partition(":")
-    if family == "variant":
-        best = measured(data, rest, measure)
-        caution = f"the lower end of the measured 95 % interval of '{rest}'"
-        return BoundBeside(best.low, f"that of '{rest}'", best.low, caution)
-    if family == "own":
-        return BoundBeside(measured(data, variant, f"median:{rest}").value, f"{rest.replace('_', ' ')}, not strict")
-    if kind in FROM_EVENTS:
-        runs = bound_from_events(data, variant, kind)
-        return BoundBeside(float(runs.median()), f"{kind}, not strict") if measure == "median:rmse" else BoundBeside()
-    found = data.bound(variant, kind)
-    value = float("nan") if found.reason else _in_terms(found, measure, data.states(variant))
-    if not np.isfinite(value):
-        return BoundBeside()
-    if kind == "unconditional" and not found.cautions:
-        return BoundBeside(value, kind, value)
-    return BoundBeside(value, f"{kind}, not strict", caution="; ".join(found.cautions))
+    name, _, column = measure.partition(":")
+    if name in COMPARED:
+        rival, _, compared = column.partition(OF_ANOTHER)
+        one, other = (known(sample(data, each, compared or "rmse")) for each in (variant, rival))
+        return Compared.on_common_runs(one, other, *RATIOS[name])
+    if name in OF_ERRORS:
+        runs = np.sort(data.of(variant, "runs")["replicate"].to_numpy())
+        errors = data.column_errors(variant, column) if column else data.errors(variant)
+        rows = errors.reshape(len(runs), -1, errors.shape[-1])
+        kept = ~data.lost(variant) if name.endswith("of_kept") else np.ones(len(runs), dtype=np.bool_)
+        return Sample(runs[kept], rows[kept], OF_ERRORS[name])
+    if name not in OVER_RUNS:
+        raise KeyError(f"no measure is called '{name}'")
+    return _sample_of_values(data, variant, measure)
 
 
-def bound_from_events(data: Data, variant: str, readings: str) -> pd.Series:
-    """The bound (m) of each run for measurements that were active or arrived; needs events, estimates, clusters."""
-    point = data.manifest.points[data.variants.index(variant)]
-    found: dict[int, float] = {}
-    for batch in data.folder.batches(point.id):
-        bound = bounds.bound_of_run(batch.path, readings, "per_trajectory")
-        found |= dict(zip(bound.query.replicates, bound.of_replicates.tolist(), strict=True))
-    return pd.Series(found)
+def _sample_of_values(data: Data, variant: str, measure: str) -> Sample:
+    """A statistic over the values of a column, or of one of the paper's own measures."""
+    name, _, column = measure.partition(":")
+    if column in data.own:
+        found = data.own[column](data, variant)
+        return Sample(found.index.to_numpy(), found.to_numpy(dtype=np.float64)[:, None], OVER_RUNS[name])
+    frame = data.of(variant, "tracks" if name.startswith("tracks") else "runs")
+    frame = frame.assign(track=frame.groupby("replicate").cumcount())
+    rows = frame.pivot(index="replicate", columns="track", values=column).astype(np.float64)
+    flags = rows > 0.0 if name == "share" else rows
+    return Sample(rows.index.to_numpy(), flags.to_numpy(dtype=np.float64), OVER_RUNS[name])
+
+
+def difference(data: Data, variant: str, other: str, measure: str) -> Resampled:
+    """The measure of a variant less that of another, on the same runs. Equal but for rounding counts as equal."""
+    one, two = (known(sample(data, name, measure)) for name in (variant, other))
+    return Compared.on_common_runs(one, two, _less, "difference")
+
+
+def judged_terms(data: Data, claim: Claim) -> tuple[Resampled, PublishedValue]:
+    """The statistic by which a published value is judged, and the value in its terms: a ratio for a share less."""
+    assert claim.published is not None
+    family, _, rest = claim.measure.partition(":")
+    less = family == "less_than"
+    found = known(sample(data, claim.variant, f"over:{rest}" if less else claim.measure))
+    printed = 1.0 - claim.published if less else claim.published
+    return found, PublishedValue(
+        printed, claim.published_runs, claim.deterministic, claim.fraction, rivals=family in COMPARED
+    )
+
+
+def losses(data: Data, variant: str) -> Losses:
+    """What the runs of a variant lost and found again, as far as they recorded it."""
+    tracks, runs = data.of(variant, "tracks"), data.of(variant, "runs")
+    reacquired = tracks.groupby("replicate")["reacquired"].sum()
+    found = [float(runs[name].mean()) if name in runs else float("nan") for name in ("losses", "time_lost")]
+    return Losses(float(reacquired.mean()), *found)
+
+
+def _less(one: Floats, other: Floats) -> Floats:
+    return np.where(np.isclose(one, other, rtol=ROUNDING, atol=0.0), 0.0, one - other)
 
 
 def computing(data: Data, variant: str) -> pd.Series:
@@ -227,73 +270,3 @@ def computing(data: Data, variant: str) -> pd.Series:
     cpu = data.scenario(variant)["cpu"]
     estimates = data.of(variant, "tracks").groupby("replicate")["reports"].sum()
     return 1e3 * data.of_runs(variant, "cycles") / estimates * cpu["cycles_per_flop"] / cpu["rate"]
-
-
-def _in_terms(found: bounds.Bound, measure: str, states: Sequence[tuple[str, str]]) -> float:
-    name, _, column = measure.partition(":")
-    if name == "rmse":
-        return found.time_mean
-    if name == "column":
-        index = [state for state, _ in states].index(column)
-        return float(np.sqrt(np.mean(found.columns[:, index] ** 2)))
-    return float(np.median(found.of_replicates)) if measure == "median:rmse" else float("nan")
-
-
-def difference(data: Data, variant: str, other: str, measure: str) -> Measured:
-    """The median paired difference over runs, `variant` less `other`; of measures that have a value for each run.
-
-    `rmse` is here the RMSE of each run.
-    """
-    one, two = (_of_runs(data, name, measure) for name in (variant, other))
-    common = one.index.intersection(two.index)
-    first, second = one[common].to_numpy(dtype=np.float64), two[common].to_numpy(dtype=np.float64)
-    found = statistics.paired_difference(
-        np.where(np.isclose(first, second, rtol=ROUNDING, atol=0.0), second, first), second
-    )
-    lost = data.lost(variant) | data.lost(other)
-    return Measured(found.value, found.low, found.high, int(np.isfinite(first - second).sum()), float(lost.mean()))
-
-
-def _values(data: Data, variant: str, measure: str) -> Floats:
-    """The values whose mean or median over runs or tracks is taken."""
-    name, _, column = measure.partition(":")
-    if column in data.own:
-        return np.asarray(_of_runs(data, variant, measure), dtype=np.float64)
-    table = "tracks" if name.startswith("tracks") else "runs"
-    return np.asarray(data.of(variant, table)[column], dtype=np.float64)
-
-
-def _of_runs(data: Data, variant: str, measure: str) -> pd.Series:
-    """One value for each run, by replicate."""
-    name, _, column = measure.partition(":")
-    if column in data.own:
-        return data.own[column](data, variant)
-    if name == "per_run_rmse":
-        rows = data.column_errors(variant, column)
-        runs = np.sort(data.of(variant, "runs")["replicate"].to_numpy())
-        return pd.Series([metrics.rmse(row) for row in rows.reshape(len(runs), -1)], index=runs)
-    table = data.of(variant, "tracks" if name.startswith("tracks") else "runs")
-    values = table.set_index("replicate")[column or "rmse"].astype(np.float64)
-    return values.groupby(level=0).mean()
-
-
-def _rows(data: Data, variant: str, name: str, column: str) -> tuple[Floats, Callable[[Floats], float]]:
-    """(one row for each track, the statistic over them)."""
-    if name in ("rmse", "rmse_of_kept"):
-        return data.errors(variant), metrics.time_mean_rmse
-    if name in ("column", "column_of_kept"):
-        return data.column_errors(variant, column), metrics.rmse
-    if name in COMPARED:
-        return np.hstack([data.errors(variant), data.errors(column)]), _over if name == "over" else _share_less
-    raise KeyError(f"no measure is called '{name}'")
-
-
-def _over(rows: Floats) -> float:
-    """The ratio a / b, where a and b are the time-averaged RMSE of two variants whose errors stand side by side."""
-    one, other = (metrics.time_mean_rmse(half) for half in np.hsplit(rows, 2))
-    return one / other
-
-
-def _share_less(rows: Floats) -> float:
-    """1 - a / b."""
-    return 1.0 - _over(rows)

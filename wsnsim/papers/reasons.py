@@ -15,7 +15,7 @@ from wsnsim.base.errors import did_you_mean
 from wsnsim.papers.reproduction import ClaimRow
 
 FIELD: Final = re.compile(r"(row|(?P<id>\w+)\[(?P<key>[^\]]+)\])\.(?P<value>\w+)")
-VALUES: Final = ("published", "measured", "low", "high", "replicates", "lost", "lost_fraction", "bound")
+VALUES: Final = ("published", "measured", "low", "high", "replicates", "lost", "lost_fraction", "bound", "reacquired")
 
 
 def problems(reason: str, keys: Mapping[str, Collection[str]]) -> Iterator[str]:

@@ -12,37 +12,20 @@ import functools
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import wsnsim.campaign as campaign
 from wsnsim.base.errors import UsageError, did_you_mean
 from wsnsim.campaign.local_engine import LocalEngine, available_cores
-from wsnsim.papers import measures
 from wsnsim.papers.measures import VARIANT, Data
 from wsnsim.papers.paper import PAPERS
 from wsnsim.papers.paper import paper as load_paper
 from wsnsim.papers.reasons import rendered
-from wsnsim.papers.reproduction import (
-    NAN,
-    BoundBeside,
-    Claim,
-    ClaimRow,
-    Experiment,
-    Measured,
-    verdict_on_order,
-    verdict_on_value,
-)
+from wsnsim.papers.reproduction import ClaimRow, Experiment
+from wsnsim.papers.rows import rows_of
 from wsnsim.recording.folder import Folder
 from wsnsim.scenario.sweep import load_sweep
 from wsnsim.scenario.sweep_schema import Plan
-
-USUAL_REASONS: Final = {
-    "median:rmse": "unlike the mean, the median is not moved by single runs that diverge",
-    "mean:energy": "the cost of the accuracy above",
-}
-"""{measure: reason} for claims that give none."""
-OTHER_REASON: Final = "for comparison; the paper prints no such value"
-"""The reason of a claim that gives none, for all other measures."""
 
 
 def experiments(paper: str) -> tuple[Experiment, ...]:
@@ -126,33 +109,23 @@ def folder_of(where: Path, paper: str, experiment: Experiment) -> Path:
 
 
 def rows(paper: str, experiment: Experiment, folder: Path) -> list[ClaimRow]:
-    """The rows of an experiment whose campaign is in a folder: one for each claim that is shown."""
+    """The rows of an experiment whose campaign is in a folder, for each claim that is shown.
+
+    Beside the row of an order, which is of the published statistic, stands one of the paired differences' median.
+    """
     data = Data(Folder(folder), load_paper(paper))
-    found = [_row(paper, experiment, claim, data) for claim in experiment.claims]
+    found = [rows_of(claim, data) for claim in experiment.claims]
     by_id: dict[str, dict[str, ClaimRow]] = {}
-    for row in found:
+    for row, *_ in found:
         by_id.setdefault(row.id, {})[row.key] = row
-    shown = (row for row, claim in zip(found, experiment.claims, strict=True) if claim.shown)
-    return [replace(row, reason=rendered(row.reason, row, by_id)) for row in shown]
-
-
-def _row(paper: str, experiment: Experiment, claim: Claim, data: Data) -> ClaimRow:
-    """The row of a claim, its reason still a format string."""
-    published, found, bound, read = NAN, Measured(NAN, NAN, NAN, 0, NAN), BoundBeside(), False
-    if claim.other:
-        found = measures.difference(data, claim.variant, claim.other, claim.measure)
-        verdict, reason = verdict_on_order(found), claim.reason
-    else:
-        found = measures.measured(data, claim.variant, claim.measure)
-        if claim.bound:
-            bound = measures.bound_beside(data, claim.variant, claim.measure, claim.bound)
-        published, read = NAN if claim.published is None else claim.published, claim.read
-        verdict = verdict_on_value(claim, found, bound.strict)
-        reason = claim.reason or USUAL_REASONS.get(claim.measure, OTHER_REASON)
-    return ClaimRow(
-        paper, experiment.name, claim.label, claim.variant, published, *found, bound.value, bound.kind, verdict,
-        reason, bound.caution, read, experiment.literal and claim.literal, experiment.title, claim.id, claim.key,
-    )  # fmt: skip
+    shown = [row for these, claim in zip(found, experiment.claims, strict=True) if claim.shown for row in these]
+    return [
+        replace(
+            row, paper=paper, experiment=experiment.name, title=experiment.title,
+            literal=experiment.literal and row.literal, reason=rendered(row.reason, row, by_id),
+        )
+        for row in shown
+    ]  # fmt: skip
 
 
 def set_aside(folder: Path) -> list[Path]:
@@ -183,6 +156,20 @@ def draw(paper: str, experiment: Experiment, folder: Path, into: Path) -> list[P
 
 
 def as_json(found: Sequence[ClaimRow]) -> list[dict[str, Any]]:
-    """The rows as plain values."""
-    internal = ("title", "id", "key")
-    return [{name: value for name, value in vars(row).items() if name not in internal} for row in found]
+    """The rows as plain values: verdicts with their ratios, shares and medians with their intervals."""
+    return [_plain(row) for row in found]
+
+
+def _plain(row: ClaimRow) -> dict[str, Any]:
+    nested = ("title", "id", "key", "judgement", "astray", "median", "losses")
+    return {
+        **{name: value for name, value in vars(row).items() if name not in nested},
+        "verdict": row.verdict,
+        "ratio_low": row.judgement.low,
+        "ratio_high": row.judgement.high,
+        "within": row.judgement.within,
+        "counted": row.counted,
+        **dict(zip(("astray", "astray_low", "astray_high"), row.astray, strict=True)),
+        **dict(zip(("median", "median_low", "median_high"), row.median, strict=True)),
+        **row.losses._asdict(),
+    }

@@ -1,24 +1,20 @@
-"""Experiments of a paper, claims about them, and the rule that gives each claim its verdict.
+"""Experiments of a paper, claims about them, and the rows that compare both.
 
     Experiment: variants that run side by side as one campaign       Variant: one scenario of an experiment
     Claim: a published value of one variant, or order of two         ClaimRow: one line of `wsnsim reproduce`
 
-`wsnsim.papers.paper` reads experiments from a paper's YAML file. RULE states the rule of the verdicts.
+`wsnsim.papers.paper` reads experiments from a paper's YAML file; `wsnsim.papers.verdicts` judges.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final, Literal, NamedTuple
 
 from wsnsim.papers.document import PaperFigure
+from wsnsim.papers.verdicts import NO_SHARE, AstrayShare, Judgement, Verdict
 
-Verdict = Literal[
-    "reproduces", "same order", "does not reproduce", "cannot: beyond the bound", "undecided", "not judged",
-    "not published",
-]  # fmt: skip
 Basis = Literal["evidence", "reconstruction", "construction", "our constant"]
 BASES: Final[Mapping[Basis, str]] = {
     "evidence": "a result of the paper's method in the paper's set-up",
@@ -27,10 +23,6 @@ BASES: Final[Mapping[Basis, str]] = {
     "our constant": "set by a constant that the paper does not give and that we chose",
 }
 """What a claim rests on. Only claims that rest on evidence are counted."""
-CLOSE: Final = 0.1
-"""Relative difference up to which a measured value reproduces the published one."""
-FACTOR: Final = 2.0
-"""Ratio up to which two values are of the same order."""
 NAN: Final = float("nan")
 
 
@@ -47,14 +39,14 @@ class Claim:
     """A value that a paper prints for one variant, or the order of two variants.
 
     Attributes:
-        measure: what is measured, see `wsnsim.papers.measures`.
+        measure: what is measured, see `wsnsim.papers.measures`; of an order: the published statistic.
         published: None for a value that the paper does not print, and for an order.
-        bound: the kind of bound beside it, '' for none; see `measures.bound_beside`.
+        bound: the kind of bound beside it, '' for none; see `bounds_beside`.
         where: the table or figure that prints the value.
         reason: one line on why the result is as it is: a format string over rows, see `wsnsim.papers.reasons`.
         read: True if the value is our reading of a curve or of words, not a printed number.
         judged: False if the two values cannot be compared, such as seconds on two machines.
-        factor: the ratio up to which the two are of the same order; nearer to one for fractions.
+        fraction: True for a fraction of at most 1, which a few runs cannot move far from a published value above 1/2.
         literal: False for repairs and other readings, which are not counted among the paper's claims.
         id: the name under which reasons and the list of main rows refer to the claim.
         shown: False for a value that only reasons use.
@@ -73,7 +65,7 @@ class Claim:
     reason: str = ""
     read: bool = False
     judged: bool = True
-    factor: float = FACTOR
+    fraction: bool = False
     literal: bool = True
     id: str = ""
     shown: bool = True
@@ -134,6 +126,17 @@ class Measured(NamedTuple):
     lost_fraction: float
 
 
+class Losses(NamedTuple):
+    """What tracks lose and find again, means over runs: re-acquisitions, losses, time lost (s); NaN if not recorded."""
+
+    reacquired: float = NAN
+    losses: float = NAN
+    time_lost: float = NAN
+
+
+NOT_RECORDED: Final = Losses()
+
+
 class BoundBeside(NamedTuple):
     """A bound beside a value, and its kind.
 
@@ -148,10 +151,18 @@ class BoundBeside(NamedTuple):
 
 @dataclass(frozen=True)
 class ClaimRow:
-    """One line of a reproduction: a claim with its measured value, bound and verdict."""
+    """One line of a reproduction: a claim with its measured value, bound and verdict.
 
-    paper: str
-    experiment: str
+    Attributes:
+        statistic: the statistic over runs, in words.
+        published_runs: the runs behind the published value; 0 if it has no Monte Carlo error, or if there is none.
+        judgement: the verdict, and the interval of measured / published.
+        astray: the share of runs astray; NaN for orders.
+        median: the median of the runs' values, with its interval.
+        losses: re-acquisitions and losses of the variant.
+        paired: True for the row that an order has beside it: the median of the paired differences, not counted.
+    """
+
     quantity: str
     variant: str
     published: float
@@ -162,11 +173,20 @@ class ClaimRow:
     lost_fraction: float
     bound: float
     bound_kind: str
-    verdict: Verdict
+    judgement: Judgement
     reason: str
     caution: str = ""
     read: bool = False
     literal: bool = True
+    basis: Basis = "evidence"
+    statistic: str = ""
+    published_runs: int = 0
+    astray: AstrayShare = NO_SHARE
+    median: tuple[float, float, float] = (NAN, NAN, NAN)
+    losses: Losses = NOT_RECORDED
+    paired: bool = False
+    paper: str = ""
+    experiment: str = ""
     title: str = ""
     id: str = ""
     key: str = ""
@@ -176,42 +196,17 @@ class ClaimRow:
         """The number of runs that lost the target at any time."""
         return self.lost_fraction * self.replicates
 
+    @property
+    def verdict(self) -> Verdict:
+        """The verdict."""
+        return self.judgement.verdict
 
-RULE: Final[Mapping[Verdict, str]] = {
-    "reproduces": "the measured value is within 10 % of the published one; or the published value is in the measured "
-    "95 % interval, and that interval lies between half and twice the published value; of an order: the whole "
-    "interval of the paired difference has the published sign",
-    "same order": "the measured value is between half and twice the published one (fractions: within a fifth)",
-    "does not reproduce": "neither; of an order: the whole interval has the other sign, or there is no difference",
-    "cannot: beyond the bound": "the published value is below a strict bound, "
-    "which no filter is on average over ground truths",
-    "undecided": "the published value is in the interval, which is wider than that; of an order: it contains zero",
-    "not judged": "the two cannot be compared, such as seconds on two machines",
-}
-"""How a verdict is reached."""
+    @property
+    def reacquired(self) -> float:
+        """The mean number of re-acquisitions in a run."""
+        return self.losses.reacquired
 
-
-def verdict_on_value(claim: Claim, found: Measured, strict: float = NAN) -> Verdict:
-    """The verdict on a value, by RULE; `strict` is the bound that no filter is below on average, NaN without one."""
-    published = claim.published
-    if published is None:
-        return "not published"
-    if not claim.judged:
-        return "not judged"
-    if math.isfinite(strict) and published < strict:
-        return "cannot: beyond the bound"
-    if not math.isfinite(found.value):
-        return "does not reproduce"
-    if abs(found.value - published) <= CLOSE * abs(published):
-        return "reproduces"
-    low, high = (published / claim.factor, published * claim.factor)
-    if found.low <= published <= found.high:
-        return "reproduces" if low <= found.low and found.high <= high else "undecided"
-    return "same order" if low <= found.value <= high else "does not reproduce"
-
-
-def verdict_on_order(found: Measured) -> Verdict:
-    """The verdict on an order, by RULE, from the paired difference: below zero as published."""
-    if found.high < 0.0:
-        return "reproduces"
-    return "does not reproduce" if found.low > 0.0 or found.low == found.high == 0.0 else "undecided"
+    @property
+    def counted(self) -> bool:
+        """Whether the verdict is counted among those on the paper's claims."""
+        return self.literal and self.basis == "evidence" and not self.paired

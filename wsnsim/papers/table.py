@@ -12,7 +12,8 @@ from itertools import groupby
 from typing import Final
 
 from wsnsim.analysis.phrases import aligned
-from wsnsim.papers.reproduction import RULE, ClaimRow
+from wsnsim.papers.reproduction import BASES, ClaimRow
+from wsnsim.papers.verdicts import ASTRAY, RULE
 
 KINDS: Final = {"unconditional": "u", "per_trajectory": "t", "active": "active", "arrived": "arrived"}
 MARKS: Final = (
@@ -22,8 +23,15 @@ MARKS: Final = (
 UNCOUNTED: Final = " *"
 READ: Final = "about"
 WORDS_READ: Final = "our reading of a curve or of words, not a printed number"
-FEW: Final = 30
-HEADS: Final = ("quantity", "variant", "published", "measured [95 %]", "bound", "runs", "lost", "verdict")
+WORDS_UNCOUNTED: Final = "on a repair or on another reading of the paper; not counted among its claims"
+WORDS_PAIRED: Final = "median of the runs, of a difference: paired by run; beside the published statistic, not counted"
+WORDS_RUNS: Final = "ours / those behind the published value"
+WORDS_ASTRAY: Final = f"share of runs with more than {ASTRAY:g} times the median of the runs [Clopper-Pearson, %]"
+WORDS_LOST: Final = "share of runs (re-acquisitions in a run, mean over runs)"
+REST: Final = tuple(basis for basis in BASES if basis != "evidence")
+HEADS: Final = (
+    "quantity", "variant", "published", "measured [95 %]", "statistic", "bound", "runs", "astray", "lost", "verdict",
+)  # fmt: skip
 
 
 def text(rows: Sequence[ClaimRow]) -> str:
@@ -55,9 +63,10 @@ def _verdicts(rows: Sequence[ClaimRow]) -> list[str]:
 
 
 def _counted(name: str, rows: Sequence[ClaimRow]) -> Iterator[str]:
-    judged = [row for row in rows if row.verdict in RULE and row.verdict != "not judged"]
-    kinds = {"claims": [row for row in judged if row.literal]}
-    kinds["rows on repairs and other readings"] = [row for row in judged if not row.literal]
+    judged = [row for row in rows if row.verdict in RULE and row.verdict != "not judged" and not row.paired]
+    kinds = {"claims": [row for row in judged if row.counted]}
+    kinds |= {f"not counted, {basis}": [row for row in judged if row.literal and row.basis == basis] for basis in REST}
+    kinds["not counted, repairs and other readings"] = [row for row in judged if not row.literal]
     for words, some in kinds.items():
         counts = Counter(row.verdict for row in some)
         if some:
@@ -66,36 +75,69 @@ def _counted(name: str, rows: Sequence[ClaimRow]) -> Iterator[str]:
 
 
 def legend(rows: Sequence[ClaimRow]) -> list[str]:
-    """The rule of the verdicts and the marks of bounds, as far as the rows have them."""
+    """The rule of the verdicts and the marks, as far as the rows have them."""
+    judged = [row for row in rows if row.verdict in RULE]
+    known = {basis: words for basis, words in BASES.items() if any(row.basis == basis for row in judged)}
     lines = [f"  {verdict}: {words}" for verdict, words in RULE.items() if any(row.verdict == verdict for row in rows)]
-    if any(math.isfinite(row.bound) for row in rows):
-        lines.append(f"  bound: {MARKS}")
-    if any(row.read and math.isfinite(row.published) for row in rows):
-        lines.append(f"  {READ}: {WORDS_READ}")
-    if any(row.verdict in RULE and not row.literal for row in rows):
-        lines.append(
-            f"  {UNCOUNTED.strip()}: on a repair or on another reading of the paper; not counted among its claims"
-        )
-    if any(row.replicates < FEW and math.isfinite(row.low) for row in rows):
-        lines.append(
-            f"  runs: with fewer than {FEW}, the interval of a mean or an RMSE may miss that single runs diverge"
-        )
+    lines += [f"  ({basis}): {words}; not counted" for basis, words in known.items() if basis in REST]
+    for shown, words in (
+        (any(not row.literal for row in judged), f"{UNCOUNTED.strip()}: {WORDS_UNCOUNTED}"),
+        (any(row.paired for row in rows), WORDS_PAIRED),
+        (any(math.isfinite(row.bound) for row in rows), f"bound: {MARKS}"),
+        (any(row.read and math.isfinite(row.published) for row in rows), f"{READ}: {WORDS_READ}"),
+        (any(row.published_runs for row in rows), f"runs: {WORDS_RUNS}"),
+        (any(math.isfinite(row.astray.value) for row in rows), f"astray: {WORDS_ASTRAY}"),
+        (any(row.losses.reacquired > 0.0 for row in rows), f"lost: {WORDS_LOST}"),
+    ):
+        lines += [f"  {words}"] if shown else []
     return lines
 
 
 def cells(row: ClaimRow) -> tuple[str, ...]:
     """The cells of a row, by HEADS."""
-    interval = f" [{_number(row.low)}, {_number(row.high)}]" if math.isfinite(row.low) else ""
     return (
         row.quantity,
         row.variant,
         f"{READ} {_number(row.published)}" if row.read and math.isfinite(row.published) else _number(row.published),
-        _number(row.measured) + interval,
+        _number(row.measured) + _interval(row.low, row.high) + _median(row),
+        row.statistic or "-",
         _bound(row),
-        str(row.replicates),
-        f"{100 * row.lost_fraction:.0f} %" if math.isfinite(row.lost_fraction) else "-",
-        row.verdict + (UNCOUNTED if row.verdict in RULE and not row.literal else ""),
+        f"{row.replicates} / {row.published_runs}" if row.published_runs else str(row.replicates),
+        _percent(row.astray.value) + (_interval(100 * row.astray.low, 100 * row.astray.high, ".2g")),
+        _lost(row),
+        _verdict(row),
     )
+
+
+def _verdict(row: ClaimRow) -> str:
+    """The verdict, how far it reaches, and why it is not counted."""
+    if row.verdict not in RULE:
+        return row.verdict
+    within = row.judgement.within
+    factor = f" within x {math.ceil(100 * within) / 100:.4g}" if row.verdict == "compatible" else ""
+    basis = "" if row.basis == "evidence" else f" ({row.basis})"
+    return row.verdict + factor + basis + ("" if row.literal else UNCOUNTED)
+
+
+def _median(row: ClaimRow) -> str:
+    """The median of the runs beside a mean that too few runs give."""
+    value, low, high = row.median
+    few = row.verdict == "too few runs" and math.isfinite(value) and value != row.measured
+    return f", median {_number(value)}{_interval(low, high)}" if few else ""
+
+
+def _lost(row: ClaimRow) -> str:
+    """The share of runs that lost their target, and how often tracks were lost and found again in a run."""
+    again = f" ({row.reacquired:.2g} re-acq.)" if row.reacquired > 0.0 else ""
+    return _percent(row.lost_fraction) + again
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.2g} %" if math.isfinite(share) else "-"
+
+
+def _interval(low: float, high: float, form: str = ".4g") -> str:
+    return f" [{low:{form}}, {high:{form}}]" if math.isfinite(low) else ""
 
 
 def _bound(row: ClaimRow) -> str:

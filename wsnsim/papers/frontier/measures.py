@@ -19,7 +19,8 @@ import pandas as pd
 
 from wsnsim.analysis import campaigns, statistics
 from wsnsim.base.arrays import Bools
-from wsnsim.papers.measures import Data, OwnMeasure, bound_from_events, computing
+from wsnsim.papers.bounds_beside import bound_from_events
+from wsnsim.papers.measures import Data, OwnMeasure, computing
 
 MOST_LOST: Final = 0.05
 DIVERGED: Final = 20.0

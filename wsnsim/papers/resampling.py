@@ -1,0 +1,275 @@
+"""Statistics over Monte Carlo runs as functions of the runs' weights, for a bootstrap over runs.
+
+    weights(of, size) -> (DRAWS, of)                how often each of `of` runs is drawn in resamples of `size` runs
+    Sample(runs, rows, MEAN).at(weights)            the statistic of each resample
+    Compared(one, other, Compared.ratio).at(...)    the same of two samples of the same runs, resampled together
+
+Equal numbers of runs give equal weights, so that everything compared is resampled alike. The runs of a sample may have
+several tracks, of which a resample takes all or none. Unknown values (NaN) are left out.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final, Protocol, final
+
+import numpy as np
+
+from wsnsim.base.arrays import Floats, Ints
+
+DRAWS: Final = 1000
+NAN: Final = float("nan")
+
+
+class Resampled(Protocol):
+    """A statistic over runs that can be resampled."""
+
+    @property
+    def runs(self) -> Ints:
+        """(n,) the numbers of the runs."""
+        ...
+
+    @property
+    def words(self) -> str:
+        """The statistic in words."""
+        ...
+
+    @property
+    def robust(self) -> bool:
+        """Whether a few runs cannot move it far, whatever they are."""
+        ...
+
+    @property
+    def per_run(self) -> Floats:
+        """(n,) the value of each run by itself."""
+        ...
+
+    def at(self, weights: Floats) -> Floats:
+        """(draws, ...) the statistic of runs with these weights (draws, n)."""
+        ...
+
+    def among(self, runs: Ints) -> Resampled:
+        """The same over some of the runs."""
+        ...
+
+
+@dataclass(frozen=True)
+class Statistic:
+    """A statistic over runs.
+
+    Attributes:
+        words: the statistic in words.
+        weighted: the function (rows, weights) -> (draws, ...).
+        per_run: the function rows -> (n, ...): the value of each run by itself.
+        robust: whether a few runs cannot move it far.
+    """
+
+    words: str
+    weighted: Callable[[Floats, Floats], Floats]
+    per_run: Callable[[Floats], Floats]
+    robust: bool = False
+
+
+@final
+@dataclass(frozen=True)
+class Sample:
+    """The values of runs, and a statistic over them.
+
+    Attributes:
+        runs: (n,) the numbers of the runs.
+        rows: (n, ...) their values, see the statistics below.
+        statistic: what is taken over them.
+    """
+
+    runs: Ints
+    rows: Floats
+    statistic: Statistic
+
+    @property
+    def words(self) -> str:
+        """The statistic in words."""
+        return self.statistic.words
+
+    @property
+    def robust(self) -> bool:
+        """Whether a few runs cannot move it far."""
+        return self.statistic.robust
+
+    @property
+    def per_run(self) -> Floats:
+        """(n,) the value of each run by itself."""
+        return self.statistic.per_run(self.rows)
+
+    def at(self, weights: Floats) -> Floats:
+        """(draws, ...) the statistic of runs with these weights (draws, n)."""
+        return self.statistic.weighted(self.rows, weights)
+
+    def among(self, runs: Ints) -> Sample:
+        """The same over some of the runs."""
+        kept = np.isin(self.runs, runs)
+        return self if kept.all() else Sample(self.runs[kept], self.rows[kept], self.statistic)
+
+
+@final
+@dataclass(frozen=True)
+class Compared:
+    """Two statistics of the same runs and what is computed from the two: their ratio or their difference."""
+
+    one: Resampled
+    other: Resampled
+    combine: Callable[[Floats, Floats], Floats]
+    word: str
+
+    @staticmethod
+    def on_common_runs(
+        one: Resampled, other: Resampled, combine: Callable[[Floats, Floats], Floats], word: str
+    ) -> Compared:
+        """The comparison over the runs that both have."""
+        common = np.intersect1d(one.runs, other.runs)
+        return Compared(one.among(common), other.among(common), combine, word)
+
+    @property
+    def runs(self) -> Ints:
+        """(n,) the numbers of the runs."""
+        return self.one.runs
+
+    @property
+    def words(self) -> str:
+        """The statistic in words."""
+        return f"{self.word} of two: {self.one.words}"
+
+    @property
+    def robust(self) -> bool:
+        """Whether a few runs cannot move it far."""
+        return self.one.robust and self.other.robust
+
+    @property
+    def per_run(self) -> Floats:
+        """(n,) the value of each run by itself."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return self.combine(self.one.per_run, self.other.per_run)
+
+    def at(self, weights: Floats) -> Floats:
+        """(draws, ...) the value for runs with these weights (draws, n)."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return self.combine(self.one.at(weights), self.other.at(weights))
+
+    def among(self, runs: Ints) -> Compared:
+        """The same over some of the runs."""
+        return Compared(self.one.among(runs), self.other.among(runs), self.combine, self.word)
+
+
+@functools.lru_cache(maxsize=8)
+def weights(of: int, size: int, published: bool = False) -> Floats:
+    """(DRAWS, of) how often each of `of` runs is drawn in resamples of `size` runs with replacement.
+
+    Those that stand for the published runs are independent of the others.
+    """
+    rng = np.random.Generator(np.random.Philox(key=[2 * of + published, size]))
+    drawn = rng.multinomial(size, np.full(of, 1.0 / of), size=DRAWS).astype(np.float64)
+    drawn.flags.writeable = False
+    return drawn
+
+
+def value(sample: Resampled) -> float:
+    """The statistic of the runs as they are; NaN without runs."""
+    return float(sample.at(np.ones((1, len(sample.runs))))[0]) if len(sample.runs) else NAN
+
+
+def known(sample: Resampled) -> Resampled:
+    """The same over the runs that have a value."""
+    return sample.among(sample.runs[np.isfinite(sample.per_run)])
+
+
+def median_of_runs(sample: Resampled) -> Sample:
+    """The median over the runs of the values that they have by themselves."""
+    return Sample(sample.runs, sample.per_run[:, None], MEDIAN_OF_RUNS)
+
+
+def _sums(values: Floats) -> tuple[Floats, Floats]:
+    """(n, ...) sums over the second axis, and the number of known values behind them."""
+    known = np.isfinite(values)
+    return np.where(known, values, 0.0).sum(axis=1), known.sum(axis=1).astype(np.float64)
+
+
+def _over(sums: Floats, counts: Floats) -> Floats:
+    with np.errstate(divide="ignore", invalid="ignore"):
+        found: Floats = sums / counts
+        return found
+
+
+def _weighted(weights: Floats, values: Floats) -> Floats:
+    """(draws, ...) sums of (n, ...) values with the weights of the runs."""
+    found: Floats = np.tensordot(weights, values, axes=1)
+    return found
+
+
+def _mean(rows: Floats, weights: Floats) -> Floats:
+    sums, counts = _sums(rows)
+    return _over(_weighted(weights, sums), _weighted(weights, counts))
+
+
+def _mean_of_each(rows: Floats) -> Floats:
+    return _over(*_sums(rows))
+
+
+def _median(rows: Floats, weights: Floats) -> Floats:
+    """(draws,) the median over the tracks of all runs."""
+    values = rows.ravel()
+    order = np.argsort(values, kind="stable")
+    order = order[np.isfinite(values[order])]
+    if not order.size:
+        return np.full(len(weights), NAN)
+    cumulated = np.cumsum(weights[:, order // rows.shape[1]], axis=1)
+    half = cumulated[:, -1:] / 2.0
+    lower, upper = (np.argmax(mask, axis=1) for mask in (cumulated >= half, cumulated > half))
+    found: Floats = (values[order[lower]] + values[order[upper]]) / 2.0
+    return np.where(cumulated[:, -1] > 0.0, found, NAN)
+
+
+def _median_of_each(rows: Floats) -> Floats:
+    known = np.isfinite(rows).any(axis=1)
+    found = np.full(len(rows), NAN)
+    found[known] = np.nanmedian(rows[known], axis=1)
+    return found
+
+
+def _time_mean_rmse(rows: Floats, weights: Floats) -> Floats:
+    squares, counts = _sums(rows**2)
+    steps: Floats = np.sqrt(_over(_weighted(weights, squares), _weighted(weights, counts)))
+    return _over(*_sums(steps))
+
+
+def _pooled_rmse(rows: Floats, weights: Floats) -> Floats:
+    squares, counts = (part.sum(axis=1) for part in _sums(rows**2))
+    found: Floats = np.sqrt(_over(_weighted(weights, squares), _weighted(weights, counts)))
+    return found
+
+
+def _rmse_of_each(rows: Floats) -> Floats:
+    squares, counts = (part.sum(axis=1) for part in _sums(rows**2))
+    found: Floats = np.sqrt(_over(squares, counts))
+    return found
+
+
+def _mean_of_rmse(rows: Floats, weights: Floats) -> Floats:
+    return _mean(_rmse_of_each(rows)[:, None], weights)
+
+
+MEAN: Final = Statistic("mean over runs", _mean, _mean_of_each)
+"""Of rows (n, tracks)."""
+SHARE: Final = Statistic("share of runs", _mean, _mean_of_each)
+"""Of rows (n, 1) that are 0 or 1."""
+MEDIAN: Final = Statistic("median over runs", _median, _median_of_each, robust=True)
+"""Of rows (n, tracks)."""
+MEDIAN_OF_RUNS: Final = Statistic("median of the runs", _median, _median_of_each, robust=True)
+TRACKS_MEAN: Final = Statistic("mean over tracks", _mean, _mean_of_each)
+TRACKS_MEDIAN: Final = Statistic("median over tracks", _median, _median_of_each, robust=True)
+TIME_MEAN_RMSE: Final = Statistic("RMSE over runs, mean over steps", _time_mean_rmse, _rmse_of_each)
+"""Of rows (n, targets, steps)."""
+POOLED_RMSE: Final = Statistic("RMSE over runs and steps", _pooled_rmse, _rmse_of_each)
+"""Of rows (n, targets, steps)."""
+PER_RUN_RMSE: Final = Statistic("RMSE of a run, mean over runs", _mean_of_rmse, _rmse_of_each)
+"""Of rows (n, targets, steps)."""
