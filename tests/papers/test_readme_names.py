@@ -1,0 +1,57 @@
+"""Variants have one name: the README's own tables use the names of the papers' files."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from wsnsim.papers.paper import PAPERS, paper
+from wsnsim.scenario import shipped
+
+README = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+WRITTEN = re.sub(r"<!-- (\w+): made by make readme -->.*?<!-- end of \1 -->", "", README, flags=re.DOTALL)
+NAME = re.compile(r"^`([^`]+)`")
+
+
+def tables(section: str) -> list[list[list[str]]]:
+    """The tables of a section: rows of cells, the heading first."""
+    (text,) = re.findall(rf"^### {section}\n(.*?)^##", WRITTEN, re.DOTALL | re.MULTILINE)
+    blocks = re.findall(r"(?:^\|.*\n)+", text, re.MULTILINE)
+    rows = [[line.strip().strip("|").split("|") for line in block.splitlines()] for block in blocks]
+    return [[[cell.strip() for cell in row] for row in table if not set("".join(row)) <= set("- ")] for table in rows]
+
+
+def named(table: list[list[str]]) -> list[str]:
+    """The names in backticks at the start of a row's first two cells."""
+    return [found[1] for row in table[1:] for cell in row[:2] if (found := NAME.match(cell))]
+
+
+def trackers(name: str) -> set[str]:
+    """The variants of a paper, without a number of nodes or particles at their end."""
+    return {re.sub(r", \d+$", "", one) for experiment in paper(name).experiments for one in experiment.variants}
+
+
+def test_the_networks_that_sleep_name_trackers_as_reproduce_does() -> None:
+    found = [named(table) for table in tables("A network that sleeps, and is woken")]
+    assert len(found) == 2
+    for names in found:
+        assert set(names) <= trackers("li2012"), set(names) - trackers("li2012")
+
+
+def test_the_commercial_radio_names_scenarios_and_readings_that_are_shipped() -> None:
+    (table,) = tables("The same on a commercial radio")
+    assert len(named(table)) == len(table) - 1
+    assert set(named(table)) <= set(shipped())
+
+
+@pytest.mark.parametrize("name", PAPERS)
+def test_a_variant_that_has_the_name_of_a_scenario_is_that_scenario(name: str) -> None:
+    """'gmtt' was the paper's form in one place, and the repaired one, the scenario gmtt, in the other."""
+    for experiment in paper(name).experiments:
+        for variant, what in experiment.variants.items():
+            plain = re.sub(r", \d+$", "", variant)
+            if plain in shipped():
+                assert what.scenario == plain, variant
+                assert all(each.startswith(("deploy.nodes=", "tracker.particles=")) for each in what.sets), variant
