@@ -18,7 +18,8 @@ TRACKERS: Final = (
         "particle filter on the members; a swarm move with a Metropolis-Hastings test replaces resampling", JIANG,
         state="particles on the active members; mean and covariance in the head",
         messages="a local estimate up per member; moved particles when membership changes",
-        variants="measurements own|all, acceptance gaussian|transition|likelihood, random_factors, "
+        variants="measurements own|all, acceptance gaussian|transition|likelihood, "
+        "prior_fit weighted|unweighted, ranking weight|likelihood, random_factors, "
         "step_length one|dt, estimate_when after|before, resample_first, resample_always, "
         "fusion share|inverse_variance, feedback, handover particles|gaussian"),
     _tracker("ipf", "wsnsim.trackers.information_pf:InformationPf",
