@@ -3,21 +3,28 @@
 from __future__ import annotations
 
 import dataclasses
+import gzip
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from scipy import stats
 
 import wsnsim
+from wsnsim.analysis import figures, plots, summary_text
+from wsnsim.analysis.consistency import state_nees, step_consistency
+from wsnsim.analysis.quantities import QUANTITIES
 from wsnsim.base import metrics
+from wsnsim.base.errors import ResultError
 from wsnsim.base.initial_conditions import sample_initial_conditions
 from wsnsim.base.ports import Estimate
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.base.tables import METRICS, Memory, columns_of, product_unit
 from wsnsim.experiment import replicate_of
 from wsnsim.models.linear_sensing import Coordinate
+from wsnsim.report.svg_figures import svg_figures
 from wsnsim.scenario import build, load
 
 STEPS, SEEDS, SENSORS, VARIANCE = 3, 1000, 3, 4.0
@@ -185,3 +192,79 @@ def test_only_exact_filters_of_linear_models_are_gaussian_and_only_those_with_in
     found = estimates_of(setup, 1)
     assert (found["gaussian"] == gaussian).all() and (found["nis_dof"] == dof).all()
     assert np.isfinite(found["nis"]).all() == (dof > 0)
+
+
+def test_the_consistency_of_a_file_is_its_nees_per_step_with_chi_squared_intervals_and_a_bootstrap_over_runs(recorded):
+    estimates, runs = wsnsim.read(recorded, "estimates"), wsnsim.read(recorded, "runs")
+    for of, size in (("nees", 2), ("nis", SENSORS)):
+        found = step_consistency(recorded, of)
+        assert np.allclose(found.values, estimates.groupby("step")[of].mean() / size) and found.gaussian
+        assert np.allclose(found.low, stats.chi2.ppf(0.025, 6 * size) / (6 * size))
+        assert np.allclose(found.high, stats.chi2.ppf(0.975, 6 * size) / (6 * size))
+        assert np.isclose(found.average, runs[of].mean()) and found.average_low < found.average < found.average_high
+        assert (found.average_low, found.average_high) == metrics.bootstrap_interval(
+            runs[of].to_numpy(), metrics.mean_error
+        )
+        assert 0.0 <= found.inside <= 1.0 and found.steps.tolist() == [1, 2, 3]
+
+
+def test_the_nees_of_the_state_is_read_from_its_recorded_covariance(recorded):
+    found = step_consistency(recorded, "state")
+    table = state_nees(recorded)
+    assert np.allclose(found.values, table.groupby("step")["nees"].mean() / 4)
+    truth, means = wsnsim.read(recorded, "truth"), wsnsim.read(recorded, "estimates")
+    covs, names = wsnsim.read(recorded, "covariances"), ["px", "vx", "py", "vy"]
+    error = (means[names].to_numpy() - truth[truth["step"] > 0][names].to_numpy())[5]
+    cov = np.array([[covs[f"cov_{min(a, b, key=names.index)}_{max(a, b, key=names.index)}"][5] for a in names]
+                    for b in names])  # fmt: skip
+    assert np.isclose(table["nees"][5], error @ np.linalg.solve(cov, error))
+
+
+def test_without_a_gaussian_posterior_the_interval_of_a_step_is_a_bootstrap_about_the_value(tmp_path):
+    text = {**LINEAR, "sensor": {"kind": "range", "reach": ".inf"}}
+    found = step_consistency(wsnsim.run(load(text), replicates=8, out=tmp_path / "range.h5").out)
+    assert not found.gaussian
+    assert (found.low < found.values).all() and (found.values < found.high).all()
+    few = step_consistency(wsnsim.run(load(text), replicates=4, out=tmp_path / "few.h5").out)
+    assert np.isfinite(few.values).all() and np.isnan(few.low).all() and np.isnan(few.average_low)
+
+
+def test_a_bootstrap_over_runs_covers_the_time_average_of_correlated_values_and_a_naive_interval_does_not():
+    """A scalar Kalman filter over 100 steps whose errors forget slowly: P is constant, e⁺ = (1 - K) (e + w) - K v."""
+    groups, runs, steps, q = 100, 40, 100, 0.01
+    rng = np.random.default_rng(5)
+    predicted = (q + np.sqrt(q * q + 4.0 * q)) / 2.0  # of the Riccati equation with R = 1
+    gain = predicted / (predicted + 1.0)
+    error = np.sqrt(predicted - q) * rng.standard_normal((groups, runs))
+    total = np.zeros((groups, runs))
+    for _ in range(steps):
+        w, v = np.sqrt(q) * rng.standard_normal((groups, runs)), rng.standard_normal((groups, runs))
+        error = (1.0 - gain) * (error + w) - gain * v
+        total += error**2 / (predicted - q)
+    low, high = stats.chi2.ppf([0.025, 0.975], steps)
+    assert ((low < total) & (total < high)).mean() < 0.7
+    intervals = np.array([metrics.bootstrap_interval(group / steps, metrics.mean_error) for group in total])
+    covered = (intervals[:, 0] < 1.0) & (intervals[:, 1] > 1.0)
+    assert covered.mean() > 0.87
+
+
+def test_the_plot_the_summary_and_compare_show_the_same_average(recorded, tmp_path):
+    drawn = figures.draw(recorded, tmp_path / "x.svg", "consistency")
+    assert drawn.shown == ("consistency",)
+    found = step_consistency(recorded, "nees")
+    axes = Figure().subplots()
+    plots.consistency(axes, recorded)
+    assert f"NEES {found.average:.3g} [" in axes.get_title(loc="left")
+    assert {"NEES", "NIS", "NEES, 95 % χ²", "NIS, 95 % χ²", "consistent"} == set(axes.get_legend_handles_labels()[1])
+    report = wsnsim.run(load(LINEAR), replicates=6, out=tmp_path / "again.h5")
+    row = next(line for line in summary_text.text(report, {}).splitlines() if "average NEES" in line)
+    assert QUANTITIES["nees"].text(found.average, "") in row and "[" in row
+    assert "consistency" in [figure.name for figure in svg_figures(recorded, 0)[0]]
+
+
+def test_a_file_of_an_older_version_says_why_it_has_no_consistency(tmp_path):
+    old = tmp_path / "old.h5"
+    old.write_bytes(gzip.decompress((Path(__file__).parents[1] / "data/version_0_1_offline.h5.gz").read_bytes()))
+    with pytest.raises(ResultError, match="no column nees: the file was written by an older version"):
+        step_consistency(old)
+    assert "older version" in figures.draw(old, tmp_path / "old.svg").left_out["consistency"]

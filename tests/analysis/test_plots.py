@@ -79,9 +79,11 @@ def _write_track(file, layout, key, steps, gaps, rng):
     numbers = np.arange(steps + 1)
     file.write("truth", {**key, "step": numbers, "time": numbers * DT, **dict(zip(names, truth.T, strict=True))})
     claimed = np.where(np.isnan(guess[:, place]), np.nan, np.array([1.5, 2.5])[: len(place)])
-    beside = dict.fromkeys(("received", "effective_particles"), np.nan) | dict.fromkeys(
+    beside = dict.fromkeys(("received", "effective_particles", "nis"), np.nan) | dict.fromkeys(
         ("active", "members", "readings", "late", "woken", "ineffective"), 1
     )
+    beside |= {"nis_dof": 0, "gaussian": 0} | ({"cov_xy": 0.0} if len(place) > 1 else {})
+    beside["nees"] = (((guess - truth[1:])[:, place] / claimed) ** 2).sum(axis=1)
     file.write("estimates", {
         **key, "step": numbers[1:], "time": numbers[1:] * DT, "issued": numbers[1:] * DT,
         **dict(zip(names, guess.T, strict=True)), **dict(zip(("sd_x", "sd_y"), claimed.T, strict=False)),
@@ -376,9 +378,9 @@ def unsaved(monkeypatch):
 @pytest.mark.parametrize(
     ("layout", "shown"),
     [
-        (PLANE, "track, state px, state vx, state py, state vy, error, energy, particles"),
-        (LINE, "track, state px, state vx, state ax, error, energy, particles"),
-        (BARE, "track, error, energy, particles"),
+        (PLANE, "track, state px, state vx, state py, state vy, error, consistency, energy, particles"),
+        (LINE, "track, state px, state vx, state ax, error, consistency, energy, particles"),
+        (BARE, "track, error, consistency, energy, particles"),
     ],
 )
 def test_all_is_every_panel_that_exists(write, tmp_path, unsaved, layout, shown):
@@ -392,7 +394,7 @@ def test_all_is_every_panel_that_exists(write, tmp_path, unsaved, layout, shown)
 
 def test_all_leaves_out_what_is_not_there_and_says_why(write, tmp_path, unsaved):
     drawn = figures.draw(write(BARE, without=("particles",)), tmp_path / "x.svg")
-    assert drawn.shown == ("track", "error")
+    assert drawn.shown == ("track", "error", "consistency")
     assert list(drawn.left_out) == ["energy", "particles"]
     assert "record.particles=true" in drawn.left_out["particles"]
 

@@ -23,11 +23,13 @@ RUN = {
     "handovers": 0, "frames_sent": 0, "frames_lost": 0, "packets_sent": 0, "in_range": 0, "delivered": 0, "collided": 0,
     "access_failures": 0, "retries": 0, "cycles": 0.0, "tracked": 1.0, "tracked_three": 1.0, "awake": 1.0, "alive": 9,
     "first_death": NAN, "half_dead": NAN, "coverage": 1.0, "cpu_seconds": 0.1, "fingerprint": 3, "event_fingerprint": 4,
+    "losses": 0, "time_lost": 0.0, "lost_share": 0.0, "nees": 1.0, "nis": NAN,
 }  # fmt: skip
 ESTIMATE = {
     "replicate": 0, "target": 0, "step": 2, "time": START, "issued": 1.02, "px": 3.0, "vx": 0.0, "py": 4.0, "vy": 0.0,
     "sd_x": 1.0, "sd_y": 1.0, "error": 5.0, "head": HEAD, "active": 3, "members": 4, "readings": 2, "received": NAN,
-    "late": 0, "woken": 0, "ineffective": 0, "effective_particles": NAN,
+    "late": 0, "woken": 0, "ineffective": 0, "effective_particles": NAN, "cov_xy": 0.0,
+    "nees": 25.0, "nis": NAN, "nis_dof": 0, "gaussian": 0,
 }  # fmt: skip
 TRUTH = {"replicate": 0, "target": 0, "step": 2, "time": START, "px": 0.0, "vx": 0.0, "py": 0.0, "vy": 0.0}
 

@@ -20,7 +20,7 @@ import pandas as pd
 from wsnsim.analysis import campaigns, statistics
 from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import UsageError, did_you_mean
-from wsnsim.base.tables import METRICS, MORE_IS_BETTER, TABLES
+from wsnsim.base.tables import METRICS, MORE_IS_BETTER, ONE_IS_BEST, TABLES
 from wsnsim.recording import attributes
 from wsnsim.recording.folder import Folder, Manifest
 
@@ -48,8 +48,9 @@ class Comparison:
         table: a row per point with results, in the campaign's order. Columns: `point`, the swept keys, `replicates`,
             `known` (runs in which the metric is known); `median` and `mean` of the metric, `lost_fraction`, `energy`
             (median, J) and `error_per_joule` (median of metric / energy), each with `_low` and `_high`; `tracked`
-            (mean share of the steps); `front` (on the Pareto front of its group in both medians); `difference` from
-            the baseline of its group, `effect`, `p` and `pairs`. Unknown values are NaN.
+            (mean share of the steps); `front` (on the Pareto front of its group in both medians; none for NEES and NIS,
+            of which 1 is best); `difference` from the baseline of its group, `effect`, `p` and `pairs`. Unknown values
+            are NaN.
         unpaired: why rows have no difference.
         unbounded: why `comparison_bounds.with_bounds` found no bound for some rows.
         unit: the unit of the metric.
@@ -96,7 +97,8 @@ def compare(
         rows.append({campaigns.POINT: int(number), **settings, **_statistics(frame, metric)})
     table = pd.DataFrame(rows)
     groups = _groups(manifest, table, chosen)
-    table["front"] = _fronts(table, groups, -1.0 if metric in MORE_IS_BETTER else 1.0)
+    sign = -1.0 if metric in MORE_IS_BETTER else 1.0
+    table["front"] = False if metric in ONE_IS_BEST else _fronts(table, groups, sign)
     baseline = _baseline(manifest, chosen, baseline or (manifest.baseline if by is None else None))
     first = _baselines(manifest, table, groups, chosen, baseline)
     unpaired = _pair(table, manifest, values, first) if chosen else ""

@@ -15,7 +15,7 @@ from wsnsim.analysis.phrases import aligned, counted
 from wsnsim.analysis.plot_data import bracketed
 from wsnsim.analysis.quantities import run_metric_name
 from wsnsim.analysis.statistics import LEAST
-from wsnsim.base.tables import MORE_IS_BETTER
+from wsnsim.base.tables import MORE_IS_BETTER, ONE_IS_BEST
 
 SEEN: Final = 0.995
 """Share of tracked steps above which the column `tracked` is left out."""
@@ -48,6 +48,7 @@ def _columns(found: Comparison) -> tuple[list[str], list[list[str]]]:
         columns.append(("lost", [_share(row) for _, row in table.iterrows()]))
     if table["energy"].notna().any() and (table["energy"] > 0).any():
         columns.append(("energy [J]", [_spread(row, "energy") for _, row in table.iterrows()]))
+    if _per_joule(found):
         columns.append((f"{name}/J", [_number(value) for value in table["error_per_joule"]]))
         columns.append(("Pareto", ["*" if flag else "" for flag in table["front"]]))
     if "difference" in table and table["pairs"].notna().any():
@@ -65,7 +66,9 @@ def _notes(found: Comparison) -> list[str]:
         notes = [
             f"  [ , ]: 95 % confidence intervals of shares by Wilson's score; of medians only from {LEAST} runs on"
         ]
-    if (table["energy"] > 0).any():
+    if found.metric in ONE_IS_BEST:
+        notes.append(f"  {name}: per degree of freedom; 1 is consistent, above 1 overconfident, below 1 cautious")
+    if _per_joule(found):
         notes.append(f"  {name}/J: falls with every joule spent, so a smaller value alone is not better: see Pareto")
     if (table["tracked"] < SEEN).any():
         notes.append(
@@ -93,6 +96,11 @@ def _notes(found: Comparison) -> list[str]:
         notes.append(f"  without {name}: {counted(unknown, 'run')}; medians and means are over the others")
     notes += [f"  no bound: {found.unbounded}"] if found.unbounded else []
     return [*notes, f"  {found.unpaired}"] if found.unpaired else notes
+
+
+def _per_joule(found: Comparison) -> bool:
+    """Whether metric per joule and Pareto front are shown: not without energy, nor of a metric of which 1 is best."""
+    return found.metric not in ONE_IS_BEST and bool((found.table["energy"] > 0).any())
 
 
 def _setting(value: Any) -> str:

@@ -26,6 +26,7 @@ TAKES: Final = {
     "track": ("replicate", "target"),
     "states": ("column", "replicate", "target"),
     "error": (),
+    "consistency": (),
     "energy": (),
     "particles": ("column", "step", "replicate", "target"),
 }
@@ -124,6 +125,8 @@ def _panels(path: Path, what: str, choice: PlotSelection, among_all: bool) -> It
                 )
         case "error":
             yield what, lambda axes: plots.error(axes, path)
+        case "consistency":
+            yield what, lambda axes: plots.consistency(axes, path)
         case "energy":
             yield what, lambda axes: plots.energy(axes, path)
         case "particles":

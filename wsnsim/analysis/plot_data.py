@@ -27,6 +27,7 @@ NEEDS: Final = {
     "track": ("truth", "estimates"),
     "states": ("truth", "estimates"),
     "error": ("estimates",),
+    "consistency": ("estimates",),
     "energy": ("energy_steps",),
     "particles": ("particles", "truth"),
 }
@@ -80,6 +81,15 @@ def lacking(path: str | Path, what: str) -> str:
             return f"table {table} was not recorded; run the scenario with record.{table}=true"
         if not sizes[table].rows:
             return EMPTY.get(table, f"table {table} has no rows")
+    return _without_nees(path, sizes["estimates"].columns) if what == "consistency" else ""
+
+
+def _without_nees(path: str | Path, columns: Sequence[str]) -> str:
+    """Why the consistency of the estimates is unknown; empty if it is known."""
+    if "nees" not in columns:
+        return "table estimates has no column nees: the file was written by an older version"
+    if not np.isfinite(recording.read_table(path, "estimates", ["nees"])["nees"]).any():
+        return "no estimate has a covariance with an inverse"
     return ""
 
 

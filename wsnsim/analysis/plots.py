@@ -1,7 +1,8 @@
 """Plots of a result: each function draws one plot of a file on a matplotlib Axes and returns the Axes.
 
     track(axes, path, replicate, target)      states(axes, path, column, replicate, target)      error(axes, path)
-    energy(axes, path)      particles(axes, path, step, column, replicate, target)
+    consistency(axes, path)      energy(axes, path)
+    particles(axes, path, step, column, replicate, target)
 
 Every function raises ResultError for a table that was not recorded, and UsageError for a column, replicate, target or
 step that the file does not have. A step without an estimate is a gap.
@@ -16,6 +17,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from wsnsim.analysis import plot_data, recorded_bounds
+from wsnsim.analysis.consistency import Statistic, step_consistency
 from wsnsim.analysis.figure_style import (
     BLACK,
     BLUE,
@@ -39,6 +41,8 @@ CAUSE_COLOURS: Final = dict(
 )
 LOG_FROM: Final = 100.0
 """Ratio of the largest to the smallest error from which on the axis is logarithmic (our choice)."""
+CONSISTENCY: Final[tuple[tuple[str, Statistic, str], ...]] = (("NEES", "nees", BLUE), ("NIS", "nis", ORANGE))
+"""What the plot of consistency shows: name, statistic, colour."""
 LEAST_WEIGHT: Final = 1e-6
 """Particles below this share of the largest weight are not drawn (our choice)."""
 
@@ -102,6 +106,33 @@ def _loss_text(lost: tuple[int, int] | None, of_runs: str) -> str:
         return ""
     ever, at_end = lost
     return f", {ever} of {of_runs} lost" + (f" ({at_end} at the end)" if ever else "")
+
+
+def consistency(axes: Axes, path: str | Path) -> Axes:
+    """Draw NEES and NIS per degree of freedom at each step over all runs: 1 is consistent, above is overconfident.
+
+    If the posterior is Gaussian, the bands are the χ² intervals of a consistent filter; otherwise bootstrap intervals.
+    """
+    plot_data.demand(path, "consistency")
+    shown, averages = [], []
+    for name, of, colour in CONSISTENCY:
+        found = step_consistency(path, of)
+        if not np.isfinite(found.values).any():
+            continue
+        band = "χ²" if found.gaussian else "bootstrap"
+        if np.isfinite(found.low).any():
+            axes.fill_between(
+                found.times, found.low, found.high, color=colour, alpha=0.2, linewidth=0, label=f"{name}, 95 % {band}"
+            )
+        axes.plot(found.times, found.values, color=colour, linewidth=1.0, label=name, **_marks(found.values))
+        between = f" [{found.average_low:.3g}, {found.average_high:.3g}]" if np.isfinite(found.average_low) else ""
+        averages.append(f"{name} {found.average:.3g}{between}")
+        shown.append(found.values)
+    axes.axhline(1.0, color=BLACK, linewidth=1.0, linestyle=":", label="consistent")
+    _scaled(axes, np.concatenate([*shown, [1.0]]))
+    axes.set_xlabel("time [s]")
+    axes.set_ylabel("per degree of freedom")
+    return _titled(axes, f"consistency, time average: {', '.join(averages)}")
 
 
 def energy(axes: Axes, path: str | Path) -> Axes:

@@ -165,6 +165,14 @@ QUANTITIES: Final[dict[str, SummaryQuantity]] = {
         "share of steps lost", "share of the steps at which a track was lost", "{:.1%}", "", "lost_share"
     ),
     "tracked": _of_runs("steps tracked", "share of the steps with an estimate in time", "{:.1%}", "", "tracked"),
+    "nees": _of_runs(
+        "average NEES of the position", "per column, mean over the runs of each run's time average; 1: consistent",
+        "{:.3g}", "", "nees",
+    ),
+    "nis": _of_runs(
+        "average NIS", "per measurement, mean over the runs of each run's time average; 1: consistent",
+        "{:.3g}", "", "nis",
+    ),
     "energy": _of_runs("energy spent", "energy that the network spent in a run, mean", "{:.4g}", "J", "energy"),
     "handovers": _of_runs("handovers", "handovers begun in a run, mean", "{:.4g}", "", "handovers"),
     "frames_sent": _of_runs("bursts sent", "bursts put on the air in a run, mean", "{:,.0f}", "", "frames_sent"),
@@ -213,6 +221,9 @@ QUANTITIES: Final[dict[str, SummaryQuantity]] = {
 NETWORK_ONLY: Final = ("handovers", "frames_lost", "in_range", "delivered", "packet_delivery_ratio", "alive")
 """Quantities that mean nothing without a network."""
 ONLY_IF_NOT_ZERO: Final = ("collided", "retries", "access_failures", "frames_lost", "handovers", "cycles")
+CONSISTENCY_NOTE: Final = (
+    "NEES, NIS: squares of errors and of innovations over their covariances; 1: consistent, above 1: overconfident"
+)
 BOUND_NAMES: Final = {
     "in_range": "trajectory-conditional CRLB, readings in range",
     "active": "trajectory-conditional CRLB, readings of active members",
@@ -226,7 +237,8 @@ BOUND_NOTE: Final = (
 
 def run_metric_name(metric: str) -> str:
     """The name of a column of `runs`, as a median or mean over runs is of it."""
-    return {"rmse": "per-run RMSE", "median_error": "per-run median error"}.get(metric, metric.replace("_", " "))
+    names = {"rmse": "per-run RMSE", "median_error": "per-run median error", "nees": "NEES", "nis": "NIS"}
+    return names.get(metric, metric.replace("_", " "))
 
 
 def values(arrays: ResultArrays) -> dict[str, float]:

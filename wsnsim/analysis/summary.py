@@ -23,7 +23,7 @@ from wsnsim.experiment import Report
 
 SCHEMA_VERSION = 1
 NAN = float("nan")
-WITH_INTERVAL: Final = ("rmse", "rmse_median", "tracked")
+WITH_INTERVAL: Final = ("rmse", "rmse_median", "tracked", "nees", "nis")
 OF_THREE: Final = ("rmse_three", "mean_error_three", "median_error_three")
 """Columns of `tracks`: errors at the steps with three readings or more."""
 NETWORK_ONLY: Final = ("handovers", "frames_lost", "delivered", "packet_delivery_ratio")

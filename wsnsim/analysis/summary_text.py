@@ -10,8 +10,9 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from wsnsim.analysis.phrases import counted
-from wsnsim.analysis.quantities import BOUND_NAMES, BOUND_NOTE, ONLY_IF_NOT_ZERO, QUANTITIES
+from wsnsim.analysis.quantities import BOUND_NAMES, BOUND_NOTE, CONSISTENCY_NOTE, ONLY_IF_NOT_ZERO, QUANTITIES
 from wsnsim.analysis.summary import NOT_COMPUTED, OF_THREE, RunBounds, as_json, without_network
+from wsnsim.base.tables import ONE_IS_BEST
 from wsnsim.experiment import Report
 
 SummaryRow = tuple[str, str, str]
@@ -48,6 +49,8 @@ def text(report: Report, published: Published, source: str = "the paper", limits
     lines = [f"  {row[0]:<{widths[0]}}  {row[1]:>{widths[1]}}  {row[2]}".rstrip() for row in rows]
     if math.isfinite(figures["bound"]):
         lines.append(f"  {BOUND_NOTE}")
+    if any(math.isfinite(figures[key]) for key in ONE_IS_BEST):
+        lines.append(f"  {CONSISTENCY_NOTE}")
     if figures["bound_reason"] not in ("", NOT_COMPUTED.reason):
         lines.append(f"  no bound: {figures['bound_reason']}")
     lines += [f"  note: {note}" for note in figures["notes"]]
@@ -76,6 +79,7 @@ def _accuracy_rows(figures: Figures, published: Published, report: Report, unit:
     ]
     rows += [_row(figures, "rmse_median", unit), _row(figures, "median_error", unit)]
     rows += _column_rows(figures["column_rmse"], published, dict(report.states))
+    rows += [_row(figures, key) for key in ONE_IS_BEST if math.isfinite(figures[key])]
     return rows + _loss_rows(figures)
 
 

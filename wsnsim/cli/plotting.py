@@ -13,7 +13,7 @@ from wsnsim.cli.shared import PATH, group, not_the_result, writable
 if TYPE_CHECKING:
     from wsnsim.analysis.figures import WrittenFigure
 
-PLOTS: Final = ("all", "track", "states", "error", "energy", "particles")
+PLOTS: Final = ("all", "track", "states", "error", "consistency", "energy", "particles")
 
 
 @group.command()

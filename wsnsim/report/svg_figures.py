@@ -84,6 +84,8 @@ def _panels(path: Path, replicate: int, possible: set[str], targets: list[int]) 
         yield _Panel("track", partial(plots.track, path=path, replicate=replicate, target=target), target)
     if "error" in possible:
         yield _Panel("error", partial(plots.error, path=path))
+    if "consistency" in possible:
+        yield _Panel("consistency", partial(plots.consistency, path=path))
     if "energy" in possible:
         yield _Panel("energy", partial(plots.energy, path=path))
     if not targets:
