@@ -128,7 +128,7 @@ def test_several_results_stand_side_by_side_and_share_the_room(real, tmp_path, m
 def test_figures_name_their_targets_and_say_whose_are_left_out(tmp_path, monkeypatch):
     monkeypatch.setattr(svg_figures, "MAX_TARGETS", 2)
     drawn, left_out = svg_figures.svg_figures(write_result(tmp_path / "x.h5", targets=3, **ON_A_LINE), 0)
-    labels = [each.label for each in drawn if each.name != "error"]
+    labels = [each.label for each in drawn if each.name not in ("error", "consistency")]
     assert labels == [
         f"{what} of replicate 0, target {of}" for what, of in (("track", 0), ("track", 1), ("px", 0), ("vx", 0))
     ]
