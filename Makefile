@@ -82,8 +82,8 @@ $(FIGURES): results/figures/%.png: results/%/table.csv
 	@mkdir -p $(@D)
 	@$(PY) -m wsnsim plot results/$* --out $@
 
-readme: $(READY)  ## regenerate the README's tables of results; more than an hour if the runs are missing
-	@$(PY) -m tests.readme
+readme: $(READY)  ## regenerate the tables of results in README.md; two hours if the runs are missing; ARGS=commercial_radio
+	@$(PY) -m tests.readme $(ARGS)
 
 lock:  ## regenerate requirements.lock from pyproject.toml (needs uv)
 	@command -v uv >/dev/null || { echo "make lock needs uv: pip install uv, or https://docs.astral.sh/uv/" >&2; exit 1; }

@@ -5,10 +5,13 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 
 import wsnsim
+from tests.readme import spliced
+from tests.readme_tables import DENSITIES, RADIO_ROWS, SLEEPERS, TABLES, commercial_radio, sleeping, sleeping_rarely
 from wsnsim.base.errors import ScenarioError
 from wsnsim.cli.shared import group
 from wsnsim.papers.paper import PAPERS, paper
@@ -137,3 +140,36 @@ def test_the_frontier_says_who_is_cheapest_and_what_is_on_the_pareto_front_on_ei
 def test_every_picture_that_is_shown_is_there():
     shown = re.findall(r"!\[[^\]]+\]\(([^)]+)\)", README)
     assert len(shown) >= 3 and all((Path(__file__).parents[1] / name).stat().st_size > 20_000 for name in shown)
+
+
+def test_tables_of_the_commercial_radio_and_of_sleeping_networks_have_their_marks_and_a_row_each():
+    for name, labels in (("commercial_radio", RADIO_ROWS), ("sleeping", SLEEPERS * 3), ("sleeping_rarely", SLEEPERS)):
+        rows = block(name).splitlines()[2:]
+        assert all(f"`{label}`" in row for label, row in zip(labels, rows, strict=True))
+        assert f"\n{TABLES[name][1].__name__}\n" in spliced(README, name, TABLES[name][1].__name__)
+
+
+def test_the_row_of_a_scenario_on_the_commercial_radio_is_what_a_hand_would_compute():
+    runs = pd.DataFrame({"scenario": name, "steps": 700, "rmse": float(i), "energy": 440.0 + i}
+                        for name in RADIO_ROWS for i in range(6))  # fmt: skip
+    tracks = pd.DataFrame({"scenario": name, "reports": 690, "late": 12, "delay": 0.004 + i / 1000, "lost": i == 5,
+                           "losses": int(i > 3)} for name in RADIO_ROWS for i in range(6))  # fmt: skip
+    lines = commercial_radio(tracks, runs).splitlines()
+    assert "steps with an estimate, of 700" in lines[0] and len(lines) == 9
+    cells = lines[-1].strip("| ").split(" | ")
+    assert cells[0].startswith("`ekf_real`") and cells[1:4] == ["690", "2", "6.5 ms"]
+    assert cells[4].startswith("2.5 [") and cells[5:] == ["1, 2 of 6", "442"]
+
+
+def test_the_rows_of_sleeping_networks_are_what_a_hand_would_compute():
+    points = [(name, nodes, step) for name in SLEEPERS for nodes in DENSITIES for step in (2.0, 10.0)]
+    of = [{"scenario": name, "deploy.nodes": nodes, "step": step} for name, nodes, step in points for _ in range(6)]
+    runs = pd.DataFrame(of).assign(steps=100)
+    tracks = pd.DataFrame(of).assign(
+        tracked=0.914, tracked_three=0.625, median_error_three=1.75, delay=0.024, report_delay=np.nan, received=12,
+        due=20, ineffective_twenty=24, ineffective=670, dismissed=260, reacquired=12,
+    )  # fmt: skip
+    lines = sleeping(tracks, runs).splitlines()
+    assert lines[2] == "| 200 | `gmtt` | 91.4 [91.4, 91.4] | 62.5 | 1.75 | 24 ms, - | 60 | 24 | 2.6 |"
+    assert lines[3].startswith("|  | `tsstp` | ") and len(lines) == 14
+    assert sleeping_rarely(tracks, runs).splitlines()[2] == "| `gmtt` | 91.4 [91.4, 91.4] | 62.5 | 1.75 | 12 | 6.7 |"
