@@ -28,6 +28,8 @@ from wsnsim.base.requests import (
 
 Lose: TypeAlias = Callable[[int, int, Parcel], Bools]
 """(source, destination, parcel) → mask of the packets that arrive."""
+Answer: TypeAlias = Callable[[Request, dict[int, Member], int, Lose], Any]
+"""(request, members, head, lose) → the answer to the request."""
 
 
 def perfect(source: int, to: int, parcel: Parcel) -> Bools:
@@ -47,6 +49,7 @@ def perform(
     lose: Lose = perfect,
     before: Callable[[Request], None] | None = None,
     after: Callable[[Request, Any], None] | None = None,
+    answer_of: Answer | None = None,
 ) -> Any:
     """Perform all requests of a flow; returns its belief.
 
@@ -57,7 +60,9 @@ def perform(
         lose: Which packets arrive.
         before: Called with each request before it is performed.
         after: Called with each request and its answer.
+        answer_of: Answers the requests; by default `answer_to`.
     """
+    answer_of = answer_of or answer_to
     answer: Any = None
     while True:
         try:
@@ -66,7 +71,7 @@ def perform(
             return end.value
         if before:
             before(request)
-        answer = answer_to(request, members, head, lose)
+        answer = answer_of(request, members, head, lose)
         if after:
             after(request, answer)
 

@@ -8,7 +8,7 @@ A rule that is broken raises an AssertionError that names it.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,6 +21,7 @@ from wsnsim.models.sensing import AcousticEnergy
 from wsnsim.offline.loopback import Lose, silent
 from wsnsim.testing.demand import demand
 from wsnsim.testing.faults import check_fault
+from wsnsim.testing.isolation import Isolation
 from wsnsim.testing.macs import check_mac
 from wsnsim.testing.privacy import examine, same
 from wsnsim.testing.table import FIRST, SECOND, Table, track
@@ -54,7 +55,9 @@ def check_tracker(
             symmetric and positive semidefinite, parcels have packets and bits, cycles are numbers, and something is
             sent. repeatable: the same seed gives the same belief. silence: in a silent network the belief does not
             depend on measurements of other members. privacy: `work` reads and changes its own member alone, and
-            `work_all` gives the same as `work`. loss: the first packet of each parcel is lost, the last, some, or all.
+            `work_all` gives the same as `work`. values: payloads are values, and the bits of a parcel suffice for
+            them. isolation: while the same parcels arrive, other measurements at some members change neither the
+            belief nor what the others send. loss: the first packet of each parcel is lost, the last, some, or all.
     """
     target: Any = BoundedVelocity() if motion is None else motion
     nodes: Any = AcousticEnergy() if sensor is None else sensor
@@ -69,6 +72,13 @@ def check_tracker(
     with demand("privacy"):
         for _ in track(tracker, Table(*models), watch=examine):
             pass
+    with demand("values"):
+        table = Table(*models)
+        record = Isolation(table.known)
+        believed = list(track(tracker, table, answer=record.answer))
+    with demand("isolation"):
+        for altered in _groups():
+            _demand_isolation(tracker, models, record, believed, altered)
     for how, lose in _losses(seed).items():
         with demand(f"loss ({how})"):
             for estimate in track(tracker, Table(*models), lose):
@@ -146,6 +156,25 @@ def _demand_silence(tracker: Tracker[Any], models: Models) -> None:
     quiet = list(track(tracker, Table(*models), silent))
     assert _all_equal(quiet, list(track(tracker, loud, silent))), (
         "in a silent network the belief depends on readings of other members"
+    )
+
+
+def _groups() -> Iterator[frozenset[int]]:
+    """Groups of members, so that of any two members some group holds one and not the other. Heads are in none."""
+    nodes = sorted({*FIRST[1:], *SECOND[1:]})
+    for bit in range((len(nodes) - 1).bit_length()):
+        for side in (0, 1):
+            yield frozenset(node for place, node in enumerate(nodes) if place >> bit & 1 == side)
+
+
+def _demand_isolation(
+    tracker: Tracker[Any], models: Models, record: Isolation, believed: list[Estimate], altered: frozenset[int]
+) -> None:
+    """Repeat a recorded track with other readings at some members; the head gets what it got before."""
+    table = Table(*models, alter=lambda node, value: 1.7 * value + 0.3 if node in altered else value)
+    again = Isolation(table.known, record.gathered, altered)
+    assert _all_equal(believed, list(track(tracker, table, answer=again.answer))), (
+        f"the same parcels arrived, and the belief depends on readings of nodes {sorted(altered)} that were not in them"
     )
 
 

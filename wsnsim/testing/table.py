@@ -15,7 +15,7 @@ from wsnsim.base.arrays import Floats, planar
 from wsnsim.base.ports import Estimate, Field, MotionModel, Scene, SensorModel, Tracker
 from wsnsim.base.requests import Member, Request
 from wsnsim.base.rng import derive, derive_all, normals
-from wsnsim.offline.loopback import Lose, perfect, perform
+from wsnsim.offline.loopback import Answer, Lose, perfect, perform
 
 DT = 0.04
 FARTHEST = 100.0
@@ -56,6 +56,12 @@ class Table:
         spread = 0.4 * min(self.sensor.reach, FARTHEST)
         self.places = {node: centre + rng.uniform(-spread, spread, 2) for node in ids}
         self.traits = dict(zip(ids, self.sensor.draw_traits(len(ids), rng), strict=True))
+
+    @property
+    def known(self) -> frozenset[float]:
+        """The numbers that every node knows: positions and sensor constants of all nodes."""
+        constants = [*self.places.values(), *self.traits.values()]
+        return frozenset(float(value) for array in constants for value in array)
 
     @property
     def prior(self) -> Estimate:
@@ -107,7 +113,13 @@ class Table:
 Watch = Callable[[Request, dict[int, Member]], None]
 
 
-def track(tracker: Tracker[Any], table: Table, lose: Lose = perfect, watch: Watch | None = None) -> Iterator[Estimate]:
+def track(
+    tracker: Tracker[Any],
+    table: Table,
+    lose: Lose = perfect,
+    watch: Watch | None = None,
+    answer: Answer | None = None,
+) -> Iterator[Estimate]:
     """Every estimate and forecast of the scripted track: start, eight steps, handover, three more steps.
 
     It ends at the handover if that is lost.
@@ -117,11 +129,13 @@ def track(tracker: Tracker[Any], table: Table, lose: Lose = perfect, watch: Watc
         table: The target and the clusters.
         lose: Which packets arrive.
         watch: Called with each request and the members before it is performed.
+        answer: Answers the requests; by default `loopback.answer_to`.
     """
     members, head = table.members(FIRST), FIRST[0]
 
     def drive(flow: Any) -> Any:
-        return perform(flow, members, head, lose, (lambda request: watch(request, members)) if watch else None)
+        before = (lambda request: watch(request, members)) if watch else None
+        return perform(flow, members, head, lose, before, answer_of=answer)
 
     scene = table.scene(0, 0, members, head, FIRST)
     belief = drive(tracker.start(table.prior, scene))

@@ -83,8 +83,9 @@ class RangeFix(HeadFilter):
         return self._with(belief, fix, expected, scene)
 
     def hand_over(self, belief: Fixes, scene: Scene, successor: int) -> Flow[Fixes | None]:
-        """One packet with the fixes, or nothing."""
-        mask = yield Send(successor, Parcel(belief, 1, self._handover_bits, "handover"))
+        """One packet with the fixes, or nothing. The moments of the state follow from the fixes and the models."""
+        payload = belief.times, belief.points, belief.last_cov
+        mask = yield Send(successor, Parcel(payload, 1, self._handover_bits, "handover"))
         return replace(belief, head=successor) if mask.all() else None
 
     def forecast(self, belief: Fixes, scene: Scene, ahead: int) -> Estimate:

@@ -1,0 +1,160 @@
+"""Trackers that use what no parcel carried: `check_tracker` catches each of them, although something always arrives."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.test_testing import Honest
+from wsnsim.base.requests import PACKET_BITS, Compute, Gather, Local, Parcel
+from wsnsim.testing import check_tracker
+
+
+def others(answer, scene):
+    """Who else than the head has an answer that arrived."""
+    return answer.keys() - {scene.head}
+
+
+class KeepsReadingsWhileGathering(Honest):
+    """The function of a Gather leaves readings in the tracker; they are used once some parcel has arrived."""
+
+    def step(self, belief, scene):
+        heap = []
+
+        def parcel_of(member):
+            heap.append(member.reading)
+            return self.parcel_of(member)
+
+        yield Local(self.work)
+        answer = yield Gather(parcel_of)
+        return self.moved(belief, sum(heap) if others(answer, scene) else 0.0)
+
+
+class KeepsReadingsWhileComputing(Honest):
+    """The function of a Local does the same."""
+
+    def step(self, belief, scene):
+        heap = []
+
+        def work(member):
+            self.work(member)
+            heap.append(member.reading)
+
+        yield Local(work)
+        answer = yield Gather(self.parcel_of)
+        return self.moved(belief, sum(heap) if others(answer, scene) else 0.0)
+
+
+class SendsItsMember(Honest):
+    """The payload is the member itself, of which the head reads what it likes."""
+
+    def parcel_of(self, member):
+        return Parcel(member, 1, PACKET_BITS, "seen")
+
+    def step(self, belief, scene):
+        yield Local(self.work)
+        answer = yield Gather(self.parcel_of)
+        return self.moved(belief, sum(member.reading for member, _ in answer.values()))
+
+
+class SendsAFloatInOneBit(Honest):
+    """The parcel declares one bit."""
+
+    def parcel_of(self, member):
+        return replace(super().parcel_of(member), packet_bits=1)
+
+
+class SendsAFloatAsAnInteger(Honest):
+    """The parcel declares eight bits, and carries all those of a float in an integer."""
+
+    def parcel_of(self, member):
+        return Parcel(int(np.float64(member.reading).view(np.int64)), 1, 8, "seen")
+
+    def step(self, belief, scene):
+        yield Local(self.work)
+        answer = yield Gather(self.parcel_of)
+        return self.moved(belief, sum(float(np.int64(number).view(np.float64)) for number, _ in answer.values()))
+
+
+class SendsAFunction(Honest):
+    """The payload reads the member when the head calls it."""
+
+    def parcel_of(self, member):
+        return Parcel(lambda: member.reading, 1, PACKET_BITS, "seen")
+
+    def step(self, belief, scene):
+        yield Local(self.work)
+        answer = yield Gather(self.parcel_of)
+        return self.moved(belief, sum(reading() for reading, _ in answer.values()))
+
+
+class SharesACacheBetweenNodes(Honest):
+    """Each member adds its reading to a sum that all members see, and sends the sum."""
+
+    cache: dict[int, float] = {}  # noqa: RUF012
+
+    def step(self, belief, scene):
+        self.cache.clear()
+        return (yield from super().step(belief, scene))
+
+    def parcel_of(self, member):
+        self.cache[member.id] = member.reading
+        return Parcel(sum(self.cache.values()), 1, PACKET_BITS, "sum")
+
+
+class UsesWhatAnEarlierStepLeft(Honest):
+    """The function of a Local leaves readings in the tracker; the head uses them one step later."""
+
+    heap: list[float] = []  # noqa: RUF012
+
+    def start(self, prior, scene):
+        self.heap.clear()
+        return (yield from super().start(prior, scene))
+
+    def step(self, belief, scene):
+        earlier, self.heap[:] = sum(self.heap), []
+
+        def work(member):
+            self.work(member)
+            self.heap.append(member.reading)
+
+        yield Local(work)
+        answer = yield Gather(self.parcel_of)
+        yield Compute(1.0)
+        return self.moved(belief, earlier if others(answer, scene) else 0.0)
+
+
+class HidesReadingsInTheCycles(Honest):
+    """The function that declares cycles leaves readings in the tracker."""
+
+    def step(self, belief, scene):
+        heap = []
+
+        def cycles(member):
+            heap.append(member.reading)
+            return 5.0
+
+        yield Local(self.work, cycles)
+        answer = yield Gather(self.parcel_of)
+        return self.moved(belief, sum(heap) if others(answer, scene) else 0.0)
+
+
+CHEATS = [
+    (KeepsReadingsWhileGathering(), "isolation", "were not in them"),
+    (KeepsReadingsWhileComputing(), "isolation", "were not in them"),
+    (SendsItsMember(), "values", "live Member"),
+    (SendsAFloatInOneBit(), "values", "declares 1 bits; what it carries needs at least 8"),
+    (SendsAFloatAsAnInteger(), "values", "declares 8 bits"),
+    (SendsAFunction(), "values", "holds a function"),
+    (SharesACacheBetweenNodes(), "isolation", "readings of other nodes that it never received"),
+    (UsesWhatAnEarlierStepLeft(), "isolation", "were not in them"),
+    (HidesReadingsInTheCycles(), "isolation", "were not in them"),
+]
+
+
+@pytest.mark.parametrize(("cheat", "demand", "reason"), CHEATS, ids=lambda value: type(value).__name__)
+def test_a_cheat_that_some_arrived_parcel_covers_is_caught(cheat, demand, reason):
+    with pytest.raises(AssertionError, match=rf"demand '{demand}.*({reason})"):
+        check_tracker(cheat)

@@ -1,0 +1,149 @@
+"""A network for checks in which nodes share nothing but parcels, and which can repeat what arrived at the head.
+
+    record = Isolation(table.known)                        closures work on copies, payloads are copied
+    list(track(tracker, table, answer=record.answer))
+    again = Isolation(table.known, record.gathered, altered)
+    list(track(tracker, other_table, answer=again.answer))
+
+The second run has other readings at the nodes `altered`; what arrives at the head is that of the first run. Nothing
+that the head believes and nothing that the other nodes send may change.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable, Sequence, Set
+from dataclasses import dataclass, replace
+from typing import Any
+
+from wsnsim.base.requests import Broadcast, Gather, Local, Member, Parcel, Request, Scatter, Send
+from wsnsim.offline.loopback import Lose, answer_to
+from wsnsim.testing.payloads import demand_enough_bits, plain
+from wsnsim.testing.privacy import same
+
+
+@dataclass
+class Gathered:
+    """One performed Gather: the plain parcels that members made, and the answer that the head got."""
+
+    parcels: dict[int, Any]
+    answer: dict[int, Any]
+
+
+class Isolation:
+    """Answers requests like `answer_to`, but members' functions see copies, and what is sent is copied.
+
+    Args:
+        known: Numbers that every node knows, such as positions.
+        pinned: What was gathered in an earlier run; the head gets it again. None: this run's own parcels arrive.
+        altered: Nodes whose readings are not those of the earlier run.
+
+    Attributes:
+        gathered: What was gathered in this run.
+    """
+
+    def __init__(
+        self, known: Set[float], pinned: Sequence[Gathered] | None = None, altered: Set[int] = frozenset()
+    ) -> None:
+        self._known = known
+        self._pinned = pinned
+        self._altered = altered
+        self.gathered: list[Gathered] = []
+
+    def answer(self, request: Request, members: dict[int, Member], head: int, lose: Lose) -> Any:
+        """The answer to a request.
+
+        Raises:
+            AssertionError: A payload is no value or has too few bits, or a node that is not altered sends other things.
+        """
+        if isinstance(request, Local):
+            computed = answer_to(self._on_copies(request), members, head, lose)
+            cycles = request.cycles
+            if callable(cycles):
+                for node in computed:
+                    cycles(copy.deepcopy(members[node]))
+            return computed
+        if isinstance(request, Gather):
+            return self._gather(request, members, head, lose)
+        if isinstance(request, Scatter):
+            parcels = {node: self._copied(parcel) for node, parcel in request.parcels.items()}
+            return self._deliver(replace(request, parcels=parcels), members, head, lose)
+        if isinstance(request, Broadcast | Send):
+            return self._deliver(replace(request, parcel=self._copied(request.parcel)), members, head, lose)
+        return answer_to(request, members, head, lose)
+
+    def _on_copies(self, request: Local) -> Local:
+        """A Local whose functions work on copies of members, from which the results are taken over."""
+        work_all = request.work_all
+
+        def all_on_copies(members: list[Member]) -> None:
+            assert work_all is not None, "it is called where there is a function for all"
+            twins = [copy.deepcopy(member) for member in members]
+            work_all(twins)
+            for member, twin in zip(members, twins, strict=True):
+                _take_over(member, twin)
+
+        return replace(request, work=_on_copy(request.work), work_all=all_on_copies if work_all else None)
+
+    def _gather(self, request: Gather, members: dict[int, Member], head: int, lose: Lose) -> dict[int, Any]:
+        parcels: dict[int, Any] = {}
+        parcel_on_copy = _on_copy(request.parcel_of)
+
+        def parcel_of(member: Member) -> Parcel | None:
+            parcel = parcel_on_copy(member)
+            if parcel is None:
+                return None
+            sent = self._copied(parcel, own=member.id == head)
+            parcels[member.id] = (plain(sent.payload), sent.packets, sent.packet_bits)
+            return sent
+
+        answer: dict[int, Any] = answer_to(replace(request, parcel_of=parcel_of), members, head, lose)
+        if self._pinned is not None:
+            answer = self._repeat(parcels)
+        self.gathered.append(Gathered(parcels, copy.deepcopy(answer)))
+        return answer
+
+    def _repeat(self, parcels: dict[int, Any]) -> dict[int, Any]:
+        """The answer of the earlier run; nodes that are not altered must have made the same parcels."""
+        assert self._pinned is not None and len(self.gathered) < len(self._pinned), (
+            "the head requests other things although the same arrived: it used readings that were not sent to it"
+        )
+        earlier = self._pinned[len(self.gathered)]
+        for node in (parcels.keys() | earlier.parcels.keys()) - self._altered:
+            assert same(parcels.get(node, ()), earlier.parcels.get(node, ())), (
+                f"what node {node} sends depends on readings of other nodes that it never received"
+            )
+        answer: dict[int, Any] = copy.deepcopy(earlier.answer)
+        return answer
+
+    def _deliver(self, request: Request, members: dict[int, Member], head: int, lose: Lose) -> Any:
+        """The answer to a request of the head; each receiver gets a copy of its own."""
+        answer = answer_to(request, members, head, lose)
+        for node in answer if isinstance(answer, dict) else ():
+            inbox = members[node].inbox
+            inbox[-1] = copy.deepcopy(inbox[-1])
+        return answer
+
+    def _copied(self, parcel: Parcel, own: bool = False) -> Parcel:
+        """The parcel with a copied payload. A head's own parcel is not sent and needs no bits."""
+        if own:
+            plain(parcel.payload)
+        else:
+            demand_enough_bits(parcel, self._known)
+        return replace(parcel, payload=copy.deepcopy(parcel.payload))
+
+
+def _on_copy(function: Callable[[Member], Any]) -> Callable[[Member], Any]:
+    """A function that works on a copy of a member, from which the results are taken over."""
+
+    def on_copy(member: Member) -> Any:
+        twin = copy.deepcopy(member)
+        result = function(twin)
+        _take_over(member, twin)
+        return result
+
+    return on_copy
+
+
+def _take_over(member: Member, twin: Member) -> None:
+    member.inbox, member.memory = copy.deepcopy((twin.inbox, twin.memory))
