@@ -137,6 +137,9 @@ class WakeUpServices(Protocol):
     def neighbours(self, node: int) -> Ints:
         """(n,) the nodes that a node's transmissions may reach, those included that are down."""
 
+    def within_call(self, node: int) -> Ints:
+        """(n,) the nodes that a node's calls on the wake-up radio may wake, ascending."""
+
     def nodes_within(self, centre: Point, radius: float) -> Ints:
         """(n,) the nodes within `radius` m of a point."""
 
@@ -159,7 +162,10 @@ class WakeUpServices(Protocol):
     def call(
         self, round: WakeUpRound, node: int, sleepers: Sequence[int], bits: int, on_awake: Callable[[list[int]], None]
     ) -> None:
-        """Call sleeping neighbours on the wake-up radio; `on_awake` is called with those that woke."""
+        """Call sleeping nodes on the wake-up radio; `on_awake` is called with those that woke.
+
+        A node beyond `within_call` does not hear the call.
+        """
 
     def track(self, round: WakeUpRound, node: int, message: WakeUpMessage) -> None:
         """Note that a node tracks at the message's step, and keep it awake until then and for the waiting time."""

@@ -8,6 +8,7 @@ and the time alone. The network performs the decision and books its energy.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import Any, NamedTuple, Protocol
@@ -157,8 +158,30 @@ class Decision(Enum):
     STOP = "stop"
 
 
+class WakeUpRadio(NamedTuple):
+    """The link of wake-up calls, and the receiver that listens for them while its node sleeps.
+
+    Attributes:
+        sensitivity: received power in dBm from which a call is heard.
+        power: output power of a caller in dBm; None: that of the link.
+        path_gain: by how many dB the path loss of a call is less than that of a frame.
+        loss: probability that a call is not heard although its power suffices.
+        standby: power in W of the receiver of a sleeping node.
+    """
+
+    sensitivity: float = -math.inf
+    power: float | None = None
+    path_gain: float = 0.0
+    loss: float = 0.0
+    standby: float = 0.0
+
+
 class WakeUp(Protocol):
-    """How nodes ahead of a target are woken."""
+    """How nodes ahead of a target are woken.
+
+    A component may have a member `radio`, its `WakeUpRadio`; without it, calls reach all neighbours, and the receivers
+    of sleeping nodes cost nothing.
+    """
 
     @property
     def mechanism(self) -> str:

@@ -68,10 +68,10 @@ class RegionWakeUp:
             self._decide(round, node, message)
 
     def _take_sleepers(self, round: WakeUpRound, node: int) -> list[int]:
-        """The sleeping neighbours of a node that have not been called yet, ascending; they count as called now."""
+        """The sleeping nodes within call that have not been called yet, ascending; they count as called now."""
         if not round.sleepers:
             return []
-        sleepers = round.sleepers.intersection(self._services.neighbours(node).tolist())
+        sleepers = round.sleepers.intersection(self._services.within_call(node).tolist())
         round.sleepers -= sleepers
         round.called_nodes |= sleepers
         return sorted(sleepers)

@@ -2,9 +2,9 @@
 
     service.start(track, node, message, foreseen)      begins a round; what came of it is noted in `track.round`
 
-A call on the wake-up radio reaches the sleeping nodes within communication range, on a channel of its own where nothing
-disturbs it (our choice), and carries the message. A node knows which of its neighbours sleep, and hears whom others
-call (our choice).
+A call on the wake-up radio reaches the sleeping nodes at which it arrives with the sensitivity of their wake-up
+receivers, on a channel of its own where nothing disturbs it (our choice), and carries the message. A node knows which
+of its neighbours sleep and hear its calls, and hears whom others call (our choice).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from wsnsim.base.arrays import Ints
 from wsnsim.base.mechanisms import HeardMessage
 from wsnsim.base.requests import PACKET_BITS, Parcel
 from wsnsim.base.rng import derive, derive_all, uniforms
-from wsnsim.base.sleeping import Point, WakeUpMessage, WakeUpRound
+from wsnsim.base.sleeping import Point, WakeUpMessage, WakeUpRadio, WakeUpRound
 from wsnsim.base.tables import EVENT_CAUSE, KIND
 from wsnsim.network.clusters.network_view import NetworkView
 from wsnsim.network.clusters.track import Track
@@ -59,6 +59,10 @@ class WakeUpService:
         self._message_name = MESSAGE_NAMES.get(setup.wakeup.mechanism, "wake")
         rate = getattr(setup.mac, "rate", None)
         self._call_bits = None if rate is None else max(1, round(rate * self._protocol.call))
+        self._radio: WakeUpRadio = getattr(setup.wakeup, "radio", WakeUpRadio())
+        stronger = 0.0 if self._radio.power is None else self._radio.power - getattr(setup.link, "power", 0.0)
+        self._least_power = self._radio.sensitivity - self._radio.path_gain - stronger
+        self._calls = 0
         self._mechanism = make_mechanism(setup.wakeup, self)
 
     def start(self, track: Track, node: int, message: WakeUpMessage, foreseen: bool) -> None:
@@ -95,6 +99,11 @@ class WakeUpService:
         """(n,) the nodes that a node's transmissions may reach, those included that are down."""
         return self._transport.neighbours(node).ids
 
+    def within_call(self, node: int) -> Ints:
+        """(n,) the nodes at which a node's calls arrive with the sensitivity of the wake-up receivers, ascending."""
+        neighbours = self._transport.neighbours(node)
+        return neighbours.ids[neighbours.powers >= self._least_power]
+
     def nodes_within(self, centre: Point, radius: float) -> Ints:
         """(n,) the nodes whose assumed position is within `radius` m of a point."""
         return np.array(self._nodes.assumed.tree.query_ball_point(centre, radius), dtype=np.int64)
@@ -129,7 +138,7 @@ class WakeUpService:
     def call(
         self, round: WakeUpRound, node: int, sleepers: Sequence[int], bits: int, on_awake: Callable[[list[int]], None]
     ) -> None:
-        """Call sleeping neighbours on the wake-up radio; `on_awake` is called with those that woke."""
+        """Call sleeping nodes on the wake-up radio; `on_awake` is called with those that woke."""
 
         def awake(woken: list[int]) -> None:
             round.called += len(woken)
@@ -177,9 +186,7 @@ class WakeUpService:
         sent = nodes.spend_transmit(node, electronics, amplifier, bits, self._protocol.call)
         self._log(CALL, node, target, bits=sent, joules=(electronics + amplifier) * sent / bits, cause=TX)
         woken = []
-        for one in sleepers if sent == bits else ():
-            if not nodes.alive[one]:
-                continue
+        for one in self._hear_call(node, sleepers) if sent == bits else ():
             cost = energy.receive(bits)
             paid = nodes.spend_receive(one, cost, bits)
             self._log(CALLED, one, target, node, bits=paid, joules=cost * paid / bits, cause=RX)
@@ -188,6 +195,17 @@ class WakeUpService:
                 process.keep_awake(target, self._env.now + self._protocol.wait, "call")
                 woken.append(one)
         return woken
+
+    def _hear_call(self, node: int, sleepers: Iterable[int]) -> list[int]:
+        """The living nodes, out of the given ones, that hear a call of a node."""
+        alive, within = self._nodes.alive, set(self.within_call(node).tolist())
+        heard = [one for one in sleepers if alive[one] and one in within]
+        if not self._radio.loss or not heard:
+            return heard
+        self._calls += 1
+        key = derive(self._key, CALL, node, self._calls)
+        lost = uniforms(derive_all(key, np.array(heard)), 0) < self._radio.loss
+        return [one for one, missed in zip(heard, lost.tolist(), strict=True) if not missed]
 
     def _log(  # noqa: PLR0913
         self, kind: int, node: int, target: int, peer: int = -1, what: int = 0, sequence: int = 0, bits: int = 0,

@@ -55,6 +55,7 @@ class BackgroundConsumption(Consumption):
         size: int,
         horizon: float,
         searching: float = 0.0,
+        standby: float = 0.0,
     ) -> None:
         """Begin at time 0.
 
@@ -65,6 +66,7 @@ class BackgroundConsumption(Consumption):
             size: Number of nodes.
             horizon: End of the run in s.
             searching: Power in W that a node which is awake spends on measurements, to find targets.
+            standby: Power in W of the wake-up receiver of a node that sleeps.
         """
         self._env = env
         self._model = model
@@ -74,6 +76,7 @@ class BackgroundConsumption(Consumption):
         rest = duty_cycles.rest
         table = [model.mode_power(Mode.AWAKE if mode is Mode.SCHEDULED else mode) for mode in Mode]
         self._radio = [float(power.radio) for power in table]
+        self._radio[ASLEEP] += standby
         self._processor = [float(power.processor) for power in table]
         self._sensor = [searching if mode in (Mode.AWAKE, Mode.SCHEDULED) else 0.0 for mode in Mode]
         self._radio_cause = [SLEEP if power.radio_sleeps else IDLE for power in table]

@@ -15,6 +15,7 @@ from wsnsim.base.radio import ContinuousPower, Mode
 from wsnsim.base.requests import PACKET_BITS
 from wsnsim.base.rng import Streams, derive_all
 from wsnsim.base.setups import NetworkSetup, RadioSetup
+from wsnsim.base.sleeping import WakeUpRadio
 from wsnsim.network.clocks import Clocks
 from wsnsim.network.energy.background_consumption import BackgroundConsumption
 from wsnsim.network.energy.consumption import Consumption
@@ -78,7 +79,8 @@ def make_nodes(env: simpy.Environment, setup: RadioSetup, positions: Floats, tra
     model, searching = continuous_power(setup.energy), _search_power(setup)
     if model is not None and (_costs_over_time(model) or searching):
         horizon = (setup.steps + 1) * setup.dt
-        consumption = BackgroundConsumption(env, model, duty_cycles, len(positions), horizon, searching)
+        standby = _standby_power(setup, model)
+        consumption = BackgroundConsumption(env, model, duty_cycles, len(positions), horizon, searching, standby)
     return Nodes(positions, traits, setup.energy.battery, setup.link.reach, duty_cycles, consumption)
 
 
@@ -87,6 +89,15 @@ def _search_power(setup: RadioSetup) -> float:
     if not isinstance(setup, NetworkSetup) or not setup.nodes_search:
         return 0.0
     return setup.energy.sense() / (setup.acquire.poll or setup.dt)
+
+
+def _standby_power(setup: RadioSetup, model: ContinuousPower) -> float:
+    """Power in W of the wake-up receiver of a sleeping node; zero where sleeping costs nothing, as in the papers."""
+    asleep = model.mode_power(Mode.ASLEEP)
+    if not isinstance(setup, NetworkSetup) or not asleep.radio + asleep.processor:
+        return 0.0
+    radio: WakeUpRadio = getattr(setup.wakeup, "radio", WakeUpRadio())
+    return radio.standby
 
 
 def _costs_over_time(model: ContinuousPower) -> bool:
