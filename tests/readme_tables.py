@@ -101,8 +101,10 @@ def _tracked(of: pd.DataFrame) -> list[str]:
 
 
 def _with_interval(values: pd.Series, statistic: Callable[..., float], form: str) -> str:
-    """A statistic over runs with its 95 % bootstrap interval, if there are runs enough."""
+    """A statistic over runs with its 95 % bootstrap interval, if there are runs enough; a dash if it is unknown."""
     samples = values.to_numpy(dtype=np.float64)
+    if not np.isfinite(samples).any():
+        return "-"
     low, high = interval(samples, statistic)
     bounds = f" [{form.format(low)}, {form.format(high)}]" if np.isfinite(low) else ""
     return form.format(statistic(samples)) + bounds
