@@ -31,6 +31,7 @@ RENAMED: dict[str, str] = {}
 """{'table.column' of an older tree: the same of this one}."""
 ADDED: tuple[str, ...] = (
     "runs.losses", "runs.time_lost", "runs.lost_share", "tracks.losses", "tracks.time_lost", "tracks.lost_share",
+    "tracks.handover_bits",
     "runs.nees", "runs.nis", "estimates.cov_xy", "estimates.nees", "estimates.nis", "estimates.nis_dof",
     "estimates.gaussian", "nodes.x_assumed", "nodes.y_assumed",
 )  # fmt: skip

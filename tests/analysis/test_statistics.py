@@ -193,3 +193,50 @@ def test_the_front_is_all_that_nobody_beats(errors: list[float], random) -> None
 
     expected = [all(map(math.isfinite, p)) and not any(beats(q, p) for q in points) for p in points]
     assert statistics.pareto_front(errors, costs).tolist() == expected
+
+
+def test_mcnemar_gives_the_textbook_numbers() -> None:
+    """By hand, 9 against 1: 2 (1 + 10) / 1024. Agresti, Categorical Data Analysis, table 10.1: 86 against 150."""
+    assert statistics.exact_mcnemar(1, 9) == statistics.exact_mcnemar(9, 1) == pytest.approx(22 / 1024)
+    assert statistics.exact_mcnemar(86, 150) == pytest.approx(3.716e-5, rel=1e-3)
+    assert statistics.exact_mcnemar(0, 0) == statistics.exact_mcnemar(4, 4) == 1.0
+    assert statistics.exact_mcnemar(0, 6) == pytest.approx(2 / 64)
+
+
+@given(st.integers(0, 40), st.integers(0, 40))
+@settings(max_examples=40)
+def test_mcnemar_is_the_two_sided_binomial_test_of_the_discordant_pairs(one: int, other: int) -> None:
+    expected = stats.binomtest(one, one + other, 0.5).pvalue if one + other else 1.0
+    assert statistics.exact_mcnemar(one, other) == pytest.approx(expected, rel=1e-9)
+
+
+def test_mcnemar_rejects_at_most_five_percent_of_equal_strategies() -> None:
+    """Exactly, over all outcomes of 30 runs that lose independently with probability 0.2 each."""
+    count, lose = 30, 0.2
+    differ = 2 * lose * (1 - lose)
+    rejected = 0.0
+    for n in range(count + 1):
+        of_n = sum(stats.binom.pmf(k, n, 0.5) for k in range(n + 1) if statistics.exact_mcnemar(k, n - k) <= 0.05)
+        rejected += stats.binom.pmf(n, count, differ) * of_n
+    assert 0.0 < rejected <= 0.05
+
+
+def test_holm_gives_the_textbook_numbers() -> None:
+    """Holm (1979): the smallest of m times m, the next times m - 1, never falling, at most 1."""
+    assert statistics.holm([0.01, 0.04, 0.03, 0.005]) == pytest.approx([0.03, 0.06, 0.06, 0.02])
+    assert statistics.holm([0.01, 0.02, 0.03, 0.04, 0.05]) == pytest.approx([0.05, 0.08, 0.09, 0.09, 0.09])
+    assert statistics.holm([0.5, 0.9]) == pytest.approx([1.0, 1.0])
+    assert statistics.holm([0.04]) == [0.04]
+    unknown = statistics.holm([NAN, 0.02, 0.04])
+    assert math.isnan(unknown[0]) and unknown[1:] == pytest.approx([0.04, 0.04]), "what was not tested does not count"
+    assert statistics.holm([]) == []
+
+
+@given(st.lists(st.floats(0.0, 1.0), max_size=12))
+@settings(max_examples=60)
+def test_holm_is_never_below_the_raw_p_and_keeps_its_order(p: list[float]) -> None:
+    found = statistics.holm(p)
+    assert all(raw <= adjusted <= 1.0 for raw, adjusted in zip(p, found, strict=True))
+    ordered = [found[i] for i in sorted(range(len(p)), key=p.__getitem__)]
+    assert ordered == sorted(ordered)
+    assert all(a <= min(1.0, len(p) * raw) + 1e-15 for raw, a in zip(p, found, strict=True)), "never above Bonferroni"

@@ -109,8 +109,8 @@ def ever_lost(runs: pd.DataFrame) -> Bools:
 
 
 def _of_file(path: Path, table: str, columns: Sequence[str] | None, younger: Sequence[str]) -> pd.DataFrame:
-    missing = set(younger) - set(tables(path)[table].columns) if younger and table in tables(path) else set()
     try:
+        missing = _missing(path, table, younger)
         if columns is None or not missing:
             return read_file(path, table, columns)
         return read_file(path, table, [name for name in columns if name not in missing]).reindex(columns=list(columns))
@@ -119,6 +119,12 @@ def _of_file(path: Path, table: str, columns: Sequence[str] | None, younger: Seq
             hint = f"a campaign records it with record.{table}=true in its sweep or by --set"
             raise ResultError(f"{error}: {hint}") from None
         raise
+
+
+def _missing(path: Path, table: str, younger: Sequence[str]) -> set[str]:
+    """Which of these columns a file of an earlier version lacks."""
+    held = tables(path).get(table) if younger else None
+    return set(younger) - set(held.columns) if held is not None else set()
 
 
 def _typed(values: Sequence[Any], owners: np.ndarray) -> Any:

@@ -1,4 +1,4 @@
-"""The points of a campaign side by side: metric, lost fraction, energy and paired differences from a baseline.
+"""The points of a campaign side by side: metric, losses, energy, paired differences from a baseline, and conclusions.
 
     found = compare(folder, metric="rmse", by=("tracker.kind",), baseline="pf")
     found.table: a DataFrame;  as_json(found);  `comparison_text.text(found)` for a terminal
@@ -18,7 +18,9 @@ import numpy as np
 import pandas as pd
 
 from wsnsim.analysis import campaigns, statistics
-from wsnsim.base.arrays import Floats
+from wsnsim.analysis.conclusions import PairWords, sentence
+from wsnsim.analysis.network_hints import hint, traffic
+from wsnsim.analysis.pairs import pair_columns, with_pairs
 from wsnsim.base.errors import UsageError, did_you_mean
 from wsnsim.base.tables import METRICS, MORE_IS_BETTER, ONE_IS_BEST, TABLES
 from wsnsim.recording import attributes
@@ -30,9 +32,11 @@ if TYPE_CHECKING:
 SCENARIO: Final = "scenario"
 """The swept key of a sweep over several scenarios."""
 ENERGY: Final = "energy"
-MEASURED: Final = ("replicate", "lost", "tracked", ENERGY)
+MEASURED: Final = ("replicate", "lost", "losses", "tracked", ENERGY)
+YOUNGER: Final = ("losses",)
+"""Columns that result files of earlier versions lack."""
 MOST_LOST: Final = 0.05
-"""Lost fraction above which a point is not on the Pareto front: losing the target saves energy."""
+"""Share of runs lost at any time above which a point is not on the Pareto front: losing the target saves energy."""
 
 
 @dataclass(frozen=True)
@@ -46,10 +50,12 @@ class Comparison:
         by: the keys whose values are compared with each other.
         baseline: the point that differences are from.
         table: a row per point with results, in the campaign's order. Columns: `point`, the swept keys, `replicates`,
-            `known` (runs in which the metric is known); `median` and `mean` of the metric, `lost_fraction`, `energy`
-            (median, J) and `error_per_joule` (median of metric / energy), each with `_low` and `_high`; `tracked`
-            (mean share of the steps); `front` (on the Pareto front of its group in both medians; none for NEES and NIS,
-            of which 1 is best); `difference` from the baseline of its group, `effect`, `p` and `pairs`. Unknown values
+            `known` (runs in which the metric is known); `median` and `mean` of the metric, `ever_lost` (share of the
+            runs that lost a track at any time), `lost_fraction` (at the end), `energy` (median, J) and
+            `error_per_joule` (median of metric / energy), each with `_low` and `_high`; `tracked` (mean share of the
+            steps); `front` (on the Pareto front of its group in both medians; none for NEES and NIS, of which 1 is
+            best). Where points are compared: the columns of `pairs.pair_columns`, `p_holm`, `p_losses_holm`, `test`
+            (its name), `conclusion` (a sentence) and `hint` (what beside the filters may have decided). Unknown values
             are NaN.
         unpaired: why rows have no difference.
         unbounded: why `comparison_bounds.with_bounds` found no bound for some rows.
@@ -88,11 +94,11 @@ def compare(
     if metric not in METRICS:
         raise UsageError(f"table runs has no metric '{metric}' ({did_you_mean(metric, METRICS)})")
     chosen = _chosen(manifest, by)
-    runs = campaigns.read(folder.path, "runs", sorted({*MEASURED, metric}))
+    runs = campaigns.read(folder.path, "runs", sorted({*MEASURED, metric}), YOUNGER)
     rows, values = [], {}
     for number, frame in runs.groupby(campaigns.POINT, sort=True):
         point = manifest.points[int(number)]
-        values[int(number)] = frame.set_index("replicate")[metric].astype(np.float64)
+        values[int(number)] = frame.set_index("replicate")
         settings = {key: point.settings.get(key) for key in manifest.keys}
         rows.append({campaigns.POINT: int(number), **settings, **_statistics(frame, metric)})
     table = pd.DataFrame(rows)
@@ -101,9 +107,13 @@ def compare(
     table["front"] = False if metric in ONE_IS_BEST else _fronts(table, groups, sign)
     baseline = _baseline(manifest, chosen, baseline or (manifest.baseline if by is None else None))
     first = _baselines(manifest, table, groups, chosen, baseline)
-    unpaired = _pair(table, manifest, values, first) if chosen else ""
-    unpaired = unpaired or (f"the baseline '{baseline}' has no results" if chosen and not first else "")
-    unit = _unit(folder, manifest, metric)
+    unit, unpaired = _unit(folder, manifest, metric), ""
+    if chosen:
+        baselines, unpaired = _paired(table, manifest, first)
+        one = {row: values[_number(table, row)] for row in range(len(table))}
+        pairs = {row: pair_columns(one[row], one[start], metric) for row, start in baselines.items()}
+        table = _concluded(with_pairs(table, pairs), baselines, folder, (chosen, metric, unit))
+        unpaired = unpaired or ("" if first else f"the baseline '{baseline}' has no results")
     return Comparison(manifest.name, metric, manifest.keys, chosen, baseline, table, unpaired, unit=unit)
 
 
@@ -128,9 +138,18 @@ def as_json(found: Comparison) -> dict[str, Any]:
         "keys": list(found.keys),
         "by": list(found.by),
         "points": rows,
+        "conclusions": conclusions_of(found),
         "unpaired": found.unpaired,
         "unbounded": found.unbounded,
     }
+
+
+def conclusions_of(found: Comparison) -> list[str]:
+    """The sentences of all pairs, each with its hint."""
+    if "conclusion" not in found.table:
+        return []
+    pairs = zip(found.table["conclusion"], found.table["hint"], strict=True)
+    return [f"{sentence} (hint: {hint})" if hint else sentence for sentence, hint in pairs if sentence]
 
 
 def label(values: Iterable[Any]) -> str:
@@ -151,6 +170,7 @@ def _statistics(frame: pd.DataFrame, metric: str) -> dict[str, Any]:
     values, energy = (frame[name].to_numpy(dtype=np.float64) for name in (metric, ENERGY))
     middle, average = statistics.median(values), statistics.mean(values)
     lost, joules = statistics.share(frame["lost"].to_numpy() > 0), statistics.median(energy)
+    ever = statistics.share(campaigns.ever_lost(frame))
     with np.errstate(divide="ignore", invalid="ignore"):
         rate = statistics.median(np.where(energy > 0.0, values / energy, np.nan))
     return {
@@ -158,6 +178,7 @@ def _statistics(frame: pd.DataFrame, metric: str) -> dict[str, Any]:
         "known": middle.known,
         **_spread("median", middle),
         **_spread("mean", average),
+        **_spread("ever_lost", ever),
         **_spread("lost_fraction", lost),
         "tracked": statistics.mean(frame["tracked"].to_numpy(dtype=np.float64)).value,
         **_spread("energy", joules),
@@ -181,10 +202,10 @@ def _groups(manifest: Manifest, table: pd.DataFrame, by: Sequence[str]) -> dict[
 def _fronts(table: pd.DataFrame, groups: Mapping[Any, list[int]], sign: float) -> list[bool]:
     """Whether each row is on the Pareto front of its group in metric and energy; `sign` is −1 if more is better.
 
-    A row with more than 5 % of its runs lost is left out.
+    A row with more than 5 % of its runs lost at any time is left out.
     """
     flags = np.zeros(len(table), dtype=np.bool_)
-    follows = (table["lost_fraction"] <= MOST_LOST).to_numpy()
+    follows = (table["ever_lost"] <= MOST_LOST).to_numpy()
     for rows in ([row for row in group if follows[row]] for group in groups.values()):
         flags[rows] = statistics.pareto_front(
             (sign * table["median"].iloc[rows]).tolist(), table["energy"].iloc[rows].tolist()
@@ -231,31 +252,43 @@ def _by_default(keys: Sequence[str]) -> tuple[str, ...]:
     return (SCENARIO,) if SCENARIO in keys else tuple(keys) if len(keys) == 1 else ()
 
 
-def _pair(
-    table: pd.DataFrame, manifest: Manifest, values: Mapping[int, pd.Series], first: Sequence[tuple[int, list[int]]]
-) -> str:
-    """Fill in the differences from the baseline of each group; returns why some have none, or ''."""
-    columns = ("difference", "difference_low", "difference_high", "effect", "p", "pairs")
-    filled = np.full((len(table), len(columns)), np.nan)
+def _paired(
+    table: pd.DataFrame, manifest: Manifest, first: Sequence[tuple[int, list[int]]]
+) -> tuple[dict[int, int], str]:
+    """The row of the baseline of each paired row, and why some rows have none, or ''."""
+    found: dict[int, int] = {}
     unpaired = ""
     for start, rows in first:
         for row in rows:
-            here, there = (manifest.points[int(table[campaigns.POINT].iloc[i])] for i in (row, start))
-            if row == start:
+            here, there = (manifest.points[_number(table, i)] for i in (row, start))
+            if here.world == there.world:
+                found |= {row: start} if row != start else {}
                 continue
-            if here.world != there.world:
-                unpaired = unpaired or (
-                    f"{label(here.settings.values())} and {label(there.settings.values())} differ in seed, deployment,"
-                    " motion, sensor, prior, detection or faults: their runs are not paired"
-                )
-                continue
-            filled[row] = _difference(values, table, row, start)
-    for i, name in enumerate(columns):
-        table[name] = filled[:, i]
-    return unpaired
+            unpaired = unpaired or (
+                f"{label(here.settings.values())} and {label(there.settings.values())} differ in seed, deployment,"
+                " motion, sensor, prior, detection or faults: their runs are not paired"
+            )
+    return found, unpaired
 
 
-def _difference(values: Mapping[int, pd.Series], table: pd.DataFrame, row: int, start: int) -> Floats:
-    one, other = (values[int(table[campaigns.POINT].iloc[i])] for i in (row, start))
-    common = one.index.intersection(other.index)
-    return np.array(statistics.paired_difference(one[common].to_numpy(), other[common].to_numpy()), dtype=np.float64)
+def _number(table: pd.DataFrame, row: int) -> int:
+    """The number of a row's point in the manifest."""
+    return int(table[campaigns.POINT].iloc[row])
+
+
+def _concluded(
+    table: pd.DataFrame, baselines: Mapping[int, int], folder: Folder, compared: tuple[tuple[str, ...], str, str]
+) -> pd.DataFrame:
+    """The table with a sentence and a hint for each pair. `compared`: keys, metric and unit."""
+    by, metric, unit = compared
+    manifest = folder.manifest()
+    others = [key for key in manifest.keys if key not in by]
+    network = traffic(folder, table[campaigns.POINT].tolist())
+    sentences, hints = [""] * len(table), [""] * len(table)
+    for row, start in baselines.items():
+        settings, base = (manifest.points[_number(table, i)].settings for i in (row, start))
+        names = label(settings.get(key) for key in by), label(base.get(key) for key in by)
+        group = ", ".join(f"{key} = {label([settings.get(key)])}" for key in others)
+        sentences[row] = sentence(table.iloc[row].to_dict(), PairWords(*names, group, metric, unit))
+        hints[row] = hint(network[row], network[start], names)
+    return table.assign(conclusion=sentences, hint=hints)

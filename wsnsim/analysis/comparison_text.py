@@ -10,7 +10,8 @@ from typing import Any, Final
 
 import pandas as pd
 
-from wsnsim.analysis.comparison import Comparison, label
+from wsnsim.analysis.comparison import Comparison, conclusions_of, label
+from wsnsim.analysis.pairs import ERRORS
 from wsnsim.analysis.phrases import aligned, counted
 from wsnsim.analysis.plot_data import bracketed
 from wsnsim.analysis.quantities import run_metric_name
@@ -28,7 +29,7 @@ def text(found: Comparison) -> str:
     counts = table["replicates"]
     many = f"{counts.min()}" if counts.min() == counts.max() else f"{counts.min()} to {counts.max()}"
     title = f"{found.name}: {len(table)} point{'s' * (len(table) != 1)}, {many} run{'s' * (many != '1')} each"
-    return "\n".join([title, *aligned([heads, *rows], len(found.keys)), *_notes(found)])
+    return "\n".join([title, *aligned([heads, *rows], len(found.keys)), *conclusions_of(found), *_notes(found)])
 
 
 def _columns(found: Comparison) -> tuple[list[str], list[list[str]]]:
@@ -44,8 +45,9 @@ def _columns(found: Comparison) -> tuple[list[str], list[list[str]]]:
         columns.append(("CRLB", [_number(value) for value in table["bound"]]))
     if (table["tracked"] < SEEN).any():
         columns.append(("tracked", [f"{100.0 * value:.0f} %" for value in table["tracked"]]))
-    if found.metric != "lost":
-        columns.append(("lost", [_share(row) for _, row in table.iterrows()]))
+    columns.append(("lost at any time", [_share(row) for _, row in table.iterrows()]))
+    if found.metric != "lost" and (table["lost_fraction"] != table["ever_lost"]).any():
+        columns.append(("at the end", [f"{100.0 * value:.0f} %" for value in table["lost_fraction"]]))
     if table["energy"].notna().any() and (table["energy"] > 0).any():
         columns.append(("energy [J]", [_spread(row, "energy") for _, row in table.iterrows()]))
     if _per_joule(found):
@@ -54,6 +56,9 @@ def _columns(found: Comparison) -> tuple[list[str], list[list[str]]]:
     if "difference" in table and table["pairs"].notna().any():
         columns.append(("difference", [_spread(row, "difference") for _, row in table.iterrows()]))
         columns.append(("effect", [_number(value, 2) for value in table["effect"]]))
+        columns.append(("Wilcoxon p", [_number(value, 2) for value in table["p_holm"]]))
+        if table["p_losses"].notna().any():
+            columns.append(("McNemar p of losses", [_number(value, 2) for value in table["p_losses_holm"]]))
     cells = [values for _, values in columns]
     return [head for head, _ in columns], [list(row) for row in zip(*cells, strict=True)]
 
@@ -79,13 +84,16 @@ def _notes(found: Comparison) -> list[str]:
     if (table["front"]).any():
         notes.append(
             f"  Pareto: * is on the Pareto front: no other {among} has both a {better} median {name} and less\n"
-            "  energy; points with more than 5 % of their runs lost are left out"
+            "  energy; points with more than 5 % of their runs lost at any time are left out"
         )
     if "difference" in table and table["pairs"].notna().any():
         notes.append(
-            f"  difference: median over runs of the paired difference from {found.baseline};\n"
-            "  effect: rank-biserial correlation, from -1 (always less) to 1 (always more)"
+            f"  difference: median over runs of the paired difference from {found.baseline}{_survivors(found)};\n"
+            "  effect: rank-biserial correlation, from -1 (always less) to 1 (always more);\n"
+            "  Wilcoxon p: signed-rank test, Holm-corrected over all pairs; the interval is of each pair alone"
         )
+        if table["p_losses"].notna().any():
+            notes.append("  McNemar p: exact test of runs lost by one of the two alone, Holm-corrected over all pairs")
     if "bound" in table and table["bound"].notna().any():
         notes.append(
             "  CRLB: trajectory-conditional Cramer-Rao lower bound of all readings in range, median over runs;\n"
@@ -101,6 +109,16 @@ def _notes(found: Comparison) -> list[str]:
 def _per_joule(found: Comparison) -> bool:
     """Whether metric per joule and Pareto front are shown: not without energy, nor of a metric of which 1 is best."""
     return found.metric not in ONE_IS_BEST and bool((found.table["energy"] > 0).any())
+
+
+def _survivors(found: Comparison) -> str:
+    """On which runs errors are compared, if some were lost."""
+    lost = found.metric in ERRORS and (found.table["pairs"] < found.table["common"]).any()
+    return (
+        ",\n  over the runs in which neither lost its target at any time (difference_all: over all runs)"
+        if lost
+        else ""
+    )
 
 
 def _setting(value: Any) -> str:
@@ -119,5 +137,5 @@ def _spread(row: pd.Series, name: str) -> str:
 
 
 def _share(row: pd.Series) -> str:
-    value, low, high = (100.0 * float(row[f"lost_fraction{end}"]) for end in ("", "_low", "_high"))
+    value, low, high = (100.0 * float(row[f"ever_lost{end}"]) for end in ("", "_low", "_high"))
     return f"{value:.0f} % [{low:.0f}, {high:.0f}]"

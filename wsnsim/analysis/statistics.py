@@ -1,4 +1,4 @@
-"""Statistics over Monte Carlo runs: medians, means and shares with intervals, paired differences, Pareto front.
+"""Statistics over Monte Carlo runs: medians, means, shares, paired differences and tests, Pareto front.
 
 Confidence intervals are of 95 %. The bootstrap's seed is the number of values, so that equal values give equal
 intervals. Unknown values (NaN) are left out; with fewer than five known values there is no interval.
@@ -92,6 +92,28 @@ def paired_difference(values: Floats, baseline: Floats) -> PairedDifference:
     low, high = _bootstrapped(differences, np.median)
     effect, p = _ranked(differences)
     return PairedDifference(float(np.median(differences)), low, high, effect, p, differences.size)
+
+
+def exact_mcnemar(one: int, other: int) -> float:
+    """The two-sided p-value of McNemar's exact test on pairs of yes and no.
+
+    Source: McNemar (1947), doi:10.1007/BF02295996; exact: the binomial test of the discordant pairs.
+
+    Args:
+        one: pairs in which only the first is yes.
+        other: pairs in which only the second is yes.
+    """
+    return float(stats.binomtest(one, one + other, 0.5).pvalue) if one + other else 1.0
+
+
+def holm(p: Sequence[float]) -> list[float]:
+    """P-values adjusted for the number of tests, by Holm (1979), in the same order; NaN, not tested, does not count."""
+    tested = sorted((value, i) for i, value in enumerate(p) if value == value)
+    adjusted, highest = [NAN] * len(p), 0.0
+    for rank, (value, i) in enumerate(tested):
+        highest = max(highest, min(1.0, (len(tested) - rank) * value))
+        adjusted[i] = highest
+    return adjusted
 
 
 def pareto_front(errors: Sequence[float], costs: Sequence[float]) -> Bools:

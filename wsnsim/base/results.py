@@ -72,7 +72,7 @@ class TrackResult(NamedTuple):
     estimates: Mapping[int, Issued]
     heads: Sequence[int]
     columns: Mapping[str, Any]
-    counts: Mapping[str, int]
+    counts: Mapping[str, float]
 
 
 class RunResult(NamedTuple):

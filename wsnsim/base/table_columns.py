@@ -177,6 +177,12 @@ TABLES: Final[dict[str, tuple[Column, ...]]] = {
         _c("ineffective_twenty", "u4", "1", "unnecessary wake-ups in the first twenty steps"),
         _c("called", "u4", "1", "calls on the wake-up radio, one per node"),
         _c("dismissed", "u4", "1", "of these, calls to nodes that did not track afterwards"),
+        _c(
+            "handover_bits",
+            "f8",
+            "1",
+            "bits sent for a handover, each hop counted, mean over those that arrived; NaN without one",
+        ),
     ),
     "nodes": (
         _REPLICATE,

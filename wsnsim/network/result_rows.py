@@ -88,10 +88,12 @@ def network_columns(outcome: NetworkOutcome, track: Track) -> dict[str, Any]:
     return {"woken": woken[:, 0], "ineffective": woken[:, 1], "received": np.array(received)}
 
 
-def _track_columns(track: Track) -> dict[str, int]:
+def _track_columns(track: Track) -> dict[str, float]:
     """The columns of the table `tracks` that only a network has."""
     called, dismissed = (sum(map(attrgetter(name), track.rounds)) for name in ("called", "dismissed"))
-    return {"reacquired": track.reacquired, "called": called, "dismissed": dismissed}
+    bits = [cluster.handover_bits for cluster in track.clusters if cluster.handover_bits]
+    mean_bits = sum(bits) / len(bits) if bits else NAN
+    return {"reacquired": track.reacquired, "called": called, "dismissed": dismissed, "handover_bits": mean_bits}
 
 
 def _totals(outcome: NetworkOutcome, coverage: float) -> RunTotals:

@@ -29,7 +29,7 @@ from wsnsim.offline.request_costs import RequestCosts
 
 ASLEEP = {"woken": 0, "ineffective": 0}
 """No node is woken without a network."""
-UNCALLED = {"reacquired": 0, "called": 0, "dismissed": 0}
+UNCALLED = {"reacquired": 0, "called": 0, "dismissed": 0, "handover_bits": float("nan")}
 
 
 class OfflineRun:
