@@ -63,6 +63,16 @@ def test_the_message_about_a_mistake_is_the_one_shown(tmp_path, monkeypatch):
     assert str(caught.value).splitlines()[0] == shown
 
 
+def test_the_comparisons_of_trackers_are_plans_whose_points_have_the_names_shown():
+    """Those of the command lines and that of Python."""
+    shown = re.findall(r"wsnsim compare (\w+) --trackers '?([^' ]+)'? --rep", README)
+    shown += re.findall(r'wsnsim\.sweep\("(\w+)", trackers="([^"]+)"', README)
+    assert len(shown) == 3
+    for source, trackers in shown:
+        points = load_sweep(source, trackers=trackers).points
+        assert ",".join(*zip(*(point.settings.values() for point in points), strict=True)) == trackers
+
+
 def test_every_command_is_shown():
     assert set(re.findall(r"^\| `wsnsim (\w+)", README, re.MULTILINE)) == set(group.commands)
 

@@ -239,7 +239,8 @@ def test_groups_are_named_in_conclusions(place: Place) -> None:
     assert said[2].startswith("tracker.particles = 100: no difference in per-run RMSE is shown between ekf and pf")
     assert "Holm-corrected, 5 pairs" in said[2]
     text = comparison_text.text(comparison.compare(four(place), by=[KIND]))
-    assert all(one in text for one in said)
+    assert all(one in " ".join(text.split()) for one in said)
+    assert max(map(len, (line for line in text.splitlines() if line.startswith("- ")))) <= 120
 
 
 def test_any_column_of_runs_that_is_a_figure_may_be_compared(place: Place) -> None:

@@ -80,7 +80,7 @@ def test_losses_are_compared_first_and_errors_on_the_runs_that_both_survive() ->
 
 def test_losses_that_chance_explains_are_no_difference_and_no_losses_are_not_mentioned() -> None:
     few = pair(runs([1.0] * 9, [1, 0, 0, 0, 0, 0, 0, 0, 0]), runs([1.0] * 9))
-    assert sentence(few, WORDS).startswith("no difference in losses is shown between ekf and pf (1 runs lost by")
+    assert sentence(few, WORDS).startswith("no difference in losses is shown between ekf and pf (1 run lost by")
     assert "McNemar" not in sentence(pair(runs([1.0] * 9), runs([1.0] * 9)), WORDS)
 
 
@@ -132,16 +132,18 @@ def test_a_handover_that_fills_the_step_is_hinted_at() -> None:
     for one in (fast._replace(late=0.2), fast._replace(delay=0.05), fast._replace(handover=0.05)):
         assert "packets" in hint(fast, one, ("a", "b"))
     lost = fast._replace(missing=0.9, delay=NAN)
-    assert hint(fast, lost, ("a", "b")) == "", "a lost track is not a matter of packets"
+    assert hint(fast, lost, ("a", "b")) == "", "without airtime, a lost track is not a matter of packets"
+    assert "b: 0% of the steps late, 90% missing" in hint(fast, lost._replace(timed=True), ("a", "b"))
 
 
 def test_different_numbers_of_particles_are_hinted_at() -> None:
-    few, many = PointTraffic(particles=100), PointTraffic(particles=1000)
+    few, many = PointTraffic(particles=100, kind="gpf"), PointTraffic(particles=1000, kind="pf")
     assert (
         hint(few, many, ("gpf", "pf"))
         == "the numbers of particles differ: gpf has 100 particles and pf has 1000 particles"
     )
     assert hint(few, PointTraffic(), ("gpf", "ekf")) == hint(few, few, ("gpf", "pf")) == ""
+    assert hint(few, few._replace(particles=9), ("gpf:particles=100", "gpf:particles=9")) == "", "this was asked for"
 
 
 def test_the_p_of_a_pair_is_that_of_the_statistics() -> None:

@@ -6,11 +6,12 @@ text(compared) -> str
 from __future__ import annotations
 
 import math
+import textwrap
 from typing import Any, Final
 
 import pandas as pd
 
-from wsnsim.analysis.comparison import Comparison, conclusions_of, label
+from wsnsim.analysis.comparison import Comparison, label
 from wsnsim.analysis.pairs import ERRORS
 from wsnsim.analysis.phrases import aligned, counted
 from wsnsim.analysis.plot_data import bracketed
@@ -18,6 +19,8 @@ from wsnsim.analysis.quantities import run_metric_name
 from wsnsim.analysis.statistics import LEAST
 from wsnsim.base.tables import MORE_IS_BETTER, ONE_IS_BEST
 
+WIDTH: Final = 120
+"""Characters of a line of a conclusion."""
 SEEN: Final = 0.995
 """Share of tracked steps above which the column `tracked` is left out."""
 
@@ -29,7 +32,18 @@ def text(found: Comparison) -> str:
     counts = table["replicates"]
     many = f"{counts.min()}" if counts.min() == counts.max() else f"{counts.min()} to {counts.max()}"
     title = f"{found.name}: {len(table)} point{'s' * (len(table) != 1)}, {many} run{'s' * (many != '1')} each"
-    return "\n".join([title, *aligned([heads, *rows], len(found.keys)), *conclusions_of(found), *_notes(found)])
+    return "\n".join([title, *aligned([heads, *rows], len(found.keys)), *_conclusions(found), *_notes(found)])
+
+
+def _conclusions(found: Comparison) -> list[str]:
+    """A sentence a pair, wrapped, and its hint below it."""
+    if "conclusion" not in found.table:
+        return []
+    lines = []
+    for sentence, hint in zip(found.table["conclusion"], found.table["hint"], strict=True):
+        lines += textwrap.wrap(sentence, WIDTH, initial_indent="- ", subsequent_indent="  ")
+        lines += textwrap.wrap(f"hint: {hint}" if hint else "", WIDTH, initial_indent="  ", subsequent_indent="  ")
+    return lines
 
 
 def _columns(found: Comparison) -> tuple[list[str], list[list[str]]]:

@@ -13,6 +13,7 @@ from collections.abc import Mapping
 from typing import Any, Final, NamedTuple
 
 from wsnsim.analysis.pairs import ERRORS
+from wsnsim.analysis.phrases import counted
 from wsnsim.analysis.quantities import run_metric_name
 from wsnsim.analysis.statistics import LEAST
 
@@ -56,7 +57,7 @@ def _of_losses(pair: Pair, words: PairWords) -> str:
     if not shows_losses(pair):
         return (
             f"no difference in losses is shown between {words.point} and {words.baseline}"
-            f" ({alone} runs lost by the former alone, {other} by the latter alone, {test})"
+            f" ({counted(alone, 'run')} lost by the former alone, {other} by the latter alone, {test})"
         )
     fewer, more = (words.point, words.baseline) if alone < other else (words.baseline, words.point)
     few, many = sorted((alone, other))

@@ -2,8 +2,9 @@
 
 traffic(folder, table) -> [PointTraffic of each row]        hint(here, there, names) -> a sentence, or ''
 
-A network takes part in the decision if estimates come late: the messages of a step, above all of a handover with all
-its particles, take longer than the step. Filters with different numbers of particles differ by these, too.
+A network takes part in the decision if packets take time and estimates come late or not at all: the messages of a step,
+above all of a handover with all its particles, take longer than the step. Different filters with different numbers of
+particles differ by these, too.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from wsnsim.recording.folder import Folder
 
 NAN: Final = float("nan")
 MOST_LATE: Final = 0.05
-"""Share of steps with a late estimate above which the network takes part in the decision [our choice]."""
+"""Share of steps with a late or missing estimate above which the network may have decided [our choice]."""
 READ: Final = ("replicate", "late", "reports", "delay", "handover_bits")
 
 
@@ -34,8 +35,10 @@ class PointTraffic(NamedTuple):
         missing: share of the steps without an estimate.
         delay: median latency at the cluster head in s.
         step: duration of a step in s.
-        handover: mean airtime in s of the bits of a handover, NaN if packets take no time.
+        handover: mean airtime in s of the bits of a handover; NaN without one, or if packets take no time.
+        timed: whether packets take time. Where they do not, a missing estimate is not their fault.
         particles: the tracker's number of particles, None without.
+        kind: the tracker's kind.
     """
 
     late: float = NAN
@@ -43,12 +46,15 @@ class PointTraffic(NamedTuple):
     delay: float = NAN
     step: float = NAN
     handover: float = NAN
+    timed: bool = False
     particles: int | None = None
+    kind: str = ""
 
     @property
     def is_late(self) -> bool:
-        """Whether estimates are late, or the latency or a handover fills the step."""
-        return self.late > MOST_LATE or self.delay > self.step or self.handover > self.step
+        """Whether estimates are late, missing where packets take time, or the latency or a handover fills the step."""
+        absent = self.late + (self.missing if self.timed else 0.0)
+        return absent > MOST_LATE or self.delay > self.step or self.handover > self.step
 
 
 def traffic(folder: Folder, numbers: Iterable[int]) -> list[PointTraffic]:
@@ -70,7 +76,7 @@ def hint(here: PointTraffic, there: PointTraffic, names: tuple[str, str]) -> str
     found = []
     if here.is_late or there.is_late:
         found.append("packets, not the filter, may have decided: " + "; ".join(_latency(*one) for one in pair))
-    if here.particles and there.particles and here.particles != there.particles:
+    if here.kind != there.kind and here.particles and there.particles and here.particles != there.particles:
         words = " and ".join(f"{name} has {one.particles} particles" for name, one in pair)
         found.append(f"the numbers of particles differ: {words}")
     return "; ".join(found)
@@ -88,9 +94,10 @@ def _tracks(folder: Folder) -> pd.DataFrame | None:
 
 
 def _of_point(scenario: dict[str, Any], tracks: pd.DataFrame | None) -> PointTraffic:
-    particles = scenario.get("tracker", {}).get("particles")
+    tracker = scenario.get("tracker", {})
+    particles, kind = tracker.get("particles"), tracker.get("kind", "")
     if tracks is None or not len(tracks) or not tracks["steps"].sum():
-        return PointTraffic(particles=particles)
+        return PointTraffic(particles=particles, kind=kind)
     steps, late, reports = (float(tracks[name].sum()) for name in ("steps", "late", "reports"))
     missing = steps - reports
     rate = scenario.get("mac", {}).get("rate")
@@ -102,7 +109,9 @@ def _of_point(scenario: dict[str, Any], tracks: pd.DataFrame | None) -> PointTra
         float(np.median(delays)) if delays.size else NAN,
         float(scenario["step"]),
         bits / rate if rate else NAN,
+        bool(rate),
         particles,
+        kind,
     )
 
 

@@ -19,6 +19,7 @@ def sweep(  # noqa: PLR0913
     out: str | Path,
     vary: Sequence[str] = (),
     overrides: Sequence[str] = (),
+    trackers: str | None = None,
     replicates: int | None = None,
     workers: int | None = None,
     scheduler: str | None = None,
@@ -35,6 +36,7 @@ def sweep(  # noqa: PLR0913
         out: folder of the campaign.
         vary: axes, such as "tracker.particles=100,200".
         overrides: changed values, such as "duration=10 s".
+        trackers: trackers to compare, each with its own parameters: "pf:particles=1000,ekf".
         replicates: Monte Carlo runs per point, if not those of the sweep.
         workers: number of processes, all cores by default.
         scheduler: address of a Dask scheduler, on whose workers to run instead.
@@ -53,8 +55,9 @@ def sweep(  # noqa: PLR0913
 
     if multiprocessing.parent_process() is not None:
         raise UsageError("a worker process imports this script: call wsnsim.sweep under if __name__ == '__main__':")
-    plan = load_sweep(source, vary, overrides, replicates=replicates)
-    folder = prepare(plan, out, command_line="wsnsim.sweep")
+    plan = load_sweep(source, vary, overrides, trackers, replicates=replicates)
+    by = [key for key in ("tracker", "tracker.kind") if trackers and key in plan.keys]
+    folder = prepare(plan, out, by=by, command_line="wsnsim.sweep")
     return run_campaign(folder, _engine(folder.path, workers, scheduler), on_progress=progress)
 
 

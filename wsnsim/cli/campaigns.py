@@ -95,7 +95,9 @@ def sweep(interrupts: Interrupts, /, source: str, vary: tuple[str, ...], **given
 
 @group.command()
 @click.argument("sources", metavar="SCENARIO...|DIR", nargs=-1, required=True)
-@click.option("--trackers", metavar="A,B,...", help="Run the scenario with each of these trackers.")
+@click.option(
+    "--trackers", metavar="A,B,...", help="Run the scenario with each of these trackers: 'pf:particles=1000,ekf'."
+)
 @click.option("--vary", multiple=True, metavar="KEY=VALUES", help="Compare at each of these values.")
 @_session_options
 @click.pass_obj
@@ -112,10 +114,10 @@ def compare(
 
     if len(sources) == 1 and not trackers:
         raise UsageError("give trackers to compare (--trackers pso_mhpf,ipf,ppf) or several scenarios")
-    axes = ([f"tracker.kind={trackers}"] if trackers else []) + list(vary)
     name = _file_name("_".join(["compare", *(Path(source).stem for source in sources[:MAX_NAMED])]))
-    plan = load_sweep(list(sources), axes, overrides, **changes, name=name)
-    by = [*(["scenario"] if len(sources) > 1 else []), *(["tracker.kind"] if trackers else [])]
+    plan = load_sweep(list(sources), vary, overrides, trackers, **changes, name=name)
+    compared = ("tracker" if "tracker" in plan.keys else "tracker.kind",) if trackers else ()
+    by = [*(["scenario"] if len(sources) > 1 else []), *compared]
     return run_plan(plan, options, interrupts, options.comparison.by or tuple(by))
 
 

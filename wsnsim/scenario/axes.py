@@ -12,7 +12,7 @@ import itertools
 import math
 import re
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from decimal import Decimal
 from typing import Any, Final, NamedTuple, TypeAlias
 
@@ -283,3 +283,14 @@ def _refuse_twins(nodes: Sequence[LocatedValue]) -> None:
         if text in seen:
             raise InvalidAxis(node, f"{shown(plain(node))} is in the list twice")
         seen[text] = node
+
+
+def joined(chosen: Iterable[Settings]) -> Settings:
+    """Return several settings as one. Raises InvalidAxis if two of them have the same key."""
+    together = tuple(itertools.chain.from_iterable(chosen))
+    seen: set[Keys] = set()
+    for keys, node in together:
+        if keys in seen:
+            raise InvalidAxis(node, f"'{dotted(keys)}' is an axis twice")
+        seen.add(keys)
+    return together

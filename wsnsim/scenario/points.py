@@ -10,7 +10,7 @@ import hashlib
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from wsnsim.base.errors import Issue, ScenarioError
 from wsnsim.scenario.axes import Settings
@@ -32,8 +32,27 @@ SCENARIO: Final = "scenario"
 MOST_ISSUES: Final = 20
 
 
-def points_of(bases: Sequence[ScenarioText], common: Sequence[Assignment], settings: Iterable[Settings]) -> list[Point]:
+class PointName(NamedTuple):
+    """A column and its text, which stand for the values of these keys among a point's settings."""
+
+    column: str
+    text: str
+    keys: frozenset[str]
+
+
+def points_of(
+    bases: Sequence[ScenarioText],
+    common: Sequence[Assignment],
+    settings: Iterable[Settings],
+    names: Sequence[PointName] | None = None,
+) -> list[Point]:
     """Return one point per base and settings; with several bases, their names are a column.
+
+    Args:
+        bases: the scenarios.
+        common: the assignments of every point.
+        settings: the assignments that distinguish points.
+        names: what stands for some of them, one for each settings; None for the values themselves.
 
     Raises:
         ScenarioError: with the different issues of all points, and points that are equal.
@@ -42,7 +61,7 @@ def points_of(bases: Sequence[ScenarioText], common: Sequence[Assignment], setti
     points: dict[str, Point] = {}
     chosen = list(settings)
     for base in bases:
-        for laid in chosen:
+        for number, laid in enumerate(chosen):
             try:
                 scenario = validated(base, [*common, *laid])
                 build(scenario)
@@ -52,7 +71,8 @@ def points_of(bases: Sequence[ScenarioText], common: Sequence[Assignment], setti
                 if len(issues) >= MOST_ISSUES:
                     raise ScenarioError(in_order(issues.values())) from None
                 continue
-            point = _point(scenario, laid, {SCENARIO: scenario.name} if len(bases) > 1 else {})
+            first = {SCENARIO: scenario.name} if len(bases) > 1 else {}
+            point = _point(scenario, laid, first, names[number] if names else None)
             twin = points.setdefault(point.id, point)
             if twin is not point:
                 message = f"{_words(twin)} and {_words(point)} are the same point: they differ in nothing"
@@ -90,12 +110,15 @@ def keys_of_points(points: Iterable[Point]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(key for point in points for key in point.settings))
 
 
-def _point(scenario: Scenario, laid: Settings, first: Mapping[str, Any]) -> Point:
+def _point(scenario: Scenario, laid: Settings, first: Mapping[str, Any], name: PointName | None) -> Point:
     content = resolved(scenario)
     decides = {key: value for key, value in content.items() if key not in LEFT_OUT}
     decides["record"] = {table: on for table, on in content["record"].items() if on or table not in LATER_TABLES}
     world = {key: content.get(key) for key in WORLD}
     values = {name: value for keys, node in laid for name, value in _leaves(keys, node, content)}
+    if name is not None:
+        kept = {key: value for key, value in values.items() if key not in name.keys}
+        values = {name.column: name.text, **kept}
     return Point(_digest(decides), {**first, **values}, json.dumps(content), _digest(world))
 
 

@@ -59,6 +59,7 @@ from wsnsim.scenario.messages import issues_of
 from wsnsim.scenario.points import LEFT_OUT, SCENARIO, demand_no_axis, keys_of_points, points_of, reals_of
 from wsnsim.scenario.reader import of_dict, origin_of, read
 from wsnsim.scenario.sweep_schema import Plan, SweepText
+from wsnsim.scenario.tracker_choices import tracker_choices, with_trackers
 
 KEPT: Final = ("runs", "tracks")
 """The tables that a campaign records by default."""
@@ -87,6 +88,7 @@ def load_sweep(
     source: str | Path | Mapping[str, Any] | Sequence[str],
     vary: Iterable[str] = (),
     overrides: Iterable[str] = (),
+    trackers: str | None = None,
     **given: Any,
 ) -> Plan:
     """Return the plan of a sweep.
@@ -97,6 +99,7 @@ def load_sweep(
         source: a file, a dict with the same keys, or the names of one or several scenarios.
         vary: further axes of the grid, such as 'tracker.particles=100,200'.
         overrides: assignments as those of `--set`.
+        trackers: trackers to run at every point, each with its own parameters, such as 'pf:particles=1000,ekf'.
         given: values that replace `name`, `replicates` and `timeout` of the sweep.
 
     Raises:
@@ -115,12 +118,12 @@ def load_sweep(
     try:
         common = [*_record(tree.spot), *_assigned(child(tree, "set")), *assignments]
         tree = _with_reals(tree, bases, common)
-        settings = _combined(tree, written)
+        settings, names = with_trackers(tracker_choices(trackers) if trackers else [], _combined(tree, written))
         shapes.demand_few(len(bases) * len(settings), tree)
     except InvalidAxis as refused:
         raise ScenarioError([refused.within(tree)]) from None
     demand_no_axis(assignments, settings)
-    points = points_of(bases, common, settings)
+    points = points_of(bases, common, settings, names)
     most = written.until.at_most if written.until else written.replicates
     if most is None:
         most = max(json.loads(point.resolved)["replicates"] for point in points)
@@ -272,17 +275,7 @@ def _combined(tree: LocatedValue, written: SweepText) -> list[Settings]:
                 raise InvalidAxis(over, "is empty: name the axes of the random points")
             blocks.append(place(Sampling(drawn.points, drawn.seed, _axes(over))))
     shapes.demand_few(math.prod(len(block) for block in blocks), tree)
-    return [_joined(chosen) for chosen in itertools.product(*blocks)]
-
-
-def _joined(chosen: Iterable[Settings]) -> Settings:
-    together = tuple(itertools.chain.from_iterable(chosen))
-    seen: set[Keys] = set()
-    for keys, node in together:
-        if keys in seen:
-            raise InvalidAxis(node, f"'{dotted(keys)}' is an axis twice")
-        seen.add(keys)
-    return together
+    return [shapes.joined(chosen) for chosen in itertools.product(*blocks)]
 
 
 def _demand_few_runs(tree: LocatedValue, runs: int) -> None:

@@ -1,0 +1,42 @@
+"""Losses and handovers in the tables of a simulated run, against what its other tables say."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import wsnsim
+from wsnsim.base.recorders import Memory
+
+WINDOW, LIMIT = 10, 0.4
+
+
+def test_a_run_counts_its_losses_and_the_bits_of_its_handovers():
+    """A limit of 40 cm is exceeded now and then; the windows are reckoned one by one."""
+    overrides = [
+        "duration=4 s",
+        "tracker.kind=ekf",
+        f"lost.window={WINDOW}",
+        f"lost.limit={LIMIT} m",
+        "record.estimates=true",
+    ]
+    scenario, memory = wsnsim.load("two_targets", overrides), Memory()
+    summary = wsnsim.simulate(scenario, recorder=memory)
+    estimates, clusters = memory.table("estimates"), memory.table("clusters")
+    for target, track in enumerate(summary.tracks):
+        errors = estimates["error"][estimates["target"] == target]
+        assert np.isfinite(errors).all()
+        lost, states = False, []
+        for end in range(WINDOW, len(errors) + 1):
+            mean = errors[end - WINDOW : end].mean()
+            lost = mean > LIMIT or (lost and mean > LIMIT / 2)
+            states.append(lost)
+        states = [states[0]] * (WINDOW - 1) + states
+        assert track["losses"] == sum(b and not a for a, b in zip([False, *states], states, strict=False))
+        assert track["lost_share"] == pytest.approx(np.mean(states))
+        assert track["time_lost"] == pytest.approx(sum(states) * scenario.step)
+        bits = clusters["handover_bits"][(clusters["target"] == target) & (clusters["handover_bits"] > 0)]
+        assert track["handover_bits"] == pytest.approx(bits.mean())
+    assert summary.run["losses"] == sum(track["losses"] for track in summary.tracks) > 0
+    for name in ("time_lost", "lost_share"):
+        assert summary.run[name] == pytest.approx(np.mean([track[name] for track in summary.tracks]))
