@@ -189,8 +189,10 @@ def median_of_runs(sample: Resampled) -> Sample:
 
 
 def _sums(values: Floats) -> tuple[Floats, Floats]:
-    """(n, ...) sums over the second axis, and the number of known values behind them."""
+    """(n, ...) sums over the second axis, and the number of known values behind them, which broadcasts to the sums."""
     known = np.isfinite(values)
+    if known.all():
+        return values.sum(axis=1), np.full((len(values), *[1] * (values.ndim - 2)), float(values.shape[1]))
     return np.where(known, values, 0.0).sum(axis=1), known.sum(axis=1).astype(np.float64)
 
 
@@ -243,15 +245,19 @@ def _time_mean_rmse(rows: Floats, weights: Floats) -> Floats:
 
 
 def _pooled_rmse(rows: Floats, weights: Floats) -> Floats:
-    squares, counts = (part.sum(axis=1) for part in _sums(rows**2))
+    squares, counts = _sums(_steps_in_line(rows**2))
     found: Floats = np.sqrt(_over(_weighted(weights, squares), _weighted(weights, counts)))
     return found
 
 
 def _rmse_of_each(rows: Floats) -> Floats:
-    squares, counts = (part.sum(axis=1) for part in _sums(rows**2))
-    found: Floats = np.sqrt(_over(squares, counts))
+    found: Floats = np.sqrt(_over(*_sums(_steps_in_line(rows**2))))
     return found
+
+
+def _steps_in_line(rows: Floats) -> Floats:
+    """(n, targets x steps, ...) rows with targets and steps on one axis."""
+    return rows.reshape(len(rows), -1, *rows.shape[3:])
 
 
 def _mean_of_rmse(rows: Floats, weights: Floats) -> Floats:

@@ -1,0 +1,193 @@
+"""How often the rule of the verdicts says `reproduces`, if the true ratio of measured and published value is 1 or 1.3.
+
+python -m tests.papers.verdict_power docs      write the table into docs/verdicts.md and the curves beside it
+
+The runs are log-normal, some of them astray. The intervals and verdicts are those of `wsnsim.papers.verdicts`.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from wsnsim.base.arrays import Floats
+from wsnsim.papers.resampling import MEAN, MEDIAN, TIME_MEAN_RMSE, Sample, Statistic, weights
+from wsnsim.papers.verdicts import ENOUGH, PublishedValue, judged_value, ratio_interval, verdict_on_ratio
+
+COUNTS = (30, 100, 200, 400, 1600)
+PUBLISHED_RUNS = (50, 100)
+TRIALS = 200
+MEDIAN_TRIALS = 60
+RATIO = 1.3
+TIMES = 16.0
+SHARE = 0.02
+NAN = float("nan")
+MARKS = ("<!-- power: begin -->\n", "<!-- power: end -->\n")
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A distribution of the runs: the spread of their logarithms, and the shares astray in ours and in the published.
+
+    In the table, `words` names it. Where only ours go astray, this is what makes the ratio 1.3 or more.
+    """
+
+    words: str
+    statistic: Statistic
+    sigma: float
+    astray: float = 0.0
+    published_astray: float = 0.0
+    counts: tuple[int, ...] = COUNTS
+
+    @property
+    def caused(self) -> bool:
+        """Whether runs astray are the cause of the ratio."""
+        return self.astray > self.published_astray
+
+
+SCENES = (
+    *(Scene(f"{name}, spread {sigma:g}", statistic, sigma)
+      for statistic, name in ((MEAN, "mean"), (TIME_MEAN_RMSE, "RMSE")) for sigma in (0.2, 0.4, 0.8)),
+    *(Scene(f"{name}, spread 0.2, 2 % of ours astray", statistic, 0.2, SHARE)
+      for statistic, name in ((MEAN, "mean"), (TIME_MEAN_RMSE, "RMSE"))),
+    *(Scene(f"{name}, spread {sigma:g}, 2 % of both astray", statistic, sigma, SHARE, SHARE)
+      for statistic, name in ((MEAN, "mean"), (TIME_MEAN_RMSE, "RMSE")) for sigma in (0.2, 0.8)),
+    Scene("median, spread 0.1", MEDIAN, 0.1, counts=(30, 200)),
+    Scene("median, spread 0.8, 2 % of both astray", MEDIAN, 0.8, SHARE, SHARE, counts=(30, 200)),
+)  # fmt: skip
+
+
+def drawn(rng: np.random.Generator, runs: int, trials: int, sigma: float, astray: float) -> Floats:
+    """(runs, trials) values of runs."""
+    values = np.exp(sigma * rng.standard_normal((runs, trials)))
+    found: Floats = np.where(rng.random((runs, trials)) < astray, TIMES * values, values)
+    return found
+
+
+def sample(values: Floats, statistic: Statistic) -> Sample:
+    """A sample of runs (runs, ...), with an axis of tracks, and for an RMSE one of steps."""
+    rows = values[:, None, None] if statistic is TIME_MEAN_RMSE else values[:, None]
+    return Sample(np.arange(len(values)), rows, statistic)
+
+
+def probabilities(scene: Scene, count: int, published_runs: int) -> tuple[float, float]:
+    """The probabilities of `reproduces` for a true ratio of 1 and of 1.3 (or what runs astray make of it)."""
+    few = scene.statistic is MEDIAN or count < ENOUGH
+    trials = MEDIAN_TRIALS if scene.statistic is MEDIAN else TRIALS if count >= ENOUGH else 5
+    rng = np.random.Generator(np.random.Philox(key=[count, published_runs]))
+    ours = drawn(rng, count, trials, scene.sigma, scene.astray)
+    theirs = drawn(rng, published_runs, trials, scene.sigma, scene.published_astray)
+    if scene.statistic is MEDIAN:
+        printed = np.median(theirs, axis=0)
+    else:
+        printed = sample(theirs, scene.statistic).at(np.ones((1, published_runs)))[0]
+    if few:
+        found = [_judged(scene, ours, printed / ratio, published_runs) for ratio in (1.0, RATIO)]
+    else:
+        low, high = ratio_interval(sample(ours, scene.statistic), printed, published_runs)
+        found = [_share(low * ratio, high * ratio) for ratio in (1.0, RATIO)]
+    return (NAN, found[0]) if scene.caused else (found[0], found[1])
+
+
+def _judged(scene: Scene, ours: Floats, printed: Floats, runs: int) -> float:
+    """The share of `reproduces`, each trial judged by itself."""
+    return float(np.mean([
+        judged_value(sample(one, scene.statistic), PublishedValue(float(value), runs)).verdict == "reproduces"
+        for one, value in zip(ours.T, printed, strict=True)
+    ]))  # fmt: skip
+
+
+def _share(low: Floats, high: Floats) -> float:
+    return float(np.mean([verdict_on_ratio(*ends) == "reproduces" for ends in zip(low, high, strict=True)]))
+
+
+def former_rule(count: int, ratio: float = RATIO, sigma: float = 0.8, trials: int = TRIALS) -> float:
+    """The share of `reproduces` by the rule before: the published mean is in our interval, or within 10 %."""
+    rng = np.random.Generator(np.random.Philox(key=[count, 0]))
+    ours = drawn(rng, count, trials, sigma, 0.0)
+    now = ours.mean(axis=0)
+    low, high = np.quantile(sample(ours, MEAN).at(weights(count, count)), [0.025, 0.975], axis=0)
+    printed = np.exp(sigma**2 / 2.0) / ratio
+    inside = (low <= printed) & (printed <= high) & (low >= printed / 2.0) & (high <= printed * 2.0)
+    return float(np.mean(inside | (np.abs(now - printed) <= 0.1 * printed)))
+
+
+def table() -> dict[str, list[tuple[float, float]]]:
+    """{words and published runs: the probabilities by number of runs}; NaN where nothing is simulated."""
+    return {
+        f"{scene.words} | {runs}": [
+            probabilities(scene, count, runs) if count in scene.counts else (NAN, NAN) for count in COUNTS
+        ]
+        for scene in SCENES
+        for runs in PUBLISHED_RUNS
+    }
+
+
+def markdown(found: dict[str, list[tuple[float, float]]]) -> str:
+    """The table in Markdown: per cent of `reproduces` for a ratio of 1 / of 1.3."""
+    head = f"| statistic, runs | published runs | {' | '.join(f'n = {count}' for count in COUNTS)} |"
+    lines = [f"| {name} | {' | '.join(map(_cell, cells))} |" for name, cells in found.items()]
+    return "\n".join([head, "|" + " --- |" * (2 + len(COUNTS)), *lines, ""])
+
+
+def _cell(pair: tuple[float, float]) -> str:
+    one, more = ("-" if np.isnan(value) else f"{100 * value:.1f}" for value in pair)
+    return f"{one} / {more}"
+
+
+def in_document(text: str) -> dict[str, list[tuple[float, float]]]:
+    """The table that a document holds."""
+    held = text.partition(MARKS[0])[2].partition(MARKS[1])[0]
+    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in held.splitlines()[2:]]
+    return {
+        f"{words} | {runs}": [_values(cell) for cell in cells] for words, runs, *cells in rows
+    }  # fmt: skip
+
+
+def _values(cell: str) -> tuple[float, float]:
+    one, more = (NAN if value == "-" else float(value) / 100.0 for value in cell.split(" / "))
+    return one, more
+
+
+def draw(found: dict[str, list[tuple[float, float]]], file: Path) -> None:
+    """Draw the curves for 100 published runs, and those of the rule before."""
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    from matplotlib import pyplot as plt
+
+    figure, panels = plt.subplots(1, 2, figsize=(10.0, 4.2), sharey=True, layout="constrained")
+    for name, cells in found.items():
+        words, _, runs = name.partition(" | ")
+        if runs == "100" and words.startswith("RMSE"):
+            for axes, values in zip(panels, zip(*cells, strict=True), strict=True):
+                axes.plot(COUNTS, 100.0 * np.array(values), marker="o", markersize=3, label=words)
+    counts = (10, *COUNTS)
+    former = [100.0 * former_rule(count) for count in counts]
+    panels[1].plot(counts, former, "k--", label="the rule before: mean, spread 0.8")
+    for axes, ratio in zip(panels, ("1", "1.3 (or more, where only ours go astray)"), strict=True):
+        axes.set(xscale="log", xlabel="runs", title=f"true ratio {ratio}", ylim=(-2, 102))
+    panels[0].set_ylabel("'reproduces' [%]")
+    panels[1].legend(frameon=False, fontsize="small")
+    figure.savefig(file, dpi=110)
+
+
+def main() -> None:
+    """Write the table and the curves."""
+    folder = Path(sys.argv[1])
+    found, document = table(), folder / "verdicts.md"
+    text = document.read_text(encoding="utf-8")
+    pattern = re.escape(MARKS[0]) + ".*?" + re.escape(MARKS[1])
+    document.write_text(
+        re.sub(pattern, lambda _: MARKS[0] + markdown(found) + MARKS[1], text, flags=re.DOTALL), encoding="utf-8"
+    )
+    draw(found, folder / "verdict_power.png")
+    print("the rule before:", {count: former_rule(count) for count in (10, 30, 100, 400)})
+
+
+if __name__ == "__main__":
+    main()
