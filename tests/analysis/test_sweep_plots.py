@@ -38,13 +38,15 @@ def made(tmp_path):
 
 
 def _write(path, number, runs, energy):
-    """Replicate r of point p has the error p + r / 10 and 2 p + 1 joules; every second one has lost its track."""
+    """Replicate r of point p has the error p + r / 10 and 2 p + 1 joules; every second lost its track for a while."""
     replicates = np.arange(runs)
     row = dict.fromkeys((column.name for column in columns_of("runs")), 0)
     with ResultFile(path, STATES, {"runs": True}, position=(0, 2)) as file:
         for r in replicates.tolist():
             joules = 2.0 * number + 1.0 if energy else np.nan
-            file.write("runs", row | {"replicate": r, "rmse": number + r / 10, "lost": r % 2, "energy": joules})
+            file.write(
+                "runs", row | {"replicate": r, "rmse": number + r / 10, "lost": 0, "losses": r % 2, "energy": joules}
+            )
 
 
 PARTICLES = {"scenario": "pso_mhpf", "grid": {"tracker.particles": [50, 100, 800]}}

@@ -63,11 +63,11 @@ def energy(axes: Axes, lines: SweepLines, legend: bool = True) -> Axes:
 
 
 def lost(axes: Axes, lines: SweepLines, legend: bool = True) -> Axes:
-    """Draw the lost fraction, with Wilson's interval."""
-    _drawn(axes, lines, "lost_fraction", 100.0)
+    """Draw the share of runs in which a track was lost at any time, with Wilson's interval."""
+    _drawn(axes, lines, "ever_lost", 100.0)
     axes.set_ylim(-2, 102)
-    axes.set_ylabel("lost fraction [%]")
-    return _finished(axes, lines, f"lost fraction; {_band(lines)}", legend)
+    axes.set_ylabel("runs lost at any time [%]")
+    return _finished(axes, lines, f"runs lost at any time; {_band(lines)}", legend)
 
 
 def differences(axes: Axes, lines: SweepLines, legend: bool = True) -> Axes:
@@ -88,7 +88,9 @@ def lacking(lines: SweepLines) -> dict[str, str]:
     if not (table["energy"] > 0).any():
         reasons["energy"] = EMPTY["energy_steps"]
     if not table["difference"].notna().any():
-        reasons["differences"] = lines.found.unpaired or "there is only one point with results"
+        alone = "there is only one point with results"
+        lost = "there is no run in which two points both keep their target"
+        reasons["differences"] = lines.found.unpaired or (alone if len(table) == 1 else lost)
     return reasons
 
 
