@@ -56,6 +56,7 @@ def _write_file(path, layout, runs=3, targets=1, steps=8, network=False, gaps=()
                 _write_track(file, layout, {"replicate": run, "target": target}, steps, gaps, rng)
             charge = {"energy_initial": 2.0 if network else np.nan, "energy_left": 1.0, "died_at": np.nan}
             places = {"node": np.arange(5), "x": rng.normal(0, 9, 5), "y": rng.normal(0, 9, 5), "gain": 1.0}
+            places |= {f"{axis}_assumed": places[axis] for axis in "xy"}
             file.write("nodes", {"replicate": run, **places, **charge})
             row = dict.fromkeys((column.name for column in columns_of("runs")), 0)
             file.write("runs", row | {"replicate": run, "lost": run == 1, "losses": int(run in (1, 3))})

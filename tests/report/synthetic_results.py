@@ -34,6 +34,7 @@ def write_result(path, states=PLANE, place=(0, 2), targets=1, runs=1, steps=6, n
             for target in range(targets):
                 _write_track(file, states, place, {"replicate": run, "target": target}, steps, rng, options)
             places = {"x": rng.uniform(-50, 50, nodes), "y": rng.uniform(-50, 50, nodes)}
+            places |= {f"{axis}_assumed": place for axis, place in places.items()}
             charge = {"gain": 1.0, "energy_initial": 2.0, "energy_left": 1.5, "died_at": np.nan}
             file.write("nodes", {"replicate": run, "node": np.arange(nodes), **places, **charge})
             if options.get("events"):

@@ -71,6 +71,7 @@ def page_of_synthetic_result(folder, steps=20, nodes=12, estimates=True, name="i
                 "estimates", {**row, "step": step[1:], "time": 0.5 * step[1:], "px": way["px"][1:], "error": 1.0}
             )
         place = {"x": rng.uniform(-50, 50, nodes), "y": rng.uniform(-50, 50, nodes)}
+        place |= {f"{axis}_assumed": values for axis, values in place.items()}
         charge = {"gain": 1.0, "energy_initial": 2.0, "energy_left": rng.uniform(1, 2, nodes), "died_at": np.nan}
         file.write("nodes", {"replicate": 0, "node": np.arange(nodes), **place, **charge})
         file.set_text("scenario/source_yaml", f"name: {name}\n")
