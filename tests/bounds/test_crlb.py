@@ -106,6 +106,9 @@ def test_cautions_say_why_a_bound_is_not_strict():
     assert not bound("scenarios/range_anchors.yaml", range(2)).cautions
     assert "fixed prior" in bound("scenarios/range_pf.yaml", range(2)).cautions[0]
     assert "room" in " ".join(bound("scenarios/indoor_pf.yaml", range(2), "per_trajectory").cautions)
+    assert "out of range read noise" in " ".join(bound({"extends": "scenarios/rkf.yaml", "duration": 9}, [0]).cautions)
+    heard = {"extends": "scenarios/rkf.yaml", "duration": 9, "sensor": {"beyond": "silent"}, "tracker": {"kind": "ekf"}}
+    assert not bound(heard, [0]).cautions
     assert "turns back" in bound({**JIANG, "duration": "12 s"}, range(2)).cautions[0] and not bound(JIANG, [0]).cautions
 
 
@@ -172,6 +175,10 @@ def test_steps_without_an_estimate_do_not_count_beside_a_tracker_that_skips_them
     errors[:, :, 10:12] = 1.0
     assert found.time_mean_at(errors) == pytest.approx(found.rmse[10:12].mean())
     assert found.time_mean_at(np.zeros((2, 1, 40))) == pytest.approx(found.time_mean)
+    errors[1] = np.nan
+    each = found.of_replicates_at(errors)
+    assert each[0] == pytest.approx(np.sqrt((found.each[0, 0, 10:12] ** 2).mean())) and np.isnan(each[1])
+    assert found.of_replicates_at(np.zeros((2, 1, 40))) == pytest.approx(found.of_replicates)
 
 
 EKF, GRID = {"kind": "ekf"}, {"kind": "grid", "cells": 600}

@@ -132,7 +132,7 @@ def test_a_small_run_gives_a_row_a_claim_and_a_picture_a_figure(tmp_path_factory
     folder = reproduce.folder_of(where, "liu2012", few)
     rows = [row for row in reproduce.rows("liu2012", few, folder) if not row.paired]
     assert len(rows) == len(few.claims)
-    position = next(row for row in rows if row.quantity.startswith("position RMSE, m") and row.variant == "imsf")
+    position = next(row for row in rows if row.quantity == "position RMSE, m (figure 1)" and row.variant == "imsf")
     assert 0.0 < position.measured < 5.0 and position.bound > 0.0 and position.replicates == 2
     files = reproduce.draw("liu2012", few, folder, tmp_path)
     assert [file.name for file in files] == [f"liu2012_figure_{number}.png" for number in range(1, 5)]

@@ -112,10 +112,19 @@ class Bound:
         """
         if self.reason:
             return float("nan")
-        squared = np.broadcast_to(self.each**2, errors.shape)
-        return metrics.time_mean_rmse(
-            np.where(np.isfinite(errors), np.sqrt(squared), np.nan).reshape(-1, errors.shape[-1])
-        )
+        issued = self._where_issued(errors)
+        return metrics.time_mean_rmse(issued.reshape(-1, errors.shape[-1]))
+
+    def of_replicates_at(self, errors: Floats) -> Floats:
+        """`of_replicates` over the estimates that exist, (R,), to compare with the RMSE of each run; as `time_mean_at`.
+
+        A run without an estimate is NaN.
+        """
+        return np.array([metrics.rmse(one) for one in self._where_issued(errors)])
+
+    def _where_issued(self, errors: Floats) -> Floats:
+        """(replicates, targets, steps) the least errors where there is an estimate, NaN elsewhere."""
+        return np.where(np.isfinite(errors), np.broadcast_to(self.each, errors.shape), np.nan)
 
     @property
     def of_replicates(self) -> Floats:

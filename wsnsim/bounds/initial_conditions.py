@@ -5,6 +5,7 @@ reason_without_bound(motion, kind) -> text or ''      cautions(setup, conditions
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -47,6 +48,8 @@ def cautions(setup: TrackingSetup, conditions: Sequence[InitialConditions]) -> I
     if getattr(prior, "mean", None) is not None and any(_starts_elsewhere(prior, m) for m in setup.motions):
         yield "filters are given a fixed prior: the bound holds on average over starts sampled from it"
     yield from sorted({reason_without_bound(motion, "unconditional") for motion in setup.motions} - {""})
+    if getattr(setup.sensor, "beyond", "") == "noise" and math.isfinite(setup.sensor.reach):
+        yield "sensors out of range read noise, which tells where the target is not: the bound does not count that"
     if setup.position_error:
         yield "the bound takes node positions as known: the filters have only assumed ones (deploy.position_error)"
     for target, motion in enumerate(setup.motions):
