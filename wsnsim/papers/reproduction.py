@@ -18,7 +18,7 @@ from wsnsim.papers.verdicts import NO_SHARE, AstrayShare, Judgement, Verdict
 Basis = Literal["evidence", "reconstruction", "construction", "our constant"]
 BASES: Final[Mapping[Basis, str]] = {
     "evidence": "a result of the paper's method in the paper's set-up",
-    "reconstruction": "of a method that we rebuilt from a few words of the paper",
+    "reconstruction": "of a method, or of measurements, that we rebuilt from a few words of the paper",
     "construction": "true by the construction of the method, whatever the data are",
     "our constant": "set by a constant that the paper does not give and that we chose",
 }
