@@ -416,3 +416,15 @@ def test_every_figure_that_can_be_compared_is_a_column_of_runs() -> None:
 def test_the_old_name_of_compare_still_works_with_a_warning() -> None:
     with pytest.warns(DeprecationWarning, match="wsnsim.compare"):
         assert wsnsim.compared is comparison.compare
+
+
+def test_consistency_is_compared_without_a_pareto_front_since_neither_more_nor_less_is_better(place: Place) -> None:
+    points = [
+        ({KIND: kind}, "w", {"rmse": [1.0] * 6, "nees": [nees] * 6, "energy": 2.0})
+        for kind, nees in (("pf", 1.0), ("ekf", 4.0))
+    ]
+    found = comparison.compare(place.campaign(points), "nees", by=[KIND])
+    assert found.table["median"].tolist() == [1.0, 4.0] and found.table["difference"].tolist()[1] == 3.0
+    assert not found.table["front"].any()
+    shown = comparison_text.text(found)
+    assert "median NEES" in shown and "1 is consistent" in shown and "Pareto" not in shown and "NEES/J" not in shown

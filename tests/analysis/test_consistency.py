@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from scipy import stats
 
 import wsnsim
-from wsnsim.analysis import figures, plots, summary_text
+from wsnsim.analysis import figure_style, figures, plots, summary_text
 from wsnsim.analysis.consistency import state_nees, step_consistency
 from wsnsim.analysis.quantities import QUANTITIES
 from wsnsim.base import metrics
@@ -256,6 +256,9 @@ def test_the_plot_the_summary_and_compare_show_the_same_average(recorded, tmp_pa
     plots.consistency(axes, recorded)
     assert f"NEES {found.average:.3g} [" in axes.get_title(loc="left")
     assert {"NEES", "NIS", "NEES, 95 % χ²", "NIS, 95 % χ²", "consistent"} == set(axes.get_legend_handles_labels()[1])
+    figure = figure_style.figure_of([lambda axes: plots.consistency(axes, recorded)])
+    figure.draw_without_rendering()
+    assert figure.axes[0].get_legend().get_window_extent().x1 <= figure.bbox.x1
     report = wsnsim.run(load(LINEAR), replicates=6, out=tmp_path / "again.h5")
     row = next(line for line in summary_text.text(report, {}).splitlines() if "average NEES" in line)
     assert QUANTITIES["nees"].text(found.average, "") in row and "[" in row
