@@ -28,7 +28,9 @@ MAX_REASONS: Final = 3
 
 @group.command()
 @click.argument("papers", metavar="[PAPER]...", nargs=-1)
-@click.option("--quick/--full", "quick", default=True, show_default=True, help="Few runs, or as many as the papers.")
+@click.option(
+    "--quick/--full", "quick", default=True, show_default=True, help="Few runs, or enough for verdicts: 200 for a mean."
+)
 @click.option("--out", "-o", type=PATH, default=Path("results/reproduce"), show_default=True, metavar="DIR",
               help="Folder of the campaigns.")  # fmt: skip
 @click.option("--figures", type=PATH, metavar="DIR", help="Also draw the papers' figures into this folder.")
@@ -45,8 +47,8 @@ def reproduce(interrupts: Interrupts, papers: tuple[str, ...], quick: bool, out:
     """Reproduce the tables and figures of the papers, with a verdict on each published value.
 
     Each row shows the published value, the measured one and the bound. PAPER is jiang2013, liu2012, wei2022, ruan2020
-    or li2012; all of them by default. `frontier` is our own comparison: error against energy of every tracker on one
-    field. Finished runs are not repeated.
+    or li2012; all of them by default. Verdicts on means and RMSEs need 200 runs (--full). `frontier` is our own
+    comparison: error against energy of every tracker on one field. Finished runs are not repeated.
     """
     from wsnsim.papers import reproduce as reproducing
 
