@@ -1,7 +1,7 @@
 """The README's tables of results anew: `make readme`, from campaigns in results/reproduce and results/readme.
 
 python -m tests.readme                          runs what is missing: two hours on two cores if nothing is there
-python -m tests.readme commercial_radio         these blocks only: papers, li2012, frontier or one of readme_tables
+python -m tests.readme commercial_radio         these blocks only: papers, li2012, frontier, run_times or one of readme_tables
 """
 
 from __future__ import annotations
@@ -15,14 +15,17 @@ from pathlib import Path
 
 import wsnsim
 from tests.readme_tables import TABLES
+from wsnsim.papers.paper import PAGES
 
 HOME = Path(__file__).parents[1]
 BLOCK = r"(<!-- {name}: made by make readme -->\n).*?(<!-- end of {name} -->)"
 BLOCKS = {
     "papers": ("jiang2013", "liu2012", "wei2022", "ruan2020", "--full"),
-    "li2012": ("li2012", "--quick"),
-    "frontier": ("frontier", "--quick"),
+    "li2012": ("li2012", "--full"),
+    "frontier": ("frontier", "--full"),
 }
+CAMPAIGNS = HOME / "results/reproduce/full"
+TIMES = "run_times"
 PICTURES = ("jiang2013_figure_9.png", "frontier_frontier.png")
 
 
@@ -41,6 +44,18 @@ def table(name: str) -> str:
     return made(wsnsim.read(folder, "tracks"), wsnsim.read(folder, "runs"))
 
 
+def run_times() -> str:
+    """A row per paper: the command that reproduces it, its runs, and the processor time that they took."""
+    rows = ["| command | experiments | Monte Carlo runs | processor time of the runs |", "| --- | --- | --- | --- |"]
+    for page in PAGES:
+        folders = sorted(place.parent for place in (CAMPAIGNS / page).glob("*/campaign.json"))
+        runs = [wsnsim.read(folder, "runs", ["replicate", "cpu_seconds"]) for folder in folders]
+        minutes = sum(run["cpu_seconds"].sum() for run in runs) / 60.0
+        command = f"`wsnsim reproduce {page} --full`"
+        rows.append(f"| {command} | {len(folders)} | {sum(map(len, runs)):,} | {minutes:.1f} min |")
+    return "\n".join(rows)
+
+
 def spliced(text: str, name: str, block: str) -> str:
     """The README with a block replaced. Raises ValueError if it has no such block."""
     pattern = re.compile(BLOCK.format(name=name), re.DOTALL)
@@ -53,8 +68,9 @@ def spliced(text: str, name: str, block: str) -> str:
 def main(names: Sequence[str]) -> None:
     """Write blocks of README.md and the pictures that it shows; all if none is named."""
     readme, figures = HOME / "README.md", HOME / "results/figures"
-    for name in names or (*BLOCKS, *TABLES):
-        block = table(name) if name in TABLES else told(*BLOCKS[name], "--figures", str(figures))
+    drawn = ("--figures", str(figures))
+    for name in names or (*BLOCKS, *TABLES, TIMES):
+        block = run_times() if name == TIMES else table(name) if name in TABLES else told(*BLOCKS[name], *drawn)
         readme.write_text(spliced(readme.read_text(encoding="utf-8"), name, block), encoding="utf-8")
     for picture in () if names else PICTURES:
         shutil.copyfile(figures / picture, HOME / "docs" / picture)
