@@ -1,7 +1,7 @@
 """The README's tables of results anew: `make readme`, from campaigns in results/reproduce and results/readme.
 
 python -m tests.readme                          runs what is missing: two hours on two cores if nothing is there
-python -m tests.readme commercial_radio         these blocks only: papers, li2012, frontier, run_times or one of readme_tables
+python -m tests.readme commercial_radio         these blocks only: papers, li2012, frontier, run_times, or a table
 """
 
 from __future__ import annotations
