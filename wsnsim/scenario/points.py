@@ -28,6 +28,8 @@ WORLD: Final = (
     "seed", "step", "duration", "deploy", "motion", "targets", "sensor", "prior", "detection", "faults",
 )  # fmt: skip
 """Keys that two points must share to have the same ground truth, deployment, readings and prior."""
+BELIEF: Final = "position_error"
+"""The key of `deploy` that changes what filters assume, and nothing that happens."""
 SCENARIO: Final = "scenario"
 MOST_ISSUES: Final = 20
 
@@ -115,6 +117,7 @@ def _point(scenario: Scenario, laid: Settings, first: Mapping[str, Any], name: P
     decides = {key: value for key, value in content.items() if key not in LEFT_OUT}
     decides["record"] = {table: on for table, on in content["record"].items() if on or table not in LATER_TABLES}
     world = {key: content.get(key) for key in WORLD}
+    world["deploy"] = {key: value for key, value in content["deploy"].items() if key != BELIEF}
     values = {name: value for keys, node in laid for name, value in _leaves(keys, node, content)}
     if name is not None:
         kept = {key: value for key, value in values.items() if key not in name.keys}
