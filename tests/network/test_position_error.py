@@ -14,6 +14,7 @@ from wsnsim.bounds import bound
 from wsnsim.network.places import Places
 from wsnsim.offline.measurements import OfflineCluster
 from wsnsim.scenario.registry import kinds
+from wsnsim.scenario.sweep import load_sweep
 
 GRID = {
     "name": "grid",
@@ -115,3 +116,8 @@ def test_a_greedy_path_follows_assumed_positions_over_links_that_exist() -> None
 def test_a_bound_says_that_it_takes_positions_as_known() -> None:
     overrides = ["duration=0.4 s", "deploy.position_error=2 m"]
     assert any("node positions" in text for text in bound(wsnsim.load("ekf_real", overrides), range(2)).cautions)
+
+
+def test_runs_with_and_without_wrong_positions_are_paired() -> None:
+    worlds = [load_sweep("jiang_field", (), [f"deploy.position_error={error} m"]).points[0].world for error in (0, 2)]
+    assert worlds[0] == worlds[1]

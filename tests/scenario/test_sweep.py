@@ -261,9 +261,7 @@ def test_points_share_a_world_if_they_differ_in_what_the_strategy_does_alone() -
         return load_sweep("small", (), overrides).points[0].world
 
     own = world()
-    for change in (
-        "tracker.particles=9", "link.reach=50", "energy.battery=1", "clusters.minimum_active=4", "deploy.position_error=1",
-    ):  # fmt: skip
+    for change in ("tracker.particles=9", "link.reach=50", "energy.battery=1", "clusters.minimum_active=4"):
         assert world(change) == own
     for change in ("seed=2", "duration=8 s", "deploy.nodes=9", "motion.bound=9", "sensor.decay=3", "prior.sd=[1]"):
         assert world(change) != own
