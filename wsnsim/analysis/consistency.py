@@ -65,13 +65,6 @@ class StepConsistency(NamedTuple):
     average_low: float
     average_high: float
 
-    @property
-    def inside(self) -> float:
-        """Share of the known steps whose value is in the interval."""
-        known = np.isfinite(self.values) & np.isfinite(self.low)
-        within = (self.low <= self.values) & (self.values <= self.high)
-        return float(within[known].mean()) if known.any() else float("nan")
-
 
 def step_consistency(path: str | Path, of: Statistic = "nees") -> StepConsistency:
     """The consistency of a result at each step, over its runs and targets.
