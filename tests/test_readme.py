@@ -153,7 +153,8 @@ def test_every_picture_that_is_shown_is_there():
 
 
 def test_tables_of_the_commercial_radio_and_of_sleeping_networks_have_their_marks_and_a_row_each():
-    for name, labels in (("commercial_radio", RADIO_ROWS), ("sleeping", SLEEPERS * 3), ("sleeping_rarely", SLEEPERS)):
+    sleepers = [*SLEEPERS.values()]
+    for name, labels in (("commercial_radio", RADIO_ROWS), ("sleeping", sleepers * 3), ("sleeping_rarely", sleepers)):
         rows = block(name).splitlines()[2:]
         assert all(f"`{label}`" in row for label, row in zip(labels, rows, strict=True))
         assert f"\n{TABLES[name][1].__name__}\n" in spliced(README, name, TABLES[name][1].__name__)
@@ -180,6 +181,7 @@ def test_the_rows_of_sleeping_networks_are_what_a_hand_would_compute():
         due=20, ineffective_twenty=24, ineffective=670, dismissed=260, reacquired=12,
     )  # fmt: skip
     lines = sleeping(tracks, runs).splitlines()
-    assert lines[2] == "| 200 | `gmtt` | 91.4 [91.4, 91.4] | 62.5 | 1.75 | 24 ms, - | 60 | 24 | 2.6 |"
-    assert lines[3].startswith("|  | `tsstp` | ") and len(lines) == 14
-    assert sleeping_rarely(tracks, runs).splitlines()[2] == "| `gmtt` | 91.4 [91.4, 91.4] | 62.5 | 1.75 | 12 | 6.7 |"
+    assert lines[2] == "| 200 | `gmtt, literal` | 91.4 [91.4, 91.4] | 62.5 | 1.75 | 24 ms, - | 60 | 24 | 2.6 |"
+    assert lines[3].startswith("|  | `gmtt, repaired` | ") and len(lines) == 17
+    first = sleeping_rarely(tracks, runs).splitlines()[2]
+    assert first == "| `gmtt, literal` | 91.4 [91.4, 91.4] | 62.5 | 1.75 | 12 | 6.7 |"

@@ -1,4 +1,4 @@
-"""Variants have one name: the README's own tables use the names of the papers' files."""
+"""Variants have one name: the README's tables of networks use the names of the papers' files."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ from pathlib import Path
 
 import pytest
 
+from tests.readme_tables import SLEEPERS
 from wsnsim.papers.paper import PAPERS, paper
 from wsnsim.scenario import shipped
 
 README = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
-WRITTEN = re.sub(r"<!-- (\w+): made by make readme -->.*?<!-- end of \1 -->", "", README, flags=re.DOTALL)
 NAME = re.compile(r"^`([^`]+)`")
 
 
 def tables(section: str) -> list[list[list[str]]]:
     """The tables of a section: rows of cells, the heading first."""
-    (text,) = re.findall(rf"^### {section}\n(.*?)^##", WRITTEN, re.DOTALL | re.MULTILINE)
+    (text,) = re.findall(rf"^### {section}\n(.*?)^##", README, re.DOTALL | re.MULTILINE)
     blocks = re.findall(r"(?:^\|.*\n)+", text, re.MULTILINE)
     rows = [[line.strip().strip("|").split("|") for line in block.splitlines()] for block in blocks]
     return [[[cell.strip() for cell in row] for row in table if not set("".join(row)) <= set("- ")] for table in rows]
@@ -38,6 +38,18 @@ def test_the_networks_that_sleep_name_trackers_as_reproduce_does() -> None:
     assert len(found) == 2
     for names in found:
         assert set(names) <= trackers("li2012"), set(names) - trackers("li2012")
+
+
+def test_the_tables_of_networks_that_sleep_give_the_literal_outcome_first() -> None:
+    assert [*SLEEPERS.values()][:2] == ["gmtt, literal", "gmtt, repaired"]
+    for scenario, label in SLEEPERS.items():
+        found = {
+            what.scenario
+            for experiment in paper("li2012").experiments
+            for variant, what in experiment.variants.items()
+            if re.sub(r", \d+$", "", variant) == label
+        }
+        assert found == {scenario} <= set(shipped())
 
 
 def test_the_commercial_radio_names_scenarios_and_readings_that_are_shipped() -> None:
