@@ -32,6 +32,7 @@ NodeId: TypeAlias = int
 PACKET_BITS: Final = 96
 """A packet of Jiang (2013), section 5: 12 bytes, of which 4 are header and 8 payload."""
 Belief = TypeVar("Belief")
+_NUMBERS: Final = frozenset({float, int, *(kind for kind in np.sctypeDict.values() if issubclass(kind, np.number))})
 
 
 @dataclass(slots=True)
@@ -93,7 +94,7 @@ class Parcel:
             return 0
         if self.readings is not None:
             return self.readings
-        return 1 if isinstance(self.payload, float | int | np.number) else 0
+        return 1 if type(self.payload) in _NUMBERS else 0
 
 
 @dataclass(slots=True)
