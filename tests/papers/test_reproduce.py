@@ -263,14 +263,19 @@ def test_a_bound_that_is_not_strict_is_marked_in_the_table_and_its_caution_stand
 
 
 def test_a_row_shows_its_statistic_its_runs_the_share_astray_and_what_it_rests_on():
-    full = row(statistic="mean over runs", published_runs=50, astray=AstrayShare(0.02, 0.001, 0.07), replicates=200,
-               losses=Losses(1.5), basis="reconstruction", judgement=Judgement("compatible", 0.6, 1.25))  # fmt: skip
+    full = row(
+        statistic="mean over runs", short="mean", published_runs=50, replicates=200, losses=Losses(1.5),
+        astray=AstrayShare(0.02, 0.001, 0.07), basis="reconstruction", judgement=Judgement("compatible", 0.6, 1.25),
+    )  # fmt: skip
     found = dict(zip(table.HEADS, table.cells(full), strict=True))
-    assert found["statistic"] == "mean over runs" and found["runs"] == "200 / 50"
+    assert found["statistic"] == "mean" and found["runs"] == "200 / 50"
     assert found["astray"] == "2 % [0.1, 7]" and found["lost"] == "10 % (1.5 re-acq.)"
     assert found["verdict"] == "compatible within x 1.67 (reconstruction)"
     said = "\n".join(table.legend([full]))
-    assert all(f"  {word}" in said for word in ("(reconstruction):", "runs:", "astray:", "lost:", "compatible:"))
+    assert all(
+        f"  {word}" in said
+        for word in ("mean: mean over runs", "(reconstruction):", "runs:", "astray:", "lost:", "compatible:")
+    )
 
 
 def test_rows_are_counted_by_what_they_rest_on():

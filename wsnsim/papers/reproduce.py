@@ -161,7 +161,7 @@ def as_json(found: Sequence[ClaimRow]) -> list[dict[str, Any]]:
 
 
 def _plain(row: ClaimRow) -> dict[str, Any]:
-    nested = ("title", "id", "key", "judgement", "astray", "median", "losses")
+    nested = ("title", "id", "key", "short", "judgement", "astray", "median", "losses")
     return {
         **{name: value for name, value in vars(row).items() if name not in nested},
         "verdict": row.verdict,

@@ -155,6 +155,7 @@ class ClaimRow:
 
     Attributes:
         statistic: the statistic over runs, in words.
+        short: the same in short, for a table.
         published_runs: the runs behind the published value; 0 if it has no Monte Carlo error, or if there is none.
         judgement: the verdict, and the interval of measured / published.
         astray: the share of runs astray; NaN for orders.
@@ -180,6 +181,7 @@ class ClaimRow:
     literal: bool = True
     basis: Basis = "evidence"
     statistic: str = ""
+    short: str = ""
     published_runs: int = 0
     astray: AstrayShare = NO_SHARE
     median: tuple[float, float, float] = (NAN, NAN, NAN)

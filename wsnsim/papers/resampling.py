@@ -37,6 +37,11 @@ class Resampled(Protocol):
         ...
 
     @property
+    def key(self) -> str:
+        """The statistic in short, as a table has it."""
+        ...
+
+    @property
     def robust(self) -> bool:
         """Whether a few runs cannot move it far, whatever they are."""
         ...
@@ -60,12 +65,14 @@ class Statistic:
     """A statistic over runs.
 
     Attributes:
+        key: the statistic in short.
         words: the statistic in words.
         weighted: the function (rows, weights) -> (draws, ...).
         per_run: the function rows -> (n, ...): the value of each run by itself.
         robust: whether a few runs cannot move it far.
     """
 
+    key: str
     words: str
     weighted: Callable[[Floats, Floats], Floats]
     per_run: Callable[[Floats], Floats]
@@ -91,6 +98,11 @@ class Sample:
     def words(self) -> str:
         """The statistic in words."""
         return self.statistic.words
+
+    @property
+    def key(self) -> str:
+        """The statistic in short."""
+        return self.statistic.key
 
     @property
     def robust(self) -> bool:
@@ -139,6 +151,11 @@ class Compared:
     def words(self) -> str:
         """The statistic in words."""
         return f"{self.word} of two: {self.one.words}"
+
+    @property
+    def key(self) -> str:
+        """The statistic in short."""
+        return f"{self.word}, {self.one.key}"
 
     @property
     def robust(self) -> bool:
@@ -264,18 +281,20 @@ def _mean_of_rmse(rows: Floats, weights: Floats) -> Floats:
     return _mean(_rmse_of_each(rows)[:, None], weights)
 
 
-MEAN: Final = Statistic("mean over runs", _mean, _mean_of_each)
+MEAN: Final = Statistic("mean", "mean over runs", _mean, _mean_of_each)
 """Of rows (n, tracks)."""
-SHARE: Final = Statistic("share of runs", _mean, _mean_of_each)
+SHARE: Final = Statistic("share", "share of runs", _mean, _mean_of_each)
 """Of rows (n, 1) that are 0 or 1."""
-MEDIAN: Final = Statistic("median over runs", _median, _median_of_each, robust=True)
+MEDIAN: Final = Statistic("median", "median over runs", _median, _median_of_each, robust=True)
 """Of rows (n, tracks)."""
-MEDIAN_OF_RUNS: Final = Statistic("median of the runs", _median, _median_of_each, robust=True)
-TRACKS_MEAN: Final = Statistic("mean over tracks", _mean, _mean_of_each)
-TRACKS_MEDIAN: Final = Statistic("median over tracks", _median, _median_of_each, robust=True)
-TIME_MEAN_RMSE: Final = Statistic("RMSE over runs, mean over steps", _time_mean_rmse, _rmse_of_each)
+MEDIAN_OF_RUNS: Final = Statistic(
+    "median of runs", "median of the runs, of a difference paired by run", _median, _median_of_each, robust=True
+)
+TRACKS_MEAN: Final = Statistic("track mean", "mean over tracks", _mean, _mean_of_each)
+TRACKS_MEDIAN: Final = Statistic("track median", "median over tracks", _median, _median_of_each, robust=True)
+TIME_MEAN_RMSE: Final = Statistic("rmse", "RMSE over runs, mean over steps", _time_mean_rmse, _rmse_of_each)
 """Of rows (n, targets, steps)."""
-POOLED_RMSE: Final = Statistic("RMSE over runs and steps", _pooled_rmse, _rmse_of_each)
+POOLED_RMSE: Final = Statistic("pooled rmse", "RMSE over runs and steps", _pooled_rmse, _rmse_of_each)
 """Of rows (n, targets, steps)."""
-PER_RUN_RMSE: Final = Statistic("RMSE of a run, mean over runs", _mean_of_rmse, _rmse_of_each)
+PER_RUN_RMSE: Final = Statistic("run rmse", "RMSE of a run, mean over runs", _mean_of_rmse, _rmse_of_each)
 """Of rows (n, targets, steps)."""

@@ -24,7 +24,6 @@ UNCOUNTED: Final = " *"
 READ: Final = "about"
 WORDS_READ: Final = "our reading of a curve or of words, not a printed number"
 WORDS_UNCOUNTED: Final = "on a repair or on another reading of the paper; not counted among its claims"
-WORDS_PAIRED: Final = "median of the runs, of a difference: paired by run; beside the published statistic, not counted"
 WORDS_RUNS: Final = "ours / those behind the published value"
 WORDS_ASTRAY: Final = f"share of runs with more than {ASTRAY:g} times the median of the runs [Clopper-Pearson, %]"
 WORDS_LOST: Final = "share of runs (re-acquisitions in a run, mean over runs)"
@@ -79,10 +78,11 @@ def legend(rows: Sequence[ClaimRow]) -> list[str]:
     judged = [row for row in rows if row.verdict in RULE]
     known = {basis: words for basis, words in BASES.items() if any(row.basis == basis for row in judged)}
     lines = [f"  {verdict}: {words}" for verdict, words in RULE.items() if any(row.verdict == verdict for row in rows)]
+    statistics = dict.fromkeys((row.short, row.statistic) for row in rows if row.short not in ("", row.statistic))
+    lines += [f"  {short}: {words}" for short, words in statistics]
     lines += [f"  ({basis}): {words}; not counted" for basis, words in known.items() if basis in REST]
     for shown, words in (
         (any(not row.literal for row in judged), f"{UNCOUNTED.strip()}: {WORDS_UNCOUNTED}"),
-        (any(row.paired for row in rows), WORDS_PAIRED),
         (any(math.isfinite(row.bound) for row in rows), f"bound: {MARKS}"),
         (any(row.read and math.isfinite(row.published) for row in rows), f"{READ}: {WORDS_READ}"),
         (any(row.published_runs for row in rows), f"runs: {WORDS_RUNS}"),
@@ -100,7 +100,7 @@ def cells(row: ClaimRow) -> tuple[str, ...]:
         row.variant,
         f"{READ} {_number(row.published)}" if row.read and math.isfinite(row.published) else _number(row.published),
         _number(row.measured) + _interval(row.low, row.high) + _median(row),
-        row.statistic or "-",
+        row.short or "-",
         _bound(row),
         f"{row.replicates} / {row.published_runs}" if row.published_runs else str(row.replicates),
         _percent(row.astray.value) + (_interval(100 * row.astray.low, 100 * row.astray.high, ".2g")),
