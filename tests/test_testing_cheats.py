@@ -78,6 +78,32 @@ class SendsAFloatAsAnInteger(Honest):
         return self.moved(belief, sum(float(np.int64(number).view(np.float64)) for number, _ in answer.values()))
 
 
+class SendsAFloatInSmallIntegers(Honest):
+    """The parcel declares eight bits, and carries the 64 of a float in four integers of 16 bits."""
+
+    kind: type = np.uint16
+
+    def parcel_of(self, member):
+        pieces = np.array([member.reading]).view(np.uint8)
+        pieces = np.unpackbits(pieces).astype(bool) if self.kind is np.bool_ else pieces.view(self.kind)
+        return Parcel(tuple(pieces), 1, 8, "seen")
+
+    def step(self, belief, scene):
+        yield Local(self.work)
+        answer = yield Gather(self.parcel_of)
+        return self.moved(belief, sum(self.number(pieces) for pieces, _ in answer.values()))
+
+    def number(self, pieces):
+        found = np.array(pieces)
+        return float((np.packbits(found) if found.dtype == bool else found).view(np.float64)[0])
+
+
+class SendsAFloatInTruthValues(SendsAFloatInSmallIntegers):
+    """It carries them in 64 truth values."""
+
+    kind = np.bool_
+
+
 class SendsAFunction(Honest):
     """The payload reads the member when the head calls it."""
 
@@ -147,6 +173,8 @@ CHEATS = [
     (SendsItsMember(), "values", "live Member"),
     (SendsAFloatInOneBit(), "values", "declares 1 bits; what it carries needs at least 8"),
     (SendsAFloatAsAnInteger(), "values", "declares 8 bits"),
+    (SendsAFloatInSmallIntegers(), "values", "declares 8 bits"),
+    (SendsAFloatInTruthValues(), "values", "declares 8 bits"),
     (SendsAFunction(), "values", "holds a function"),
     (SharesACacheBetweenNodes(), "isolation", "readings of other nodes that it never received"),
     (UsesWhatAnEarlierStepLeft(), "isolation", "were not in them"),

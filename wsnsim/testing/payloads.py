@@ -1,8 +1,8 @@
 """What a parcel carries: plain values, for which its bits suffice.
 
 A payload of k different real numbers needs at least 8 k bits, headers included. Positions and sensor constants of nodes
-are known to all and free. Integers below 65,536 (ids, counts) are free as well; larger ones need their own bits, and a
-text needs eight bits a character.
+are known to all and free. An integer needs its own bits, and at least one; a truth value needs one, and a text eight a
+character. The order of values that are free, and how often they are repeated, is not counted.
 """
 
 from __future__ import annotations
@@ -18,8 +18,6 @@ from wsnsim.base.requests import Member, Parcel
 
 BITS_A_NUMBER: Final = 8
 """The least bits of a real number (our choice): coarser than any quantisation that the papers count with."""
-FREE_BITS: Final = 16
-"""Integers of at most so many bits are free."""
 
 
 def plain(payload: Any) -> Any:
@@ -59,9 +57,9 @@ def demand_enough_bits(parcel: Parcel, known: Set[float]) -> None:
 def _bits(payload: Any, known: Set[float]) -> int:
     leaves = list(_leaves(payload))
     real = {leaf for leaf in leaves if isinstance(leaf, float) and leaf == leaf and leaf not in known}
-    large = {leaf for leaf in leaves if isinstance(leaf, int) and leaf.bit_length() > FREE_BITS}
+    whole = sum(max(leaf.bit_length(), 1) for leaf in leaves if isinstance(leaf, int))
     texts = [leaf for leaf in leaves if isinstance(leaf, str | bytes)]
-    return BITS_A_NUMBER * len(real) + sum(leaf.bit_length() for leaf in large) + 8 * sum(map(len, texts))
+    return BITS_A_NUMBER * len(real) + whole + 8 * sum(map(len, texts))
 
 
 def _leaves(payload: Any) -> Iterator[float | int | str | bytes]:
@@ -73,7 +71,7 @@ def _leaves(payload: Any) -> Iterator[float | int | str | bytes]:
         yield from _leaves(tuple(payload.ravel().tolist()))
     elif isinstance(payload, str | bytes):
         yield payload
-    elif isinstance(payload, numbers.Integral):
+    elif isinstance(payload, numbers.Integral | np.bool_):
         yield int(payload)
     elif isinstance(payload, numbers.Real):
         yield float(payload)
