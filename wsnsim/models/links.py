@@ -97,7 +97,7 @@ class LogNormal:
     loss and reception; IEEE 802.15.4-2006, 6.1.7 (sensitivity), 6.9.9 (CCA modes), annex E.4.1.8 (bit error rate).
     Defaults of the path: Castalia 3's (55 dB at 1 m, 2.4, 4 dB, 1 dB), which also halves the sample of the asymmetry.
     Defaults of the assessment: TI SWRS041 (CC2420), CCA_THR = -32 in register RSSI with an offset of -45 dBm, and
-    CCA_MODE = 3 in register MDMCTRL0; of the capture margin: its co-channel rejection, -3 dB.
+    CCA_MODE = 3 in register MDMCTRL0 (reset value 0x0AE2); of the capture margin: its co-channel rejection, -3 dB.
     """
 
     power: Annotated[float, LEVEL, "transmit power"] = 0.0
