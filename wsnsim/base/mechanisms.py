@@ -229,7 +229,7 @@ class WorkloadServices(Protocol):
         """Broadcast a payload of `bits` to all in range."""
 
     def send(self, node: int, to: int, bits: int, what: str, on_end: Callable[[bool], None]) -> None:
-        """Send a payload of `bits` to a node, relayed if it is out of range; `on_end(arrived)` is called at the end."""
+        """Send a payload of `bits` to a node over the path of `routing`; `on_end(arrived)` is called at the end."""
 
 
 class WorkloadMechanism(Protocol):

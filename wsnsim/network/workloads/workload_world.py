@@ -60,7 +60,7 @@ class WorkloadNetwork:
         self._mac.offer(node, bits, _ignore, word)
 
     def send(self, node: int, to: int, bits: int, what: str, on_end: Callable[[bool], None]) -> None:
-        """Send a payload of `bits` to a node, relayed if it is out of range; `on_end(arrived)` is called at the end."""
+        """Send a payload of `bits` to a node over the path of `routing`; `on_end(arrived)` is called at the end."""
         datagram = Datagram(node, to, Parcel(None, 1, bits, what))
         ended = self._transport.carry([datagram], -1)
         assert ended.callbacks is not None
