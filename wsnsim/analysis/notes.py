@@ -12,7 +12,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from scipy.spatial import KDTree
 
-from wsnsim import scenario as scenarios
+import wsnsim.scenario as scenarios
 from wsnsim.base.arrays import planar
 from wsnsim.base.errors import RunError
 from wsnsim.base.initial_conditions import InitialConditions, sample_initial_conditions

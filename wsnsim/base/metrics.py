@@ -14,7 +14,7 @@ from wsnsim.base.arrays import Bools, Floats, Ints
 ENOUGH_READINGS = 3
 """Number of ranges that determine a position in the plane."""
 LEAST_EIGENVALUE = 1e-12
-"""Of a correlation matrix, below which it counts as singular: rounding errors are near 1e-16 (our choice)."""
+"""A correlation matrix with an eigenvalue below this counts as singular: rounding makes 1e-16 (our choice)."""
 LOST_WINDOW = 100
 LOST_ERROR = 20.0
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol, TypeVar
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
@@ -19,6 +19,9 @@ from wsnsim.base.arrays import Bools, Floats, Ints, Keys
 from wsnsim.base.clustering import ClusterPolicy as ClusterPolicy
 from wsnsim.base.clustering import MovingPolicy as MovingPolicy
 from wsnsim.base.deprecation import renamed
+from wsnsim.base.estimate import NO_INNOVATION as NO_INNOVATION
+from wsnsim.base.estimate import Estimate as Estimate
+from wsnsim.base.estimate import Innovation as Innovation
 from wsnsim.base.optional_ports import Continuous as Continuous
 from wsnsim.base.optional_ports import Detects as Detects
 from wsnsim.base.optional_ports import Foresees as Foresees
@@ -47,29 +50,6 @@ class Field:
         half = np.array([self.width, self.height]) / 2
         inside: Bools = np.all(np.abs(points - np.array(self.centre)) <= half, axis=-1)
         return inside
-
-
-class Innovation(NamedTuple):
-    """The normalised innovation squared νᵀ S⁻¹ ν of one update, NaN without one; `dof` readings: its expectation."""
-
-    nis: float = float("nan")
-    dof: int = 0
-
-
-NO_INNOVATION = Innovation()
-
-
-@dataclass(frozen=True, slots=True)
-class Estimate:
-    """A Gaussian summary of a belief: mean (D,), cov (D, D).
-
-    Filters with particles add the effective number of these, Kalman filters the innovation of the step's update.
-    """
-
-    mean: Floats
-    cov: Floats
-    effective: float = float("nan")
-    innovation: Innovation = NO_INNOVATION
 
 
 @dataclass(frozen=True, slots=True)

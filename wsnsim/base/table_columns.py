@@ -1,44 +1,10 @@
-"""The columns of each table of a result, with units, descriptions and the words of category columns."""
+"""The columns of each table of a result, with units and descriptions."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
-KINDS: Final = (
-    "wake", "sleep", "sense", "elect", "join", "announce", "allocate", "send", "receive", "drop", "collide", "compute",
-    "estimate", "handover", "relay", "lost", "reacquire", "crash", "restart", "death", "overhear", "fault", "report",
-    "acquire", "call", "called", "leave", "return", "stay", "resume",
-)  # fmt: skip
-CAUSES: Final = ("tx_electronics", "tx_amplifier", "rx", "overhear", "cpu", "sense", "idle", "sleep", "switch", "leak")
-EVENT_CAUSES: Final = ("none", "tx", "rx", "overhear", "cpu", "sense", "idle", "sleep", "switch", "leak")
-STATUSES: Final = ("complete", "partial", "failed")
-KIND: Final = {name: code for code, name in enumerate(KINDS)}
-CAUSE: Final = {name: code for code, name in enumerate(CAUSES)}
-EVENT_CAUSE: Final = {name: code for code, name in enumerate(EVENT_CAUSES)}
-
-
-@dataclass(frozen=True, slots=True)
-class Column:
-    """One column of a table.
-
-    Attributes:
-        name: Its name.
-        dtype: NumPy type.
-        units: SI unit; '1' for a count, '' for an identifier.
-        description: What it holds.
-        meanings: Words of a category column, in the order of their codes.
-        smooth: Whether neighbouring values are similar, so that shuffling bytes compresses them.
-        of_position: Whether it has the unit of the motion model's position, usually metres.
-    """
-
-    name: str
-    dtype: str
-    units: str
-    description: str
-    meanings: tuple[str, ...] = ()
-    smooth: bool = False
-    of_position: bool = False
+from wsnsim.base.columns import CAUSES, EVENT_CAUSES, KINDS, STATUSES, Column
 
 
 def _c(
@@ -226,9 +192,9 @@ TABLES: Final[dict[str, tuple[Column, ...]]] = {
             "1",
             "effective number of particles at the head; NaN without particles",
         ),
-        _c("nees", "f8", "1", "normalised estimation error squared of the position; NaN if skipped or P is singular"),
+        _c("nees", "f8", "1", "normalised estimation error squared of the position; NaN without an estimate"),
         _c("nis", "f8", "1", "normalised innovation squared of the step's update; NaN without one"),
-        _c("nis_dof", "u4", "1", "measurements that the innovation is of: the expectation of nis"),
+        _c("nis_dof", "u4", "1", "number of measurements in the innovation: the expected value of nis"),
         _c("gaussian", "u1", "1", "1 if the posterior is Gaussian: linear Gaussian models and a filter exact for them"),
     ),
     "covariances": (_REPLICATE, _TARGET, _STEP),

@@ -11,19 +11,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
+from wsnsim.base.columns import CAUSE, CAUSES, EVENT_CAUSE, EVENT_CAUSES, KIND, KINDS, STATUSES, Column
 from wsnsim.base.recorders import Memory, Words, equally_long
-from wsnsim.base.table_columns import (
-    CAUSE,
-    CAUSES,
-    EVENT_CAUSE,
-    EVENT_CAUSES,
-    KIND,
-    KINDS,
-    RECORDED_BY_DEFAULT,
-    STATUSES,
-    TABLES,
-    Column,
-)
+from wsnsim.base.table_columns import RECORDED_BY_DEFAULT, TABLES
 
 __all__ = [
     "CAUSE", "CAUSES", "EVENT_CAUSE", "EVENT_CAUSES", "KIND", "KINDS", "METRICS", "MORE_IS_BETTER", "ONE_IS_BEST",

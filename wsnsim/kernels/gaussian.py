@@ -16,7 +16,7 @@ from wsnsim.kernels.particles import moments, relative_weights
 TRIES = 14
 """Jitters that are tried, 0 included."""
 LEAST_REST = 1e-9
-"""1 - Σ w² below which a weighted covariance is that of one particle: rounding error."""
+"""If 1 - Σ w² is below this, one particle has all the weight but for rounding errors."""
 
 
 @inlined

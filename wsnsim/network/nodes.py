@@ -1,6 +1,6 @@
 """The nodes of a network as arrays: positions, which are up, which listen, and what they spend.
 
-What is *spent* is in the energy ledger; what is left is derived from it. Reading energy changes nothing. Background
+What is *spent* is in the energy ledger; what is left is derived from it, and reading it changes nothing. Background
 consumption is settled when a node next spends: see `energy.background_consumption`.
 """
 
@@ -29,8 +29,7 @@ class Nodes:
     """The nodes of a network.
 
     Attributes:
-        positions: (N, 2) where the nodes stand, in m: the truth for sensing, the channel and coverage. `x` and `y`
-            give single coordinates fast, `tree` finds neighbours.
+        positions: (N, 2) in m where the nodes stand; `x` and `y` give single coordinates, `tree` finds neighbours.
         assumed: The positions that filters, cluster heads, messages and greedy routing use; by default `positions`.
         traits: (N, T) constants of the sensors.
         battery, reach: Initial charge of a node in J, and communication range in m.
@@ -38,8 +37,7 @@ class Nodes:
         all_listen: Whether all nodes are up and listen.
         jammed, loss: (N,) radios that faults jam, and the probability that faults lose a frame from or to a node.
         disturbed: Whether any node is jammed or loses frames.
-        on_death: Called with a node at the instant at which its battery is empty; `died_at` holds that time. Until it
-            is set, nodes that die are noted in `died_early`.
+        on_death: Called with a node whose battery is empty (since `died_at`); until set, `died_early` collects them.
     """
 
     def __init__(
@@ -53,8 +51,7 @@ class Nodes:
         self.battery, self.reach = battery, reach
         self.living = np.ones(size, dtype=np.bool_)
         self.alive = scalars(self.living)
-        self.jammed = np.zeros(size, dtype=np.bool_)
-        self.loss = np.zeros(size)
+        self.jammed, self.loss = np.zeros(size, dtype=np.bool_), np.zeros(size)
         self.disturbed = False
         self.died_at: dict[int, float] = {}
         self.ledger = EnergyLedger(size)
@@ -175,9 +172,8 @@ class Nodes:
                 return 0
         spent = self._spent[node]
         joules = electronics + amplifier
-        left = self.battery - spent
         if spent + joules >= self.battery:
-            paid = min(int(bits * left / joules), bits)
+            paid = min(int(bits * (self.battery - spent) / joules), bits)
             share = paid / bits
             self._die(node, ((ELECTRONICS, electronics * share), (AMPLIFIER, amplifier * share)))
             return paid
@@ -195,9 +191,8 @@ class Nodes:
             if not self.alive[node]:
                 return 0
         spent = self._spent[node]
-        left = self.battery - spent
         if spent + joules >= self.battery:
-            paid = min(int(bits * left / joules), bits)
+            paid = min(int(bits * (self.battery - spent) / joules), bits)
             self._die(node, ((cause, joules * paid / bits),))
             return paid
         self.ledger.book(node, cause, joules)
@@ -238,8 +233,7 @@ class Nodes:
 
     def _settle(self, node: int) -> None:
         """Book what a node has consumed until now. It may have run out, within rounding of its timer."""
-        charges = self.consumption.settle(node)
-        if charges:
+        if charges := self.consumption.settle(node):
             self._book_consumed(node, charges)
 
     def _book_consumed(self, node: int, charges: Charges) -> None:
@@ -289,8 +283,7 @@ class Nodes:
 
     def holds_more(self, node: int, joules: float) -> bool:
         """Whether a node has more than `joules` left. Its consumption is computed only where it may matter."""
-        surely = self.battery - self._spent[node] - self._reserve
-        return surely > joules or self.residual_energy(node) > joules
+        return self.battery - self._spent[node] - self._reserve > joules or self.residual_energy(node) > joules
 
     def able(self, threshold: float) -> Bools:
         """(N,) which nodes are up and have more than `threshold` joules left."""

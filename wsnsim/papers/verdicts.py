@@ -33,6 +33,7 @@ ENOUGH: Final = 200
 ASTRAY: Final = 5.0
 """Multiple of the median over runs above which a run is astray [our choice]."""
 MOST: Final = 0.5
+"""A fraction from here on is judged like a median: it is at most 1, so that few runs cannot move it far."""
 TAIL: Final = 0.025
 NAN: Final = float("nan")
 INF: Final = float("inf")
@@ -121,7 +122,7 @@ def ratio_interval(sample: Resampled, published: Floats | float, published_runs:
     """The 95 % interval of measured / published, both positive: a bootstrap of the difference of their logarithms.
 
     Our runs are resampled twice: as many as they are, for our error, and `published_runs` at a time, for the published
-    one (m out of n bootstrap). The latter is none for 0.
+    one (m out of n bootstrap); with 0, the published value has no error.
 
     Args:
         sample: our runs; with more axes than runs and tracks, the last is one of independent samples.

@@ -25,12 +25,8 @@ from wsnsim.trackers.shared.dealing import (
     PREDICT_CYCLES,
     SMALLEST_CLUSTER,
     Deal,
-    Pool,
-    give,
     most_readings,
-    pooled,
     predict_only,
-    resampled,
     update_deal,
 )
 from wsnsim.trackers.shared.local_estimates import (
@@ -42,18 +38,15 @@ from wsnsim.trackers.shared.local_estimates import (
     reported_variances,
 )
 from wsnsim.trackers.shared.moments import forecast, fused_by_variance, noise_issues, symmetric
-from wsnsim.trackers.shared.parcels import arrived_particles, is_whole, state_packets
+from wsnsim.trackers.shared.parcels import is_whole, state_packets
 from wsnsim.trackers.shared.readings import share_readings
-from wsnsim.trackers.shared.spread import Spread, begin, hand_on, look, only_predicted, within_predicted
+from wsnsim.trackers.shared.spread import Spread, begin, collected, hand_on, look, only_predicted, within_predicted
 from wsnsim.trackers.shared.stacks import (
-    CLOUD,
     LOG_WEIGHTS,
     Score,
     Stack,
-    keep,
     likelihood_of,
     propagated,
-    settle,
     stacked,
 )
 from wsnsim.trackers.shared.swarms import Predicted, Pull, Start, fitted_prior, move, ranks_of, resampled_columns
@@ -166,7 +159,7 @@ class PsoMhpf:
         The paper counts no packet for the members' weights: a member whose weights differ resamples its share first
         (our choice), with its own key.
         """
-        collect = None if self.handover == "gaussian" else _collected(belief)
+        collect = None if self.handover == "gaussian" else collected(belief)
         return hand_on(belief, collect, successor)
 
     def estimate(self, belief: Spread) -> Estimate:
@@ -285,19 +278,3 @@ class PsoMhpf:
         shares = np.array([deal.held[node] for node in reports], dtype=np.float64)
         mean, cov = fuse(means, shares, within)
         return Spread(mean, cov, within, deal, scene.head, own.effective if own else math.nan)
-
-
-def _collected(belief: Spread) -> Flow[Pool | None]:
-    """All particles that the members hold, in n packets each."""
-    answer = yield Gather(_give_all, tuple(belief.deal.held))
-    return pooled([arrived_particles(payload, mask) for payload, mask in answer.values()])
-
-
-def _give_all(member: Member) -> Parcel | None:
-    """All of a member's particles, equally weighted, without weights."""
-    member.inbox = settle(member)
-    log_weights = member.memory.get(LOG_WEIGHTS, np.empty(0))
-    if log_weights.size and np.any(log_weights != log_weights[0]):
-        columns = resampled(log_weights, log_weights.size, member.key)
-        keep(member, np.take(member.memory[CLOUD], columns, axis=1), np.zeros(log_weights.size))
-    return give(member, log_weights.size, common=0.0)

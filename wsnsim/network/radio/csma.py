@@ -184,7 +184,7 @@ class CsmaMechanism:
             self._finish(sender, True if sender.received else None)
 
     def _is_held_back(self, sender: _Sender, periods: ContentionPeriods) -> bool:
-        """Whether a sender must wait for the end of a round of slots; then it backs off again, and tries as often."""
+        """Whether a sender must wait for the end of a round of slots. It then backs off again: no further try."""
         reopens = periods.closed_until(sender.node)
         if reopens is None:
             return False

@@ -30,7 +30,7 @@ class Transmission:
         missed: Whether a node that it was meant for did not receive it.
         asleep: Ids of nodes that have the radio off because they know that the frame is not for them.
         costs: (electronics J, amplifier J, reception J, airtime s).
-        locks: (n,) which neighbours are locked on it (see `capture`); None as long as nobody asked.
+        locks: (n,) which neighbours are locked on it (see `capture`); None until they are first needed.
     """
 
     __slots__ = (

@@ -9,12 +9,26 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
+import numpy as np
+
 from wsnsim.base.arrays import Floats
 from wsnsim.base.ports import Estimate, Scene
-from wsnsim.base.requests import Flow, Member
-from wsnsim.trackers.shared.dealing import Deal, Pool, at_head, no_particles, send_all, send_moments, update_deal
+from wsnsim.base.requests import Flow, Gather, Member, Parcel
+from wsnsim.trackers.shared.dealing import (
+    Deal,
+    Pool,
+    at_head,
+    give,
+    no_particles,
+    pooled,
+    resampled,
+    send_all,
+    send_moments,
+    update_deal,
+)
 from wsnsim.trackers.shared.moments import predicted
-from wsnsim.trackers.shared.stacks import present, snapshot
+from wsnsim.trackers.shared.parcels import arrived_particles
+from wsnsim.trackers.shared.stacks import CLOUD, LOG_WEIGHTS, keep, present, settle, snapshot
 
 NAN = float("nan")
 
@@ -55,6 +69,22 @@ def hand_on(belief: Spread, collect: Flow[Pool | None] | None, successor: int) -
     if arrival is None:
         return None
     return Spread(arrival.mean, arrival.cov, arrival.cov, at_head(arrival.pool), successor)
+
+
+def collected(belief: Spread) -> Flow[Pool | None]:
+    """Collect all particles that the members hold, in n packets each."""
+    answer = yield Gather(_give_all, tuple(belief.deal.held))
+    return pooled([arrived_particles(payload, mask) for payload, mask in answer.values()])
+
+
+def _give_all(member: Member) -> Parcel | None:
+    """All of a member's particles, equally weighted, without weights."""
+    member.inbox = settle(member)
+    log_weights = member.memory.get(LOG_WEIGHTS, np.empty(0))
+    if log_weights.size and np.any(log_weights != log_weights[0]):
+        columns = resampled(log_weights, log_weights.size, member.key)
+        keep(member, np.take(member.memory[CLOUD], columns, axis=1), np.zeros(log_weights.size))
+    return give(member, log_weights.size, common=0.0)
 
 
 def only_predicted(belief: S, deal: Deal, scene: Scene) -> S:
