@@ -185,3 +185,12 @@ def test_the_rows_of_sleeping_networks_are_what_a_hand_would_compute():
     assert lines[3].startswith("|  | `gmtt, repaired` | ") and len(lines) == 17
     first = sleeping_rarely(tracks, runs).splitlines()[2]
     assert first == "| `gmtt, literal` | 91.4 [91.4, 91.4] | 62.5 | 1.75 | 12 | 6.7 |"
+
+
+def test_no_entry_of_the_changelog_and_no_term_of_the_glossary_stands_twice():
+    root = Path(__file__).parents[1]
+    entries = re.findall(r"^- .*", (root / "CHANGELOG.md").read_text(encoding="utf-8"), re.MULTILINE)
+    rows = re.findall(r"^\| ([^|(]+?) (?:\([^|]*\) )?\|", (root / "docs/glossary.md").read_text(encoding="utf-8"), re.M)
+    terms = [term.removesuffix(" of a claim") for term in rows if term not in ("term", "---", "short")]
+    assert len(entries) > 20 and len(set(entries)) == len(entries)
+    assert len(terms) > 100 and len(set(terms)) == len(terms)

@@ -46,7 +46,7 @@ class Claim:
         reason: one line on why the result is as it is: a format string over rows, see `wsnsim.papers.reasons`.
         read: True if the value is our reading of a curve or of words, not a printed number.
         judged: False if the two values cannot be compared, such as seconds on two machines.
-        fraction: True for a fraction of at most 1, which a few runs cannot move far from a published value above 1/2.
+        fraction: True for a fraction of at most 1; a few runs cannot move it far from a published value of 1/2 or more.
         literal: False for repairs and other readings, which are not counted among the paper's claims.
         id: the name under which reasons and the list of main rows refer to the claim.
         shown: False for a value that only reasons use.

@@ -93,7 +93,7 @@ class PublishedValue(NamedTuple):
 
     @property
     def bounded(self) -> bool:
-        """Whether a few runs cannot move it far: a fraction of more than a half."""
+        """Whether a few runs cannot move it far: a fraction of one half or more."""
         return self.fraction and self.value >= MOST
 
 
