@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 
 from wsnsim.papers.paper import PAPERS, paper
 from wsnsim.papers.reproduction import ClaimRow
-from wsnsim.papers.table import HEADS, cells, legend
+from wsnsim.papers.table import HEADS, cells, legend, verdict_counts
 
 
 def main_rows(rows: Sequence[ClaimRow]) -> list[ClaimRow]:
@@ -23,14 +23,18 @@ def main_rows(rows: Sequence[ClaimRow]) -> list[ClaimRow]:
 
 
 def markdown(rows: Sequence[ClaimRow], lines: Sequence[str] = ()) -> str:
-    """A table of the main rows, with the experiment first and the reason last; beneath it the legend and `lines`."""
+    """A table of the main rows, beneath it the number of verdicts on all claims, the legend and `lines`.
+
+    The experiment stands first in a row, the reason last.
+    """
     chosen = main_rows(rows)
     if not chosen and not lines:
         return "No main row belongs to the chosen experiments."
     head = [("paper, experiment", *HEADS, "why"), ("---",) * (2 + len(HEADS))] if chosen else []
     table = [*head, *((f"{row.paper}, {row.experiment}", *cells(row), row.reason) for row in chosen)]
     rendered = ["| " + " | ".join(map(_plain, line)) + " |" for line in table]
-    return "\n".join([*rendered, *_notes(chosen), *(f"- {line}" for line in lines)])
+    counted = ["", "Verdicts on all claims:", *(f"- {_plain(line)}" for line in verdict_counts(rows))] if chosen else []
+    return "\n".join([*rendered, *counted, *_notes(chosen), *(f"- {line}" for line in lines)])
 
 
 def _notes(chosen: Sequence[ClaimRow]) -> Iterator[str]:

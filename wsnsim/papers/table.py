@@ -39,7 +39,7 @@ def text(rows: Sequence[ClaimRow]) -> str:
     for (paper, experiment), block in groupby(rows, key=lambda row: (row.paper, row.experiment)):
         these = list(block)
         lines += ["", f"{paper}, {experiment}: {these[0].title}", *_block(these)]
-    return "\n".join([*lines[1:], "", *_verdicts(rows)]) if rows else ""
+    return "\n".join([*lines[1:], "", *verdict_counts(rows), *legend(rows)]) if rows else ""
 
 
 def _block(rows: Sequence[ClaimRow]) -> Iterator[str]:
@@ -54,11 +54,11 @@ def _block(rows: Sequence[ClaimRow]) -> Iterator[str]:
         yield f"  of the bound: {caution}"
 
 
-def _verdicts(rows: Sequence[ClaimRow]) -> list[str]:
-    """The number of verdicts of each kind on the claims of each paper, and the legend."""
+def verdict_counts(rows: Sequence[ClaimRow]) -> list[str]:
+    """The number of verdicts of each kind on the claims of each paper, and of all."""
     papers = list(dict.fromkeys(row.paper for row in rows))
     lines = [line for paper in papers for line in _counted(paper, [row for row in rows if row.paper == paper])]
-    return [*lines, *(_counted("all", rows) if len(papers) > 1 else []), *legend(rows)]
+    return [*lines, *(_counted("all", rows) if len(papers) > 1 else [])]
 
 
 def _counted(name: str, rows: Sequence[ClaimRow]) -> Iterator[str]:
