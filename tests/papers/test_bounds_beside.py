@@ -22,12 +22,11 @@ def bound(variances, kind="per_trajectory", runs=(4, 7)):
     return Bound(BoundQuery(kind, "arrived", "known", runs), (0,), covariances)
 
 
-def data(found, estimates=None):
+def data(found):
     return SimpleNamespace(
         manifest=SimpleNamespace(points=[SimpleNamespace(id="p")]),
         variants=("ekf",),
         folder=SimpleNamespace(batches=lambda point: [SimpleNamespace(path="some/file.h5")]),
-        of=lambda variant, table: estimates,
         bound=lambda variant, kind: found,
         states=lambda variant: (("x", "m"),),
     )
@@ -41,10 +40,11 @@ def test_the_bound_for_readings_that_arrived_is_over_the_steps_with_an_estimate(
         "replicate": np.repeat([7, 4], 4), "target": 0, "step": [1, 2, 3, 4] * 2,
         "error": [0.5, 0.5, NAN, NAN, 1.0, 1.0, 1.0, 1.0],
     })  # fmt: skip
-    each = bound_from_events(data(found, estimates), "ekf", "arrived")
+    monkeypatch.setattr(bounds_beside, "read", lambda path, table, columns: estimates)
+    each = bound_from_events(data(found), "ekf", "arrived")
     assert each.to_dict() == pytest.approx({4: np.sqrt(7.5), 7: 1.0})
     assert found.of_replicates[1] == pytest.approx(np.sqrt(125.5))
-    beside = bound_beside(data(found, estimates), "ekf", "median:rmse", "arrived")
+    beside = bound_beside(data(found), "ekf", "median:rmse", "arrived")
     assert beside.value == pytest.approx((np.sqrt(7.5) + 1.0) / 2.0) and beside.kind == "arrived, not strict"
 
 

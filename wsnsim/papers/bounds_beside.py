@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 
 import wsnsim.bounds as bounds
+from wsnsim.analysis.frames import read
 from wsnsim.base.arrays import Floats
 from wsnsim.papers.measures import Data, measured
 from wsnsim.papers.reproduction import BoundBeside
@@ -68,19 +69,17 @@ def bound_from_events(data: Data, variant: str, readings: str) -> pd.Series:
     for batch in data.folder.batches(point.id):
         bound = bounds.bound_of_run(batch.path, readings, "per_trajectory")
         if not bound.reason:
-            each = bound.of_replicates_at(_errors(data, variant, bound))
+            estimates = read(batch.path, "estimates", ["replicate", "target", "step", "error"])
+            each = bound.of_replicates_at(_errors(estimates, bound))
             found |= dict(zip(bound.query.replicates, each.tolist(), strict=True))
     return pd.Series(found)
 
 
-def _errors(data: Data, variant: str, bound: bounds.Bound) -> Floats:
+def _errors(estimates: pd.DataFrame, bound: bounds.Bound) -> Floats:
     """(replicates, targets, steps) errors of a bound's runs, NaN where there is no estimate."""
-    runs = list(bound.query.replicates)
-    frame = data.of(variant, "estimates")
-    frame = frame[frame["replicate"].isin(runs)]
     errors = np.full(bound.each.shape, np.nan)
-    rows = pd.Index(runs).get_indexer(frame["replicate"])
-    errors[rows, frame["target"].to_numpy(), frame["step"].to_numpy() - 1] = frame["error"].to_numpy()
+    rows = pd.Index(list(bound.query.replicates)).get_indexer(estimates["replicate"])
+    errors[rows, estimates["target"].to_numpy(), estimates["step"].to_numpy() - 1] = estimates["error"].to_numpy()
     return errors
 
 
