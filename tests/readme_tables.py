@@ -87,8 +87,8 @@ def sleeping_rarely(tracks: pd.DataFrame, runs: pd.DataFrame) -> str:
 
 TABLES: dict[str, tuple[tuple[str, ...], Callable[[pd.DataFrame, pd.DataFrame], str]]] = {
     "commercial_radio": (("compare", *RADIO_ROWS, "--no-bound", "--replicates", "6"), commercial_radio),
-    "sleeping": (("sweep", "sleeping", "--replicates", "40"), sleeping),
-    "sleeping_rarely": (("sweep", "sleeping", "--replicates", "40"), sleeping_rarely),
+    "sleeping": (("sweep", "sleeping", "--replicates", "20"), sleeping),
+    "sleeping_rarely": (("sweep", "sleeping", "--replicates", "20"), sleeping_rarely),
 }
 """By the name of the block in the README."""
 
