@@ -261,7 +261,7 @@ def test_plot_draws_all_that_a_result_shows_beside_it_and_says_what_it_lacks(
     assert main(["plot", "mine.h5"]) == 0
     said = capsys.readouterr()
     assert said.out.splitlines() == [
-        "mine.png: track, state px, state vx, state py, state vy, error, energy",
+        "mine.png: track, state px, state vx, state py, state vy, error, consistency, energy",
         "  without particles: table particles was not recorded; run the scenario with record.particles=true",
     ]
     assert (said.err, Path("mine.png").read_bytes()[:8]) == ("", b"\x89PNG\r\n\x1a\n")
@@ -288,7 +288,7 @@ def test_plot_draws_what_is_asked_for_where_it_is_asked_for(result: Path, capsys
         (["--what", "particles"], 1,
          "R: cannot plot particles: table particles was not recorded; run the scenario with record.particles=true"),
         (["--what", "tracks"], 2, "Invalid value for '--what': 'tracks' is not one of 'all', 'track', 'states', "
-         "'error', 'energy', 'particles'. (see 'wsnsim plot --help')"),
+         "'error', 'consistency', 'energy', 'particles'. (see 'wsnsim plot --help')"),
     ],
 )  # fmt: skip
 def test_a_picture_that_cannot_be_is_one_message_and_no_file(

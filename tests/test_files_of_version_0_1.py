@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import json
 import shutil
 from pathlib import Path
 
@@ -38,7 +39,22 @@ def test_its_figures_are_drawn(path, tmp_path):
     assert "track" not in drawn.left_out
 
 
+FORMER_RULES = {"prior_fit": "unweighted", "ranking": "likelihood"}
+"""What PSO-MHPF did in version 0.1, which the file does not say: its defaults have changed since."""
+
+
+def name_former_rules(path: Path) -> None:
+    """Write the rules of version 0.1 into the scenario of a file."""
+    with h5py.File(path, "r+") as file:
+        scenario = json.loads(file["scenario/resolved_json"][()])
+        if scenario["tracker"]["kind"] == "pso_mhpf":
+            scenario["tracker"] |= FORMER_RULES
+        del file["scenario/resolved_json"]
+        file["scenario/resolved_json"] = json.dumps(scenario)
+
+
 def test_it_is_verified_and_a_changed_fingerprint_is_noticed(path):
+    name_former_rules(path)
     answer = verify(path)
     assert answer.ok and all(row["close"] for row in answer.rows)
     with h5py.File(path, "r+") as file:

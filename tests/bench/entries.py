@@ -225,6 +225,9 @@ ENTRIES: tuple[Entry, ...] = (
     Entry("particles.moments", "bench.twins:moments", lambda n: (_states(n), _log_weights(n), _offsets(n))),
     Entry("particles.systematic", "bench.twins:systematic", _teeth),
     Entry("gaussian.fit", "bench.twins:fit", lambda n: (_states(n), _offsets(n), 1e-3)),
+    Entry(
+        "gaussian.fit_weighted", "bench.twins:fit_weighted", lambda n: (_states(n), _log_weights(n), _offsets(n), 1e-3)
+    ),
     Entry("gaussian.log_density", "bench.twins:log_density", _densities),
     Entry("gaussian.fuse", "bench.twins:fuse", lambda n: (*_gaussians(n), _spd(1)[0]), FEW, "member"),
     Entry("gaussian.cholesky", "bench.twins:cholesky", lambda n: (_spd(1)[0], np.zeros((4, 4))), (1, 1), "matrix"),

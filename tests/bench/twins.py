@@ -133,6 +133,18 @@ def fit(cloud, offsets, ridge):
     return means.T, np.linalg.cholesky(covs.transpose(2, 0, 1) + ridge * np.eye(len(cloud)))
 
 
+def fit_weighted(cloud, log_weights, offsets, ridge):
+    sizes = np.diff(offsets)
+    peaks = np.repeat(np.maximum.reduceat(log_weights, offsets[:-1]), sizes)
+    weights = np.exp(log_weights - peaks)
+    weights /= np.repeat(np.add.reduceat(weights, offsets[:-1]), sizes)
+    means = np.add.reduceat(cloud * weights, offsets[:-1], axis=1)
+    around = cloud - np.repeat(means, sizes, axis=1)
+    covs = np.add.reduceat((weights * around)[:, None, :] * around, offsets[:-1], axis=2)
+    covs /= 1.0 - np.add.reduceat(weights**2, offsets[:-1])
+    return means.T, np.linalg.cholesky(covs.transpose(2, 0, 1) + ridge * np.eye(len(cloud)))
+
+
 def log_density(points, means, factors, offsets):
     around = points - np.repeat(means.T, np.diff(offsets), axis=1)
     inverses = np.repeat(np.linalg.inv(factors), np.diff(offsets), axis=0)
