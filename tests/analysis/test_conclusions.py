@@ -34,15 +34,15 @@ def pair(here: pd.DataFrame, there: pd.DataFrame, metric: str = "rmse", others: 
 def test_the_sentence_of_a_clear_pair_says_size_interval_test_correction_and_pairs() -> None:
     """15 pairs, all of one sign: the exact p is 2 / 2^15."""
     base = 30.0 + np.arange(15.0)
-    told = pair(runs(base - 21.1 - 0.2 * (np.arange(15) - 7)), runs(base))
-    assert told["p"] == told["p_holm"] == pytest.approx(2 / 2**15)
-    found = re.fullmatch(
+    found = pair(runs(base - 21.1 - 0.2 * (np.arange(15) - 7)), runs(base))
+    assert found["p"] == found["p_holm"] == pytest.approx(2 / 2**15)
+    match = re.fullmatch(
         r"ekf is 21\.1 m better than pf in per-run RMSE, 95 % \[(.*), (.*)\], "
         r"Wilcoxon p = 6\.1e-05, Holm-corrected, 15 pairs",
-        sentence(told, WORDS),
+        sentence(found, WORDS),
     )
-    assert found and float(found[1]) < 21.1 < float(found[2])
-    assert told["test"] == "Wilcoxon signed-rank, exact"
+    assert match and float(match[1]) < 21.1 < float(match[2])
+    assert found["test"] == "Wilcoxon signed-rank, exact"
     back = pair(runs(base), runs(base - 21.1))
     assert sentence(back, WORDS).startswith("ekf is 21.1 m worse than pf in per-run RMSE, 95 % [21.1, 21.1]")
 
@@ -52,9 +52,9 @@ def test_with_more_pairs_the_same_difference_may_no_longer_be_shown() -> None:
     here = runs(base - 0.5 - 0.05 * np.arange(8))
     assert pair(here, runs(base))["p_holm"] == pytest.approx(2 / 256)
     assert "better" in sentence(pair(here, runs(base)), WORDS)
-    told = pair(here, runs(base), others=9)
-    assert told["p_holm"] == pytest.approx(20 / 256)
-    assert sentence(told, WORDS).startswith(
+    found = pair(here, runs(base), others=9)
+    assert found["p_holm"] == pytest.approx(20 / 256)
+    assert sentence(found, WORDS).startswith(
         "no difference in per-run RMSE is shown between ekf and pf: median -0.675 m"
     )
 
@@ -65,17 +65,22 @@ def test_losses_are_compared_first_and_errors_on_the_runs_that_both_survive() ->
     losses[:9], own[9] = 1, 3
     values, baseline = base + 0.5 + 0.01 * np.arange(20), base.copy()
     baseline[:9], values[9] = 1000.0, 1000.0
-    told = pair(runs(values, own), runs(baseline, losses))
-    assert (told["lost_alone"], told["baseline_lost_alone"], told["pairs"], told["common"]) == (1, 9, 10, 20)
-    assert told["p_losses"] == pytest.approx(22 / 1024)
-    assert told["difference"] == pytest.approx(np.median(0.5 + 0.01 * np.arange(10, 20)))
-    assert told["difference_all"] == pytest.approx(np.median(values - baseline))
-    said = sentence(told, WORDS)
-    assert said.startswith(
+    found = pair(runs(values, own), runs(baseline, losses))
+    assert (found["lost_alone"], found["baseline_lost_alone"], found["pairs"], found["common"]) == (
+        1,
+        9,
+        10,
+        20,
+    )
+    assert found["p_losses"] == pytest.approx(22 / 1024)
+    assert found["difference"] == pytest.approx(np.median(0.5 + 0.01 * np.arange(10, 20)))
+    assert found["difference_all"] == pytest.approx(np.median(values - baseline))
+    conclusion = sentence(found, WORDS)
+    assert conclusion.startswith(
         "ekf loses its target in fewer runs than pf (1 lost by it alone, 9 by the other, exact McNemar p = 0.021,"
         " Holm-corrected, 20 pairs); ekf is 0.645 m worse than pf in per-run RMSE"
     )
-    assert said.endswith("10 pairs of runs that both survive")
+    assert conclusion.endswith("10 pairs of runs that both survive")
 
 
 def test_losses_that_chance_explains_are_no_difference_and_no_losses_are_not_mentioned() -> None:
@@ -87,14 +92,14 @@ def test_losses_that_chance_explains_are_no_difference_and_no_losses_are_not_men
 def test_energy_is_compared_on_all_runs_and_is_lower_not_better() -> None:
     words = WORDS._replace(metric="energy", unit="J")
     here, there = runs(np.arange(12.0), [1] * 6 + [0] * 6, "energy"), runs(np.arange(12.0) + 3.0, metric="energy")
-    told = pair(here, there, "energy")
-    assert told["pairs"] == 12
-    assert "ekf is 3 J lower than pf in energy, 95 % [3, 3]" in sentence(told, words)
+    found = pair(here, there, "energy")
+    assert found["pairs"] == 12
+    assert "ekf is 3 J lower than pf in energy, 95 % [3, 3]" in sentence(found, words)
 
 
 def test_too_few_pairs_conclude_nothing() -> None:
-    told = pair(runs([1.0] * 4), runs([9.0] * 4))
-    assert sentence(told, WORDS) == "4 pairs are too few to compare ekf and pf in per-run RMSE"
+    found = pair(runs([1.0] * 4), runs([9.0] * 4))
+    assert sentence(found, WORDS) == "4 pairs are too few to compare ekf and pf in per-run RMSE"
     lost = pair(runs([NAN] * 6, 1), runs([1.0] * 6))
     assert sentence(lost, WORDS).endswith(
         "0 pairs of runs that both survive are too few to compare ekf and pf in per-run RMSE"
@@ -106,23 +111,23 @@ def test_no_sentence_claims_more_than_the_interval() -> None:
     rng, claims = np.random.default_rng(2), 0
     for _ in range(30):
         base, shift = rng.normal(10.0, 2.0, 12), rng.choice([0.0, 0.0, -1.5, 1.5])
-        told = pair(runs(base + shift + rng.normal(0.0, 1.0, 12)), runs(base), others=int(rng.integers(3)))
-        said = sentence(told, WORDS)
-        claimed = re.search(r"is (\S+) m (better|worse) .* \[(\S+), (\S+)\]", said)
-        assert bool(claimed) == shows_difference(told) == ("no difference" not in said)
+        found = pair(runs(base + shift + rng.normal(0.0, 1.0, 12)), runs(base), others=int(rng.integers(3)))
+        conclusion = sentence(found, WORDS)
+        claimed = re.search(r"is (\S+) m (better|worse) .* \[(\S+), (\S+)\]", conclusion)
+        assert bool(claimed) == shows_difference(found) == ("no difference" not in conclusion)
         if claimed:
             claims += 1
             value, low, high = (float(claimed[i]) for i in (1, 3, 4))
-            assert 0.0 < low <= value <= high and told["p_holm"] <= 0.05
-            assert (claimed[2] == "better") == (told["difference"] < 0.0)
+            assert 0.0 < low <= value <= high and found["p_holm"] <= 0.05
+            assert (claimed[2] == "better") == (found["difference"] < 0.0)
     assert 5 < claims < 25
 
 
 def test_a_handover_that_fills_the_step_is_hinted_at() -> None:
     fast = PointTraffic(late=0.0, missing=0.01, delay=0.004, step=0.04, handover=0.002)
     slow = PointTraffic(late=0.4, missing=0.5, delay=1.7, step=0.04, handover=1.1)
-    said = hint(slow, fast, ("pf", "ekf"))
-    assert said == (
+    conclusion = hint(slow, fast, ("pf", "ekf"))
+    assert conclusion == (
         "packets, not the filter, may have decided: pf: 40% of the steps late, 50% missing, median latency 1.7 s,"
         " 1.1 s of airtime a handover (step 0.04 s); ekf: 0% of the steps late, 1% missing, median latency 0.004 s,"
         " 0.002 s of airtime a handover (step 0.04 s)"
@@ -148,8 +153,8 @@ def test_different_numbers_of_particles_are_hinted_at() -> None:
 
 def test_the_p_of_a_pair_is_that_of_the_statistics() -> None:
     one, other = np.array([1.0, 5.0, 3.0, 8.0, 2.0, 9.0]), np.array([2.0, 3.0, 4.0, 5.0, 6.0, 1.0])
-    told = pair(runs(one), runs(other))
+    found = pair(runs(one), runs(other))
     expected = statistics.paired_difference(one, other)
-    assert tuple(told[key] for key in ("difference", "effect", "p", "pairs")) == (
+    assert tuple(found[key] for key in ("difference", "effect", "p", "pairs")) == (
         expected.value, expected.effect, expected.p, expected.known,
     )  # fmt: skip
