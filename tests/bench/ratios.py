@@ -83,7 +83,7 @@ def kernel_rows(repeats: int) -> Iterator[dict[str, Any]]:
     for entry in ENTRIES:
         for count in sorted(set(entry.sizes), reverse=True):
             kernel, twin, arguments = entry.load(), entry.load_twin(), entry.arguments(count)
-            _agree(entry, kernel, twin, arguments)
+            check_agreement(entry, kernel, twin, arguments)
             ours, theirs = _call_seconds([kernel, twin], arguments, max(repeats, 9))
             nanoseconds = 1e9 * float(np.median(ours)) / count
             taken[entry.kernel, count] = nanoseconds / 1000
@@ -97,7 +97,7 @@ def kernel_rows(repeats: int) -> Iterator[dict[str, Any]]:
         yield row("imsf: kernels of a step, 8 sensors", mixing + update, "us/sensor-step", SENSOR_BOUND)
 
 
-def _agree(entry: Entry, kernel: Callable[..., Any], twin: Callable[..., Any], arguments: Arguments) -> None:
+def check_agreement(entry: Entry, kernel: Callable[..., Any], twin: Callable[..., Any], arguments: Arguments) -> None:
     """Raises where a kernel and its twin give different results or change their arguments differently."""
     mine, theirs = copies(arguments), copies(arguments)
     pairs = [(kernel(*mine), twin(*theirs)), *zip(mine, theirs, strict=True)]

@@ -11,6 +11,7 @@ from numba.core.dispatcher import Dispatcher
 
 import wsnsim.kernels
 from tests.bench.entries import ENTRIES
+from tests.bench.ratios import check_agreement
 
 WHOLE_RUNS = {"bootstrap.run", "bootstrap.run_with_generator"}
 """These are measured against C."""
@@ -37,3 +38,8 @@ def test_a_line_names_a_twin_and_gives_it_the_same_arguments_each_time(entry) ->
     assert callable(entry.load_twin())
     for first, again in zip(entry.arguments(8), entry.arguments(8), strict=True):
         assert np.array_equal(first, again)
+
+
+@pytest.mark.parametrize("entry", ENTRIES, ids=lambda entry: entry.kernel)
+def test_a_kernel_and_its_twin_agree_on_the_arguments_of_the_benchmark(entry) -> None:
+    check_agreement(entry, entry.load(), entry.load_twin(), entry.arguments(entry.sizes[0]))

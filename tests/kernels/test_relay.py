@@ -140,12 +140,14 @@ def filter_each_twin(
 
 
 def kalman_twin(mean, cov, expected, gradients, variances, readings, place):
-    """Conditioning of the joint Gaussian of state and all readings."""
+    """Conditioning of the joint Gaussian of state and all readings; its normalised innovation squared, and how many."""
     slopes = lengthened(gradients[:, :, 0], place, mean.size)
     cross = cov @ slopes.T
-    gain = np.linalg.solve(slopes @ cross + np.diag(variances[:, 0]), cross.T).T
-    mean += gain @ (readings - expected[:, 0])
+    spread, innovation = slopes @ cross + np.diag(variances[:, 0]), readings - expected[:, 0]
+    gain = np.linalg.solve(spread, cross.T).T
+    mean += gain @ innovation
     cov -= gain @ cross.T
+    return float(innovation @ np.linalg.solve(spread, innovation)), readings.size
 
 
 def inner(covs):
