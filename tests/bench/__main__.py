@@ -5,6 +5,10 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import os
+import platform
+import re
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +31,8 @@ def main() -> None:
     if options.json:
         options.json.parent.mkdir(parents=True, exist_ok=True)
         written = [row | {"value": None if math.isnan(row["value"]) else row["value"]} for row in rows]
-        options.json.write_text(json.dumps({"schema_version": 1, "rows": written}, indent=1, allow_nan=False) + "\n")
+        document = {"schema_version": 2, "machine": machine(), "rows": written}
+        options.json.write_text(json.dumps(document, indent=1, allow_nan=False) + "\n")
 
 
 def line_of(row: dict[str, Any]) -> str:
@@ -37,6 +42,15 @@ def line_of(row: dict[str, Any]) -> str:
     verdict = "" if row["within"] is None else f": {'within' if row['within'] else 'MISSED'}"
     note = f"   ({row['note']})" if row["note"] else ""
     return f"{row['name']:<66} {row['value']:>11.4g} {row['unit']}{wanted}{verdict}{note}"
+
+
+def machine() -> str:
+    """The processor, how many of it, and the versions that matter."""
+    info = Path("/proc/cpuinfo")
+    named = re.search(r"model name\s*: (.*)", info.read_text()) if info.exists() else None
+    versions = [f"{name} {metadata.version(name)}" for name in ("numpy", "numba", "simpy", "h5py")]
+    who = named[1] if named else platform.machine()
+    return f"{who}, {os.cpu_count()} logical cores; Python {platform.python_version()}, {', '.join(versions)}"
 
 
 if __name__ == "__main__":

@@ -21,6 +21,7 @@ from tests.bench.kernels import Tape
 from tests.bench.ratios import compile_rows, filter_rows, kernel_rows
 from tests.bench.scale import scale_rows
 from tests.bench.script import Recorded, Replayed, Script
+from tests.bench.shipped import shipped_rows
 from tests.bench.sleeping import sleeping_rows
 from tests.bench.timing import median_cpu, paired_medians, row
 from wsnsim import experiment, scenario
@@ -31,10 +32,10 @@ PER_FRAME, PER_STEP = 8, 150
 
 
 def all_rows(repeats: int, only: str | None = None) -> Iterator[dict[str, Any]]:
-    """Every figure, or those of one group, as soon as it is known."""
+    """Every figure, or those of one group, as soon as it is known; each says its `group`."""
     for name, rows in GROUPS.items():
         if only in (None, name):
-            yield from rows(repeats)
+            yield from ({"group": name} | figure for figure in rows(repeats))
 
 
 def startup_rows(repeats: int) -> Iterator[dict[str, Any]]:
@@ -129,4 +130,5 @@ GROUPS: dict[str, Callable[[int], Iterator[dict[str, Any]]]] = {
     "scale": scale_rows,
     "sleeping": sleeping_rows,
     "campaigns": campaign_rows,
+    "scenarios": shipped_rows,
 }
