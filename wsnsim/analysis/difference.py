@@ -127,24 +127,20 @@ def _first(paths: tuple[str, str], table: str, rows: tuple[slice, slice], only: 
 
     Blocks of rows are read in turn. If one range is shorter, the first row after its end differs.
     """
-    names = [set(recording.tables(path)[table].columns) for path in paths]
-    columns = [name for name in sorted(names[0] & names[1]) if name in (only or names[0])]
+    words = [recording.all_meanings(path, table) for path in paths]
+    columns = [name for name in sorted(words[0].keys() & words[1].keys()) if name in (only or words[0])]
     columns = [name for name in columns if name not in NOT_COMPARED.get(table, ())]
-    a_path, b_path = paths
-    words = {
-        name: (recording.meanings(a_path, table, name), recording.meanings(b_path, table, name)) for name in columns
-    }
     sizes = [one.stop - one.start for one in rows]
-    step = max(BLOCK // 4, 1)
+    step = max(BLOCK // (2 * max(len(columns), 1)), 1)
     for start in range(0, min(sizes), step):
         stop = min(start + step, *sizes)
         differs = np.zeros(stop - start, dtype=np.bool_)
+        a, b = (
+            recording.read_table(path, table, columns, slice(one.start + start, one.start + stop))
+            for path, one in zip(paths, rows, strict=True)
+        )
         for name in columns:
-            a, b = (
-                recording.read_table(path, table, [name], slice(one.start + start, one.start + stop))[name]
-                for path, one in zip(paths, rows, strict=True)
-            )
-            differs |= ~_equal(a, b, words[name])
+            differs |= ~_equal(a[name], b[name], (words[0][name], words[1][name]))
         if differs.any():
             return start + int(np.argmax(differs))
     return None if sizes[0] == sizes[1] else min(sizes)

@@ -12,6 +12,7 @@ from wsnsim.recording.folder import Folder, Manifest, PointOnDisk
 from wsnsim.recording.provenance import provenance
 from wsnsim.recording.reader import (
     TableSize,
+    all_meanings,
     attributes,
     meanings,
     read_table,
@@ -28,6 +29,7 @@ __all__ = [
     "PointOnDisk",
     "ResultFile",
     "TableSize",
+    "all_meanings",
     "attributes",
     "meanings",
     "provenance",

@@ -68,6 +68,13 @@ def meanings(path: str | Path, table: str, column: str) -> tuple[str, ...]:
         return words_of(_column(_group(file, path, table), path, column))
 
 
+def all_meanings(path: str | Path, table: str) -> dict[str, tuple[str, ...]]:
+    """{column: the words of a category column, in the order of its codes; () for other columns} of a table."""
+    with opened(path) as file:
+        group = _group(file, path, table)
+        return {name: words_of(group[name]) for name in column_names(group)}
+
+
 def read_text(path: str | Path, name: str) -> str:
     """One of the texts `scenario/source_yaml`, `scenario/resolved_json` and `provenance_json`."""
     with opened(path) as file:
