@@ -6,7 +6,9 @@ import h5py
 import pytest
 
 from wsnsim.base.errors import ResultError
-from wsnsim.recording import ResultFile, attributes, meanings, read_table, read_text, tables
+from wsnsim.base.tables import columns_of
+from wsnsim.recording import ResultFile, attributes, meanings, read_table, read_text, read_with_meanings, tables
+from wsnsim.recording.packed_rows import read_packed_rows
 
 
 @pytest.fixture
@@ -96,12 +98,62 @@ def test_a_truncated_result_is_named_so(result):
         read_table(result, "truth")
 
 
-def test_damaged_values_are_never_read_as_values(result):
-    with h5py.File(result) as file:
-        place = file["truth/px"].id.get_chunk_info(0)
+@pytest.mark.parametrize("rows", [40, 4_000])
+def test_damaged_values_are_never_read_as_values(tmp_path, states, rows_of, rows):
+    """40 values are stored with the description of their column, 4,000 in a compressed chunk."""
+    result, written = tmp_path / "x.h5", rows_of("truth", rows)
+    with ResultFile(result, states, {"truth": True}) as file:
+        file.write("truth", written)
     damaged = bytearray(result.read_bytes())
-    damaged[place.byte_offset + place.size // 2] ^= 0xFF
+    if rows == 40:
+        damaged[damaged.index(written["px"].tobytes()) + 8] ^= 0xFF
+    else:
+        with h5py.File(result) as file:
+            place = file["truth/px"].id.get_chunk_info(0)
+        damaged[place.byte_offset + place.size // 2] ^= 0xFF
     result.write_bytes(damaged)
     with pytest.raises(ResultError, match="cannot be read"):
         read_table(result, "truth")
-    assert len(read_table(result, "truth", ["time"])["time"]) == 40
+    assert len(read_table(result, "truth", ["time"])["time"]) == rows
+
+
+def test_no_damaged_byte_of_a_block_changes_a_value_unnoticed(tmp_path, states, rows_of):
+    """Every 499th byte of the file of a campaign's task: rows are read as written, or not at all."""
+    result, written = tmp_path / "x.h5", rows_of("runs", 5)
+    with ResultFile(result, states, {"runs": True}) as file:
+        file.write("runs", written)
+    intact, found = result.read_bytes(), {"read": 0, "refused": 0}
+    for place in range(0, len(intact), 499):
+        result.write_bytes(intact[:place] + bytes([intact[place] ^ 0xFF]) + intact[place + 1 :])
+        for read in (read_table, lambda *at: read_with_meanings(*at)[0]):
+            try:
+                columns = read(result, "runs")
+            except ResultError:
+                found["refused"] += 1
+            else:
+                found["read"] += 1
+                assert all(columns[name].tobytes() == values.tobytes() for name, values in written.items())
+    assert min(found.values()) >= 10
+
+
+def test_packed_rows_hold_what_the_columns_hold(tmp_path, states, rows_of):
+    written = {table: rows_of(table, 5) for table in ("runs", "tracks")}
+    with ResultFile(tmp_path / "x.h5", states, dict.fromkeys(written, True)) as file:
+        for table, rows in written.items():
+            file.write(table, rows)
+    for table, rows in written.items():
+        packed, columns = read_packed_rows(tmp_path / "x.h5", table), read_table(tmp_path / "x.h5", table)
+        assert packed is not None and list(packed.records.dtype.names) == list(columns) == list(rows)
+        for name, values in columns.items():
+            assert packed.records[name].dtype == values.dtype
+            assert packed.records[name].tobytes() == values.tobytes()
+            assert packed.words.get(name, ()) == meanings(tmp_path / "x.h5", table, name)
+
+
+def test_many_rows_and_other_tables_are_not_packed(tmp_path, states, rows_of):
+    with ResultFile(tmp_path / "x.h5", states, {"runs": True, "tracks": True, "truth": True}) as file:
+        file.write("runs", rows_of("runs", 100))
+        file.write("truth", rows_of("truth", 5))
+    for table in ("runs", "tracks", "truth"):
+        assert read_packed_rows(tmp_path / "x.h5", table) is None
+        assert len(read_with_meanings(tmp_path / "x.h5", table)[0]) == len(columns_of(table, states))

@@ -1,4 +1,8 @@
-"""A buffer of rows for one table: preallocated columns of one chunk, written when they are full."""
+"""A buffer of rows for one table: preallocated columns of one chunk, written when they are full.
+
+A column that fits into a few kilobytes is written in one piece with its description. HDF5 checks both by one checksum,
+and such a column needs no chunk index, which takes 2 kB a column. Longer columns are compressed in chunks.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +13,8 @@ import h5py
 import numpy as np
 
 from wsnsim.base.tables import Column
-from wsnsim.recording.layout import CHUNK, flag_words
+from wsnsim.recording.layout import CHUNK, COMPACT, flag_words
+from wsnsim.recording.packed_rows import write_packed_rows
 
 
 @final
@@ -44,6 +49,8 @@ class TableBuffer:
 
     def finish(self) -> None:
         """Write the remaining rows; a table without rows gets empty columns."""
+        if not self._written:
+            write_packed_rows(self._group, self._columns, {n: v[: self._filled] for n, v in self._buffered.items()})
         if self._filled or not self._written:
             self._write_buffered()
 
@@ -103,7 +110,9 @@ def _common_length(table: str, fitted: Mapping[str, np.ndarray]) -> int:
 def _create(group: h5py.Group, column: Column, values: np.ndarray) -> None:
     """Create a dataset with its first rows. Its chunk has as many rows: a longer one costs kilobytes for 30 rows."""
     layout: dict[str, Any] = {}
-    if values.size:
+    if 0 < values.nbytes <= COMPACT and values.size < CHUNK:
+        layout = {"dcpl": _compact()}
+    elif values.size:
         layout = {
             "chunks": values.shape,
             "maxshape": (None,),
@@ -116,6 +125,14 @@ def _create(group: h5py.Group, column: Column, values: np.ndarray) -> None:
     dataset.attrs["description"] = column.description
     if column.meanings:
         write_meanings(dataset, column.meanings)
+
+
+def _compact() -> h5py.h5p.PropDCID:
+    """The creation properties of a dataset that is stored within its description."""
+    properties = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+    properties.set_layout(h5py.h5d.COMPACT)
+    properties.set_obj_track_times(False)
+    return properties
 
 
 def write_meanings(dataset: h5py.Dataset, words: tuple[str, ...]) -> None:

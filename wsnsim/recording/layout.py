@@ -18,6 +18,8 @@ from wsnsim.base.errors import StorageError
 SCHEMA_VERSION: Final = 1
 CHUNK: Final = 65_536
 """Rows of a chunk."""
+COMPACT: Final = 2_048
+"""Bytes of a column up to which it is stored with its description: the index of its chunks would be as long."""
 FLUSH_EVERY: Final = 30.0
 """Seconds between two flushes."""
 TEXTS: Final = ("scenario/source_yaml", "scenario/resolved_json", "provenance_json")

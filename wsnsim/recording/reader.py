@@ -18,6 +18,7 @@ import numpy as np
 from wsnsim.base.errors import ResultError, did_you_mean
 from wsnsim.base.tables import TABLES
 from wsnsim.recording.layout import SCHEMA_VERSION, TEXTS, WRITING, reason
+from wsnsim.recording.packed_rows import PackedRows, packed_rows
 
 
 class TableSize(NamedTuple):
@@ -48,9 +49,14 @@ def read_table(
 def read_with_meanings(
     path: str | Path, table: str, columns: Sequence[str] | None = None
 ) -> tuple[dict[str, np.ndarray], dict[str, tuple[str, ...]]]:
-    """(columns as from `read_table`, words of the category columns); the file is opened once."""
+    """(columns as from `read_table`, words of the category columns); the file is opened once.
+
+    The rows of short tables are read in one piece, see `packed_rows`.
+    """
     with opened(path) as file:
         group = _group(file, path, table)
+        if (packed := packed_rows(group.id)) is not None:
+            return _unpacked(packed, columns, group, path)
         datasets = {name: _column(group, path, name) for name in (column_names(group) if columns is None else columns)}
         words = {name: words_of(dataset) for name, dataset in datasets.items()}
         return {name: dataset[...] for name, dataset in datasets.items()}, {n: w for n, w in words.items() if w}
@@ -153,17 +159,32 @@ def _check(file: h5py.File, path: Path, unfinished: bool) -> None:
 
 
 def _group(file: h5py.File, path: str | Path, table: str) -> h5py.Group:
-    held = [name for name in file if name in TABLES]
-    if table not in held:
+    if table not in TABLES or table not in file:
+        held = [name for name in file if name in TABLES]
         raise ResultError(f"{path}: has no table '{table}' ({did_you_mean(table, held)})")
     return file[table]
 
 
 def _column(group: h5py.Group, path: str | Path, name: str) -> h5py.Dataset:
-    held = column_names(group)
-    if name not in held:
+    return group[_checked(name, group, path)]
+
+
+def _unpacked(
+    packed: PackedRows, columns: Sequence[str] | None, group: h5py.Group, path: str | Path
+) -> tuple[dict[str, np.ndarray], dict[str, tuple[str, ...]]]:
+    """(columns, words) of packed rows."""
+    held = packed.records.dtype.names or ()
+    names = held if columns is None else [name if name in held else _checked(name, group, path) for name in columns]
+    found = {name: np.ascontiguousarray(packed.records[name]) for name in names}
+    return found, {name: words for name, words in packed.words.items() if name in found}
+
+
+def _checked(name: str, group: h5py.Group, path: str | Path) -> str:
+    """The name of a column that the table has. Raises ResultError."""
+    if name not in group:
+        held = column_names(group)
         raise ResultError(f"{path}: table {group.name[1:]} has no column '{name}' ({did_you_mean(name, held)})")
-    return group[name]
+    return name
 
 
 def _size(group: h5py.Group) -> TableSize:

@@ -19,7 +19,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Final, final
+from typing import Any, final
 
 import h5py
 
@@ -35,10 +35,7 @@ from wsnsim.recording.layout import (
     WRITING,
     cannot_write,
 )
-
-SHORT_TABLES: Final = ("runs", "tracks")
-"""Tables with one row per run. A file with only these is built in memory and written with an ordinary write: a campaign
-writes thousands of them, and HDF5 is known to crash on a full disk."""
+from wsnsim.recording.packed_rows import SHORT_TABLES
 
 
 @final
@@ -129,7 +126,7 @@ class ResultFile:
 
     def _begin(self) -> None:
         self._cleanup.callback(self._tmp.unlink, missing_ok=True)
-        self._in_memory = set(self._wanted) <= set(SHORT_TABLES)
+        self._in_memory = set(self._wanted) <= set(SHORT_TABLES)  # HDF5 is known to crash on a full disk
         self._file = _create(self._tmp, self._in_memory)
         self._cleanup.callback(self._file.close)
         attributes = self._file.attrs
@@ -204,13 +201,13 @@ def _claim_beside(path: Path) -> Path:
 
 
 def _create(tmp: Path, in_memory: bool) -> h5py.File:
-    """Create a file that HDF5 1.10 can read, in memory or on disk.
+    """Create a file that HDF5 1.8 can read, in memory or on disk. Descriptions of tables and columns have checksums.
 
     Metadata are written at a flush only, so that the file of a killed run is that of the last flush. Chunks are written
     at once, so that a full disk is noticed immediately.
     """
     place: dict[str, Any] = {"driver": "core", "backing_store": False} if in_memory else {}
-    file = h5py.File(tmp, "w", libver=("earliest", "v110"), rdcc_nbytes=0, **place)
+    file = h5py.File(tmp, "w", libver=("v108", "v108"), rdcc_nbytes=0, **place)
     config = file.id.get_mdc_config()
     config.evictions_enabled = False
     config.incr_mode = config.decr_mode = config.flash_incr_mode = 0

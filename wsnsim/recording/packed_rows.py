@@ -1,0 +1,111 @@
+"""The rows of a short table in one piece, so that thousands of files can be read quickly.
+
+A campaign has thousands of files with a few rows of `runs` and `tracks` each. Opening their 60 columns one by one takes
+milliseconds a file. Groups of short tables therefore have an attribute `rows`: an array with one record per row, whose
+fields are the columns; a category column is an enumeration of its words. The columns hold the same values.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import h5py
+import numpy as np
+from h5py import h5a, h5f, h5g, h5p, h5t
+
+from wsnsim.base.tables import Column
+from wsnsim.recording.layout import SCHEMA_VERSION, WRITING, flag_words
+
+ROWS: Final = "rows"
+SHORT_TABLES: Final = ("runs", "tracks")
+"""Tables with one row per run or track."""
+MOST: Final = 16_384
+"""Bytes up to which the rows of a table are packed."""
+
+
+class PackedRows(NamedTuple):
+    """The rows of a short table: (n,) records by column, and the words of the category columns."""
+
+    records: np.ndarray
+    words: Mapping[str, tuple[str, ...]]
+
+
+def write_packed_rows(group: h5py.Group, columns: Sequence[Column], values: Mapping[str, np.ndarray]) -> None:
+    """Write the attribute, if the table is a short one and has rows but not many."""
+    dtype = np.dtype([(column.name, _stored_type(column)) for column in columns])
+    rows = len(values[columns[0].name])
+    if group.name.strip("/") not in SHORT_TABLES or not 0 < rows * dtype.itemsize <= MOST:
+        return
+    records = np.empty(rows, dtype)
+    for name, column in values.items():
+        records[name] = column
+    group.attrs.create(ROWS, records, dtype=dtype)
+
+
+def read_packed_rows(path: Path, table: str) -> PackedRows | None:
+    """The rows of a complete result file; None if they have to be read in the ordinary way, or cannot be read.
+
+    It does without the classes of h5py, which take longer than HDF5 itself.
+    """
+    access = h5p.create(h5p.FILE_ACCESS)
+    access.set_fclose_degree(h5f.CLOSE_STRONG)
+    try:
+        file = h5f.open(os.fsencode(path), h5f.ACC_RDONLY, access)
+    except (OSError, RuntimeError):
+        return None
+    try:
+        usual = _scalar(file, "schema_version") == SCHEMA_VERSION and _scalar(file, "status") != WRITING.encode()
+        return packed_rows(h5g.open(file, table.encode())) if usual else None
+    except (OSError, RuntimeError, KeyError, ValueError):
+        return None
+    finally:
+        file.close()
+
+
+def _scalar(file: h5f.FileID, name: str) -> Any:
+    """The value of an attribute of the root."""
+    attribute = h5a.open(file, name.encode())
+    value = np.empty((), attribute.dtype)
+    attribute.read(value)
+    return value[()]
+
+
+def packed_rows(group: h5g.GroupID) -> PackedRows | None:
+    """The rows of a table from its attribute; None if it has none, as in files of earlier versions."""
+    if not h5a.exists(group, ROWS.encode()):
+        return None
+    attribute = h5a.open(group, ROWS.encode())
+    stored, dtype, words = _known_type(attribute.get_type())
+    records = np.empty(attribute.shape, dtype)
+    attribute.read(records, stored)
+    return PackedRows(records, words)
+
+
+_KNOWN: Final[list[tuple[h5t.TypeID, np.dtype, dict[str, tuple[str, ...]]]]] = []
+"""The last types of records that were read. Translating one takes longer than reading its rows."""
+
+
+def _known_type(stored: h5t.TypeID) -> tuple[h5t.TypeID, np.dtype, dict[str, tuple[str, ...]]]:
+    """The type, its NumPy type, and the words of its categories."""
+    for known in _KNOWN:
+        if known[0].equal(stored):
+            return known
+    translated = stored.dtype
+    codes = {name: h5py.check_enum_dtype(translated[name]) for name in translated.names}
+    words = {name: tuple(sorted(known, key=known.__getitem__)) for name, known in codes.items() if known}
+    plain = np.dtype([(name, translated[name].str) for name in translated.names])
+    assert plain.itemsize == translated.itemsize, "records are written without gaps"
+    _KNOWN.insert(0, (stored, plain, words))
+    del _KNOWN[4:]
+    return _KNOWN[0]
+
+
+def _stored_type(column: Column) -> np.dtype:
+    if not column.meanings:
+        return np.dtype(column.dtype)
+    codes = {word: code for code, word in enumerate(flag_words(column.meanings))}
+    stored: np.dtype[Any] = h5py.enum_dtype(codes, column.dtype)
+    return stored
