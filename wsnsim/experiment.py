@@ -122,7 +122,7 @@ def _final_coverage(nodes: Nodes, setup: NetworkSetup) -> float:
         return 1.0  # the deployment has checked it
     field, reach = setup.deploy.field, setup.sensor.reach
     if all_live and field.centre == (0.0, 0.0):
-        return coverage(nodes.positions, reach, field.width, field.height, tree=nodes.tree)
+        return coverage(nodes.positions, reach, field.width, field.height)
     living = nodes.positions[nodes.living]
     return coverage(living - np.array(field.centre), reach, field.width, field.height)
 

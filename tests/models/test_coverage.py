@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from scipy.spatial import KDTree
 
-from wsnsim.models.coverage import coverage, covers, nodes_needed
+import wsnsim.models.coverage as sensing_coverage
+from wsnsim.models.coverage import TOLERANCE, coverage, covers, nodes_needed
 
 
 def farthest(positions, width, height, side=201):
@@ -116,3 +118,23 @@ def test_fewer_nodes_than_the_bound_never_cover(reach, width, height):
 
 def test_the_bound_of_the_papers_field_is_eighteen_nodes():
     assert nodes_needed(60.0, 400, 400) == 18
+
+
+@settings(max_examples=40)
+@given(st.integers(1, 300), st.floats(10, 900), st.floats(10, 900), st.floats(0.01, 0.6), st.integers(0, 2**32 - 1))
+def test_coverage_is_the_share_of_cells_whose_nearest_node_is_within_range(nodes, width, height, reach, seed):
+    positions = (np.random.default_rng(seed).random((nodes, 2)) - 0.5) * np.array([width, height]) * 1.3
+    reach *= max(width, height)
+    x, y = (length * ((np.arange(50) + 0.5) / 50 - 0.5) for length in (width, height))
+    middles = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    expected = np.mean(KDTree(positions).query(middles)[0] < reach * (1 + TOLERANCE))
+    assert coverage(positions, reach, width, height, side=50) == expected
+
+
+def test_covering_does_not_depend_on_how_neighbours_are_found(monkeypatch):
+    draw = np.random.default_rng(8)
+    fields = [(draw.random((nodes, 2)) - 0.5) * 400 for nodes in (20, 90, 200, 400) for _ in range(5)]
+    few = [covers(positions, reach, 400, 400) for positions in fields for reach in (40.0, 60.0, 90.0)]
+    monkeypatch.setattr(sensing_coverage, "SMALL", 0)
+    assert few == [covers(positions, reach, 400, 400) for positions in fields for reach in (40.0, 60.0, 90.0)]
+    assert True in few and False in few

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from scipy import stats
-from scipy.spatial import KDTree
 
+from wsnsim.base.cell_grid import CellGrid
 from wsnsim.base.mechanisms import SensorDefect
 from wsnsim.base.rng import derive
 from wsnsim.models.hardware import DriftingClock, ImperfectDetection, PerfectClock, PerfectDetection
@@ -20,7 +20,7 @@ RULER = Range(sd=1e-6, reach=60.0)
 
 
 def sensors(positions, model, key=5):
-    return SensorArray(positions, np.ones((len(positions), 1)), model, KDTree(positions), key)
+    return SensorArray(positions, np.ones((len(positions), 1)), model, CellGrid(positions), key)
 
 
 def sensed(points, positions, key=5, target=0):

@@ -10,7 +10,6 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-from scipy.spatial import KDTree
 
 import wsnsim.scenario as scenarios
 from wsnsim.base.arrays import planar
@@ -127,6 +126,8 @@ def _reason(key: str, report: Report, figures: Mapping[str, Any]) -> str:
 
 def _visibilities(setup: TrackingSetup, conditions: InitialConditions, steps: int) -> list[_Visibility]:
     """How well each target can be seen over the steps of a run."""
+    from scipy.spatial import KDTree  # slow to import, and needed only if a target was not tracked throughout
+
     tree = KDTree(conditions.positions)
     found = []
     for motion, truth in zip(setup.motions, conditions.truths, strict=True):

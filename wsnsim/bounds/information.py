@@ -13,9 +13,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial import KDTree
 
 from wsnsim.base.arrays import Floats, Ints, planar
+from wsnsim.base.cell_grid import CellGrid
 from wsnsim.base.ports import Detects, Informs, SensorModel
 
 STEPS_PER_BLOCK = 25
@@ -42,11 +42,9 @@ def in_range(sensor: SensorModel, points: Floats, positions: Floats) -> UsedRead
         points: (T, P) the target's position at each step.
         positions: (N, 2) of the nodes.
     """
-    near = KDTree(positions).query_ball_point(planar(points), sensor.reach, return_sorted=True)
-    counts = np.array([len(ids) for ids in near], dtype=np.int64)
-    nodes = np.fromiter((node for ids in near for node in ids), np.int64, int(counts.sum()))
+    steps, nodes = CellGrid(positions).within_each(planar(points), sensor.reach)
     if not isinstance(sensor, Detects):
-        return UsedReadings(np.repeat(np.arange(len(points)), counts), nodes)
+        return UsedReadings(steps, nodes)
     candidates = np.unique(nodes)
     steps, rows = np.nonzero(sensor.detects(points, positions[candidates]))
     return UsedReadings(steps, candidates[rows])

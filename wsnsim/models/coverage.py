@@ -8,11 +8,15 @@ Positions are relative to the field's centre. The range `reach` may be infinite:
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from scipy.spatial import KDTree, cKDTree
 
 from wsnsim.base.arrays import Bools, Floats, Ints
+from wsnsim.base.cell_grid import CellGrid, ranges
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
 
 TURN = 2.0 * math.pi
 TOLERANCE = 1e-9
@@ -21,6 +25,10 @@ NEAREST = 16
 """Number of nearest neighbours tried first. They usually hide a circle, and further neighbours cannot uncover it."""
 AT_ONCE = 20_000
 """Circles examined together: bounds the memory for sorting."""
+DISCS: Final = 5_000
+"""Nodes whose discs are laid over the lattice together: bounds the memory."""
+SMALL: Final = 1000
+"""Nodes up to which SciPy's k-d tree is not used: its import takes longer than all the rest."""
 
 
 def nodes_needed(reach: float, width: float, height: float) -> int:
@@ -46,6 +54,26 @@ def covers(positions: Floats, reach: float, width: float, height: float) -> bool
     centres = np.unique(positions, axis=0)
     if not len(centres) or math.isinf(reach):
         return len(centres) > 0
+    few = len(centres) <= SMALL
+    return (_covers_with_few if few else _covers_with_many)(centres, reach, width, height)
+
+
+def _covers_with_few(centres: Floats, reach: float, width: float, height: float) -> bool:
+    """What `covers` returns for different nodes, so few that all their pairs fit into memory."""
+    grid, circles = CellGrid(centres), np.arange(len(centres))
+    near = math.sqrt(NEAREST * width * height / (math.pi * len(centres)))
+    for radius in (min(near, 2 * reach), 2 * reach):
+        owner, neighbour = grid.within_each(centres[circles], radius)
+        others = circles[owner] != neighbour
+        hidden = _hidden(centres, circles, owner[others], neighbour[others], reach, width, height)
+        circles = circles[~hidden]
+    return not circles.size
+
+
+def _covers_with_many(centres: Floats, reach: float, width: float, height: float) -> bool:
+    """What `covers` returns for different nodes."""
+    from scipy.spatial import cKDTree  # slow to import, and needed in large networks only
+
     tree = cKDTree(centres)
     some = (np.arange(first, min(first + AT_ONCE, len(centres))) for first in range(0, len(centres), AT_ONCE))
     doubtful = (
@@ -59,9 +87,7 @@ def covers(positions: Floats, reach: float, width: float, height: float) -> bool
     )
 
 
-def coverage(
-    positions: Floats, reach: float, width: float, height: float, side: int = 200, tree: KDTree | None = None
-) -> float:
+def coverage(positions: Floats, reach: float, width: float, height: float, side: int = 200) -> float:
     """The fraction of the field within range of a node, evaluated at the centres of side² cells.
 
     Args:
@@ -70,15 +96,20 @@ def coverage(
         width: width of the field, in x, in m.
         height: height of the field, in y, in m.
         side: cells along each side.
-        tree: a tree of the same positions, if the caller has one.
     """
-    if not len(positions):
-        return 0.0
-    x, y = np.meshgrid(*(length * ((np.arange(side) + 0.5) / side - 0.5) for length in (width, height)))
-    distances, _ = (tree or cKDTree(positions)).query(
-        np.stack([x.ravel(), y.ravel()], axis=1), distance_upper_bound=reach * (1 + TOLERANCE)
-    )
-    return float(np.isfinite(distances).mean())
+    x, y = (length * ((np.arange(side) + 0.5) / side - 0.5) for length in (width, height))
+    changes = np.zeros(side * (side + 1), dtype=np.int64)  # of the number of discs from cell to cell along a row
+    radius = reach * (1 + TOLERANCE)
+    for first in range(0, len(positions), DISCS):
+        centre_x, centre_y = positions[first : first + DISCS].T
+        low, high = np.searchsorted(y, centre_y - radius), np.searchsorted(y, centre_y + radius, side="right")
+        node, row = ranges(low, high)
+        half = np.sqrt(np.maximum(radius**2 - (y[row] - centre_y[node]) ** 2, 0.0))
+        begin = np.searchsorted(x, centre_x[node] - half, side="right")
+        end = np.searchsorted(x, centre_x[node] + half, side="left")
+        changes += np.bincount(row * (side + 1) + begin, minlength=changes.size)
+        changes -= np.bincount(row * (side + 1) + end, minlength=changes.size)
+    return float((changes.reshape(side, side + 1).cumsum(axis=1)[:, :-1] > 0).mean())
 
 
 def _nearest_pairs(tree: cKDTree, circles: Ints, reach: float) -> tuple[Ints, Ints]:

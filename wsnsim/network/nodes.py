@@ -29,7 +29,7 @@ class Nodes:
     """The nodes of a network.
 
     Attributes:
-        positions: (N, 2) in m where the nodes stand; `x` and `y` give single coordinates, `tree` finds neighbours.
+        positions: (N, 2) in m where the nodes stand; `x` and `y` give single coordinates, `grid` finds neighbours.
         assumed: The positions that filters, cluster heads, messages and greedy routing use; by default `positions`.
         traits: (N, T) constants of the sensors.
         battery, reach: Initial charge of a node in J, and communication range in m.
@@ -45,7 +45,7 @@ class Nodes:
         duty_cycles: DutyCycles | None = None, consumption: Consumption | None = None,
     ) -> None:  # fmt: skip
         self.assumed = places = Places(positions)
-        self.positions, self.x, self.y, self.tree = positions, places.x, places.y, places.tree
+        self.positions, self.x, self.y, self.grid = positions, places.x, places.y, places.grid
         self.traits = traits
         self.size = size = len(positions)
         self.battery, self.reach = battery, reach

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import numpy as np
-from scipy.spatial import KDTree
-
 from wsnsim.base.arrays import Floats, scalars
+from wsnsim.base.cell_grid import CellGrid
 
 
 class Places:
-    """Positions of nodes: `positions` (N, 2) in m, single coordinates `x` and `y`, and a `tree` for neighbours."""
+    """Positions of nodes: `positions` (N, 2) in m, single coordinates `x` and `y`, and a `grid` for neighbours."""
 
     def __init__(self, positions: Floats) -> None:
         self.positions = positions
-        self.x, self.y = (scalars(np.ascontiguousarray(positions[:, i], dtype=np.float64)) for i in range(2))
-        self.tree = KDTree(positions)
+        self.grid = CellGrid(positions)
+        self.x, self.y = scalars(self.grid.x), scalars(self.grid.y)

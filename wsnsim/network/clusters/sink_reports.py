@@ -28,7 +28,7 @@ class SinkReports:
         self._transport = transport
         self._bits = sink.bits
         self._interval = 1 if sink.every is None else max(1, round(sink.every / dt))
-        self.node = None if sink.point is None else int(radio.nodes.tree.query(np.array(sink.point))[1])
+        self.node = None if sink.point is None else radio.nodes.grid.nearest(np.array(sink.point))
         self.received: dict[tuple[int, int], float] = {}
 
     def send(self, head: int, step: int, target: int) -> None:

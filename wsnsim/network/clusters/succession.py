@@ -99,8 +99,8 @@ class ByAnnouncedPrediction(ByPrediction):
         """The able node nearest to the predicted position, within sensing range of it."""
         network = self.network
         point = network.predicted_position(lead.track.target, lead.belief, lead.scene)
-        near = network.nodes.assumed.tree.query_ball_point(point, network.setup.sensor.reach, return_sorted=True)
-        able = [node for node in near if network.can_lead(node)]
+        near = network.nodes.assumed.grid.within(point, network.setup.sensor.reach)
+        able = [node for node in near.tolist() if network.can_lead(node)]
         if not able:
             raise TrackLost("empty_region")
         return network.nearest(able, point)

@@ -105,8 +105,8 @@ class WakeUpService:
         return neighbours.ids[neighbours.powers >= self._least_power]
 
     def nodes_within(self, centre: Point, radius: float) -> Ints:
-        """(n,) the nodes whose assumed position is within `radius` m of a point."""
-        return np.array(self._nodes.assumed.tree.query_ball_point(centre, radius), dtype=np.int64)
+        """(n,) the nodes whose assumed position is within `radius` m of a point, ascending."""
+        return self._nodes.assumed.grid.within(centre, radius)
 
     def sleepers(self, nodes: Ints) -> set[int]:
         """The nodes, out of the given ones, that are up and asleep now."""

@@ -72,6 +72,7 @@ class FaultSchedule:
             return sorted(chosen)
         if fault.region is not None:
             x, y, radius = fault.region
-            return sorted(nodes.tree.query_ball_point((x, y), radius))
+            near: list[int] = nodes.grid.within((x, y), radius).tolist()
+            return near
         head = None if fault.head is None else self._site.control.head_of(fault.head)
         return [] if head is None else [head]

@@ -3,7 +3,8 @@
     Router(radio, weight, longest).path(source, to) -> [source, ..., to], or None without a path
 
 In a small network one networkx graph holds every usable link; it is built on first use. In a large one the graph holds
-a corridor: the nodes in an ellipse around both ends, wide enough that no path outside can be cheaper.
+a corridor: the nodes in an ellipse around both ends, wide enough that no path outside can be cheaper. networkx and
+SciPy's graphs are imported at the first search: a short run may need none.
 
 Proof. A path over a node v is at least |source - v| + |v - to| long, so a path that leaves the ellipse of string length
 s is longer than s. Let u be the least cost of a metre, over all lengths of a hop. A path outside then costs more than
@@ -16,17 +17,18 @@ neighbours know each other's schedules is our choice: they exchange a seed once.
 
 from __future__ import annotations
 
-from typing import Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
-import networkx as nx
 import numpy as np
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components, dijkstra
-from scipy.spatial import KDTree
 
 from wsnsim.base.arrays import Floats, Ints, scalars
+from wsnsim.base.cell_grid import CellGrid
 from wsnsim.base.requests import PACKET_BITS
 from wsnsim.network.radio.radio_services import RadioServices
+
+if TYPE_CHECKING:
+    import networkx as nx
+    from scipy.sparse import csr_array
 
 SMALL: Final = 2000
 """Nodes up to which networkx is used; the graph of more is a sparse matrix, which needs a tenth of the memory."""
@@ -157,8 +159,7 @@ class Router:
         """The living nodes v with |source - v| + |v - to| <= length, ascending, and this sum of each."""
         network = self._nodes
         one, other = network.positions[source], network.positions[to]
-        near = network.tree.query_ball_point((one + other) / 2, length / 2 * (1.0 + ROUNDING), return_sorted=True)
-        nodes = np.array(near, dtype=np.int64)
+        nodes = network.grid.within((one + other) / 2, length / 2 * (1.0 + ROUNDING))
         ends = (nodes == source) | (nodes == to)
         nodes = nodes[network.hears(nodes, self._env.now) | (network.living[nodes] & ends)]
         detours = _lengths(network.positions[nodes] - one) + _lengths(network.positions[nodes] - other)
@@ -173,6 +174,8 @@ class Router:
         """
         if links.nodes.size == np.count_nonzero(self._nodes.living):
             return True
+        from scipy.sparse.csgraph import connected_components
+
         _, component = connected_components(_matrix(links), directed=False)
         edge = detours + 2.0 * self._longest > length
         return any(not edge[component == component[np.searchsorted(links.nodes, end)]].any() for end in (source, to))
@@ -192,11 +195,8 @@ class Router:
     def _disk_links(self, nodes: Ints) -> tuple[Ints, Ints, Floats | float]:
         """The links between nodes within range of each other, with probability 1."""
         network = self._nodes
-        tree = network.tree if nodes.size == network.size else KDTree(network.positions[nodes])
-        pairs = tree.query_pairs(network.reach, output_type="ndarray")
-        both = np.concatenate([pairs, pairs[:, ::-1]])
-        both = both[np.lexsort((both[:, 1], both[:, 0]))]
-        return both[:, 0], both[:, 1], 1.0
+        grid = network.grid if nodes.size == network.size else CellGrid(network.positions[nodes])
+        return *grid.links(network.reach), 1.0
 
     def _random_links(self, nodes: Ints) -> tuple[Ints, Ints, Floats]:
         """The links that are usable in both directions, with the probability of a packet on each."""
@@ -231,6 +231,8 @@ class Router:
 
 
 def _graph(links: Links) -> nx.DiGraph:
+    import networkx as nx
+
     graph = nx.DiGraph()
     graph.add_nodes_from(links.nodes.tolist())
     sources, ends = links.nodes[links.sources].tolist(), links.nodes[links.ends].tolist()
@@ -240,12 +242,16 @@ def _graph(links: Links) -> nx.DiGraph:
 
 def _matrix(links: Links) -> csr_array:
     """The costs as a sparse matrix. A zero would mean no link there, so that costs are at least the smallest float."""
+    from scipy.sparse import csr_array
+
     costs = np.maximum(links.costs, np.finfo(np.float64).tiny)
     return csr_array((costs, (links.sources, links.ends)), shape=(links.nodes.size, links.nodes.size))
 
 
 def _cheapest(graph: nx.DiGraph, source: int, to: int) -> tuple[float, list[int]] | None:
     """(cost, path), or None without a path."""
+    import networkx as nx
+
     try:
         cost, path = nx.bidirectional_dijkstra(graph, source, to, weight="cost")
     except nx.NetworkXNoPath:
@@ -257,6 +263,8 @@ def _cheapest_of(links: Links, source: int, to: int) -> tuple[float, list[int]] 
     """(cost, path) over links that are used for one search only, or None without a path."""
     if links.nodes.size <= SMALL:
         return _cheapest(_graph(links), source, to)
+    from scipy.sparse.csgraph import dijkstra
+
     first, last = np.searchsorted(links.nodes, (source, to)).tolist()
     costs, before = dijkstra(_matrix(links), indices=first, return_predecessors=True)
     if not np.isfinite(costs[last]):

@@ -2,8 +2,8 @@
 
     topology.neighbours(node).ids      topology.connected(a, b)      topology.probability(a, b)
 
-The neighbours of a node are looked up in a k-d tree on first use, and cached. The random part of a link is a function
-of the stream's key and of its two nodes.
+The neighbours of a node are looked up in a grid of cells on first use, and cached. The random part of a link is a
+function of the stream's key and of its two nodes.
 """
 
 from __future__ import annotations
@@ -94,20 +94,17 @@ class Topology:
         """The neighbours of a node."""
         found = self._neighbours.get(node)
         if found is None:
-            near = self._nodes.tree.query_ball_point(self._nodes.positions[node], self.link.audible)
-            ids = np.array(sorted(near), dtype=np.int64)
+            ids = self._nodes.grid.within(self._nodes.positions[node], self.link.audible)
             found = self._neighbours[node] = self._find(node, ids[ids != node])
         return found
 
     def find_all(self) -> None:
         """Find the neighbours of all nodes at once, which is faster than one by one."""
         nodes = self._nodes
-        pairs = nodes.tree.query_pairs(self.link.audible, output_type="ndarray")
-        both = np.concatenate([pairs, pairs[:, ::-1]])
-        both = both[np.lexsort((both[:, 1], both[:, 0]))]
-        powers = self._powers(both[:, 0], both[:, 1])
+        sources, ids = nodes.grid.links(self.link.audible)
+        powers = self._powers(sources, ids)
         heard = np.isfinite(powers)
-        sources, ids, powers = both[heard, 0], np.ascontiguousarray(both[heard, 1]), powers[heard]
+        sources, ids, powers = sources[heard], ids[heard], powers[heard]
         senses = self.link.senses(powers)
         ends = np.concatenate(([0], np.cumsum(np.bincount(sources, minlength=nodes.size)))).tolist()
         self._neighbours = {

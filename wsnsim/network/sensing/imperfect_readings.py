@@ -61,7 +61,7 @@ class ImperfectReadings(Readings):
     def __init__(self, sensors: SensorArray, target: int, points: Floats, imperfections: Imperfections) -> None:
         self._points, self._positions, self._traits = points, sensors.positions, sensors.traits
         self._sensor = sensors.model
-        self._tree = sensors.tree
+        self._grid = sensors.grid
         self._key = derive(sensors.key, target)
         self._distortion = derive(sensors.key, DISTORTION)
         self._imperfections = imperfections
@@ -113,19 +113,18 @@ class ImperfectReadings(Readings):
         time, point = float(self._times[step]), self._points[step]
         error = self._imperfections.clocks.largest_error(time)
         if not error:
-            nodes = np.array(self._near(point, 0.0), dtype=np.int64)
+            nodes = self._near(point, 0.0)
             if isinstance(self._sensor, Detects):
                 nodes = nodes[self._sensor.detects(point[None], self._positions[nodes])[0]]
             return nodes, np.repeat(point[None], nodes.size, axis=0)
-        nodes = np.array(self._near(point, self._displacement(time, error)), dtype=np.int64)
+        nodes = self._near(point, self._displacement(time, error))
         points = self._at_times(time - self._imperfections.clocks.error(nodes, time))
         sensing = self._detects(points, nodes)
         return nodes[sensing], points[sensing]
 
-    def _near(self, point: Floats, margin: float) -> list[int]:
+    def _near(self, point: Floats, margin: float) -> Ints:
         """Nodes within sensing range plus a margin in m of a point, ascending."""
-        found: list[int] = self._tree.query_ball_point(planar(point), self._sensor.reach + margin, return_sorted=True)
-        return found
+        return self._grid.within(planar(point), self._sensor.reach + margin)
 
     def _displacement(self, time: float, error: float) -> float:
         """Largest distance in m of the target from its position at a time, at times that differ by at most `error`."""
@@ -193,7 +192,7 @@ def make_search_readings(
 def _readings(
     setup: NetworkSetup, trajectories: Sequence[Floats], nodes: Nodes, imperfections: Imperfections, key: int
 ) -> list[Readings]:
-    sensors = SensorArray(nodes.positions, nodes.traits, setup.sensor, nodes.tree, key)
+    sensors = SensorArray(nodes.positions, nodes.traits, setup.sensor, nodes.grid, key)
     perfect = not imperfections.matter() and not change_readings(setup.faults)
     result: list[Readings] = []
     for target, (trajectory, motion) in enumerate(zip(trajectories, setup.motions, strict=True)):

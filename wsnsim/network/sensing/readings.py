@@ -9,13 +9,13 @@ of (seed, run, target, step, node), so it does not depend on which nodes are awa
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import KDTree
 
-from wsnsim.base.arrays import Floats, planar
+from wsnsim.base.arrays import Bools, Floats, Ints, planar
+from wsnsim.base.cell_grid import CellGrid
 from wsnsim.base.ports import Detects, SensorModel
 from wsnsim.base.rng import derive, reading_noise
 
@@ -27,7 +27,7 @@ class SensorArray:
     positions: Floats
     traits: Floats
     model: SensorModel
-    tree: KDTree
+    grid: CellGrid
     key: int
 
 
@@ -42,18 +42,16 @@ class Readings:
 
     def __init__(self, sensors: SensorArray, target: int, points: Floats) -> None:
         model, positions = sensors.model, sensors.positions
-        found = sensors.tree.query_ball_point(planar(points), model.reach, return_sorted=True)
+        steps, nodes = sensors.grid.within_each(planar(points), model.reach)
         if isinstance(model, Detects):
-            found = [_detecting(model, point, ids, positions) for point, ids in zip(points, found, strict=True)]
-        counts = np.array([len(ids) for ids in found], dtype=np.int64)
-        nodes = np.fromiter((node for ids in found for node in ids), np.int64, int(counts.sum()))
-        steps = np.repeat(np.arange(len(points)), counts)
+            detected = _detected(model, points, positions, steps, nodes)
+            steps, nodes = steps[detected], nodes[detected]
         noise = reading_noise(derive(sensors.key, target), steps, nodes)
         readings = model.measure(points[steps], positions[nodes], sensors.traits[nodes], noise)
-        cuts = np.concatenate(([0], np.cumsum(counts))).tolist()
+        ids: list[int] = nodes.tolist()
         values: list[float] = readings.tolist()
-        self.ids: list[list[int]] = [list(ids) for ids in found]
-        self._values = [values[a:b] for a, b in itertools.pairwise(cuts)]
+        self.ids = [ids[a:b] for a, b in _slices(steps, len(points))]
+        self._values = [values[a:b] for a, b in _slices(steps, len(points))]
 
     def readings(self, step: int) -> dict[int, float]:
         """{node: reading} of the nodes that measure the target at a step, ascending, whether they are up or not."""
@@ -74,7 +72,14 @@ class Readings:
         return self.ids[step]
 
 
-def _detecting(model: Detects, point: Floats, ids: list[int], positions: Floats) -> list[int]:
-    """The nodes whose sensor detects a target at a point; `ids` are the nodes within sensing range."""
-    detected = model.detects(point[None], positions[ids])[0]
-    return [node for node, yes in zip(ids, detected.tolist(), strict=True) if yes]
+def _detected(model: Detects, points: Floats, positions: Floats, steps: Ints, nodes: Ints) -> Bools:
+    """(n,) whether the target is detected at each step by each node within sensing range."""
+    slices = _slices(steps, len(points))
+    each = [model.detects(point[None], positions[nodes[a:b]])[0] for point, (a, b) in zip(points, slices, strict=True)]
+    return np.concatenate(each)
+
+
+def _slices(steps: Ints, count: int) -> Iterator[tuple[int, int]]:
+    """The first and the last index, excluded, of each step in an ascending array of steps."""
+    cuts: list[int] = np.searchsorted(steps, np.arange(count + 1)).tolist()
+    return itertools.pairwise(cuts)
