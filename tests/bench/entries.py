@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from tests.bench.frames import frame, other_frame
 from wsnsim.base.rng import derive_all
 
 Arguments = tuple[Any, ...]
@@ -25,6 +26,7 @@ RANGE, GROWTH = (0.0, 1.0, 0.0, 4.0, np.inf, False), (1.2, 1.5)
 SINGLE = np.array([0, 2])
 FEW = (24, 8)
 """Sizes of what is as small as a cluster of sensors."""
+NEIGHBOURS = (40, 10)
 
 
 @dataclass(frozen=True)
@@ -212,6 +214,14 @@ def _kalman(count: int) -> Arguments:
     return means[:, 0].copy(), np.ascontiguousarray(covs[:, :, 0]), *_readings(count, 1)
 
 
+def _charge(count: int) -> Arguments:
+    return np.arange(0, 2 * count, 2), 0.5, np.zeros(2 * count), np.ones(2 * count)
+
+
+def _busy(count: int) -> Arguments:
+    return np.arange(0, 2 * count, 2), 0.5, np.zeros(2 * count), (np.arange(2 * count) % 5).astype(np.int8)
+
+
 ENTRIES: tuple[Entry, ...] = (
     Entry("noise.particle_keys", "bench.twins:particle_keys", lambda n: (_keys(SEGMENTS), _offsets(n), 1)),
     Entry("motion.advance", "bench.twins:advance", lambda n: (_states(n), DRIFT)),
@@ -270,4 +280,8 @@ ENTRIES: tuple[Entry, ...] = (
     Entry("relay.mix", "kernels.test_relay:mix_twin", _mixing, FEW, "sensor"),
     Entry("relay.filter_each", "kernels.test_relay:filter_each_twin", _bank_step, FEW, "sensor"),
     Entry("relay.kalman", "kernels.test_relay:kalman_twin", _kalman, FEW, "sensor"),
+    Entry("reception.outcomes", "kernels.test_reception:outcomes_twin", frame, NEIGHBOURS, "neighbour"),
+    Entry("reception.overlap", "kernels.test_reception:overlap_twin", other_frame, NEIGHBOURS, "neighbour"),
+    Entry("charging.book", "kernels.test_charging:book_twin", _charge, NEIGHBOURS, "neighbour"),
+    Entry("charging.mark_busy", "kernels.test_charging:mark_busy_twin", _busy, NEIGHBOURS, "neighbour"),
 )

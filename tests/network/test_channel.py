@@ -232,21 +232,3 @@ def test_whether_a_frame_arrives_does_not_depend_on_what_was_sent_in_other_steps
         sent = play(network, *([(0.5, 0, EVERYONE)] if early else []), *frames, until=3.0)
         outcomes.append([sent.received[i + early] for i in range(40)])
     assert outcomes[0] == outcomes[1] and len({len(heard) for heard in outcomes[0]}) == 2
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_the_fast_paths_of_reception_agree_with_the_general_one(seed):
-    points = np.random.default_rng(seed).uniform(0, 200, (25, 2))
-    ledgers = []
-    for fast in (True, False):
-        network = RadioNetwork(points, seed=seed)
-        if not fast:
-            reception = network.mac.channel._reception
-            reception._broadcast_alone = reception._broadcast_overlapped = lambda sent: None
-        times = np.random.default_rng(seed + 9).uniform(0, 0.2, 120)
-        for i, time in enumerate(times):
-            network.at(float(time), lambda network=network, i=i: network.mac.offer(i % 25, 96, lambda heard: None))
-        network.env.run(until=1.0)
-        ledgers.append((network.nodes.ledger.joules.copy(), network.counters, network.log.fingerprint()))
-    assert np.allclose(ledgers[0][0], ledgers[1][0], rtol=1e-12) and ledgers[0][1:] == ledgers[1][1:]
-    assert ledgers[0][1].collided > 20

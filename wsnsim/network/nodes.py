@@ -200,24 +200,23 @@ class Nodes:
             self._watch(node)
         return bits
 
-    def can_all_receive(self, nodes: Ints, listed: list[int], joules: float) -> bool:
-        """Whether no node, given as an array and as a list, could die of a reception: `receive_all` may book it."""
+    def can_all_receive(self, nodes: Ints, joules: float) -> bool:
+        """Whether none of the nodes (n,) could die of a reception: `receive_all` may book it."""
         limit = self.battery * BELOW_BATTERY - joules - self._reserve
         ledger = self.ledger
         below = ledger.ceiling < limit or ledger.lower_ceiling(self.living) < limit
-        return below or ledger.all_below(limit, nodes, listed)
+        return below or ledger.all_below(limit, nodes)
 
-    def receive_all(self, nodes: Ints, listed: list[int], joules: float, cause: int, seconds: float) -> None:
-        """Book a reception that kills none of the different nodes, given as an array and as a list."""
-        self.ledger.book_same(nodes, listed, cause, joules)
-        self.consumption.mark_radios_busy(nodes, listed, seconds)
+    def receive_all(self, nodes: Ints, joules: float, cause: int, seconds: float) -> None:
+        """Book a reception that kills none of the different nodes (n,)."""
+        self.ledger.book_same(nodes, cause, joules)
+        self.consumption.mark_radios_busy(nodes, seconds)
 
     def sleep_radios(self, nodes: Ints, seconds: float) -> None:
         """The radios of nodes sleep for a while instead of listening. Switching them is not charged."""
         chosen = nodes[self.living[nodes]]
-        listed = chosen.tolist()
-        self.consumption.mark_radios_busy(chosen, listed, seconds)
-        for node in listed:
+        self.consumption.mark_radios_busy(chosen, seconds)
+        for node in chosen.tolist():
             self._book_consumed(node, self.consumption.sleep_radio(node, seconds))
 
     def close(self) -> None:

@@ -21,10 +21,11 @@ import simpy
 from wsnsim.base.arrays import Floats, Ints, scalars
 from wsnsim.base.radio import ContinuousPower, Mode
 from wsnsim.base.tables import CAUSE, CAUSES
+from wsnsim.kernels.charging import mark_busy
 from wsnsim.network.energy.battery_timers import EVERYBODY, BatteryTimers
 from wsnsim.network.energy.consumption import Consumption
 from wsnsim.network.energy.duty_cycles import DutyCycles
-from wsnsim.network.energy.ledger import FEW, Charges
+from wsnsim.network.energy.ledger import Charges
 
 IDLE, SLEEP, SENSE, SWITCH = CAUSE["idle"], CAUSE["sleep"], CAUSE["sense"], CAUSE["switch"]
 OVER_TIME: Final = (IDLE, SLEEP, SENSE, SWITCH)
@@ -187,17 +188,10 @@ class BackgroundConsumption(Consumption):
         self._grand[self._radio_cause[mode]] -= self._radio[mode] * seconds
         self._radio_busy_of[node] += seconds
 
-    def mark_radios_busy(self, nodes: Ints, listed: list[int], seconds: float) -> None:
-        """`mark_radio_busy` for different nodes, given as an array and as a list."""
-        if len(listed) < FEW:
-            busy, mode, counts = self._radio_busy_of, self._mode, [0] * len(Mode)
-            for node in listed:
-                busy[node] += seconds
-                counts[mode[node]] += 1
-        else:
-            self._radio_busy[nodes] += seconds
-            counts = np.bincount(self._modes[nodes]).tolist()
-        for index, count in enumerate(counts):
+    def mark_radios_busy(self, nodes: Ints, seconds: float) -> None:
+        """`mark_radio_busy` for different nodes (n,)."""
+        counts = mark_busy(nodes, seconds, self._radio_busy, self._modes)
+        for index, count in enumerate(counts.tolist()):
             if count:
                 self._grand[self._radio_cause[index]] -= self._radio[index] * seconds * count
 

@@ -51,8 +51,8 @@ class Consumption:
     def mark_radio_busy(self, node: int, seconds: float) -> None:
         """The radio of a node sends or receives for this time."""
 
-    def mark_radios_busy(self, nodes: Ints, listed: list[int], seconds: float) -> None:
-        """`mark_radio_busy` for different nodes, given as an array and as a list."""
+    def mark_radios_busy(self, nodes: Ints, seconds: float) -> None:
+        """`mark_radio_busy` for different nodes (n,)."""
 
     def mark_computing(self, node: int, cycles: float) -> None:
         """The processor of a node computes for a number of cycles."""

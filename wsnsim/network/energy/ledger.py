@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Final, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats, Ints, scalars
 from wsnsim.base.tables import CAUSE, CAUSES
+from wsnsim.kernels.charging import book
 
 ELECTRONICS, AMPLIFIER, IDLE = CAUSE["tx_electronics"], CAUSE["tx_amplifier"], CAUSE["idle"]
-FEW: Final = 28
-"""Below this number of nodes a plain loop is faster than an array operation."""
 Charges: TypeAlias = Sequence[tuple[int, float]]
 """Pairs of cause and joules."""
 
@@ -37,7 +36,8 @@ class EnergyLedger:
         self.spent_by = scalars(self.spent)
         self.totals: list[float] = [0.0] * len(CAUSES)
         self.ceiling = 0.0
-        self._by_cause = [scalars(row) for row in self.joules]
+        self._rows = list(self.joules)
+        self._by_cause = [scalars(row) for row in self._rows]
         self._uses_of_ceiling = 0
 
     def book(self, node: int, cause: int, joules: float) -> None:
@@ -76,17 +76,10 @@ class EnergyLedger:
         self.spent_by[node] = battery
         return rest
 
-    def book_same(self, nodes: Ints, listed: list[int], cause: int, joules: float) -> None:
-        """Book the same joules on different nodes, given as an array and as a list."""
-        if len(listed) < FEW:
-            spent, book = self.spent_by, self._by_cause[cause]
-            for node in listed:
-                spent[node] += joules
-                book[node] += joules
-        else:
-            self.spent[nodes] += joules
-            self.joules[cause][nodes] += joules
-        self.totals[cause] += joules * len(listed)
+    def book_same(self, nodes: Ints, cause: int, joules: float) -> None:
+        """Book the same joules on different nodes (n,)."""
+        book(nodes, joules, self.spent, self._rows[cause])
+        self.totals[cause] += joules * nodes.size
         self.ceiling += joules
 
     def book_each(self, nodes: Ints, cause: int, joules: Floats) -> None:
@@ -103,9 +96,6 @@ class EnergyLedger:
             self.ceiling = float(self.spent.max(where=living, initial=0.0))
         return self.ceiling
 
-    def all_below(self, joules: float, nodes: Ints, listed: list[int]) -> bool:
-        """Whether each of the nodes, given as an array and as a list, has spent less than `joules`."""
-        if len(listed) < FEW:
-            spent = self.spent_by
-            return not [node for node in listed if spent[node] >= joules]
+    def all_below(self, joules: float, nodes: Ints) -> bool:
+        """Whether each of the nodes (n,) has spent less than `joules`."""
         return bool((self.spent[nodes] < joules).all())

@@ -3,8 +3,9 @@
     Reception(radio, key, receivers).resolve(transmission) -> Received
 
 A radio that receives a frame pays for it, whether it can use the frame or not. A radio that hears two frames at once
-pays for the time once. A radio that sends receives nothing. `resolve` chooses one of three ways to the same result:
-`_sort_out` is the general one; the others serve the frequent cases faster.
+pays for the time once. A radio that sends receives nothing. `resolve` chooses one of four ways to the same result:
+`_sort_out` is the general one; the others serve the frequent cases faster, in which no fault disturbs the frame and
+nobody can die of it.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from wsnsim.base.arrays import Bools, Floats, Ints
 from wsnsim.base.frames import EVERYONE, Received
 from wsnsim.base.rng import derive, derive_all, uniforms
 from wsnsim.base.tables import CAUSE, EVENT_CAUSE, KIND
+from wsnsim.kernels.reception import COLLIDED, FOREIGN, HEARD_OTHER, HIT, LOST, RECEIVED, outcomes, overlap
 from wsnsim.network.event_log import EACH, event
 from wsnsim.network.radio.capture import CapturingReceivers
 from wsnsim.network.radio.radio_services import RadioServices
@@ -26,7 +28,13 @@ from wsnsim.network.radio.use_counter import UseCounter
 RECEIVE, DROP, COLLIDE, OVERHEAR = (KIND[name] for name in ("receive", "drop", "collide", "overhear"))
 NONE, RX, OVERHEARD = (EVENT_CAUSE[name] for name in ("none", "rx", "overhear"))
 RX_LEDGER, OVERHEARD_LEDGER = CAUSE["rx"], CAUSE["overhear"]
+KINDS: Final = {RECEIVED: (RECEIVE, RX), COLLIDED: (COLLIDE, RX), FOREIGN: (OVERHEAR, OVERHEARD)}
+"""Kind and cause of the events that follow from an outcome."""
 WHOLE: Final = 1.0
+NO_MARKS: Final = np.zeros(0, dtype=np.int64)
+NO_TIMES: Final = np.zeros(0)
+ALL_USABLE: Final = np.zeros(0, dtype=np.bool_)
+NO_KEY: Final = np.uint64(0)
 NOWHERE: Final = np.False_
 
 
@@ -48,65 +56,88 @@ class Reception:
 
     def resolve(self, sent: Transmission) -> Received:
         """Return the result of a frame that was sent completely."""
-        nodes, received = self._nodes, None
-        simple = sent.frame.to == EVERYONE and self._topology.distance_only and not nodes.disturbed
-        listening = None if nodes.all_listen else nodes.hears(sent.neighbours.ids, sent.start)
-        if simple and (listening is None or listening.all()):
-            received = self._broadcast_alone(sent) if sent.overlapping is None else self._broadcast_overlapped(sent)
-        if received is None and self._is_undisturbed_unicast(sent):
-            return self._unicast(sent, listening)
-        return self._sort_out(sent, listening) if received is None else received
+        nodes, ids = self._nodes, sent.neighbours.ids
+        listening = None if nodes.all_listen else nodes.hears(ids, sent.start)
+        if self._receivers is not None:
+            self._receivers.lock_started()
+        if nodes.disturbed or not nodes.can_all_receive(ids, sent.costs[2]):
+            return self._sort_out(sent, listening)
+        if sent.frame.to == EVERYONE and self._topology.distance_only and (listening is None or listening.all()):
+            return self._broadcast_alone(sent) if sent.overlapping is None else self._broadcast_overlapped(sent)
+        return self._in_one_pass(sent, listening)
 
-    def _is_undisturbed_unicast(self, sent: Transmission) -> bool:
-        """Whether a frame is for one node, nothing disturbs it, and reception depends on distance alone."""
-        alone = sent.frame.to != EVERYONE and sent.overlapping is None and sent.asleep is None
-        return alone and self._topology.distance_only and not self._nodes.disturbed
+    def _in_one_pass(self, sent: Transmission, listening: Bools | None) -> Received:
+        """The result of a frame that no fault disturbs and of which nobody can die: that of `_sort_out`."""
+        nodes, neighbours, frame = self._nodes, sent.neighbours, sent.frame
+        ids, everyone = neighbours.ids, frame.to == EVERYONE
+        hears = nodes.living[ids] if listening is None else listening
+        if sent.asleep is not None:
+            hears = hears & ~np.isin(ids, sent.asleep)
+        marks, until = self._marks(sent)
+        thresholds, usable, key = self._chances(sent)
+        order, groups, in_range, delivered = outcomes(key, ids, thresholds, usable, hears, marks, until, frame.to)
+        received, collided = 0, 0
+        for outcome, begin, end, paid_until in groups.tolist():
+            group = order[int(begin) : int(end)]
+            if outcome == LOST:
+                self._log_each(sent, DROP, group, 0, 0.0, NONE)
+                continue
+            share = WHOLE if sent.overlapping is None else (sent.end - paid_until) / (sent.end - sent.start)
+            self._charge_group(sent, group, share, *KINDS[outcome])
+            received += group.size if outcome == RECEIVED else 0
+            collided += group.size if outcome == COLLIDED else 0
+        self._count(sent, in_range if everyone or nodes.alive[frame.to] else 0, delivered, collided)
+        if not everyone:
+            return bool(received)
+        return ids if received == ids.size else np.sort(order[:received])
 
-    def _unicast(self, sent: Transmission, listening: Bools | None) -> Received:
-        """The result of an undisturbed unicast: its destination receives it, all others that listen overhear it."""
-        to, ids = sent.frame.to, sent.neighbours.ids
-        listeners = ids if listening is None else ids[listening]
-        at = int(np.searchsorted(listeners, to))
-        got = at < listeners.size and int(listeners[at]) == to
-        if got:
-            self._charge_group(sent, listeners[at : at + 1], [to], WHOLE, RECEIVE, RX)
-        others = np.concatenate((listeners[:at], listeners[at + got :]))
-        if others.size:
-            self._charge_group(sent, others, others.tolist(), WHOLE, OVERHEAR, OVERHEARD)
-        in_range = sent.neighbours.index(to) >= 0
-        if in_range and not got:
-            self._log_each(sent, DROP, np.array([to]), 0, 0.0, NONE)
-        alive = self._nodes.alive[to]
-        got = got and alive
-        sent.missed = in_range and alive and not got
-        if sent.frame.packets:
-            self._counters.in_range += in_range and alive
-            self._counters.delivered += got
-        return got
+    def _marks(self, sent: Transmission) -> tuple[Ints, Floats]:
+        """What overlapping frames do at each neighbour (see `kernels.reception.overlap`); empty if there are none."""
+        if sent.overlapping is None:
+            return NO_MARKS, NO_TIMES
+        ids, mark = sent.neighbours.ids, HIT if self._receivers is None else HEARD_OTHER
+        marks, until = np.zeros(ids.size, dtype=np.int64), np.full(ids.size, sent.start)
+        for other in sent.overlapping:
+            if other.end > max(other.start, sent.start):
+                paid = other.end if other.end <= sent.end and not other.cut else sent.start
+                overlap(ids, other.neighbours.ids, other.source, mark, paid, sent.end, marks, until)
+        if self._receivers is not None:
+            marks[~self._receivers.locked(sent)] |= HIT
+        return marks, until
 
-    def _broadcast_alone(self, sent: Transmission) -> Received | None:
-        """The result of an undisturbed broadcast: all neighbours receive it. None if one may die of it."""
+    def _chances(self, sent: Transmission) -> tuple[Floats, Bools, Any]:
+        """(thresholds, usable, key) of a frame, as `kernels.reception.outcomes` takes them."""
+        if self._topology.distance_only:
+            return NO_TIMES, ALL_USABLE, NO_KEY
+        thresholds, usable = self._topology.thresholds(sent.neighbours, sent.frame.bits)
+        if self._receivers is not None and sent.overlapping:
+            thresholds = 1.0 - self._receivers.probabilities(sent)
+        return thresholds, usable, np.uint64(self._next_key(sent.source))
+
+    def _next_key(self, source: int) -> int:
+        """The key of the random numbers of a frame: a function of its sender, the step, and its number in the step."""
+        step = self._log.step
+        return derive(self._key, source, step, self._uses.next(source, step))
+
+    def _broadcast_alone(self, sent: Transmission) -> Received:
+        """The result of an undisturbed broadcast: all neighbours receive it."""
         neighbours, counters = sent.neighbours, self._counters
         _, _, joules, airtime = sent.costs
-        count = len(neighbours.id_list)
-        if not self._nodes.can_all_receive(neighbours.ids, neighbours.id_list, joules):
-            return None
+        count = neighbours.ids.size
         if count:
-            self._nodes.receive_all(neighbours.ids, neighbours.id_list, joules, RX_LEDGER, airtime)
+            self._nodes.receive_all(neighbours.ids, joules, RX_LEDGER, airtime)
             self._log_each(sent, RECEIVE, neighbours.ids, sent.frame.bits, joules, RX)
         counters.in_range += count
         counters.delivered += count
         return neighbours.ids
 
-    def _broadcast_overlapped(self, sent: Transmission) -> Received | None:
+    def _broadcast_overlapped(self, sent: Transmission) -> Received:
         """The result of a broadcast that overlaps others, if reception depends on distance alone.
 
-        It equals that of `_sort_out`, in a tenth of its time. None if a neighbour may die of it.
+        It equals that of `_sort_out` in another order of the nodes.
         """
         neighbours, counters = sent.neighbours, self._counters
         collided = self._collided_until(sent)
-        if not self._nodes.can_all_receive(neighbours.ids, neighbours.id_list, sent.costs[2]):
-            return None
         counters.in_range += len(neighbours.id_list)
         counters.collided += len(collided)
         sent.missed = bool(collided)
@@ -116,14 +147,12 @@ class Reception:
         for node, until in collided.items():
             groups.setdefault((sent.end - until) / airtime, []).append(node)
         for share, group in groups.items():
-            self._charge_group(sent, np.array(group), group, share, COLLIDE, RX)
-        if not collided:
-            received, listed = neighbours.ids, neighbours.id_list
-        else:
-            listed = [node for node in neighbours.id_list if node not in collided]
-            received = np.array(listed, dtype=np.int64)
-        if listed:
-            self._charge_group(sent, received, listed, WHOLE, RECEIVE, RX)
+            self._charge_group(sent, np.array(group), share, COLLIDE, RX)
+        received = neighbours.ids
+        if collided:
+            received = np.array([node for node in neighbours.id_list if node not in collided], dtype=np.int64)
+        if received.size:
+            self._charge_group(sent, received, WHOLE, RECEIVE, RX)
         return received
 
     def _collided_until(self, sent: Transmission) -> dict[int, float]:
@@ -152,8 +181,6 @@ class Reception:
         if sent.asleep is not None:
             hears = hears & ~np.isin(ids, sent.asleep)
         quiet = sent.overlapping is None and not nodes.disturbed
-        if self._receivers is not None:
-            self._receivers.lock_started()
         hit, overlapped, share = (None, None, None) if quiet else self._disturbances(sent)
         arrived = hears if hit is None else hears & ~hit
         reliable = self._topology.reliable(neighbours, frame.bits)
@@ -178,17 +205,16 @@ class Reception:
         if lost.any():
             self._log_each(sent, DROP, ids[lost], 0, 0.0, NONE)
         got &= living
-        self._count(sent, meant & living, got & meant, collided & meant)
+        self._count(sent, int((meant & living).sum()), int((got & meant).sum()), int((collided & meant).sum()))
         return ids[got] if everyone else bool(got.any())
 
-    def _count(self, sent: Transmission, meant: Bools, delivered: Bools, collided: Bools) -> None:
-        """Count the receptions of a frame; each mask is (n,) over the neighbours."""
-        in_range, arrived = int(meant.sum()), int(delivered.sum())
-        sent.missed = arrived < in_range
+    def _count(self, sent: Transmission, in_range: int, delivered: int, collided: int) -> None:
+        """Count the receptions of a frame."""
+        sent.missed = delivered < in_range
         if sent.frame.packets:
             self._counters.in_range += in_range
-            self._counters.delivered += arrived
-            self._counters.collided += int(collided.sum())
+            self._counters.delivered += delivered
+            self._counters.collided += collided
 
     def _disturbances(self, sent: Transmission) -> tuple[Bools, Bools, Floats]:
         """What overlapping transmissions and faults do at each neighbour, as three arrays (n,).
@@ -227,9 +253,7 @@ class Reception:
             probabilities = self._topology.probabilities(neighbours, bits)
         if nodes.disturbed:
             probabilities = probabilities * (1.0 - nodes.loss[sent.source]) * (1.0 - nodes.loss[neighbours.ids])
-        step = self._log.step
-        key = derive(self._key, sent.source, step, self._uses.next(sent.source, step))
-        samples = uniforms(derive_all(key, neighbours.ids), 0)
+        samples = uniforms(derive_all(self._next_key(sent.source), neighbours.ids), 0)
         return np.asarray(samples >= 1.0 - probabilities)
 
     def _charge(self, sent: Transmission, chosen: Bools, shares: Floats | None, kind: int, cause: int) -> None:
@@ -238,26 +262,23 @@ class Reception:
         if not ids.size:
             return
         if shares is None:
-            self._charge_group(sent, ids, ids.tolist(), WHOLE, kind, cause)
+            self._charge_group(sent, ids, WHOLE, kind, cause)
             return
         chosen_shares = shares[chosen]
         for share in np.unique(chosen_shares).tolist():
-            group = ids[chosen_shares == share]
-            self._charge_group(sent, group, group.tolist(), share, kind, cause)
+            self._charge_group(sent, ids[chosen_shares == share], share, kind, cause)
 
-    def _charge_group(
-        self, sent: Transmission, ids: Ints, id_list: list[int], share: float, kind: int, cause: int
-    ) -> None:
-        """Charge and log nodes (as array and as list) for the same share of a frame."""
+    def _charge_group(self, sent: Transmission, ids: Ints, share: float, kind: int, cause: int) -> None:
+        """Charge and log different nodes (n,) for the same share of a frame."""
         nodes, ledger = self._nodes, RX_LEDGER if cause == RX else OVERHEARD_LEDGER
         bits, joules, airtime = int(sent.frame.bits * share), sent.costs[2] * share, sent.costs[3] * share
         if bits == 0:
             self._log_each(sent, kind, ids, 0, 0.0, NONE)
-        elif nodes.can_all_receive(ids, id_list, joules):
-            nodes.receive_all(ids, id_list, joules, ledger, airtime)
+        elif nodes.can_all_receive(ids, joules):
+            nodes.receive_all(ids, joules, ledger, airtime)
             self._log_each(sent, kind, ids, bits, joules, cause)
         else:
-            for node in id_list:
+            for node in ids.tolist():
                 paid = nodes.spend_receive(node, joules, bits, ledger, airtime)
                 alive = nodes.alive[node]
                 spent = joules * paid / bits

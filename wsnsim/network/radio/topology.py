@@ -31,21 +31,29 @@ class Neighbours:
 
     Attributes:
         ids: (n,) the nodes, ascending.
-        id_list: The same as a list.
         powers: (n,) received power in dBm.
         senses: (n,) whether the node takes the channel for busy during a transmission.
         probabilities: {bits: (n,) probability that a frame of this length arrives}, filled on demand.
+        thresholds: {bits: (n,) one less that, and (n,) whether the link is usable}, filled on demand.
     """
 
-    __slots__ = ("_members", "id_list", "ids", "powers", "probabilities", "senses")
+    __slots__ = ("_id_list", "_members", "ids", "powers", "probabilities", "senses", "thresholds")
 
     def __init__(self, ids: Ints, powers: Floats, senses: Bools) -> None:
         self.ids = ids
         self.powers = powers
         self.senses = senses
-        self.id_list: list[int] = ids.tolist()
         self.probabilities: dict[int, Floats] = {}
+        self.thresholds: dict[int, tuple[Floats, Bools]] = {}
+        self._id_list: list[int] | None = None
         self._members: frozenset[int] | None = None
+
+    @property
+    def id_list(self) -> list[int]:
+        """The ids as a list."""
+        if self._id_list is None:
+            self._id_list = self.ids.tolist()
+        return self._id_list
 
     @property
     def members(self) -> frozenset[int]:
@@ -62,8 +70,8 @@ class Neighbours:
 
     def index(self, node: int) -> int:
         """The index of a node in `ids`, or -1."""
-        at = int(np.searchsorted(self.ids, node))
-        return at if at < len(self.id_list) and self.id_list[at] == node else -1
+        at = int(self.ids.searchsorted(node))
+        return at if at < self.ids.size and self.ids[at] == node else -1
 
 
 class Topology:
@@ -138,6 +146,14 @@ class Topology:
         found = neighbours.probabilities.get(bits)
         if found is None:
             found = neighbours.probabilities[bits] = self.link.reception(neighbours.powers, bits, 0.0)
+        return found
+
+    def thresholds(self, neighbours: Neighbours, bits: int) -> tuple[Floats, Bools]:
+        """What a uniform random number must reach for an undisturbed frame to arrive (n,), and `reliable` (n,)."""
+        found = neighbours.thresholds.get(bits)
+        if found is None:
+            thresholds = np.asarray(1.0 - self.probabilities(neighbours, bits), dtype=np.float64)
+            found = neighbours.thresholds[bits] = (thresholds, self.reliable(neighbours, bits))
         return found
 
     def _find(self, node: int, ids: Ints) -> Neighbours:

@@ -1,0 +1,26 @@
+"""Frames on the air as arguments of the kernels of `wsnsim.kernels.reception`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from wsnsim.kernels.reception import HEARD_OTHER, HIT
+
+
+def frame(count: int, seed: int = 7, to: int = -1, busy: bool = True) -> tuple[Any, ...]:
+    """The arguments of `outcomes` for a frame that `count` nodes may hear."""
+    rng = np.random.default_rng(seed)
+    ids = np.sort(rng.choice(4 * count, count, replace=False))
+    marks = rng.choice([0, 0, HEARD_OTHER, HIT, HEARD_OTHER | HIT], count) if busy else np.zeros(0, np.int64)
+    until = rng.choice([1.0, 1.5, 2.0], count) if busy else np.zeros(0)
+    to = int(ids[to]) if to >= 0 else -1
+    return np.uint64(seed), ids, rng.random(count), rng.random(count) < 0.7, rng.random(count) < 0.8, marks, until, to
+
+
+def other_frame(count: int) -> tuple[Any, ...]:
+    """The arguments of `overlap` for two frames that many nodes hear, the sender of one among them."""
+    rng = np.random.default_rng(count)
+    ids, others = (np.sort(rng.choice(2 * count, count, replace=False)) for _ in range(2))
+    return ids, others, int(ids[0]), HEARD_OTHER, 1.5, 2.0, np.zeros(count, np.int64), np.full(count, 1.0)

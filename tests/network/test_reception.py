@@ -1,0 +1,92 @@
+"""Every way in which `Reception` finds the result of a frame gives that of the general one, bit by bit."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.network.radio_network import RadioNetwork
+from wsnsim.base.frames import EVERYONE, MacFrame
+from wsnsim.models.energy import FirstOrder
+from wsnsim.models.links import Disk, LogNormal
+from wsnsim.models.sleep import EventWake, RandomIndependent
+from wsnsim.network.radio.reception import Reception
+from wsnsim.scenario import build, load
+
+NODES = 14
+LINKS = {
+    "disk": Disk(reach=60.0),
+    "disk with loss": Disk(reach=60.0, loss=0.3),
+    "log-normal": LogNormal(),
+    "log-normal, exponent 2.13": LogNormal(exponent=2.13),
+    "sinr": LogNormal(interference="sinr"),
+}
+STATES = build(load("gmtt", ["duration=2 s"])).energy
+SLEEPS = {"awake": EventWake(), "asleep at times": RandomIndependent(period=0.05, probability=0.6)}
+
+
+def played(link, sleep, energy, seed, general):
+    """What a busy tenth of a second in a small network leaves behind: events, ledger, counters and results."""
+    rng = np.random.default_rng(seed)
+    network = RadioNetwork(rng.uniform(0, 90, (NODES, 2)), link=link, sleep=sleep, energy=energy, seed=seed)
+    reception, results, ways = network.mac.channel._reception, [], []
+    if general:
+        for way in ("_in_one_pass", "_broadcast_alone", "_broadcast_overlapped"):
+            setattr(reception, way, lambda sent, listening=None: Reception._sort_out(reception, sent, listening))
+    else:
+        of = reception._in_one_pass
+        reception._in_one_pass = lambda sent, listening: ways.append(sent) or of(sent, listening)
+
+    def send(source, to, code, asleep):
+        if network.nodes.alive[source] and not network.mac.channel.is_sending(source):
+            frame = MacFrame(to, 232, packets=1, target=-1, code=code)
+            network.mac.channel.transmit(source, frame, lambda sent, got: results.append((sent.missed, got)), asleep)
+
+    for number, time in enumerate(np.sort(rng.uniform(0, 0.12, 60)).tolist()):
+        source, other = (int(node) for node in rng.choice(NODES, 2, replace=False))
+        to = EVERYONE if rng.random() < 0.5 else other
+        asleep = np.flatnonzero(rng.random(NODES) < 0.3) if to != EVERYONE and rng.random() < 0.4 else None
+        network.at(time, lambda a=source, b=to, c=number, d=asleep: send(a, b, c, d))
+    network.env.run(until=0.2)
+    network.log.fingerprint()
+    events = network.memory.table("events")
+    return network, events, results, ways
+
+
+def assert_equal(mine, general, ordered):
+    for one, other in zip(mine[2], general[2], strict=True):
+        assert one[0] == other[0] and np.array_equal(one[1], other[1])
+    for name, column in mine[1].items():
+        if ordered:
+            assert np.array_equal(column, general[1][name], equal_nan=column.dtype.kind == "f"), name
+    assert mine[0].log.fingerprint() == general[0].log.fingerprint()
+    assert np.array_equal(mine[0].nodes.ledger.joules, general[0].nodes.ledger.joules)
+    assert np.array_equal(mine[0].nodes.ledger.spent, general[0].nodes.ledger.spent)
+    assert mine[0].counters == general[0].counters and mine[0].died == general[0].died
+
+
+@settings(max_examples=30)
+@given(st.sampled_from(sorted(LINKS)), st.sampled_from(sorted(SLEEPS)), st.booleans(), st.integers(0, 10_000))
+def test_every_way_to_the_result_of_a_frame_gives_that_of_the_general_one(link, sleep, continuous, seed):
+    energy = STATES if continuous else FirstOrder()
+    runs = [played(LINKS[link], SLEEPS[sleep], energy, seed, general) for general in (False, True)]
+    assert_equal(*runs, ordered=link != "disk")
+    assert len(runs[0][3]) > (0 if link == "disk" else 20), "the fast way was taken"
+
+
+@settings(max_examples=6)
+@given(st.sampled_from(sorted(LINKS)), st.integers(0, 10_000))
+def test_where_a_battery_may_run_out_the_general_way_is_taken(link, seed):
+    scarce = FirstOrder(battery=1e-4)
+    runs = [played(LINKS[link], EventWake(), scarce, seed, general) for general in (False, True)]
+    assert_equal(*runs, ordered=link != "disk")
+
+
+@pytest.mark.parametrize("link", ["log-normal", "sinr"])
+def test_a_fault_that_disturbs_leads_to_the_general_way(link, monkeypatch):
+    monkeypatch.setattr(Reception, "_in_one_pass", lambda *_: pytest.fail("a jammed radio was overlooked"))
+    network = RadioNetwork([(0, 0), (10, 0), (20, 0)], link=LINKS[link])
+    network.nodes.jammed[1] = network.nodes.disturbed = True
+    assert network.broadcast(0).received.keys() <= {2}

@@ -1,0 +1,46 @@
+"""The same charge for several nodes, in one pass over them.
+
+    book(nodes, joules, spent, spent_on)                  the energy ledger
+    mark_busy(nodes, seconds, busy, modes) -> counts      background consumption
+
+For the few neighbours of a sender each is several times as fast as the same in array operations.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wsnsim.kernels.arrays import Floats, Ints
+from wsnsim.kernels.compilation import kernel
+
+MODES = 8
+"""At least the number of modes of a node."""
+
+
+@kernel
+def book(nodes: Ints, joules: float, spent: Floats, spent_on: Floats) -> None:
+    """Add joules to what different nodes (n,) have spent (N,), and to what they have spent on one cause (N,)."""
+    for i in range(nodes.size):
+        spent[nodes[i]] += joules
+        spent_on[nodes[i]] += joules
+
+
+@kernel
+def mark_busy(nodes: Ints, seconds: float, busy: Floats, modes: NDArray[np.int8]) -> Ints:
+    """Add seconds to the time for which the radios of different nodes (n,) were busy (N,).
+
+    Args:
+        nodes: (n,) the nodes.
+        seconds: The time in s.
+        busy: (N,) the time of all nodes in s.
+        modes: (N,) the mode of each node.
+
+    Returns:
+        How many of the nodes are in each mode, (MODES,).
+    """
+    counts = np.zeros(MODES, np.int64)
+    for i in range(nodes.size):
+        busy[nodes[i]] += seconds
+        counts[modes[nodes[i]]] += 1
+    return counts

@@ -1,0 +1,127 @@
+"""What a frame does at the neighbours of its sender, in one pass over them.
+
+    overlap(ids, others, source, mark, paid, end, marks, until)      another frame is heard meanwhile
+    outcomes(key, ids, thresholds, usable, hears, marks, until, to) -> order, groups, in range, delivered
+
+Nodes are given by their numbers, ascending. The random numbers are those of `base.rng`, so that the general path of
+`network.radio.reception` gives the same result.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from wsnsim.kernels.arrays import Bools, Floats, Ints
+from wsnsim.kernels.compilation import inlined, kernel
+from wsnsim.kernels.noise import GOLDEN, ONE, mix, uniform
+
+RECEIVED, COLLIDED, FOREIGN, LOST = 1, 2, 3, 4
+"""The outcomes of a frame at one node, in the order of the groups. FOREIGN: it was for another node."""
+HEARD_OTHER, HIT = 1, 2
+"""Marks: another frame was heard meanwhile; the frame is lost."""
+
+
+@kernel
+def overlap(
+    ids: Ints, others: Ints, source: int, mark: int, paid: float, end: float, marks: Ints, until: Floats
+) -> None:
+    """Mark at the nodes (n,) what another frame does, which `source` has sent and `others` (m,) hear.
+
+    Args:
+        ids: (n,) the nodes that hear the frame.
+        others: (m,) the nodes that hear the other frame.
+        source: The sender of the other frame: it receives nothing.
+        mark: HIT if a frame is lost where another one is heard; else HEARD_OTHER.
+        paid: Time in s until which a radio that hears the other frame pays for that one.
+        end: The end of the frame in s.
+        marks: (n,) in which `mark` is set, and HIT at the sender.
+        until: (n,) time in s until which each radio pays for other frames or sends itself; raised.
+    """
+    i, j = 0, 0
+    while i < ids.size and j < others.size:
+        if ids[i] < others[j]:
+            i += 1
+        elif ids[i] > others[j]:
+            j += 1
+        else:
+            marks[i] |= mark
+            if paid > until[i]:
+                until[i] = paid
+            i += 1
+            j += 1
+    at = np.searchsorted(ids, source)
+    if at < ids.size and ids[at] == source:
+        marks[at] |= HIT
+        until[at] = end
+
+
+@inlined
+def _latest(found: Ints, outcome: int, until: Floats, below: float) -> float:
+    """The latest `until` of the nodes with an outcome that is less than `below`."""
+    latest = -np.inf
+    for i in range(found.size):
+        if found[i] == outcome and latest < until[i] < below:
+            latest = until[i]
+    return latest
+
+
+@kernel
+def outcomes(
+    key: np.uint64, ids: Ints, thresholds: Floats, usable: Bools, hears: Bools, marks: Ints, until: Floats, to: int
+) -> tuple[Ints, Floats, int, int]:
+    """The outcome of a frame at each node, with nodes of equal outcome and equal `until` grouped.
+
+    A frame arrives at a node that hears it, is not hit, and whose random number reaches the threshold.
+
+    Args:
+        key: The key of the frame's random numbers.
+        ids: (n,) the nodes.
+        thresholds: (n,) one less the probability that an undisturbed frame arrives; (0,): it always does.
+        usable: (n,) whether the link is usable, so that a loss counts; (0,): all are.
+        hears: (n,) whether the node is up and listens.
+        marks: (n,) what other frames do, see `overlap`; (0,): nothing disturbs the frame.
+        until: (n,) until when the radios pay for other frames.
+        to: The destination; -1 for everyone.
+
+    Returns:
+        The nodes, group by group (m,); per group (g, 4) its outcome, its begin and end in the former, and its `until`;
+        the number of nodes that should receive the frame; the number of those that do.
+    """
+    everyone, quiet = to < 0, marks.size == 0
+    found, counts = np.zeros(ids.size, np.int64), np.zeros(5, np.int64)
+    in_range, delivered = 0, 0
+    for i in range(ids.size):
+        arrives = hears[i] and (quiet or marks[i] < HIT)
+        if arrives and thresholds.size > 0:
+            arrives = uniform(mix(key + (np.uint64(ids[i]) + ONE) * GOLDEN), 0) >= thresholds[i]
+        reliable = usable.size == 0 or usable[i]
+        collides = hears[i] and not arrives and not quiet and marks[i] > 0 and reliable
+        meant = (hears[i] and reliable) if everyone else ids[i] == to
+        outcome = 0
+        if arrives and (everyone or meant):
+            outcome = RECEIVED
+        elif collides and meant:
+            outcome = COLLIDED
+        elif arrives or collides:
+            outcome = FOREIGN
+        elif meant:
+            outcome = LOST
+        in_range += meant
+        delivered += meant and arrives
+        found[i] = outcome
+        counts[outcome] += 1
+    order, groups = np.empty(ids.size - counts[0], np.int64), np.empty((ids.size + 1, 4))
+    size, last = 0, 0
+    for outcome in range(RECEIVED, LOST + 1):
+        end = size + counts[outcome]
+        together, below = quiet or outcome == LOST, np.inf
+        while size < end:
+            top = 0.0 if together else _latest(found, outcome, until, below)
+            groups[last, 0], groups[last, 1], groups[last, 3] = outcome, size, top
+            for i in range(ids.size):
+                if found[i] == outcome and (together or until[i] == top):
+                    order[size] = ids[i]
+                    size += 1
+            groups[last, 2] = size
+            last, below = last + 1, top
+    return order, groups[:last], in_range, delivered
