@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.test_testing import Honest
-from wsnsim.base.requests import PACKET_BITS, Compute, Gather, Local, Parcel
+from wsnsim.base.requests import PACKET_BITS, Compute, Gather, GatherReadings, Local, Parcel
 from wsnsim.testing import check_tracker
 
 
@@ -64,6 +64,33 @@ class SendsAFloatInOneBit(Honest):
 
     def parcel_of(self, member):
         return replace(super().parcel_of(member), packet_bits=1)
+
+
+class AsksForArrays(Honest):
+    """Honest: the mean of the readings that arrived as arrays."""
+
+    bits = PACKET_BITS
+
+    def step(self, belief, scene):
+        seen = yield GatherReadings(self.bits)
+        yield Compute(10.0)
+        return self.moved(belief, float(seen.values.mean()) if seen.ids else 0.0)
+
+
+class AsksForArraysInOneBit(AsksForArrays):
+    """Each reading is sent in a packet of one bit."""
+
+    bits = 1
+
+
+class KeepsReadingsBesideArrays(AsksForArrays):
+    """A Local leaves readings in the tracker, which are used once some array has arrived."""
+
+    def step(self, belief, scene):
+        heap = []
+        yield Local(lambda member: heap.append(member.reading))
+        seen = yield GatherReadings()
+        return self.moved(belief, sum(heap) if set(seen.ids) - {scene.head} else 0.0)
 
 
 class SendsAFloatAsAnInteger(Honest):
@@ -172,6 +199,8 @@ CHEATS = [
     (KeepsReadingsWhileComputing(), "isolation", "were not in them"),
     (SendsItsMember(), "values", "live Member"),
     (SendsAFloatInOneBit(), "values", "declares 1 bits; what it carries needs at least 8"),
+    (AsksForArraysInOneBit(), "values", "declares 1 bits; what it carries needs at least 8"),
+    (KeepsReadingsBesideArrays(), "isolation", "were not in them"),
     (SendsAFloatAsAnInteger(), "values", "declares 8 bits"),
     (SendsAFloatInSmallIntegers(), "values", "declares 8 bits"),
     (SendsAFloatInTruthValues(), "values", "declares 8 bits"),
@@ -186,3 +215,7 @@ CHEATS = [
 def test_a_cheat_that_some_arrived_parcel_covers_is_caught(cheat, demand, reason):
     with pytest.raises(AssertionError, match=rf"demand '{demand}.*({reason})"):
         check_tracker(cheat)
+
+
+def test_a_tracker_that_asks_for_readings_as_arrays_keeps_the_rules():
+    check_tracker(AsksForArrays())

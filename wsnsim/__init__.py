@@ -21,7 +21,18 @@ if TYPE_CHECKING:
     from wsnsim.analysis.frames import read
     from wsnsim.base.part import Quantity, part
     from wsnsim.base.ports import Estimate, Scene, Tracker
-    from wsnsim.base.requests import Broadcast, Compute, Gather, Local, Member, Parcel, Scatter, Send
+    from wsnsim.base.requests import (
+        Broadcast,
+        Compute,
+        Gather,
+        GatheredReadings,
+        GatherReadings,
+        Local,
+        Member,
+        Parcel,
+        Scatter,
+        Send,
+    )
     from wsnsim.campaign import sweep
     from wsnsim.experiment import run, simulate
     from wsnsim.scenario import load
@@ -42,14 +53,16 @@ _HOMES = {
     "Parcel": "wsnsim.base.requests",
     "Local": "wsnsim.base.requests",
     "Gather": "wsnsim.base.requests",
+    "GatherReadings": "wsnsim.base.requests",
+    "GatheredReadings": "wsnsim.base.requests",
     "Scatter": "wsnsim.base.requests",
     "Broadcast": "wsnsim.base.requests",
     "Send": "wsnsim.base.requests",
     "Compute": "wsnsim.base.requests",
 }
 __all__ = [
-    "Broadcast", "Compute", "Estimate", "Gather", "Local", "Member", "Parcel", "Quantity", "Scatter", "Scene", "Send",
-    "Tracker", "compare", "load", "part", "read", "run", "simulate", "sweep",
+    "Broadcast", "Compute", "Estimate", "Gather", "GatherReadings", "GatheredReadings", "Local", "Member", "Parcel",
+    "Quantity", "Scatter", "Scene", "Send", "Tracker", "compare", "load", "part", "read", "run", "simulate", "sweep",
 ]  # fmt: skip
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from tests.helpers.centroid_network import Centroid, Run, network_setup, standing
 from wsnsim.base.ports import Estimate
-from wsnsim.base.requests import PACKET_BITS, Gather, Member, Parcel
+from wsnsim.base.requests import PACKET_BITS, Gather, GatherReadings, Member, Parcel
 from wsnsim.offline.loopback import perform
 from wsnsim.offline.request_costs import RequestCosts
 
@@ -64,3 +64,29 @@ def test_readings_are_counted_without_a_network_by_declaration(form):
 
 def test_a_member_without_a_reading_carries_none():
     assert Parcel(1.0, 1, PACKET_BITS, "reading", readings=1).readings_of(Member(0, np.zeros(2), np.ones(1))) == 0
+
+
+class Arrays(Centroid):
+    """A centroid tracker that asks for readings as arrays."""
+
+    def step(self, belief, scene):
+        self.answers.append((yield GatherReadings()))
+        return belief
+
+
+def test_readings_that_come_as_arrays_are_counted_in_a_network():
+    tracker = Arrays()
+    run = Run(network_setup(steps=3, tracker=tracker), NODES, [standing((5.0, 5.0), 3)])
+    assert run.memory.table("estimates")["readings"].tolist() == [3] * 3
+    assert [sorted(answer.ids) for answer in tracker.answers] == [[0, 1, 2]] * 3
+
+
+def test_readings_that_come_as_arrays_are_counted_without_a_network():
+    members = {node: Member(node, np.zeros(2), np.ones(1), 2.5) for node in range(3)}
+    costs = RequestCosts()
+
+    def flow():
+        yield GatherReadings()
+
+    perform(flow(), members, 0, costs.carry, costs.before, None, costs.answer)
+    assert (costs.readings, costs.frames, costs.packets) == (3, 2, 2)

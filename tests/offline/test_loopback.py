@@ -1,7 +1,19 @@
 import numpy as np
 import pytest
 
-from wsnsim.base.requests import Broadcast, Compute, Gather, Local, Member, Parcel, Scatter, Send
+from wsnsim.base.requests import (
+    PACKET_BITS,
+    Broadcast,
+    Compute,
+    Gather,
+    GatherReadings,
+    Local,
+    Member,
+    Parcel,
+    Scatter,
+    Send,
+    all_arrived,
+)
 from wsnsim.offline.loopback import perfect, perform, silent
 
 
@@ -57,3 +69,35 @@ def test_a_watcher_sees_every_ask(lose):
     seen = []
     perform(everything([]), cluster(), head=4, lose=lose, before=seen.append)
     assert [type(ask).__name__ for ask in seen] == ["Local", "Gather", "Scatter", "Broadcast", "Send", "Compute"]
+
+
+def lossy(source, to, parcel):
+    """Odd nodes are heard."""
+    return all_arrived(1) if source % 2 else np.zeros(1, dtype=np.bool_)
+
+
+@pytest.mark.parametrize("lose", [perfect, silent, lossy])
+@pytest.mark.parametrize("who", [None, (9, 7, 1234), ()])
+def test_gathered_readings_are_those_of_a_gather_of_the_same_parcels(lose, who):
+    def readings():
+        return (yield GatherReadings(who=who))
+
+    def parcels():
+        return (yield Gather(lambda m: None if m.reading is None else Parcel(m.reading, 1, PACKET_BITS, "x"), who))
+
+    found = perform(readings(), cluster(), head=4, lose=lose)
+    expected = perform(parcels(), cluster(), head=4, lose=lose)
+    assert dict(zip(found.ids, found.values.tolist(), strict=True)) == {i: value for i, (value, _) in expected.items()}
+    assert found.ids == tuple(expected) and found.masks.tolist() == [mask.tolist() for _, mask in expected.values()]
+
+
+@pytest.mark.parametrize("lose", [perfect, lossy])
+def test_a_reading_that_is_not_finite_is_not_sent(lose):
+    members = cluster()
+    members[7].reading = float("nan")
+
+    def flow():
+        return (yield GatherReadings())
+
+    found = perform(flow(), members, head=4, lose=lose)
+    assert found.ids == (4,) and found.values.tolist() == [40.0]

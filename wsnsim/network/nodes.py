@@ -145,10 +145,8 @@ class Nodes:
 
     def spend(self, node: int, cause: int, joules: float) -> float:
         """Book joules on a node that is up; returns those that were spent, fewer if the node died of it."""
-        if self.battery - self._spent[node] - joules <= self._tight:
-            self._settle(node)
-            if not self.alive[node]:
-                return 0.0
+        if self.battery - self._spent[node] - joules <= self._tight and not self._settle(node):
+            return 0.0
         spent = self._spent[node]
         left = self.battery - spent
         if spent + joules >= self.battery:
@@ -166,10 +164,8 @@ class Nodes:
         """
         if seconds:
             self.consumption.mark_radio_busy(node, seconds)
-        if self.battery - self._spent[node] <= self._tight:
-            self._settle(node)
-            if not self.alive[node]:
-                return 0
+        if self.battery - self._spent[node] <= self._tight and not self._settle(node):
+            return 0
         spent = self._spent[node]
         joules = electronics + amplifier
         if spent + joules >= self.battery:
@@ -186,10 +182,8 @@ class Nodes:
         """Book a reception; returns the whole bits that were paid for, fewer if the node died of it."""
         if seconds:
             self.consumption.mark_radio_busy(node, seconds)
-        if self.battery - self._spent[node] <= self._tight:
-            self._settle(node)
-            if not self.alive[node]:
-                return 0
+        if self.battery - self._spent[node] <= self._tight and not self._settle(node):
+            return 0
         spent = self._spent[node]
         if spent + joules >= self.battery:
             paid = min(int(bits * (self.battery - spent) / joules), bits)
@@ -199,6 +193,11 @@ class Nodes:
         if self.battery - self._spent[node] <= self._reserve:
             self._watch(node)
         return bits
+
+    def all_outlast(self, nodes: list[int], joules: float) -> bool:
+        """Whether all nodes are up, and none could run out if it spent this much in addition."""
+        limit, alive, spent = self.battery * BELOW_BATTERY - joules - self._tight, self.alive, self._spent
+        return not [node for node in nodes if not alive[node] or spent[node] >= limit]
 
     def can_all_receive(self, nodes: Ints, joules: float) -> bool:
         """Whether none of the nodes (n,) could die of a reception: `receive_all` may book it."""
@@ -230,10 +229,11 @@ class Nodes:
         self.consumption = Consumption()
         self._reserve = self._tight = 0.0
 
-    def _settle(self, node: int) -> None:
-        """Book what a node has consumed until now. It may have run out, within rounding of its timer."""
+    def _settle(self, node: int) -> bool:
+        """Book what a node has consumed until now; return whether it is up, as it may have run out of it."""
         if charges := self.consumption.settle(node):
             self._book_consumed(node, charges)
+        return bool(self.alive[node])
 
     def _book_consumed(self, node: int, charges: Charges) -> None:
         joules = sum(amount for _, amount in charges)

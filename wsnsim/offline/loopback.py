@@ -17,6 +17,8 @@ from wsnsim.base.requests import (
     Delivery,
     Flow,
     Gather,
+    GatheredReadings,
+    GatherReadings,
     Local,
     Member,
     NodeId,
@@ -84,6 +86,8 @@ def answer_to(request: Request, members: dict[int, Member], head: int, lose: Los
         return _compute(request, _addressed(request.who, members))
     if isinstance(request, Gather):
         return _gather(request, _addressed(request.who, members), head, lose)
+    if isinstance(request, GatherReadings):
+        return _gather_readings(request, members, head, lose)
     if isinstance(request, Scatter):
         return _deliver({i: parcel for i, parcel in request.parcels.items() if i in members}, members, head, lose)
     if isinstance(request, Broadcast):
@@ -110,6 +114,14 @@ def _gather(request: Gather, addressed: list[Member], head: int, lose: Lose) -> 
     parcels = {member.id: request.parcel_of(member) for member in addressed}
     sent = {i: (parcel.payload, _carry(i, head, parcel, lose)) for i, parcel in parcels.items() if parcel is not None}
     return {i: (payload, mask) for i, (payload, mask) in sent.items() if mask.any()}
+
+
+def _gather_readings(request: GatherReadings, members: dict[int, Member], head: int, lose: Lose) -> GatheredReadings:
+    addressed = _addressed(request.who, members)
+    if lose is not perfect:
+        return GatheredReadings.of(_gather(request.gather(), addressed, head, lose))
+    readings = request.readings_of(addressed)
+    return GatheredReadings(tuple(readings), np.array(list(readings.values()), dtype=np.float64))
 
 
 def _carry(source: int, to: int, parcel: Parcel, lose: Lose) -> Bools:

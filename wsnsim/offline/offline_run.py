@@ -108,7 +108,7 @@ class OfflineRun:
         def after(request: Request, answer: Any) -> None:
             costs.after(request, answer, members)
 
-        return perform(flow, members, HEAD, costs.carry, costs.before, after)
+        return perform(flow, members, HEAD, costs.carry, costs.before, after, costs.answer)
 
     def _issue(self, scene: Scene, estimate: Estimate) -> Issued:
         if not np.all(np.isfinite(estimate.mean)):

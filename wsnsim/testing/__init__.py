@@ -15,7 +15,18 @@ import numpy as np
 
 from wsnsim.base.arrays import Bools
 from wsnsim.base.ports import Estimate, MotionModel, SensorModel, Tracker
-from wsnsim.base.requests import Broadcast, Compute, Gather, Local, Member, Parcel, Request, Scatter, Send
+from wsnsim.base.requests import (
+    Broadcast,
+    Compute,
+    Gather,
+    GatherReadings,
+    Local,
+    Member,
+    Parcel,
+    Request,
+    Scatter,
+    Send,
+)
 from wsnsim.models.motion import BoundedVelocity
 from wsnsim.models.sensing import AcousticEnergy
 from wsnsim.offline.loopback import Lose, silent
@@ -123,6 +134,9 @@ class _DeclaredCosts:
         elif isinstance(request, Gather):
             parcel_of = request.parcel_of
             request.parcel_of = lambda member: self._add(parcel_of(member))
+        elif isinstance(request, GatherReadings):
+            for member in members.values():
+                self._add(request.parcel_of(member))
         else:
             assert isinstance(request, Local), f"{request!r} is not a request"
             request.work, request.work_all = _with_cycles(request), None

@@ -16,7 +16,18 @@ from collections.abc import Callable, Sequence, Set
 from dataclasses import dataclass, replace
 from typing import Any
 
-from wsnsim.base.requests import Broadcast, Gather, Local, Member, Parcel, Request, Scatter, Send
+from wsnsim.base.requests import (
+    Broadcast,
+    Gather,
+    GatheredReadings,
+    GatherReadings,
+    Local,
+    Member,
+    Parcel,
+    Request,
+    Scatter,
+    Send,
+)
 from wsnsim.offline.loopback import Lose, answer_to
 from wsnsim.testing.payloads import demand_enough_bits, plain
 from wsnsim.testing.privacy import same
@@ -65,6 +76,8 @@ class Isolation:
             return computed
         if isinstance(request, Gather):
             return self._gather(request, members, head, lose)
+        if isinstance(request, GatherReadings):
+            return GatheredReadings.of(self._gather(request.gather(), members, head, lose))
         if isinstance(request, Scatter):
             parcels = {node: self._copied(parcel) for node, parcel in request.parcels.items()}
             return self._deliver(replace(request, parcels=parcels), members, head, lose)

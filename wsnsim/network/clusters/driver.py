@@ -11,11 +11,25 @@ from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
+import numpy as np
 import simpy
 
 from wsnsim.base.arrays import Bools
 from wsnsim.base.errors import RunError
-from wsnsim.base.requests import Broadcast, Compute, Delivery, Flow, Gather, Local, Member, Parcel, Scatter, Send
+from wsnsim.base.requests import (
+    Broadcast,
+    Compute,
+    Delivery,
+    Flow,
+    Gather,
+    GatheredReadings,
+    GatherReadings,
+    Local,
+    Member,
+    Parcel,
+    Scatter,
+    Send,
+)
 from wsnsim.network.clusters.processors import Processors
 from wsnsim.network.nodes import Nodes
 from wsnsim.network.radio.transport import Datagram, Transport
@@ -101,6 +115,8 @@ class Driver:
                         yield self._env.timeout(seconds)
                 elif type(request) is Gather:
                     answer = yield from self._gather(request)
+                elif type(request) is GatherReadings:
+                    answer = yield from self._gather_readings(request)
                 elif type(request) is Scatter:
                     answer = yield from self._scatter(request)
                 elif type(request) is Broadcast:
@@ -109,8 +125,8 @@ class Driver:
                     answer = yield from self._send(request)
                 else:
                     raise RunError(
-                        f"a tracker requested {request!r}; requests are Local, Compute, Gather, Scatter, Broadcast "
-                        "and Send"
+                        f"a tracker requested {request!r}; requests are Local, Compute, Gather, GatherReadings, "
+                        "Scatter, Broadcast and Send"
                     )
                 if not self._alive[self._head]:
                     raise HeadDied
@@ -134,9 +150,11 @@ class Driver:
                 request.work(member)
         self.readings = len([member for member in addressed if member.reading is not None])
         cycles = request.cycles
-        seconds = [self._compute(member.id, cycles(member) if callable(cycles) else cycles) for member in addressed]
+        ids = [member.id for member in addressed]
+        operations = [cycles(member) for member in addressed] if callable(cycles) else [cycles] * len(ids)
+        seconds = self._services.processors.compute_all(ids, operations, self._target)
         alive = self._alive
-        return tuple([member.id for member in addressed if alive[member.id]]), max(seconds, default=0.0)
+        return tuple([node for node in ids if alive[node]]), seconds
 
     def _compute(self, node: int, operations: float) -> float:
         return self._services.processors.compute(node, operations, self._target)
@@ -160,6 +178,29 @@ class Driver:
             self.heard = {node: readings[node][0] for node in arrived}
             self.readings = sum([readings[node][1] for node in arrived])
         return answer
+
+    def _gather_readings(self, request: GatherReadings) -> Generator[simpy.Event, Any, GatheredReadings]:
+        readings = request.readings_of(self._addressed(request.who))
+        arrived = yield from self._collect_same(list(readings), Parcel(None, 1, request.packet_bits, request.what))
+        if readings:
+            self.heard = {node: readings[node] for node in sorted(arrived)}
+            self.readings = len(arrived)
+        return GatheredReadings(tuple(arrived), np.array([readings[node] for node in arrived], dtype=np.float64))
+
+    def _collect_same(self, nodes: list[int], parcel: Parcel) -> Generator[simpy.Event, Any, list[int]]:
+        """Send a parcel of this form from each node to the head; return the nodes from which it arrived, in order."""
+        head, others = self._head, [node for node in nodes if node != self._head]
+        if self._window is None and others:
+            sent = self._services.transport.gather(others, head, parcel, self._target, self._one_hop)
+            if sent is not None:
+                event, unicasts = sent
+                yield event
+                self.bits += unicasts.bits
+                arrived = unicasts.arrived()
+                return [node for node in nodes if node == head or node in arrived]
+        datagrams = [Datagram(node, head, parcel) for node in nodes]
+        yield from self.collect(datagrams)
+        return [datagram.source for datagram in datagrams if datagram.arrived]
 
     def collect(self, datagrams: list[Datagram]) -> Generator[simpy.Event, Any, None]:
         """Send datagrams to the head and wait until all have ended, or for the window; later ones are ignored."""

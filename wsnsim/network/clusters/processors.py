@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final
 
 from wsnsim.base.radio import Cpu, EnergyModel
@@ -25,6 +26,24 @@ class Processors:
         self._energy = energy
         self._cpu = cpu
         self.operations = 0.0
+
+    def compute_all(self, nodes: list[int], operations: Sequence[float], target: int) -> float:
+        """Book a computation at each of several nodes; return the simulated seconds of the longest, 0 for none."""
+        cycles = [each * self._cpu.cycles_per_flop for each in operations]
+        joules = [self._energy.compute(each) for each in cycles]
+        if not nodes or not all(joules) or not self._nodes.all_outlast(nodes, sum(joules)):
+            seconds = [self.compute(node, each, target) for node, each in zip(nodes, operations, strict=True)]
+            return max(seconds, default=0.0)
+        for node, each, count in zip(nodes, cycles, operations, strict=True):
+            self.operations += count
+            self._nodes.consumption.mark_computing(node, each)
+        self._nodes.ledger.book_cause(nodes, CPU_CAUSE, joules)
+        now, step = self._clock.env.now, self._clock.step
+        self._event_log.extend(
+            [event(now, step, target, node, COMPUTE, 0, 0, 0, -1, 0, 0, spent, CPU_EVENT_CAUSE)
+             for node, spent in zip(nodes, joules, strict=True)]
+        )  # fmt: skip
+        return max([self._cpu.seconds(each) for each in cycles], default=0.0)
 
     def compute(self, node: int, operations: float, target: int) -> float:
         """Book a computation and return the simulated seconds that it takes; free computations are not logged."""

@@ -35,10 +35,13 @@ class WakeUpCounters:
     def count_rounds(self, track: Track) -> None:
         """Count the nodes that the wake-up rounds for the present step have woken, and complete the rounds."""
         nodes, step = self._network.nodes, self._network.clock.step
+        rounds = list(track.rounds_for(step))
+        if not rounds:
+            return
         point, reach = planar(self._points[track.target][step]), self._network.setup.sensor.reach
         woken: set[int] = set()
         unnecessary: set[int] = set()
-        for one in track.rounds_for(step):
+        for one in rounds:
             tracking = [node for node in one.tracking if nodes.alive[node]]
             apart = nodes.positions[np.array(tracking, dtype=np.int64)] - point
             beyond = np.hypot(apart[:, 0], apart[:, 1]) > reach

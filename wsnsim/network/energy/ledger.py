@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TypeAlias
+from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -12,8 +12,19 @@ from wsnsim.base.tables import CAUSE, CAUSES
 from wsnsim.kernels.charging import book
 
 ELECTRONICS, AMPLIFIER, IDLE = CAUSE["tx_electronics"], CAUSE["tx_amplifier"], CAUSE["idle"]
+RECEIVED: Final = CAUSE["rx"]
 Charges: TypeAlias = Sequence[tuple[int, float]]
 """Pairs of cause and joules."""
+
+
+class HopCost(NamedTuple):
+    """Bits of a unicast, and joules: the sender's electronics and amplifier, their sum, and the receiver's."""
+
+    bits: int
+    electronics: float
+    amplifier: float
+    sent: float
+    rx: float
 
 
 class EnergyLedger:
@@ -48,6 +59,16 @@ class EnergyLedger:
             self.ceiling = spent
         self.totals[cause] += joules
 
+    def book_cause(self, nodes: list[int], cause: int, joules: list[float]) -> None:
+        """`book` for several nodes in turn, each with joules of its own."""
+        spent, book, total = self.spent_by, self._by_cause[cause], self.totals[cause]
+        for node, each in zip(nodes, joules, strict=True):
+            book[node] += each
+            spent[node] += each
+            total += each
+        self.totals[cause] = total
+        self.ceiling = max(self.ceiling, *[spent[node] for node in nodes])
+
     def book_transmission(self, node: int, electronics: float, amplifier: float) -> None:
         """Book a transmission on its two causes."""
         self._by_cause[ELECTRONICS][node] += electronics
@@ -57,6 +78,24 @@ class EnergyLedger:
             self.ceiling = spent
         self.totals[ELECTRONICS] += electronics
         self.totals[AMPLIFIER] += amplifier
+
+    def book_unicasts(self, sources: list[int], destinations: list[int], costs: list[HopCost]) -> None:
+        """Book transmissions and receptions in turn, in the order in which `book` would have summed them."""
+        spent, totals = self.spent_by, self.totals
+        by_electronics, by_amplifier = self._by_cause[ELECTRONICS], self._by_cause[AMPLIFIER]
+        by_reception = self._by_cause[RECEIVED]
+        electronic, amplified, received = totals[ELECTRONICS], totals[AMPLIFIER], totals[RECEIVED]
+        for source, to, (_, electronics, amplifier, sent, rx) in zip(sources, destinations, costs, strict=True):
+            by_electronics[source] += electronics
+            by_amplifier[source] += amplifier
+            spent[source] += sent
+            by_reception[to] += rx
+            spent[to] += rx
+            electronic += electronics
+            amplified += amplifier
+            received += rx
+        totals[ELECTRONICS], totals[AMPLIFIER], totals[RECEIVED] = electronic, amplified, received
+        self.ceiling = max(self.ceiling, *[spent[node] for node in sources], *[spent[to] for to in destinations])
 
     def book_charges(self, node: int, charges: Charges) -> None:
         """Book joules on several causes of one node."""

@@ -5,18 +5,24 @@ The MAC decides when a burst is sent, and calls `IdealMedium.carry(burst)` at th
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 
 from wsnsim.base.arrays import Bools
 from wsnsim.base.frames import EVERYONE, SEND, Burst
 from wsnsim.base.rng import derive, derive_all, uniforms
 from wsnsim.base.tables import EVENT_CAUSE, KIND
-from wsnsim.network.event_log import event
+from wsnsim.network.energy.ledger import HopCost
+from wsnsim.network.event_log import Event, event
 from wsnsim.network.radio.radio_services import RadioServices
+from wsnsim.network.radio.unicasts import Unicasts
 from wsnsim.network.radio.use_counter import UseCounter
 
 RELAY, RECEIVE, DROP = KIND["relay"], KIND["receive"], KIND["drop"]
 TX, RX = EVENT_CAUSE["tx"], EVENT_CAUSE["rx"]
+MOST_HOP_COSTS: Final = 20_000
+"""Costs of hops that are kept."""
 
 
 class IdealMedium:
@@ -38,6 +44,7 @@ class IdealMedium:
         self._key = key
         self._seconds_per_bit = 0.0 if rate is None else 1.0 / rate
         self._uses = UseCounter()
+        self._hop_costs: dict[tuple[int, int, int], HopCost] = {}
 
     def carry(self, burst: Burst) -> None:
         """Perform a burst: charge and log it, and write into it what arrived. A dead node sends nothing."""
@@ -54,6 +61,56 @@ class IdealMedium:
             self._broadcast(burst, number, code)
         else:
             self._unicast(burst, number, code)
+
+    def carry_all(self, unicasts: Unicasts) -> None:
+        """Perform unicasts in turn: at once if distance alone decides and nobody may die, otherwise burst by burst."""
+        costs = self._costs_at_once(unicasts)
+        if not costs:
+            for burst in unicasts.split():
+                self.carry(burst)
+            return
+        counters, log, energy_ledger = self._counters, self._log, self._nodes.ledger
+        energy_ledger.book_unicasts(unicasts.sources, unicasts.destinations, costs)
+        now, step, target, number = self._env.now, log.step, unicasts.target, counters.frames_sent
+        rows: list[Event] = []
+        for source, to, parcel, cost in zip(
+            unicasts.sources, unicasts.destinations, unicasts.parcels, costs, strict=True
+        ):
+            number += 1
+            packets, code, bits = parcel.packets, log.code(parcel.what), cost.bits
+            rows.append(event(now, step, target, source, SEND, code, number, number, to, packets, bits, cost.sent, TX))
+            rows.append(event(now, step, target, to, RECEIVE, code, number, number, source, packets, bits, cost.rx, RX))
+            counters.packets_sent += packets
+        log.extend(rows)
+        counters.frames_sent = number
+        counters.in_range += len(costs)
+        counters.delivered += len(costs)
+
+    def _costs_at_once(self, unicasts: Unicasts) -> list[HopCost] | None:
+        """What each unicast costs; None unless all of them arrive and nobody may die of them."""
+        nodes = self._nodes
+        if not self._topology.distance_only or nodes.disturbed:
+            return None
+        if nodes.follows_schedules and not all(map(nodes.is_awake, unicasts.destinations)):
+            return None
+        costs = [
+            self._hop_cost(source, to, parcel.packets * parcel.packet_bits)
+            for source, to, parcel in zip(unicasts.sources, unicasts.destinations, unicasts.parcels, strict=True)
+        ]
+        joules = sum([cost.sent + cost.rx for cost in costs])
+        outlast = nodes.all_outlast(unicasts.sources, joules) and nodes.all_outlast(unicasts.destinations, joules)
+        return costs if outlast and not [cost for cost in costs if not cost.bits] else None
+
+    def _hop_cost(self, source: int, to: int, bits: int) -> HopCost:
+        """What it costs to send and to receive so many bits; looked up, as nodes stand still and repeat themselves."""
+        cost = self._hop_costs.get((source, to, bits))
+        if cost is None:
+            if len(self._hop_costs) >= MOST_HOP_COSTS:
+                self._hop_costs.clear()
+            electronics, amplifier = self._energy.transmit(bits, self._nodes.distance(source, to))
+            cost = HopCost(bits, electronics, amplifier, electronics + amplifier, self._energy.receive(bits))
+            self._hop_costs[source, to, bits] = cost
+        return cost
 
     def _unicast(self, burst: Burst, number: int, code: int) -> None:
         to, packets, counters = burst.to, burst.packets, self._counters

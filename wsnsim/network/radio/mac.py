@@ -20,6 +20,7 @@ from wsnsim.network.radio.csma import CsmaMechanism
 from wsnsim.network.radio.ideal_medium import IdealMedium
 from wsnsim.network.radio.mac_services import NetworkMacServices
 from wsnsim.network.radio.tdma import TdmaMechanism
+from wsnsim.network.radio.unicasts import Unicasts
 
 
 class IdealMechanism:
@@ -42,6 +43,14 @@ class IdealMechanism:
             return self._env.process(self._one_by_one(bursts, self._rate))
         event = self._env.event()
         event.callbacks.append(lambda _: self._at_once(bursts))
+        return event.succeed()
+
+    def send_unicasts(self, unicasts: Unicasts) -> simpy.Event | None:
+        """Send unicasts at this instant, by one event; None if sending takes time."""
+        if self._rate is not None:
+            return None
+        event = self._env.event()
+        event.callbacks.append(lambda _: self._medium.carry_all(unicasts))
         return event.succeed()
 
     def offer(self, node: int, payload_bits: int, done: Callable[[Received | None], None], code: int = 0) -> None:

@@ -8,13 +8,11 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Generator, Sequence
-from dataclasses import dataclass, field
-from typing import Any, cast
+from typing import Any, Protocol, cast, runtime_checkable
 
 import numpy as np
 import simpy
 
-from wsnsim.base.arrays import Bools
 from wsnsim.base.frames import EVERYONE, Burst, full_burst
 from wsnsim.base.mac_mechanisms import MacMechanism
 from wsnsim.base.requests import Parcel, all_arrived
@@ -23,11 +21,11 @@ from wsnsim.network.event_log import event
 from wsnsim.network.radio.radio_services import RadioServices
 from wsnsim.network.radio.routing import Router
 from wsnsim.network.radio.topology import Neighbours
+from wsnsim.network.radio.unicasts import Unicasts
 
 DROP = KIND["drop"]
 
 
-@dataclass(slots=True)
 class Datagram:
     """A parcel on its way to its destination, over one hop or several.
 
@@ -41,16 +39,24 @@ class Datagram:
         bits: The bits sent for it, over all hops.
     """
 
-    source: int
-    to: int
-    parcel: Parcel
-    mask: Bools = field(init=False)
-    arrived: bool = False
-    hops: int = 0
-    bits: int = 0
+    __slots__ = ("arrived", "bits", "hops", "mask", "parcel", "source", "to")
 
-    def __post_init__(self) -> None:
-        self.mask = all_arrived(self.parcel.packets)
+    def __init__(self, source: int, to: int, parcel: Parcel) -> None:
+        self.source = source
+        self.to = to
+        self.parcel = parcel
+        self.mask = all_arrived(parcel.packets)
+        self.arrived = False
+        self.hops = 0
+        self.bits = 0
+
+
+@runtime_checkable
+class SendsUnicasts(Protocol):
+    """A MAC that can send unicasts at one instant."""
+
+    def send_unicasts(self, unicasts: Unicasts) -> simpy.Event | None:
+        """Send them by one event; None if sending takes time."""
 
 
 class Transport:
@@ -68,6 +74,8 @@ class Transport:
         self._log = radio.log
         self._mac = mac
         self._router = router
+        self._send_unicasts = mac.send_unicasts if isinstance(mac, SendsUnicasts) else _send_no_unicasts
+        self._pairs: set[tuple[int, int]] = set()
         self.wake_neighbour: Callable[[int, int, int], simpy.Event] | None = None
 
     def carry(
@@ -89,7 +97,7 @@ class Transport:
         for datagram in datagrams:
             if datagram.source == datagram.to:
                 datagram.arrived = True
-            elif self._goes_directly(datagram, one_hop):
+            elif self._goes_directly(datagram.source, datagram.to, one_hop):
                 direct.append(datagram)
             else:
                 relayed.append(datagram)
@@ -97,6 +105,28 @@ class Transport:
         if direct or not relayed:
             events.append(self._one_hop(direct, target, head))
         return events[0] if len(events) == 1 else self._env.all_of(events)
+
+    def gather(
+        self, nodes: list[int], head: int, parcel: Parcel, target: int, one_hop: bool
+    ) -> tuple[simpy.Event, Unicasts] | None:
+        """Send parcels of one form from nodes to another one, each over one hop and without a datagram.
+
+        Args:
+            nodes: The senders.
+            head: The destination, which is none of them.
+            parcel: The form: what is sent differs in its payload alone, which nobody looks at on the way.
+            target: The target that they are about.
+            one_hop: As for `carry`.
+
+        Returns:
+            An event that fires when the last has ended, and what then says which arrived. None, and nothing is sent,
+            where they need a datagram each: the MAC takes time, or some node is several hops away.
+        """
+        if not all(self._goes_directly(node, head, one_hop) for node in nodes):
+            return None
+        unicasts = Unicasts(nodes, [head] * len(nodes), [parcel] * len(nodes), target)
+        event = self._send_unicasts(unicasts)
+        return None if event is None else (event, unicasts)
 
     def broadcast(
         self, sources: Sequence[int], parcels: Sequence[Parcel], target: int, sequence: int = 0, relayed: bool = False
@@ -126,16 +156,14 @@ class Transport:
         return cast(simpy.Event, self._mac.send(bursts, head))
 
     def _one_hop(self, datagrams: list[Datagram], target: int, head: int | None) -> simpy.Event:
-        bursts = [full_burst(datagram.source, datagram.to, datagram.parcel, target) for datagram in datagrams]
-        event = self._send(bursts, head)
+        sources, destinations = [datagram.source for datagram in datagrams], [datagram.to for datagram in datagrams]
+        unicasts = Unicasts(sources, destinations, [datagram.parcel for datagram in datagrams], target)
+        event = self._send_unicasts(unicasts)
+        if event is None:
+            event = self._send(unicasts.split(), head)
         assert event.callbacks is not None, "bursts end later than they are sent"
-        event.callbacks.append(lambda _: self._complete(datagrams, bursts))
+        event.callbacks.append(lambda _: _complete(datagrams, unicasts))
         return event
-
-    def _complete(self, datagrams: list[Datagram], bursts: list[Burst]) -> None:
-        for datagram, burst in zip(datagrams, bursts, strict=True):
-            datagram.mask, datagram.arrived = burst.mask, burst.packets > 0
-            datagram.hops, datagram.bits = 1, burst.sent
 
     def _relay(self, datagram: Datagram, target: int) -> Generator[simpy.Event, Any, None]:
         """Send a datagram over several hops; each hop sends what arrived over the one before."""
@@ -157,16 +185,24 @@ class Transport:
                 break
         datagram.mask, datagram.arrived = mask, packets > 0
 
-    def _goes_directly(self, datagram: Datagram, one_hop: bool) -> bool:
+    def _goes_directly(self, source: int, to: int, one_hop: bool) -> bool:
         """Whether a datagram takes one hop, to a destination that is within range and need not be woken.
 
         A neighbour without a path died: the sender does not know, and sends in vain.
         """
-        source, to = datagram.source, datagram.to
-        if not self._topology.connected(source, to) or (self.wake_neighbour is not None and self._sleeps(to)):
+        if not self._connected(source, to) or (self.wake_neighbour is not None and self._sleeps(to)):
             return False
         path = None if one_hop else self._router.path(source, to)
         return path is None or len(path) == 2
+
+    def _connected(self, a: int, b: int) -> bool:
+        """Whether two nodes are one hop apart; remembered where distance alone decides, since nodes stand still."""
+        if (a, b) in self._pairs:
+            return True
+        connected = self._topology.connected(a, b)
+        if connected and self._topology.distance_only:
+            self._pairs.add((a, b))
+        return connected
 
     def _sleeps(self, node: int) -> bool:
         return bool(self._nodes.alive[node]) and not self._nodes.is_awake(node)
@@ -177,3 +213,20 @@ class Transport:
         datagram.mask = np.zeros(packets, dtype=np.bool_)
         now, step, code = self._env.now, self._log.step, self._log.code("no_path")
         self._log.add(event(now, step, target, source, DROP, code, peer=to, packets=packets))
+
+
+def _complete(datagrams: list[Datagram], unicasts: Unicasts) -> None:
+    """Write what arrived over their one hop into datagrams."""
+    if unicasts.bursts is None:
+        for datagram in datagrams:
+            parcel = datagram.parcel
+            datagram.arrived, datagram.hops, datagram.bits = True, 1, parcel.packets * parcel.packet_bits
+        return
+    for datagram, burst in zip(datagrams, unicasts.bursts, strict=True):
+        datagram.mask, datagram.arrived = burst.mask, burst.packets > 0
+        datagram.hops, datagram.bits = 1, burst.sent
+
+
+def _send_no_unicasts(unicasts: Unicasts) -> simpy.Event | None:
+    """Return None: the MAC sends bursts only."""
+    return None

@@ -4,14 +4,23 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import partial
 from typing import Protocol, cast
 
 import numpy as np
 
 from wsnsim.base.arrays import Floats
 from wsnsim.base.ports import Scene
-from wsnsim.base.requests import PACKET_BITS, Broadcast, Delivery, Flow, Gather, Member, Parcel, Scatter
+from wsnsim.base.requests import (
+    PACKET_BITS,
+    Broadcast,
+    Delivery,
+    Flow,
+    GatheredReadings,
+    GatherReadings,
+    Member,
+    Parcel,
+    Scatter,
+)
 from wsnsim.trackers.shared.parcels import is_whole, parcel, weight_packets
 
 READINGS = "readings"
@@ -52,10 +61,14 @@ def gather_readings(scene: Scene, bits: int = PACKET_BITS) -> Flow[Evidence]:
 
     Positions and traits of the members are known to the head.
     """
-    answer = yield Gather(partial(reading_parcel, bits=bits))
-    rows = [row for row, node in enumerate(scene.ids) if node in answer]
-    values = np.array([answer[scene.ids[row]][0] for row in rows], dtype=np.float64)
-    return Evidence(tuple(scene.ids[row] for row in rows), values, scene.positions[rows], scene.traits[rows])
+    answer: GatheredReadings = yield GatherReadings(bits)
+    ids = scene.ids
+    if answer.ids == ids:
+        return Evidence(ids, answer.values, scene.positions, scene.traits)
+    places = {node: place for place, node in enumerate(answer.ids)}
+    rows = [row for row, node in enumerate(ids) if node in places]
+    values = answer.values[[places[ids[row]] for row in rows]]
+    return Evidence(tuple([ids[row] for row in rows]), values, scene.positions[rows], scene.traits[rows])
 
 
 def share_readings(scene: Scene) -> Flow[Evidence]:

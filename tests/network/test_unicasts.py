@@ -1,0 +1,81 @@
+"""Unicasts that are sent at one instant: the same rows, books and answers as burst by burst."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import wsnsim
+from tests.network.ledgers import books
+from tests.network.radio_network import RadioNetwork
+from wsnsim.base.requests import PACKET_BITS, Parcel
+from wsnsim.base.tables import Memory
+from wsnsim.models.access import IdealMac
+from wsnsim.models.energy import FirstOrder
+from wsnsim.network.nodes import Nodes
+from wsnsim.network.radio.transport import Datagram
+from wsnsim.network.radio.unicasts import Unicasts
+
+POSITIONS = [(0.0, 0.0), (10.0, 0.0), (20.0, 7.0), (3.0, 30.0), (500.0, 500.0)]
+
+
+def network(battery: float = 2.0, rate: float | None = None) -> RadioNetwork:
+    return RadioNetwork(POSITIONS, mac=IdealMac(rate=rate), energy=FirstOrder(battery=battery))
+
+
+def one_by_one(patch: pytest.MonkeyPatch) -> None:
+    """Never perform several acts at once: somebody might die."""
+    patch.setattr(Nodes, "all_outlast", lambda self, nodes, joules: False)
+
+
+def tables(name: str, *overrides: str) -> dict[str, dict[str, np.ndarray]]:
+    memory = Memory()
+    wsnsim.simulate(wsnsim.load(name, ["duration=0.6 s", *overrides]), 0, memory)
+    return {table: memory.table(table) for table in ("events", "energy", "energy_steps", "estimates", "nodes")}
+
+
+@pytest.mark.parametrize(
+    ("name", "battery"), [("pso_mhpf", 2.0), ("central_pf", 2.0), ("pso_mhpf", 0.002), ("central_pf", 0.002)]
+)
+def test_a_run_has_the_same_tables_at_once_and_one_by_one(name, battery, monkeypatch):
+    at_once = tables(name, f"energy.battery={battery}")
+    split: list[Unicasts] = []
+    original = Unicasts.split
+    monkeypatch.setattr(Unicasts, "split", lambda self: split.append(self) or original(self))
+    one_by_one(monkeypatch)
+    slowly = tables(name, f"energy.battery={battery}")
+    assert split, "the twin performs every unicast by itself"
+    assert np.isfinite(at_once["nodes"]["died_at"]).any() == (battery < 2.0)
+    for table, columns in at_once.items():
+        for column, values in columns.items():
+            assert values.tobytes() == slowly[table][column].tobytes(), f"{table}.{column}"
+
+
+def test_nothing_is_split_while_everything_arrives(monkeypatch):
+    monkeypatch.setattr(Unicasts, "split", lambda self: pytest.fail("bursts are made"))
+    net = network()
+    first, second = net.carry(*(Datagram(node, 0, Parcel(None, 2, PACKET_BITS, "x")) for node in (1, 2)))
+    assert first.arrived and first.mask.all() and (first.bits, first.hops) == (2 * PACKET_BITS, 1)
+    assert second.arrived and net.counters.delivered == net.counters.frames_sent == 2
+
+
+def test_a_gathering_says_from_whom_something_arrived():
+    net = network()
+    sent = net.transport.gather([1, 2], 0, Parcel(None, 1, PACKET_BITS, "reading"), 0, one_hop=True)
+    assert sent is not None
+    net.nodes.crash(2)
+    net.env.run(until=sent[0])
+    assert sent[1].arrived() == {1} and sent[1].bits == PACKET_BITS
+    assert sorted(books(net.nodes)) == [0, 1]
+
+
+def test_what_takes_time_or_several_hops_needs_datagrams():
+    form = Parcel(None, 1, PACKET_BITS, "reading")
+    assert network(rate=9600.0).transport.gather([1, 2], 0, form, 0, one_hop=True) is None
+    assert network().transport.gather([1, 4], 0, form, 0, one_hop=True) is None
+
+
+def test_unicasts_of_no_packets_are_performed_one_by_one():
+    net = network()
+    (sent,) = net.carry(Datagram(1, 0, Parcel(None, 0, PACKET_BITS, "nothing")))
+    assert not sent.arrived and net.counters.frames_sent == 1
