@@ -219,7 +219,13 @@ def _charge(count: int) -> Arguments:
 
 
 def _busy(count: int) -> Arguments:
-    return np.arange(0, 2 * count, 2), 0.5, np.zeros(2 * count), (np.arange(2 * count) % 5).astype(np.int8)
+    return (
+        np.arange(0, 2 * count, 2),
+        0.5,
+        np.zeros(2 * count),
+        (np.arange(2 * count) % 5).astype(np.int8),
+        np.zeros(5, np.int64),
+    )
 
 
 ENTRIES: tuple[Entry, ...] = (

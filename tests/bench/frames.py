@@ -16,7 +16,9 @@ def frame(count: int, seed: int = 7, to: int = -1, busy: bool = True) -> tuple[A
     marks = rng.choice([0, 0, HEARD_OTHER, HIT, HEARD_OTHER | HIT], count) if busy else np.zeros(0, np.int64)
     until = rng.choice([1.0, 1.5, 2.0], count) if busy else np.zeros(0)
     to = int(ids[to]) if to >= 0 else -1
-    return np.uint64(seed), ids, rng.random(count), rng.random(count) < 0.7, rng.random(count) < 0.8, marks, until, to
+    usable, hears = rng.random(count) < 0.7, rng.random(count) < 0.8
+    results = np.zeros(count, np.int64), np.zeros((count, 4))
+    return np.uint64(seed), (3, 1, 4), ids, rng.random(count), usable, hears, marks, until, to, *results
 
 
 def other_frame(count: int) -> tuple[Any, ...]:

@@ -5,6 +5,7 @@ import pytest
 
 from tests.network.radio_network import RadioNetwork
 from wsnsim.models.links import Disk, LogNormal
+from wsnsim.network.radio import topology as topology_module
 
 FIELD = np.random.default_rng(3).uniform(0, 200, (60, 2))
 
@@ -51,3 +52,20 @@ def test_neighbours_know_the_index_of_a_node():
     neighbours = RadioNetwork([(0, 0), (30, 0), (90, 0), (35, 0)], link=Disk(reach=40.0)).topology.neighbours(0)
     assert neighbours.id_list == [1, 3]
     assert [neighbours.index(node) for node in range(4)] == [-1, 0, -1, 1]
+
+
+def test_neighbours_found_together_in_small_parts_are_those_found_one_by_one(monkeypatch):
+    monkeypatch.setattr(topology_module, "PAIRS_AT_ONCE", 100)
+    one, together = RadioNetwork(FIELD, link=LogNormal()).topology, RadioNetwork(FIELD, link=LogNormal()).topology
+    together.find_all()
+    assert set(together._neighbours) == set(range(60))
+    for node, there in together._neighbours.items():
+        here = one.neighbours(node)
+        assert here.id_list == there.id_list and np.array_equal(here.powers, there.powers)
+
+
+def test_where_too_many_pairs_may_be_linked_neighbours_are_found_on_first_use(monkeypatch):
+    monkeypatch.setattr(topology_module, "MOST_PAIRS", 50)
+    topology = RadioNetwork(FIELD, link=LogNormal()).topology
+    topology.find_all()
+    assert not topology._neighbours and topology.neighbours(3).ids.size

@@ -1,7 +1,7 @@
 """The same charge for several nodes, in one pass over them.
 
     book(nodes, joules, spent, spent_on)                  the energy ledger
-    mark_busy(nodes, seconds, busy, modes) -> counts      background consumption
+    mark_busy(nodes, seconds, busy, modes, counts)        background consumption
 
 For the few neighbours of a sender each is several times as fast as the same in array operations.
 """
@@ -14,9 +14,6 @@ from numpy.typing import NDArray
 from wsnsim.kernels.arrays import Floats, Ints
 from wsnsim.kernels.compilation import kernel
 
-MODES = 8
-"""At least the number of modes of a node."""
-
 
 @kernel
 def book(nodes: Ints, joules: float, spent: Floats, spent_on: Floats) -> None:
@@ -27,7 +24,7 @@ def book(nodes: Ints, joules: float, spent: Floats, spent_on: Floats) -> None:
 
 
 @kernel
-def mark_busy(nodes: Ints, seconds: float, busy: Floats, modes: NDArray[np.int8]) -> Ints:
+def mark_busy(nodes: Ints, seconds: float, busy: Floats, modes: NDArray[np.int8], counts: Ints) -> None:
     """Add seconds to the time for which the radios of different nodes (n,) were busy (N,).
 
     Args:
@@ -35,12 +32,9 @@ def mark_busy(nodes: Ints, seconds: float, busy: Floats, modes: NDArray[np.int8]
         seconds: The time in s.
         busy: (N,) the time of all nodes in s.
         modes: (N,) the mode of each node.
-
-    Returns:
-        How many of the nodes are in each mode, (MODES,).
+        counts: (modes,) in which is written how many of the nodes are in each mode.
     """
-    counts = np.zeros(MODES, np.int64)
+    counts[:] = 0
     for i in range(nodes.size):
         busy[nodes[i]] += seconds
         counts[modes[nodes[i]]] += 1
-    return counts

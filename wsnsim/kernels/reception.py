@@ -1,7 +1,7 @@
 """What a frame does at the neighbours of its sender, in one pass over them.
 
-    overlap(ids, others, source, mark, paid, end, marks, until)      another frame is heard meanwhile
-    outcomes(key, ids, thresholds, usable, hears, marks, until, to) -> order, groups, in range, delivered
+    overlap(ids, others, ..., marks, until)       another frame is heard meanwhile
+    outcomes(key, ..., ids, ..., order, groups)   received, collided, overheard or lost
 
 Nodes are given by their numbers, ascending. The random numbers are those of `base.rng`, so that the general path of
 `network.radio.reception` gives the same result.
@@ -67,36 +67,52 @@ def _latest(found: Ints, outcome: int, until: Floats, below: float) -> float:
 
 @kernel
 def outcomes(
-    key: np.uint64, ids: Ints, thresholds: Floats, usable: Bools, hears: Bools, marks: Ints, until: Floats, to: int
-) -> tuple[Ints, Floats, int, int]:
-    """The outcome of a frame at each node, with nodes of equal outcome and equal `until` grouped.
+    key: np.uint64,
+    numbers: tuple[int, int, int],
+    ids: Ints,
+    thresholds: Floats,
+    usable: Bools,
+    hears: Bools,
+    marks: Ints,
+    until: Floats,
+    to: int,
+    order: Ints,
+    groups: Floats,
+) -> tuple[int, int, int]:
+    """Find the outcome of a frame at each node, and group the nodes of equal outcome and equal `until`.
 
-    A frame arrives at a node that hears it, is not hit, and whose random number reaches the threshold.
+    A frame arrives at a node that hears it, is not hit, and whose random number reaches the threshold. The results are
+    written into given arrays: to return an array takes longer than everything else.
 
     Args:
-        key: The key of the frame's random numbers.
+        key: The key of the random numbers of all frames.
+        numbers: What the key of this frame is derived with: its sender, the step, and its number in the step.
         ids: (n,) the nodes.
         thresholds: (n,) one less the probability that an undisturbed frame arrives; (0,): it always does.
         usable: (n,) whether the link is usable, so that a loss counts; (0,): all are.
-        hears: (n,) whether the node is up and listens.
+        hears: (n,) whether the node is up and listens; (0,): all do.
         marks: (n,) what other frames do, see `overlap`; (0,): nothing disturbs the frame.
         until: (n,) until when the radios pay for other frames.
         to: The destination; -1 for everyone.
+        order: (n,) or more, for the nodes group by group.
+        groups: (n, 4) or more, for the groups: outcome, begin and end in `order`, `until`.
 
     Returns:
-        The nodes, group by group (m,); per group (g, 4) its outcome, its begin and end in the former, and its `until`;
-        the number of nodes that should receive the frame; the number of those that do.
+        The number of groups, of nodes that should receive the frame, and of those among them that do.
     """
+    for number in numbers:
+        key = mix(key + (np.uint64(number) + ONE) * GOLDEN)
     everyone, quiet = to < 0, marks.size == 0
     found, counts = np.zeros(ids.size, np.int64), np.zeros(5, np.int64)
     in_range, delivered = 0, 0
     for i in range(ids.size):
-        arrives = hears[i] and (quiet or marks[i] < HIT)
+        listens = hears.size == 0 or hears[i]
+        arrives = listens and (quiet or marks[i] < HIT)
         if arrives and thresholds.size > 0:
             arrives = uniform(mix(key + (np.uint64(ids[i]) + ONE) * GOLDEN), 0) >= thresholds[i]
         reliable = usable.size == 0 or usable[i]
-        collides = hears[i] and not arrives and not quiet and marks[i] > 0 and reliable
-        meant = (hears[i] and reliable) if everyone else ids[i] == to
+        collides = listens and not arrives and not quiet and marks[i] > 0 and reliable
+        meant = (listens and reliable) if everyone else ids[i] == to
         outcome = 0
         if arrives and (everyone or meant):
             outcome = RECEIVED
@@ -110,7 +126,6 @@ def outcomes(
         delivered += meant and arrives
         found[i] = outcome
         counts[outcome] += 1
-    order, groups = np.empty(ids.size - counts[0], np.int64), np.empty((ids.size + 1, 4))
     size, last = 0, 0
     for outcome in range(RECEIVED, LOST + 1):
         end = size + counts[outcome]
@@ -124,4 +139,4 @@ def outcomes(
                     size += 1
             groups[last, 2] = size
             last, below = last + 1, top
-    return order, groups[:last], in_range, delivered
+    return last, in_range, delivered

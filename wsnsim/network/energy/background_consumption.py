@@ -85,6 +85,7 @@ class BackgroundConsumption(Consumption):
         self._per_switch = (model.switching(Mode.AWAKE, Mode.ASLEEP) + model.switching(Mode.ASLEEP, Mode.AWAKE)) / 2.0
         self._modes = np.full(size, int(rest), dtype=np.int8)
         self._settled_at, self._radio_busy, self._computed = (np.zeros(size) for _ in range(3))
+        self._counts = np.zeros(len(Mode), dtype=np.int64)
         self._mode, self._since = scalars(self._modes), scalars(self._settled_at)
         self._radio_busy_of, self._computed_of = scalars(self._radio_busy), scalars(self._computed)
         self._grand: dict[int, float] = dict.fromkeys(OVER_TIME, 0.0)
@@ -190,8 +191,8 @@ class BackgroundConsumption(Consumption):
 
     def mark_radios_busy(self, nodes: Ints, seconds: float) -> None:
         """`mark_radio_busy` for different nodes (n,)."""
-        counts = mark_busy(nodes, seconds, self._radio_busy, self._modes)
-        for index, count in enumerate(counts.tolist()):
+        mark_busy(nodes, seconds, self._radio_busy, self._modes, self._counts)
+        for index, count in enumerate(self._counts.tolist()):
             if count:
                 self._grand[self._radio_cause[index]] -= self._radio[index] * seconds * count
 

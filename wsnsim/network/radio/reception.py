@@ -10,7 +10,7 @@ nobody can die of it.
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 
@@ -27,14 +27,15 @@ from wsnsim.network.radio.use_counter import UseCounter
 
 RECEIVE, DROP, COLLIDE, OVERHEAR = (KIND[name] for name in ("receive", "drop", "collide", "overhear"))
 NONE, RX, OVERHEARD = (EVENT_CAUSE[name] for name in ("none", "rx", "overhear"))
-RX_LEDGER, OVERHEARD_LEDGER = CAUSE["rx"], CAUSE["overhear"]
+LEDGER: Final = {RX: CAUSE["rx"], OVERHEARD: CAUSE["overhear"]}
 KINDS: Final = {RECEIVED: (RECEIVE, RX), COLLIDED: (COLLIDE, RX), FOREIGN: (OVERHEAR, OVERHEARD)}
 """Kind and cause of the events that follow from an outcome."""
 WHOLE: Final = 1.0
 NO_MARKS: Final = np.zeros(0, dtype=np.int64)
 NO_TIMES: Final = np.zeros(0)
-ALL_USABLE: Final = np.zeros(0, dtype=np.bool_)
-NO_KEY: Final = np.uint64(0)
+ALL: Final = np.zeros(0, dtype=np.bool_)
+NO_NUMBERS: Final = (0, 0, 0)
+Numbers: TypeAlias = tuple[int, int, int]
 NOWHERE: Final = np.False_
 
 
@@ -52,6 +53,8 @@ class Reception:
         self._receivers = receivers
         self._counters = radio.counters
         self._key = key
+        self._key_of_all = np.uint64(key)
+        self._groups = np.empty((0, 4))
         self._uses = UseCounter()
 
     def resolve(self, sent: Transmission) -> Received:
@@ -70,33 +73,41 @@ class Reception:
         """The result of a frame that no fault disturbs and of which nobody can die: that of `_sort_out`."""
         nodes, neighbours, frame = self._nodes, sent.neighbours, sent.frame
         ids, everyone = neighbours.ids, frame.to == EVERYONE
-        hears = nodes.living[ids] if listening is None else listening
+        hears = ALL if listening is None else listening
         if sent.asleep is not None:
-            hears = hears & ~np.isin(ids, sent.asleep)
+            hears = ~np.isin(ids, sent.asleep) if listening is None else hears & ~np.isin(ids, sent.asleep)
         marks, until = self._marks(sent)
-        thresholds, usable, key = self._chances(sent)
-        order, groups, in_range, delivered = outcomes(key, ids, thresholds, usable, hears, marks, until, frame.to)
+        thresholds, usable, numbers = self._chances(sent)
+        order = np.empty(ids.size, dtype=np.int64)
+        if len(self._groups) < ids.size:
+            self._groups = np.empty((2 * ids.size, 4))
+        count, in_range, delivered = outcomes(
+            self._key_of_all, numbers, ids, thresholds, usable, hears, marks, until, frame.to, order, self._groups
+        )
         received, collided = 0, 0
-        for outcome, begin, end, paid_until in groups.tolist():
+        for outcome, begin, end, paid_until in self._groups[:count].tolist():
             group = order[int(begin) : int(end)]
             if outcome == LOST:
                 self._log_each(sent, DROP, group, 0, 0.0, NONE)
                 continue
             share = WHOLE if sent.overlapping is None else (sent.end - paid_until) / (sent.end - sent.start)
-            self._charge_group(sent, group, share, *KINDS[outcome])
+            self._book_group(sent, group, share, *KINDS[outcome])
             received += group.size if outcome == RECEIVED else 0
             collided += group.size if outcome == COLLIDED else 0
         self._count(sent, in_range if everyone or nodes.alive[frame.to] else 0, delivered, collided)
         if not everyone:
             return bool(received)
-        return ids if received == ids.size else np.sort(order[:received])
+        if received == ids.size:
+            return ids
+        return order[:received] if sent.overlapping is None else np.sort(order[:received])
 
     def _marks(self, sent: Transmission) -> tuple[Ints, Floats]:
         """What overlapping frames do at each neighbour (see `kernels.reception.overlap`); empty if there are none."""
         if sent.overlapping is None:
             return NO_MARKS, NO_TIMES
         ids, mark = sent.neighbours.ids, HIT if self._receivers is None else HEARD_OTHER
-        marks, until = np.zeros(ids.size, dtype=np.int64), np.full(ids.size, sent.start)
+        marks, until = np.zeros(ids.size, dtype=np.int64), np.empty(ids.size)
+        until.fill(sent.start)
         for other in sent.overlapping:
             if other.end > max(other.start, sent.start):
                 paid = other.end if other.end <= sent.end and not other.cut else sent.start
@@ -105,28 +116,26 @@ class Reception:
             marks[~self._receivers.locked(sent)] |= HIT
         return marks, until
 
-    def _chances(self, sent: Transmission) -> tuple[Floats, Bools, Any]:
-        """(thresholds, usable, key) of a frame, as `kernels.reception.outcomes` takes them."""
+    def _chances(self, sent: Transmission) -> tuple[Floats, Bools, Numbers]:
+        """(thresholds, usable, numbers) of a frame, as `kernels.reception.outcomes` takes them."""
         if self._topology.distance_only:
-            return NO_TIMES, ALL_USABLE, NO_KEY
+            return NO_TIMES, ALL, NO_NUMBERS
         thresholds, usable = self._topology.thresholds(sent.neighbours, sent.frame.bits)
         if self._receivers is not None and sent.overlapping:
             thresholds = 1.0 - self._receivers.probabilities(sent)
-        return thresholds, usable, np.uint64(self._next_key(sent.source))
+        return thresholds, usable, self._numbers(sent.source)
 
-    def _next_key(self, source: int) -> int:
-        """The key of the random numbers of a frame: a function of its sender, the step, and its number in the step."""
+    def _numbers(self, source: int) -> Numbers:
+        """What the key of a frame is derived with: its sender, the step, and its number in the step."""
         step = self._log.step
-        return derive(self._key, source, step, self._uses.next(source, step))
+        return source, step, self._uses.next(source, step)
 
     def _broadcast_alone(self, sent: Transmission) -> Received:
         """The result of an undisturbed broadcast: all neighbours receive it."""
         neighbours, counters = sent.neighbours, self._counters
-        _, _, joules, airtime = sent.costs
         count = neighbours.ids.size
         if count:
-            self._nodes.receive_all(neighbours.ids, joules, RX_LEDGER, airtime)
-            self._log_each(sent, RECEIVE, neighbours.ids, sent.frame.bits, joules, RX)
+            self._book_group(sent, neighbours.ids, WHOLE, RECEIVE, RX)
         counters.in_range += count
         counters.delivered += count
         return neighbours.ids
@@ -147,12 +156,12 @@ class Reception:
         for node, until in collided.items():
             groups.setdefault((sent.end - until) / airtime, []).append(node)
         for share, group in groups.items():
-            self._charge_group(sent, np.array(group), share, COLLIDE, RX)
+            self._book_group(sent, np.array(group), share, COLLIDE, RX)
         received = neighbours.ids
         if collided:
             received = np.array([node for node in neighbours.id_list if node not in collided], dtype=np.int64)
         if received.size:
-            self._charge_group(sent, received, WHOLE, RECEIVE, RX)
+            self._book_group(sent, received, WHOLE, RECEIVE, RX)
         return received
 
     def _collided_until(self, sent: Transmission) -> dict[int, float]:
@@ -253,7 +262,7 @@ class Reception:
             probabilities = self._topology.probabilities(neighbours, bits)
         if nodes.disturbed:
             probabilities = probabilities * (1.0 - nodes.loss[sent.source]) * (1.0 - nodes.loss[neighbours.ids])
-        samples = uniforms(derive_all(self._next_key(sent.source), neighbours.ids), 0)
+        samples = uniforms(derive_all(derive(self._key, *self._numbers(sent.source)), neighbours.ids), 0)
         return np.asarray(samples >= 1.0 - probabilities)
 
     def _charge(self, sent: Transmission, chosen: Bools, shares: Floats | None, kind: int, cause: int) -> None:
@@ -270,19 +279,25 @@ class Reception:
 
     def _charge_group(self, sent: Transmission, ids: Ints, share: float, kind: int, cause: int) -> None:
         """Charge and log different nodes (n,) for the same share of a frame."""
-        nodes, ledger = self._nodes, RX_LEDGER if cause == RX else OVERHEARD_LEDGER
+        nodes = self._nodes
         bits, joules, airtime = int(sent.frame.bits * share), sent.costs[2] * share, sent.costs[3] * share
+        if bits == 0 or nodes.can_all_receive(ids, joules):
+            self._book_group(sent, ids, share, kind, cause)
+            return
+        for node in ids.tolist():
+            paid = nodes.spend_receive(node, joules, bits, LEDGER[cause], airtime)
+            alive = nodes.alive[node]
+            spent = joules * paid / bits
+            self._log_each(sent, kind if alive else DROP, np.array([node]), paid, spent, cause if paid else NONE)
+
+    def _book_group(self, sent: Transmission, ids: Ints, share: float, kind: int, cause: int) -> None:
+        """Charge and log different nodes (n,) for the same share of a frame, of which none of them can die."""
+        bits, joules = int(sent.frame.bits * share), sent.costs[2] * share
         if bits == 0:
             self._log_each(sent, kind, ids, 0, 0.0, NONE)
-        elif nodes.can_all_receive(ids, joules):
-            nodes.receive_all(ids, joules, ledger, airtime)
-            self._log_each(sent, kind, ids, bits, joules, cause)
-        else:
-            for node in ids.tolist():
-                paid = nodes.spend_receive(node, joules, bits, ledger, airtime)
-                alive = nodes.alive[node]
-                spent = joules * paid / bits
-                self._log_each(sent, kind if alive else DROP, np.array([node]), paid, spent, cause if paid else NONE)
+            return
+        self._nodes.receive_all(ids, joules, LEDGER[cause], sent.costs[3] * share)
+        self._log_each(sent, kind, ids, bits, joules, cause)
 
     def _log_each(self, sent: Transmission, kind: int, ids: Ints, bits: int, joules: float, cause: int) -> None:
         frame = sent.frame

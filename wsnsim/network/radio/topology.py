@@ -24,6 +24,12 @@ probability over the best link (our choice)."""
 BEST: Final = 0.0
 """Received power of the best link, in dBm."""
 PAIR, DIRECTION = 0, 1
+SAMPLE: Final = 64
+"""Nodes around which others are counted to estimate all pairs that may be linked."""
+MOST_PAIRS: Final = 4_000_000
+"""If more pairs may be linked, neighbours are found on first use: all of them may take 200 MB and a second."""
+PAIRS_AT_ONCE: Final = 50_000
+"""Pairs whose powers are computed together: 10 MB."""
 
 
 class Neighbours:
@@ -107,17 +113,27 @@ class Topology:
         return found
 
     def find_all(self) -> None:
-        """Find the neighbours of all nodes at once, which is faster than one by one."""
-        nodes = self._nodes
-        sources, ids = nodes.grid.links(self.link.audible)
-        powers = self._powers(sources, ids)
+        """Find the neighbours of all nodes together, which is faster than one by one, unless they may be too many."""
+        size, sample = self._nodes.size, self._nodes.positions[:: max(self._nodes.size // SAMPLE, 1)]
+        near = self._nodes.grid.within_each(sample, self.link.audible)[0].size / len(sample)
+        if near * size > MOST_PAIRS:
+            return
+        together = max(int(PAIRS_AT_ONCE / near), 1)
+        for first in range(0, size, together):
+            self._find_range(first, min(first + together, size))
+
+    def _find_range(self, first: int, end: int) -> None:
+        """Find the neighbours of the nodes from `first` to `end`, without the latter."""
+        rows, ids = self._nodes.grid.within_each(self._nodes.positions[first:end], self.link.audible)
+        others = rows + first != ids
+        rows, ids = rows[others], ids[others]
+        powers = self._powers(rows + first, ids)
         heard = np.isfinite(powers)
-        sources, ids, powers = sources[heard], ids[heard], powers[heard]
+        ids, powers = ids[heard], powers[heard]
         senses = self.link.senses(powers)
-        ends = np.concatenate(([0], np.cumsum(np.bincount(sources, minlength=nodes.size)))).tolist()
-        self._neighbours = {
-            node: Neighbours(ids[a:b], powers[a:b], senses[a:b]) for node, (a, b) in enumerate(itertools.pairwise(ends))
-        }
+        ends = np.concatenate(([0], np.cumsum(np.bincount(rows[heard], minlength=end - first)))).tolist()
+        for node, (a, b) in enumerate(itertools.pairwise(ends), first):
+            self._neighbours[node] = Neighbours(ids[a:b], powers[a:b], senses[a:b])
 
     def reliable(self, neighbours: Neighbours, bits: int) -> Bools:
         """(n,) which neighbours receive an undisturbed frame of this length over a usable link."""

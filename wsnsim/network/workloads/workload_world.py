@@ -77,9 +77,7 @@ class WorkloadWorld(Network):
     ) -> None:
         sensors = Sensors(positions, np.ones((len(positions), 0)))
         super().__init__(setup, replicate, sensors, streams, recorder, count_links=recorder.wants("links"))
-        topology = self._stack.radio.topology
-        if topology.distance_only:
-            topology.find_all()
+        self._stack.radio.topology.find_all()
         services = WorkloadNetwork(self._stack, self._transport, streams.key("beacons"))
         self.workload: WorkloadMechanism = make_workload(setup.workload, services)
         self._faults = self._make_faults(streams.key("faults"), lambda target: None, {})
