@@ -4,6 +4,9 @@ SCENARIO ?= scenarios/pso_mhpf.yaml
 ARGS     ?=
 PYTHON   ?=
 
+# Folders of tests that are targets of their own.
+APART    := documentation campaign_cluster browser
+
 VENV     := .venv
 PY       := $(VENV)/bin/python
 READY    := $(VENV)/.ready
@@ -22,7 +25,7 @@ FIGURES    := $(SWEEPS:%=results/figures/%.png)
 CHOSEN      = $(if $(REPLICATES),--replicates $(REPLICATES)) $(ARGS)
 
 .DEFAULT_GOAL := help
-.PHONY: help run test check interpreted format lint types imports bench sweep compare reproduce figures readme lock clean moved asked
+.PHONY: help run test documentation cluster browser wheel matrix check interpreted format lint types imports bench sweep compare reproduce figures readme lock clean moved asked
 .DELETE_ON_ERROR:
 
 help:  ## list the targets
@@ -33,10 +36,25 @@ help:  ## list the targets
 run: $(READY)  ## run a scenario: summary, result file and HTML page; SCENARIO=..., ARGS='--replicates 30'
 	@$(PY) -m wsnsim run "$(SCENARIO)" --report $(ARGS)
 
-test: $(READY)  ## run the whole test suite; ARGS='-k handover'
-	@$(PY) -m pytest -n 2 --dist worksteal $(ARGS)
+test: $(READY)  ## run the test suite; ARGS='-k handover'
+	@$(PY) -m pytest -n 2 --dist worksteal $(APART:%=--ignore=tests/%) $(ARGS)
 
-check: format lint types imports test interpreted  ## check format, lint, types and import contracts, and run all tests
+documentation: $(READY)  ## test that the documents say what is so and that their examples run
+	@$(PY) -m pytest -n 2 --dist worksteal tests/documentation $(ARGS)
+
+cluster: $(READY)  ## test campaigns on Dask schedulers and workers that are processes
+	@$(PY) -m pytest tests/campaign_cluster $(ARGS)
+
+browser: $(READY)  ## test the pages in a browser; skipped without one unless WSNSIM_BROWSER=required
+	@$(PY) -m pytest tests/browser $(ARGS)
+
+wheel: $(READY)  ## install the wheel into an empty environment and run a scenario there
+	@$(PY) -m tests.packaging.wheel $(PY)
+
+matrix: $(READY)  ## the same with every supported Python that is installed
+	@$(PY) -m tests.packaging.wheel python3.11 python3.12 python3.13
+
+check: format lint types imports test documentation cluster browser interpreted  ## check format, lint, types, import contracts, all tests
 
 interpreted: $(READY)  ## run the kernels' tests without compilation, for debugging and coverage
 	@NUMBA_DISABLE_JIT=1 $(PY) -m pytest -n 2 -W ignore::RuntimeWarning tests/kernels $(ARGS)

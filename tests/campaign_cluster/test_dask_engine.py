@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import pickle
 import shlex
 import signal
 import time
@@ -15,11 +14,9 @@ import pandas as pd
 
 import wsnsim
 from wsnsim import campaign
-from wsnsim.campaign import dask_worker
 from wsnsim.campaign.dask_engine import DaskEngine
 from wsnsim.campaign.engines import FinishedTask
-from wsnsim.campaign.local_engine import LocalEngine
-from wsnsim.campaign.task import Task, TaskOutcome
+from wsnsim.campaign.task import Task
 from wsnsim.recording.folder import Folder
 
 from .dask_processes import PATIENCE, Lab, files, said, stop, until
@@ -53,34 +50,6 @@ def endings_of(engine: DaskEngine, count: int = 1) -> list[FinishedTask]:
 def workers_of(engine: DaskEngine) -> Mapping[str, int]:
     """The process id of each worker, by address."""
     return dict(engine._client.run(os.getpid))
-
-
-def test_a_campaign_has_the_same_rows_as_on_this_machine(begun: Begun, engine_of: Any) -> None:
-    written = {"set": {"duration": "20 s"}, "grid": {"tracker.particles": [20, 40]}, "replicates": 12, "block": 5}
-    here, there = (begun(**written, name=name) for name in ("here", "there"))
-    assert campaign.run_campaign(here, LocalEngine(1)).complete
-    ended = campaign.run_campaign(there, engine_of(there))
-    assert ended.complete and ended.done == 24
-    pd.testing.assert_frame_equal(rows(there), rows(here), check_exact=True)
-    assert rows(there)["rmse"].nunique() == 24
-    assert [path.relative_to(there.path) for path in sorted(files(there))] == [
-        path.relative_to(here.path) for path in sorted(files(here))
-    ]
-
-
-def test_a_task_and_its_outcome_are_small_and_nothing_of_them_stays(begun: Begun, engine_of: Any) -> None:
-    folder = begun(replicates=8)
-    engine = engine_of(folder)
-    assert len(pickle.dumps((dask_worker.perform_on_worker, task_of(folder), engine._required))) < 1000
-    assert len(pickle.dumps(TaskOutcome("failed", "x" * 600, 1.0, 1))) < 1000
-    for number in range(8):
-        engine.submit(task_of(folder, number))
-    endings = endings_of(engine, 8)
-    assert sorted(ending.task.first for ending in endings) == list(range(8))
-    until(lambda: not engine._client.futures)
-    assert not engine._running and engine.finished(0.0) == []
-    assert campaign.run_campaign(folder, engine).found == 8
-    assert not list(folder.path.glob("running/*"))
 
 
 def reasons_of(ended: campaign.CampaignOutcome, folder: Folder) -> list[str]:
@@ -137,21 +106,6 @@ def test_an_outcome_that_died_with_its_worker_is_said_again(begun: Begun, engine
         os.kill(process, signal.SIGKILL)
     assert endings_of(engine)[0].outcome.status == "exists"  # type: ignore[union-attr]
     assert len(before) == 1 and files(folder) == before
-
-
-def test_what_no_worker_has_begun_is_taken_back(begun: Begun, engine_of: Any) -> None:
-    folder = begun(grid={"tracker.sleep": [1]}, replicates=6)
-    engine = engine_of(folder)
-    tasks = [task_of(folder, number) for number in range(6)]
-    for task in tasks[:5]:
-        engine.submit(task)
-    engine.finished(0.0)
-    until(lambda: marks(folder) == 2)
-    engine.submit(tasks[5])
-    taken = engine.cancel_pending()
-    done = [ending.task for ending in endings_of(engine, 2)]
-    assert len(taken) == 4 and sorted([*taken, *done], key=lambda task: task.first) == tasks
-    assert len(files(folder)) == 2 and engine.finished(0.2) == []
 
 
 def test_when_the_scheduler_is_killed_the_printed_command_goes_on(begun: Begun, place: Lab) -> None:

@@ -5,11 +5,15 @@ import subprocess
 import sys
 
 PROBE = """
-import wsnsim
+import numpy as np
+
 from wsnsim.kernels.gravity import attract
 
-run = wsnsim.simulate(wsnsim.load("indoor_gsa_gpf", ["tracker.particles=50"])).run
-print(run["rmse"].hex(), sum(attract.stats.cache_hits.values()))
+rng = np.random.default_rng(1)
+points, velocities = rng.normal(size=(2, 4, 50))
+keys = rng.integers(0, 2**63, 50).astype(np.uint64)
+fallen = attract(points, velocities, rng.normal(size=50), np.array([0, 2]), keys, 5, 10.0, 10, 1e-6)
+print((fallen.tobytes() + velocities.tobytes()).hex(), sum(attract.stats.cache_hits.values()))
 """
 
 

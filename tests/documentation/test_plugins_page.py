@@ -12,7 +12,7 @@ import pytest
 import wsnsim
 from wsnsim import testing
 
-PAGE = (Path(__file__).parents[1] / "docs" / "plugins.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[2] / "docs" / "plugins.md").read_text(encoding="utf-8")
 MODULES = dict(re.findall(r"```python\n# (\w+)\.py\n(.*?)```", PAGE, re.DOTALL))
 SCENARIOS = dict(re.findall(r"```yml\n(.*?kind: \"(\w+):.*?)```", PAGE, re.DOTALL))
 CHECKS = {

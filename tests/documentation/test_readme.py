@@ -19,7 +19,7 @@ from wsnsim.scenario import resolved
 from wsnsim.scenario.sweep import load_sweep
 from wsnsim.testing import check_tracker
 
-README = (Path(__file__).parents[1] / "README.md").read_text()
+README = (Path(__file__).parents[2] / "README.md").read_text()
 PYTHON = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
 SCENARIO, RADIO, SLEEP, SWEEP = re.findall(r"```yaml\n(.*?)```", README, re.DOTALL)
 READS, PLAIN, TRACKER = PYTHON
@@ -151,7 +151,7 @@ def test_the_frontier_says_who_is_cheapest_and_what_is_on_the_pareto_front_on_ei
 
 def test_every_picture_that_is_shown_is_there():
     shown = re.findall(r"!\[[^\]]+\]\(([^)]+)\)", README)
-    assert len(shown) >= 3 and all((Path(__file__).parents[1] / name).stat().st_size > 20_000 for name in shown)
+    assert len(shown) >= 3 and all((Path(__file__).parents[2] / name).stat().st_size > 20_000 for name in shown)
 
 
 def test_tables_of_the_commercial_radio_and_of_sleeping_networks_have_their_marks_and_a_row_each():
@@ -190,7 +190,7 @@ def test_the_rows_of_sleeping_networks_are_what_a_hand_would_compute():
 
 
 def test_no_entry_of_the_changelog_and_no_term_of_the_glossary_stands_twice():
-    root = Path(__file__).parents[1]
+    root = Path(__file__).parents[2]
     entries = re.findall(r"^- .*", (root / "CHANGELOG.md").read_text(encoding="utf-8"), re.MULTILINE)
     rows = re.findall(r"^\| ([^|(]+?) (?:\([^|]*\) )?\|", (root / "docs/glossary.md").read_text(encoding="utf-8"), re.M)
     terms = [term.removesuffix(" of a claim") for term in rows if term not in ("term", "---", "short")]

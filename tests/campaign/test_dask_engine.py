@@ -1,0 +1,215 @@
+"""Campaigns on a Dask scheduler with two workers in this process. What needs processes is in `campaign_cluster`."""
+
+from __future__ import annotations
+
+import pickle
+import socket
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import wsnsim
+from tests.campaign_cluster.dask_processes import ODD, files, until
+from wsnsim import campaign
+from wsnsim.base.errors import UsageError
+from wsnsim.campaign import dask_engine, dask_worker
+from wsnsim.campaign.dask_engine import DaskEngine
+from wsnsim.campaign.dask_worker import WorkerRequirements, unmet_requirement
+from wsnsim.campaign.engines import FinishedTask
+from wsnsim.campaign.task import Task, TaskOutcome
+from wsnsim.recording.folder import Folder
+from wsnsim.scenario.sweep import load_sweep
+
+from .inline_engine import InlineEngine
+
+HERE = WorkerRequirements(wsnsim.__version__, np.__version__, "")
+SLOW = {"tracker": {"kind": "mylab_odd:Odd"}, "duration": "5 s"}
+Begun = Callable[..., Folder]
+
+
+@pytest.fixture(scope="module")
+def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """The address of a scheduler with two workers, which can import the slow tracker."""
+    distributed = pytest.importorskip("distributed")
+    lab = tmp_path_factory.mktemp("lab")
+    (lab / "mylab_odd.py").write_text(ODD)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(lab))
+        cluster = distributed.LocalCluster(
+            n_workers=2, processes=False, threads_per_worker=1, dashboard_address="127.0.0.1:0", host="127.0.0.1",
+            protocol="tcp", local_directory=str(lab), silence_logs=False,
+        )  # fmt: skip
+        yield cluster.scheduler_address
+        cluster.close()
+
+
+@pytest.fixture
+def begun(tmp_path: Path) -> Begun:
+    """begun(keys of a sweep file): a campaign on disk, with the slow tracker unless `set` changes it."""
+
+    def begin(**written: Any) -> Folder:
+        plan = load_sweep({"name": "slow", "scenario": "ungm_pf", "set": SLOW, "block": 1, **written})
+        return campaign.prepare(plan, tmp_path / plan.name)
+
+    return begin
+
+
+@pytest.fixture
+def engine_of(address: str) -> Iterator[Callable[[Folder], DaskEngine]]:
+    """engine_of(folder): an engine, closed after the test."""
+    engines: list[DaskEngine] = []
+
+    def make(folder: Folder) -> DaskEngine:
+        engines.append(DaskEngine(folder.path, address, wait_for=60.0))
+        return engines[-1]
+
+    yield make
+    for engine in engines:
+        engine.close()
+
+
+def rows(folder: Folder) -> pd.DataFrame:
+    return wsnsim.read(folder.path, "runs").drop(columns="cpu_seconds")
+
+
+def marks(folder: Folder) -> int:
+    """Number of running tasks."""
+    return sum(not mark.name.startswith("driver.") for mark in folder.path.glob("running/*.log"))
+
+
+def task_of(folder: Folder, number: int = 0) -> Task:
+    return Task(str(folder.path), folder.manifest().points[0].id, number, number, "vm-1-abc", wsnsim.__version__)
+
+
+def endings_of(engine: DaskEngine, count: int = 1) -> list[FinishedTask]:
+    """The next `count` finished tasks."""
+    found: list[FinishedTask] = []
+    end = time.monotonic() + 120.0
+    while len(found) < count:
+        assert time.monotonic() < end, "no task finished in time"
+        found += engine.finished(0.1)
+    return found
+
+
+def test_a_campaign_has_the_same_rows_as_on_this_machine(begun: Begun, engine_of: Any) -> None:
+    written = {"set": {"duration": "20 s"}, "grid": {"tracker.particles": [20, 40]}, "replicates": 12, "block": 5}
+    here, there = (begun(**written, name=name) for name in ("here", "there"))
+    assert campaign.run_campaign(here, InlineEngine()).complete
+    ended = campaign.run_campaign(there, engine_of(there))
+    assert ended.complete and ended.done == 24
+    pd.testing.assert_frame_equal(rows(there), rows(here), check_exact=True)
+    assert rows(there)["rmse"].nunique() == 24
+    assert [path.relative_to(there.path) for path in sorted(files(there))] == [
+        path.relative_to(here.path) for path in sorted(files(here))
+    ]
+
+
+def test_a_task_and_its_outcome_are_small_and_nothing_of_them_stays(begun: Begun, engine_of: Any) -> None:
+    folder = begun(replicates=8)
+    engine = engine_of(folder)
+    assert len(pickle.dumps((dask_worker.perform_on_worker, task_of(folder), engine._required))) < 1000
+    assert len(pickle.dumps(TaskOutcome("failed", "x" * 600, 1.0, 1))) < 1000
+    for number in range(8):
+        engine.submit(task_of(folder, number))
+    endings = endings_of(engine, 8)
+    assert sorted(ending.task.first for ending in endings) == list(range(8))
+    until(lambda: not engine._client.futures)
+    assert not engine._running and engine.finished(0.0) == []
+    assert campaign.run_campaign(folder, engine).found == 8
+    assert not list(folder.path.glob("running/*"))
+
+
+def test_what_no_worker_has_begun_is_taken_back(begun: Begun, engine_of: Any) -> None:
+    folder = begun(grid={"tracker.sleep": [0.5]}, replicates=6)
+    engine = engine_of(folder)
+    tasks = [task_of(folder, number) for number in range(6)]
+    for task in tasks[:5]:
+        engine.submit(task)
+    engine.finished(0.0)
+    until(lambda: marks(folder) == 2)
+    engine.submit(tasks[5])
+    taken = engine.cancel_pending()
+    done = [ending.task for ending in endings_of(engine, 2)]
+    assert len(taken) == 4 and sorted([*taken, *done], key=lambda task: task.first) == tasks
+    assert len(files(folder)) == 2 and engine.finished(0.2) == []
+
+
+@pytest.mark.parametrize(
+    ("need", "threads", "words"),
+    [
+        (HERE, 1, ""),
+        (HERE._replace(wsnsim="9"), 1, f"has wsnsim {wsnsim.__version__}, but the campaign runs with 9"),
+        (HERE._replace(numpy="9"), 1, f"has NumPy {np.__version__}, but the campaign runs with 9"),
+        (HERE, 2, "has 2 threads"),
+        (HERE._replace(marker="elsewhere/running/driver.log"), 1, "does not see elsewhere"),
+    ],
+)
+def test_a_worker_says_what_it_lacks(tmp_path: Path, need: WorkerRequirements, threads: int, words: str) -> None:
+    mark = tmp_path / "running" / "driver.log"
+    mark.parent.mkdir()
+    mark.touch()
+    worker = SimpleNamespace(state=SimpleNamespace(nthreads=threads))
+    found = unmet_requirement(need if need.marker else need._replace(marker=str(mark)), worker)
+    assert found.startswith(words) and bool(found) == bool(words)
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", "tcp://127.0.0.1"])
+def test_a_file_that_names_no_scheduler_is_refused(tmp_path: Path, text: str) -> None:
+    (tmp_path / "s.json").write_text(text)
+    with pytest.raises(UsageError, match="is not a scheduler file"):
+        DaskEngine(tmp_path, scheduler_file=tmp_path / "s.json")
+    with pytest.raises(UsageError, match="scheduler file does not exist"):
+        DaskEngine(tmp_path, scheduler_file=tmp_path / "t.json")
+
+
+@pytest.mark.parametrize("address", ["nonsense", "tcp://no.such.host.invalid:1", "foo://127.0.0.1:1", "127.0.0.1:x"])
+def test_an_address_where_no_scheduler_is_is_refused(
+    tmp_path: Path, address: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(dask_engine, "CONNECT_TIMEOUT", 0.5)
+    with pytest.raises(UsageError, match=f"cannot connect to the scheduler {address}"):
+        DaskEngine(tmp_path, address)
+
+
+def test_a_port_where_nobody_answers_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(dask_engine, "CONNECT_TIMEOUT", 0.5)
+    with socket.create_server(("127.0.0.1", 0)) as silent, pytest.raises(UsageError, match="does not answer"):
+        DaskEngine(tmp_path, f"tcp://127.0.0.1:{silent.getsockname()[1]}")
+
+
+def test_without_dask_it_is_said_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(UsageError, match=r"pip install 'wsnsim\[cluster\]'"):
+        DaskEngine(tmp_path, "tcp://127.0.0.1:1")
+
+
+def test_a_worker_that_does_not_see_the_folder_is_refused(begun: Begun, address: str, tmp_path: Path) -> None:
+    folder = begun(replicates=1)
+    engine = DaskEngine(folder.path, address)
+    marker = Path(engine._required.marker)
+    engine._required = engine._required._replace(marker=str(tmp_path / "elsewhere" / "driver.log"))
+    with pytest.raises(UsageError, match=r"worker tcp://.* does not see"):
+        engine._check_workers()
+    assert marker.is_file()
+    engine.close()
+    assert not marker.exists()
+
+
+def test_a_scheduler_that_ends_is_said_to_be_gone(begun: Begun, tmp_path: Path) -> None:
+    distributed = pytest.importorskip("distributed")
+    folder = begun(replicates=1)
+    with (
+        distributed.LocalCluster(
+            n_workers=0, processes=False, dashboard_address="127.0.0.1:0", host="127.0.0.1", protocol="tcp"
+        ) as cluster,
+        pytest.raises(UsageError, match=r"has no worker after 0\.1 s"),
+    ):
+        DaskEngine(folder.path, cluster.scheduler_address, wait_for=0.1)
+    assert not list(folder.path.glob("running/*"))
