@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -37,6 +37,7 @@ from wsnsim.network.nodes import Nodes
 from wsnsim.network.result_rows import network_result, write_tables
 from wsnsim.network.workloads.workload_world import WorkloadWorld
 from wsnsim.network.world import Targets, World
+from wsnsim.offline.batch import Batches, offers_batch
 from wsnsim.offline.offline_run import OfflineRun
 from wsnsim.recording import ResultFile, provenance, read_text
 
@@ -134,6 +135,7 @@ def run(
     out: Path,
     command_line: str = "",
     progress: Callable[[Progress], None] | None = None,
+    batch: bool = True,
 ) -> Report:
     """Run a scenario several times, into one HDF5 file that gets its name only once it is complete.
 
@@ -143,6 +145,7 @@ def run(
         out: Path of the file.
         command_line: The command that is stored in the file's provenance.
         progress: Called at most ten times a second.
+        batch: Whether standalone runs are made many at once where the tracker offers it. The tables are the same.
 
     Raises:
         ScenarioError: The scenario is invalid.
@@ -160,17 +163,38 @@ def run(
     motions = setup.motions if isinstance(setup, TrackingSetup) else ()
     states = tuple(zip(motions[0].columns, motions[0].units, strict=True)) if motions else ()
     position = motions[0].position if motions else ()
-    summaries = []
     with ResultFile(Path(out), states, setup.record, position=position or None) as file:
         file.set_text("scenario/source_yaml", loaded.source_yaml)
         resolved = {**scenarios.resolved(loaded), "replicates": len(chosen)}
         file.set_text("scenario/resolved_json", json.dumps(resolved))
         made_by = provenance(command_line, setup.seed, scenarios.plugins(loaded))
-        file.set_text("provenance_json", json.dumps(made_by))
-        for number, replicate in enumerate(chosen):
-            on_time = throttled(progress, Progress(number, len(chosen), 0.0, setup.steps * setup.dt, 0.0), began)
-            summaries.append(replicate_of(setup, replicate, file, on_time))
+        file.set_text("provenance_json", json.dumps({**made_by, "engine": "composed"}))
+        batches = Batches(setup, file) if batch and len(chosen) > 1 and offers_batch(setup) else None
+        summaries = _made(setup, chosen, file, batches, lambda first: throttled(progress, first, began))
+        if batches and batches.used:
+            file.set_text("provenance_json", json.dumps({**made_by, "engine": "batch"}))
     return Report(loaded, tuple(summaries), Path(out), time.monotonic() - began, states, position)
+
+
+def _made(
+    setup: Setup,
+    replicates: Sequence[int],
+    recorder: Recorder,
+    batches: Batches | None,
+    reporting: Callable[[Progress], OnTime | None],
+) -> list[Summary]:
+    """Make all runs, in blocks while there are `batches` of them, else one by one."""
+    summaries: list[Summary] = []
+    duration = setup.steps * setup.dt
+    while len(summaries) < len(replicates):
+        left = replicates[len(summaries) :]
+        block = batches.next(left) if batches else []
+        number = len(summaries) + max(len(block), 1) - 1
+        on_time = reporting(Progress(number, len(replicates), 0.0, duration, 0.0))
+        summaries += block or [replicate_of(setup, left[0], recorder, on_time)]
+        if block and on_time:
+            on_time(duration)
+    return summaries
 
 
 def rerun_source(path: Path) -> dict[str, Any]:

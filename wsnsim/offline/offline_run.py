@@ -49,7 +49,7 @@ class OfflineRun:
         targets = range(len(setup.motions))
         tracks = [TrackResult(self._follow(target, progress), heads, ASLEEP, UNCALLED) for target in targets]
         if self._recorder.wants("nodes"):
-            self._recorder.write("nodes", self._node_rows())
+            self._recorder.write("nodes", node_rows(setup, self._conditions, self._replicate))
         totals = RunTotals(
             event_fingerprint=int.from_bytes(self._means.digest(), "little"),
             alive=len(self._conditions.positions),
@@ -60,23 +60,6 @@ class OfflineRun:
             cycles=costs.cycles,
         )
         return RunResult(setup.steps, tracks, totals, {})
-
-    def _node_rows(self) -> dict[str, Any]:
-        """The rows of the table `nodes`."""
-        names, traits = self._setup.sensor.trait_names, self._conditions.traits
-        unknown = np.full(len(traits), NAN)
-        return {
-            "replicate": self._replicate,
-            "node": np.arange(len(traits)),
-            "x": self._conditions.positions[:, 0],
-            "y": self._conditions.positions[:, 1],
-            "x_assumed": self._conditions.assumed[:, 0],
-            "y_assumed": self._conditions.assumed[:, 1],
-            "gain": traits[:, names.index("gain")] if "gain" in names else np.ones(len(traits)),
-            "energy_initial": unknown,
-            "energy_left": unknown,
-            "died_at": unknown,
-        }
 
     def _follow(self, target: int, progress: Callable[[float], None] | None) -> dict[int, Issued]:
         """The estimates of one target by step."""
@@ -115,3 +98,21 @@ class OfflineRun:
             raise RunError(f"the tracker's estimate at step {scene.step} is not finite: {estimate.mean}")
         self._means.update(np.ascontiguousarray(estimate.mean).tobytes())
         return Issued(scene.step, scene.time, estimate, HEAD, scene.active, len(scene.roster), self._costs.readings)
+
+
+def node_rows(setup: TrackingSetup, conditions: InitialConditions, replicate: int) -> dict[str, Any]:
+    """The rows of the table `nodes` of a run."""
+    names, traits = setup.sensor.trait_names, conditions.traits
+    unknown = np.full(len(traits), NAN)
+    return {
+        "replicate": replicate,
+        "node": np.arange(len(traits)),
+        "x": conditions.positions[:, 0],
+        "y": conditions.positions[:, 1],
+        "x_assumed": conditions.assumed[:, 0],
+        "y_assumed": conditions.assumed[:, 1],
+        "gain": traits[:, names.index("gain")] if "gain" in names else np.ones(len(traits)),
+        "energy_initial": unknown,
+        "energy_left": unknown,
+        "died_at": unknown,
+    }

@@ -11,8 +11,10 @@ from typing import Annotated, ClassVar
 
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Scene
+from wsnsim.base.standalone import BlockEstimates, StandaloneBlock
 from wsnsim.trackers.shared.heads import CloudBelief, HeadCloud, Prediction, bootstrap
 from wsnsim.trackers.shared.readings import Evidence
+from wsnsim.trackers.shared.whole_runs import cloud_runs
 
 
 @part
@@ -30,3 +32,8 @@ class CentralPf(HeadCloud):
     def weighed(self, prediction: Prediction, seen: Evidence, scene: Scene) -> CloudBelief:
         """Weight with all readings; resample if the effective number, which is reported, is too small."""
         return bootstrap(prediction, seen, scene, self.particles, self.threshold)
+
+    def whole_runs(self, block: StandaloneBlock) -> BlockEstimates:
+        """All steps of many standalone runs: `base.standalone.WholeRuns`."""
+        outcome = cloud_runs(block, self.particles, self.threshold)
+        return outcome.closed(self.block_cycles(outcome.counts))

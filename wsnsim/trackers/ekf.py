@@ -17,11 +17,13 @@ from wsnsim.base.arrays import Floats, planar
 from wsnsim.base.part import part
 from wsnsim.base.ports import NO_INNOVATION, Estimate, Innovation, Scene
 from wsnsim.base.requests import Compute, Flow, Gather, Member, Parcel, Scatter
+from wsnsim.base.standalone import BlockEstimates, StandaloneBlock
 from wsnsim.kernels.relay import kalman
 from wsnsim.trackers.shared.heads import GaussianBelief, HeadFilter
 from wsnsim.trackers.shared.moments import predicted
 from wsnsim.trackers.shared.parcels import parcel
 from wsnsim.trackers.shared.readings import Evidence, gather_readings, reading_parcel
+from wsnsim.trackers.shared.whole_runs import kalman_runs
 
 POLL = "poll"
 LINEARISE_CYCLES = 20.0
@@ -77,6 +79,15 @@ class ExtendedKalman(HeadFilter):
         """The belief's mean and covariance, with the innovation of the step; after a handover there is none yet."""
         innovation = belief.innovation if isinstance(belief, KalmanBelief) else NO_INNOVATION
         return Estimate(belief.mean, belief.cov, innovation=innovation)
+
+    def whole_runs(self, block: StandaloneBlock) -> BlockEstimates | None:
+        """All steps of many standalone runs: `base.standalone.WholeRuns`; not for the nearest sensor alone."""
+        if self.readings == "nearest":
+            return None
+        outcome, motion = kalman_runs(block), block.motion
+        size, place = len(motion.columns), len(motion.position)
+        cycles = [[_cycles(size, place, n, 1) for n in row] for row in outcome.counts.tolist()]
+        return outcome.closed(np.sum(cycles, axis=1))
 
 
 def _nearest_reading(point: Floats, scene: Scene) -> Flow[Evidence]:

@@ -22,6 +22,7 @@ from wsnsim.base.arrays import Floats
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Scene
 from wsnsim.base.requests import Compute, Flow, Member
+from wsnsim.base.standalone import BlockEstimates, StandaloneBlock
 from wsnsim.kernels.gaussian import sample
 from wsnsim.kernels.gravity import attract
 from wsnsim.kernels.swarm import LARGEST_STATE, fly
@@ -39,6 +40,7 @@ from wsnsim.trackers.shared.heads import (
 )
 from wsnsim.trackers.shared.readings import gather_readings
 from wsnsim.trackers.shared.stacks import DRAW, MOVE, Score, place_of, propagated_by, snapshot
+from wsnsim.trackers.shared.whole_runs import gaussian_runs
 
 PAIR_CYCLES = 20.0
 """CPU cycles to pull one particle towards another: a distance, a random number, a quotient, a sum (our count)."""
@@ -109,6 +111,12 @@ class GaussianPf(HeadSampling):
     def moved(self, cloud: Floats, score: Score, scene: Scene) -> tuple[Floats, Floats]:
         """The predicted particles, unmoved, and their log-likelihoods."""
         return cloud, score(cloud)
+
+    def whole_runs(self, block: StandaloneBlock) -> BlockEstimates:
+        """All steps of many standalone runs: `base.standalone.WholeRuns`."""
+        outcome = gaussian_runs(block, self.particles)
+        cycles = [[self._cycles(n, 1) if n else PREDICT_CYCLES for n in row] for row in outcome.counts.tolist()]
+        return outcome.closed(np.sum(cycles, axis=1))
 
 
 @part

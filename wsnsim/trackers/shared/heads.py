@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 
-from wsnsim.base.arrays import Floats, Keys
+from wsnsim.base.arrays import Floats, Ints, Keys
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Estimate, Scene
 from wsnsim.base.requests import Compute, Flow, Member
@@ -152,6 +152,12 @@ class HeadCloud(HeadFilter):
     def snapshot(self, belief: CloudBelief, members: Sequence[Member]) -> Iterator[tuple[int, Floats, Floats]]:
         """(head, particles (D, n), weights (n,)): all of them."""
         return snapshot([(belief.head, belief.pool.cloud, belief.pool.log_weights)])
+
+    def block_cycles(self, counts: Ints) -> Floats:
+        """(R,) operations of standalone runs, of their numbers of readings (R, K) by step; the start included."""
+        used = np.where(counts > 0, self.move_cycles + self.reading_cycles * counts, 0.0)
+        cycles: Floats = self.particles * (PREDICT_CYCLES * (1 + counts.shape[1]) + used.sum(axis=1))
+        return cycles
 
     def _full(self, belief: CloudBelief, scene: Scene) -> Flow[CloudBelief]:
         """The belief with its full number of particles, which losses on a handover may have reduced."""

@@ -1,0 +1,182 @@
+"""Many standalone runs at once: the batch engine, for trackers that offer `base.standalone.WholeRuns`.
+
+    if offers_batch(setup): batches = Batches(setup, recorder)
+    summaries = batches.next(replicates)                  of the first few of them; empty if the next must be composed
+
+Its tables are those of `OfflineRun`, run by run: the same draws, the same kernels, and so the same bits. What that does
+once a step and run (requests, parcels, answers, scenes) is left out, and rows are computed for all runs of a block
+together.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any, Final
+
+import numpy as np
+
+from wsnsim.base.arrays import Floats, Ints
+from wsnsim.base.initial_conditions import InitialConditions, sample_initial_conditions
+from wsnsim.base.ports import Recorder
+from wsnsim.base.results import Summary
+from wsnsim.base.rng import HEAD_KEY, Streams, derive, derive_all, derive_each
+from wsnsim.base.rows import wants_belief
+from wsnsim.base.setups import NetworkSetup, Setup, TrackingSetup
+from wsnsim.base.standalone import StandaloneBlock, StandaloneRun, WholeRuns
+from wsnsim.offline import block_rows
+from wsnsim.offline.block_rows import FollowedTarget
+from wsnsim.offline.measurements import HEAD, sample_readings
+from wsnsim.offline.offline_run import node_rows
+
+BLOCK_SECONDS: Final = 0.15
+MOST_RUNS: Final = 256
+"""Runs in a block."""
+MOST_NUMBERS: Final = 4_000_000
+"""Readings, and entries of state covariances, of the runs in a block: about 32 MB of each."""
+
+
+def offers_batch(setup: Setup) -> bool:
+    """Whether the batch engine might run a scenario: it has no network, and its tracker has the port."""
+    if not isinstance(setup, TrackingSetup) or isinstance(setup, NetworkSetup):
+        return False
+    return isinstance(setup.tracker, WholeRuns)
+
+
+class Batches:
+    """Blocks of runs of a scenario, one after the other, that grow while they take little time.
+
+    Until a block takes `BLOCK_SECONDS`, the next one is twice as long: progress is reported in between.
+    """
+
+    def __init__(self, setup: Setup, recorder: Recorder) -> None:
+        assert isinstance(setup, TrackingSetup), "only standalone runs are batched"
+        self._setup, self._recorder = setup, recorder
+        self._size, self._composed = 1, wants_belief(recorder)
+        self.used = False
+
+    def next(self, replicates: Sequence[int]) -> list[Summary]:
+        """Make the first of the runs, and write their rows; none if the next one must be composed."""
+        if self._composed:
+            return []
+        started = time.monotonic()
+        summaries = run_batch(self._setup, replicates[: self._size], self._recorder)
+        if summaries is None:
+            self._composed = True
+            return []
+        if time.monotonic() - started < BLOCK_SECONDS:
+            self._size = min(2 * self._size, _most_runs(self._setup))
+        self.used = True
+        return summaries
+
+
+def _most_runs(setup: TrackingSetup) -> int:
+    """The number of runs in the longest block, which bounds the memory."""
+    sensors = int(getattr(setup.deploy, "nodes", 1))
+    size = max(len(motion.columns) for motion in setup.motions)
+    numbers = len(setup.motions) * (setup.steps + 1) * max(sensors, size * size)
+    return max(1, min(MOST_RUNS, MOST_NUMBERS // numbers))
+
+
+def run_batch(setup: TrackingSetup, replicates: Sequence[int], recorder: Recorder) -> list[Summary] | None:
+    """Make the runs of one block, and write their rows. None, with nothing written, if they must be composed.
+
+    They must if the tracker does not offer its present options, and if an estimate is not finite: the composed run then
+    says where it failed.
+
+    Raises:
+        RunError: The initial conditions of a run could not be sampled, or the tracker failed.
+    """
+    started = time.process_time()
+    conditions = [sample_initial_conditions(setup, replicate) for replicate in replicates]
+    streams = [Streams(setup.seed, replicate) for replicate in replicates]
+    targets = []
+    for number in range(len(setup.motions)):
+        target = _followed(setup, number, conditions, streams)
+        if target is None or not np.isfinite(target.estimates.means).all():
+            return None
+        targets.append(target)
+    summaries = _written(setup, replicates, conditions, targets, recorder)
+    seconds = (time.process_time() - started) / len(summaries)
+    return [_finished(summary, seconds, recorder) for summary in summaries]
+
+
+def _followed(
+    setup: TrackingSetup, number: int, conditions: Sequence[InitialConditions], streams: Sequence[Streams]
+) -> FollowedTarget | None:
+    """One target of all runs, or None."""
+    tracker, motion = setup.tracker, setup.motions[number]
+    assert isinstance(tracker, WholeRuns), "only a tracker that offers whole runs is batched"
+    runs = [_standalone(setup, number, each, stream) for each, stream in zip(conditions, streams, strict=True)]
+    block = StandaloneBlock(runs, setup.filter_motions[number], setup.filter_sensor, setup.steps, setup.dt)
+    estimates = tracker.whole_runs(block)
+    if estimates is None:
+        return None
+    truths = np.array([each.truths[number][: setup.steps + 1] for each in conditions])
+    heard = [np.isfinite(run.readings[1:]) for run in runs]
+    readings = np.array([each.sum(axis=1) for each in heard])
+    frames = readings.sum(axis=1) - np.array([each[:, HEAD].sum() for each in heard])
+    gaussian = setup.posterior_is_gaussian(number)
+    return FollowedTarget(motion, gaussian, truths, estimates, readings, frames)
+
+
+def _standalone(setup: TrackingSetup, target: int, conditions: InitialConditions, streams: Streams) -> StandaloneRun:
+    """One target of one run: its readings are those of `OfflineCluster`."""
+    points = conditions.truths[target][:, list(setup.motions[target].position)]
+    sense, track = (derive(streams.key(name), target) for name in ("sense", "tracker"))
+    readings = sample_readings(setup.sensor, points, conditions.positions, conditions.traits, sense)
+    keys = derive_each(derive_all(track, np.arange(setup.steps + 1)), np.array([HEAD_KEY], np.uint64))
+    return StandaloneRun(conditions.priors[target], readings, conditions.assumed, conditions.traits, keys)
+
+
+def _written(
+    setup: TrackingSetup,
+    replicates: Sequence[int],
+    conditions: Sequence[InitialConditions],
+    targets: Sequence[FollowedTarget],
+    recorder: Recorder,
+) -> list[Summary]:
+    """The summaries of the runs, `cpu_seconds` apart; their rows but those of `runs` are written.
+
+    Rows are in the order in which single runs write them: by run, then by target.
+    """
+    sensors = np.array([len(each.positions) for each in conditions])
+    estimates = [block_rows.estimate_columns(target, setup, sensors) for target in targets]
+    tracks: list[dict[str, Any]] = [
+        {"replicate": np.array(replicates), "target": number, **block_rows.track_columns(columns, setup)}
+        for number, columns in enumerate(estimates)
+    ]
+    if recorder.wants("truth"):
+        _write(recorder, "truth", replicates, [block_rows.truth_columns(target, setup) for target in targets])
+    if recorder.wants("estimates"):
+        _write(recorder, "estimates", replicates, estimates)
+    if recorder.wants("covariances"):
+        _write(recorder, "covariances", replicates, [block_rows.covariance_columns(target) for target in targets])
+    if recorder.wants("nodes"):
+        for replicate, each in zip(replicates, conditions, strict=True):
+            recorder.write("nodes", node_rows(setup, each, replicate))
+    runs = {"replicate": list(replicates), **block_rows.run_columns(setup, targets, estimates, tracks, sensors)}
+    return block_rows.summaries_of(targets, estimates, tracks, runs)
+
+
+def _write(
+    recorder: Recorder, table: str, replicates: Sequence[int], targets: Sequence[Mapping[str, Floats | Ints]]
+) -> None:
+    """Write columns (R, n) of each target."""
+    columns = {name: np.stack([columns[name] for columns in targets], axis=1) for name in targets[0]}
+    shape = next(iter(columns.values())).shape
+    keys = {
+        "replicate": np.broadcast_to(np.array(replicates)[:, None, None], shape),
+        "target": np.broadcast_to(np.arange(shape[1])[None, :, None], shape),
+    }
+    recorder.write(table, {name: column.reshape(-1) for name, column in (keys | columns).items()})
+
+
+def _finished(summary: Summary, seconds: float, recorder: Recorder) -> Summary:
+    """The summary with the processor time of its run; its rows of `tracks` and `runs` are written."""
+    run = {**summary.run, "cpu_seconds": seconds}
+    for table, rows in (("tracks", summary.tracks), ("runs", (run,))):
+        for row in rows if recorder.wants(table) else ():
+            recorder.write(table, row)
+    return replace(summary, run=run)

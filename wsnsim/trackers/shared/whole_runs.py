@@ -1,0 +1,207 @@
+"""Many standalone runs of a filter in one head, step by step with all runs in each call of a kernel.
+
+Particles of R runs are stacked as (D, R N), those of run r in the columns r N to (r + 1) N. The kernels and the counter
+keys are those of the composed steps, so that a run has the same bits alone, in a block, and composed of requests.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from wsnsim.base.arrays import Bools, Floats, Ints, Keys
+from wsnsim.base.ports import MotionModel
+from wsnsim.base.rng import uniforms
+from wsnsim.base.standalone import BlockEstimates, StandaloneBlock, StandaloneRun
+from wsnsim.kernels.gaussian import sample
+from wsnsim.kernels.noise import particle_keys
+from wsnsim.kernels.particles import moments, systematic, weigh
+from wsnsim.kernels.relay import kalman
+from wsnsim.trackers.shared.stacks import DRAW, PREDICT, START, drawn_from
+
+PARTICLES_AT_ONCE = 8192
+"""Particles of a stack, of one run at least: few enough for a processor's cache."""
+
+
+class Heard(NamedTuple):
+    """The finite readings of a run, by step and sensor: those of step k are the rows cuts[k] to cuts[k + 1]."""
+
+    cuts: list[int]
+    nodes: Ints
+    readings: Floats
+    positions: Floats
+    traits: Floats
+
+    @classmethod
+    def of(cls, run: StandaloneRun) -> Heard:
+        """Those of a run."""
+        known = np.isfinite(run.readings)
+        nodes = np.nonzero(known)[1]
+        cuts = [0, *np.cumsum(known.sum(axis=1)).tolist()]
+        return cls(cuts, nodes, run.readings[known], run.positions[nodes], run.traits[nodes])
+
+    def at(self, step: int) -> tuple[Floats, Floats, Floats]:
+        """Readings (n,), positions (n, 2) and traits (n, T) of a step."""
+        rows = slice(self.cuts[step], self.cuts[step + 1])
+        return self.readings[rows], self.positions[rows], self.traits[rows]
+
+
+class Outcome:
+    """The estimates of a block while they are made, and how many readings each run heard at each step."""
+
+    def __init__(self, block: StandaloneBlock) -> None:
+        runs, steps, size = len(block.runs), block.steps, len(block.motion.columns)
+        self.heard = [Heard.of(run) for run in block.runs]
+        self.counts = np.array([np.diff(heard.cuts)[1:] for heard in self.heard])
+        self.means, self.covs = np.empty((runs, steps, size)), np.empty((runs, steps, size, size))
+        self.effective = np.full((runs, steps), np.nan)
+        self.nis, self.nis_dof = np.full((runs, steps), np.nan), np.zeros((runs, steps), dtype=np.int64)
+
+    def closed(self, cycles: Floats) -> BlockEstimates:
+        """The estimates, with the operations of each run."""
+        return BlockEstimates(self.means, self.covs, self.effective, self.nis, self.nis_dof, cycles)
+
+
+def cloud_runs(block: StandaloneBlock, particles: int, threshold: float) -> Outcome:
+    """Runs of the bootstrap filter; `threshold` as in `heads.bootstrap`."""
+    outcome = Outcome(block)
+    for first, last in _stacks(len(block.runs), particles):
+        stack = _StackedRuns(block, outcome, first, last, particles)
+        stack.cloud = np.concatenate([_start(run, particles) for run in block.runs[first:last]], axis=1)
+        for step in range(1, block.steps + 1):
+            stack.cloud = stack.moved(stack.cloud, step)
+            stack.score(step)
+            heard = stack.summarise(step)
+            stack.resample(heard & ((threshold >= 1.0) | (stack.effective < threshold * particles)), step)
+    return outcome
+
+
+def gaussian_runs(block: StandaloneBlock, particles: int) -> Outcome:
+    """Runs of the Gaussian particle filter."""
+    outcome = Outcome(block)
+    for first, last in _stacks(len(block.runs), particles):
+        stack = _StackedRuns(block, outcome, first, last, particles)
+        for step in range(1, block.steps + 1):
+            keys = particle_keys(stack.keys[:, step].copy(), stack.offsets, DRAW)
+            drawn = np.empty((stack.means.shape[1], keys.size))
+            for mean, cov, columns in zip(stack.means, stack.covs, stack.columns, strict=True):
+                drawn[:, columns], _ = sample(mean[:, None].copy(), cov[None], keys[columns])
+            stack.cloud = stack.moved(drawn, step)
+            stack.log_weights[:] = 0.0
+            stack.effective[:] = np.nan
+            stack.score(step)
+            stack.summarise(step)
+    return outcome
+
+
+class _StackedRuns:
+    """The particles of some runs of a block with their log-weights, and each run's latest moments."""
+
+    def __init__(self, block: StandaloneBlock, outcome: Outcome, first: int, last: int, particles: int) -> None:
+        runs = block.runs[first:last]
+        self._block, self._outcome, self._rows = block, outcome, slice(first, last)
+        self._heard = outcome.heard[first:last]
+        self._place = list(block.motion.position)
+        self.keys: Keys = np.array([run.keys for run in runs])
+        self.offsets = np.arange(len(runs) + 1) * particles
+        self.columns = [slice(r * particles, (r + 1) * particles) for r in range(len(runs))]
+        self.sizes = np.full(len(runs), particles)
+        self.cloud = np.empty((len(block.motion.columns), 0))
+        self.log_weights = np.zeros(len(runs) * particles)
+        self.means = np.array([run.prior.mean for run in runs])
+        self.covs = np.array([run.prior.cov for run in runs])
+        self.effective = np.full(len(runs), np.nan)
+
+    def moved(self, cloud: Floats, step: int) -> Floats:
+        """The particles (D, R N) moved into a step, with process noise."""
+        keys, dt = particle_keys(self.keys[:, step].copy(), self.offsets, PREDICT), self._block.dt
+        return self._block.motion.propagate(cloud, dt, keys, (step - 1) * dt)
+
+    def score(self, step: int) -> None:
+        """Add the log-likelihoods of each run's readings to its log-weights."""
+        points, sensor, log_weights = self.cloud[self._place], self._block.sensor, self.log_weights
+        for heard, columns in zip(self._heard, self.columns, strict=True):
+            readings, positions, traits = heard.at(step)
+            if readings.size:
+                log_weights[columns] += sensor.log_likelihood(points[:, columns], readings, positions, traits)
+
+    def summarise(self, step: int) -> Bools:
+        """Weigh and write the moments of the step; (R,) which runs heard a reading. The others only predict."""
+        outcome, row = self._outcome, step - 1
+        heard: Bools = outcome.counts[self._rows, row] > 0
+        means, covs, effective = self.means, self.covs, self.effective
+        kept = None if heard.all() else self.log_weights.copy()
+        self.effective = weigh(self.log_weights, self.offsets)
+        self.means, covs_now = moments(self.cloud, self.log_weights, self.offsets)
+        self.covs = _symmetric(covs_now)
+        if kept is not None:
+            silent = ~heard
+            again = np.repeat(silent, self.sizes)
+            self.log_weights[again], self.effective[silent] = kept[again], effective[silent]
+            dt = self._block.dt
+            moved = predicted(means[silent], covs[silent], self._block.motion, dt, row * dt)
+            self.means[silent], self.covs[silent] = moved
+        outcome.means[self._rows, row], outcome.covs[self._rows, row] = self.means, self.covs
+        outcome.effective[self._rows, row] = self.effective
+        return heard
+
+    def resample(self, which: Bools, step: int) -> None:
+        """Resample the runs `which` (R,) by systematic resampling; their particles are equally weighted then."""
+        if not which.any():
+            return
+        starts = uniforms(self.keys[:, step], START)
+        if which.all():
+            columns = systematic(self.log_weights, self.offsets, self.sizes, starts)
+            self.log_weights[:] = 0.0
+        else:
+            sizes = np.where(which, self.sizes, 0)
+            again, columns = np.repeat(which, self.sizes), np.arange(self.log_weights.size)
+            columns[again] = systematic(self.log_weights, self.offsets, sizes, starts)
+            self.log_weights[again] = 0.0
+        self.cloud = np.take(self.cloud, columns, axis=1)
+
+
+def kalman_runs(block: StandaloneBlock) -> Outcome:
+    """Runs of the extended Kalman filter on all readings."""
+    outcome = Outcome(block)
+    place, motion, dt = np.array(block.motion.position), block.motion, block.dt
+    means = np.array([run.prior.mean for run in block.runs])
+    covs = np.array([run.prior.cov for run in block.runs])
+    for step in range(1, block.steps + 1):
+        means, covs = predicted(means, covs, motion, dt, (step - 1) * dt)
+        for run, heard in enumerate(outcome.heard):
+            readings, positions, traits = heard.at(step)
+            if readings.size:
+                mean, cov = means[run], covs[run]
+                linear = block.sensor.linearise(mean[place, None], positions, traits)
+                expected, gradients, variances = map(np.ascontiguousarray, linear)
+                square, used = kalman(mean, cov, expected, gradients, variances, readings, place)
+                outcome.nis[run, step - 1], outcome.nis_dof[run, step - 1] = square if used else np.nan, used
+        outcome.means[:, step - 1], outcome.covs[:, step - 1] = means, covs
+    return outcome
+
+
+def predicted(means: Floats, covs: Floats, motion: MotionModel, dt: float, time: float) -> tuple[Floats, Floats]:
+    """Means (R, D) and covariances (R, D, D) one step later: `moments.predicted` of many runs."""
+    points = np.ascontiguousarray(means.T)
+    transitions, noise = motion.matrices(points, dt, time)
+    moved = np.ascontiguousarray(motion.advance(points, dt, time).T)
+    return moved, _symmetric(transitions @ covs @ transitions.transpose(0, 2, 1) + noise)
+
+
+def _symmetric(covs: Floats) -> Floats:
+    return 0.5 * (covs + covs.transpose(0, 2, 1))
+
+
+def _start(run: StandaloneRun, particles: int) -> Floats:
+    """The particles (D, N) that a run starts with, drawn from its prior."""
+    return drawn_from(run.prior.mean, run.prior.cov, int(run.keys[0]), particles)
+
+
+def _stacks(runs: int, particles: int) -> Iterator[tuple[int, int]]:
+    """(first, last + 1) of the runs of each stack."""
+    most = max(1, PARTICLES_AT_ONCE // particles)
+    for first in range(0, runs, most):
+        yield first, min(first + most, runs)
