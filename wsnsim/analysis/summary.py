@@ -18,7 +18,7 @@ from wsnsim.analysis import notes
 from wsnsim.analysis.quantities import QUANTITIES, ResultArrays, interval, median_time
 from wsnsim.base import metrics
 from wsnsim.base.arrays import Floats
-from wsnsim.bounds import bound, bound_of_run
+from wsnsim.bounds import READINGS, bounds_of_run
 from wsnsim.experiment import Report
 
 SCHEMA_VERSION = 1
@@ -119,14 +119,14 @@ def bounds_of_report(report: Report) -> RunBounds:
     were recorded.
     """
     kind = "per_trajectory"
-    found = bound(report.scenario, range(len(report.summaries)), kind)
+    found, *of_members = bounds_of_run(report.out, READINGS[:1] if without_network(report) else READINGS, kind)
     if found.reason:
         return RunBounds(reason=found.reason)
     errors = _errors(report, found.each.shape[-1])
     limits = RunBounds(found.time_mean_at(errors), kind)
-    if without_network(report) or not math.isfinite(limits.rmse):
+    if not of_members or not math.isfinite(limits.rmse):
         return limits
-    active, arrived = (bound_of_run(report.out, of, kind).time_mean_at(errors) for of in ("active", "arrived"))
+    active, arrived = (bound.time_mean_at(errors) for bound in of_members)
     return limits._replace(active=active, arrived=arrived)
 
 

@@ -4,6 +4,6 @@ bound(scenario, replicates, kind, gains) -> Bound             of a scenario, as 
 bound_of_run(path, readings, kind, gains) -> Bound            of the readings of recorded runs
 """
 
-from wsnsim.bounds.crlb import GAINS, KINDS, READINGS, Bound, BoundQuery, bound, bound_of_run
+from wsnsim.bounds.crlb import GAINS, KINDS, READINGS, Bound, BoundQuery, bound, bound_of_run, bounds_of_run
 
-__all__ = ["GAINS", "KINDS", "READINGS", "Bound", "BoundQuery", "bound", "bound_of_run"]
+__all__ = ["GAINS", "KINDS", "READINGS", "Bound", "BoundQuery", "bound", "bound_of_run", "bounds_of_run"]

@@ -40,7 +40,7 @@ from wsnsim.bounds.initial_conditions import (
 )
 from wsnsim.bounds.recorded_readings import RecordedReadings
 from wsnsim.experiment import rerun_source
-from wsnsim.recording import read_table, tables
+from wsnsim.recording import read_table, table_names
 from wsnsim.scenario import build, load
 
 KINDS: Final = ("unconditional", "per_trajectory")
@@ -176,19 +176,38 @@ def bound_of_run(
         UsageError: kind, readings or gains are not allowed.
         ResultError: the file cannot be read, or holds other trajectories than this version samples.
     """
+    return bounds_of_run(path, (readings,), kind, gains)[0]
+
+
+def bounds_of_run(
+    path: str | Path, readings: Sequence[str] = READINGS, kind: str = "per_trajectory", gains: str | None = None
+) -> list[Bound]:
+    """The bounds for several kinds of readings of recorded runs, in the order given; otherwise as `bound_of_run`.
+
+    The trajectories are sampled once for all of them.
+    """
     loaded = load(rerun_source(Path(path)))
     setup = build(loaded)
-    replicates = read_table(path, "runs", ["replicate"])["replicate"].tolist()
-    query = _checked(BoundQuery(kind, readings, gains or _assumed_gains(loaded), tuple(replicates)))
+    replicates = tuple(read_table(path, "runs", ["replicate"])["replicate"].tolist())
+    queries = [_checked(BoundQuery(kind, one, gains or _assumed_gains(loaded), replicates)) for one in readings]
     if isinstance(setup, BeaconSetup) or (reason := _reason_without_bound(setup, kind)):
-        return _no_bound(query, NO_TARGET if isinstance(setup, BeaconSetup) else reason)
+        return [_no_bound(query, NO_TARGET if isinstance(setup, BeaconSetup) else reason) for query in queries]
     conditions = [sample_initial_conditions(setup, number) for number in replicates]
     _check_truths(path, setup, replicates, conditions)
-    if readings == "in_range" or not isinstance(setup, NetworkSetup):
+    recorded = None
+    if isinstance(setup, NetworkSetup) and {"events", "estimates", "clusters"} <= set(table_names(path)):
+        recorded = RecordedReadings(path, setup)
+    return [_bound_for(setup, query, conditions, recorded) for query in queries]
+
+
+def _bound_for(
+    setup: TrackingSetup, query: BoundQuery, conditions: Sequence[InitialConditions], recorded: RecordedReadings | None
+) -> Bound:
+    """The bound for the readings of a query; `recorded` is None if the file does not say which ones arrived."""
+    if query.readings == "in_range" or not isinstance(setup, NetworkSetup):
         return _bound(setup, query, conditions, _all_in_range(setup, conditions), _detection_probability(setup))
-    if not {"events", "estimates", "clusters"} <= tables(path).keys():
+    if recorded is None:
         return _no_bound(query, "which readings arrived is unknown: it needs the tables events, estimates and clusters")
-    recorded = RecordedReadings(path, setup)
     return _bound(
         setup, query, conditions, lambda row, target: recorded.used(query.replicates[row], target, query.readings)
     )
@@ -254,7 +273,7 @@ def _check_truths(
     path: str | Path, setup: TrackingSetup, replicates: Sequence[int], conditions: Sequence[InitialConditions]
 ) -> None:
     """Raise ResultError if the file holds other trajectories than the ones sampled now."""
-    if "truth" not in tables(path):
+    if "truth" not in table_names(path):
         return
     names = setup.motions[0].columns
     table = read_table(path, "truth", ["replicate", "target", "step", *names])

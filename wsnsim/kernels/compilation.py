@@ -15,12 +15,33 @@ function itself.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Mapping
 from typing import Any, Final, TypeVar
 
 from numba import njit
 
 F = TypeVar("F", bound=Callable[..., Any])
+BLAS: Final = "scipy.linalg.cython_blas"
+
+
+def _import_without_scipy() -> None:
+    """Import Numba's array functions, which ask at once whether SciPy has a BLAS, but do not let them import SciPy.
+
+    The import takes longer than a short run, and no kernel of ours uses linear algebra. Those of plug-ins do as ever:
+    when Numba compiles them it imports SciPy, and what it noted of the BLAS is made true again.
+    """
+    if BLAS in sys.modules or "numba.np.arraymath" in sys.modules:
+        return
+    sys.modules[BLAS] = None  # type: ignore[assignment]
+    try:
+        from numba.np import arraymath
+    finally:
+        del sys.modules[BLAS]
+    arraymath._HAVE_BLAS = True
+
+
+_import_without_scipy()
 
 OPTIONS: Final[Mapping[str, Any]] = {
     "cache": True,

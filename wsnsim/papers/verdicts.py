@@ -14,7 +14,6 @@ from collections.abc import Mapping
 from typing import Final, Literal, NamedTuple
 
 import numpy as np
-from scipy import stats
 
 from wsnsim.base.arrays import Floats
 from wsnsim.papers.resampling import Resampled, median_of_runs, value, weights
@@ -114,6 +113,8 @@ def astray(per_run: Floats) -> AstrayShare:
     if not known.size or not np.median(known) > 0.0:
         return NO_SHARE
     count = int(np.count_nonzero(known > ASTRAY * np.median(known)))
+    from scipy import stats  # takes half a second to import, and every run looks up what its paper publishes
+
     interval = stats.binomtest(count, known.size).proportion_ci(1.0 - 2.0 * TAIL, method="exact")
     return AstrayShare(count / known.size, float(interval.low), float(interval.high))
 

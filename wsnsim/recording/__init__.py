@@ -18,6 +18,7 @@ from wsnsim.recording.reader import (
     read_table,
     read_text,
     read_with_meanings,
+    table_names,
     tables,
 )
 from wsnsim.recording.recovery import recover
@@ -37,5 +38,6 @@ __all__ = [
     "read_text",
     "read_with_meanings",
     "recover",
+    "table_names",
     "tables",
 ]

@@ -68,6 +68,12 @@ def tables(path: str | Path) -> dict[str, TableSize]:
         return {name: _size(file[name]) for name in TABLES if name in file}
 
 
+def table_names(path: str | Path) -> list[str]:
+    """The names of the tables in the file."""
+    with opened(path) as file:
+        return [name for name in TABLES if name in file]
+
+
 def meanings(path: str | Path, table: str, column: str) -> tuple[str, ...]:
     """The words of a category column, in the order of its codes; () for other columns."""
     with opened(path) as file:

@@ -77,8 +77,9 @@ def _installed() -> dict[str, tuple[Kind, ...]]:
     import importlib.metadata  # slow to import, and not needed for the help of a command
 
     groups: dict[str, tuple[Kind, ...]] = {}
+    installed = importlib.metadata.entry_points()  # reads the metadata of every installed package
     for group in (role.group for role in ROLES.values()):
-        points = sorted(importlib.metadata.entry_points(group=group), key=lambda point: point.name)
+        points = sorted(installed.select(group=group), key=lambda point: point.name)
         if points:
             groups[group] = tuple(_info(point) for point in points)
     return groups
