@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-from scipy import stats
 
 from wsnsim.base.arrays import Bools, Floats, Ints
 
@@ -74,6 +73,8 @@ def interval_of_median(values: Floats) -> tuple[float, float]:
 
 def share(flags: Bools) -> IntervalEstimate:
     """The share of runs in which something happened, with its score interval (Wilson 1927)."""
+    from scipy import stats  # slow to import
+
     count = len(flags)
     if not count:
         return IntervalEstimate(NAN, NAN, NAN, 0)
@@ -103,6 +104,8 @@ def exact_mcnemar(one: int, other: int) -> float:
         one: pairs in which only the first is yes.
         other: pairs in which only the second is yes.
     """
+    from scipy import stats  # slow to import
+
     return float(stats.binomtest(one, one + other, 0.5).pvalue) if one + other else 1.0
 
 
@@ -132,6 +135,8 @@ def pareto_front(errors: Sequence[float], costs: Sequence[float]) -> Bools:
 
 def _ranked(differences: Floats) -> tuple[float, float]:
     """(rank-biserial correlation, p) of differences; zero differences are left out."""
+    from scipy import stats  # slow to import
+
     moved = differences[differences != 0.0]
     if not moved.size:
         return 0.0, 1.0
@@ -158,6 +163,8 @@ def _bootstrapped(known: Floats, statistic: Any) -> tuple[float, float]:
         return NAN, NAN
     if (known == known[0]).all():
         return float(known[0]), float(known[0])
+    from scipy import stats  # slow to import
+
     found = stats.bootstrap(
         (known,),
         statistic,

@@ -7,7 +7,6 @@ from typing import Final, final
 
 import numpy as np
 
-from wsnsim.analysis import campaigns, statistics
 from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import ResultError
 from wsnsim.recording.folder import Folder, Manifest, PointOnDisk
@@ -39,6 +38,8 @@ class ReplicateCounts:
         """
         if self._rule is None or replicates >= self._rule.at_most:
             return replicates
+        from wsnsim.analysis import statistics  # slow to import, and only a rule needs it
+
         values = self._values(point, replicates)
         middle = float(np.nanmedian(values)) if np.isfinite(values).any() else float("nan")
         low, high = statistics.interval_of_median(values)
@@ -61,6 +62,8 @@ class ReplicateCounts:
 
     def _values(self, point: str, replicates: int) -> Floats:
         """The metric of every run, once all of their files are visible."""
+        from wsnsim.analysis import campaigns  # as above
+
         assert self._rule is not None
         until = time.monotonic() + PATIENCE
         while True:
