@@ -7,19 +7,23 @@ ever_lost(runs) -> whether each run lost a track at any time
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import contextlib
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from wsnsim.analysis.data_frames import read_file, stacked
-from wsnsim.base.arrays import Bools, Floats
+from wsnsim.analysis.data_frames import data_frame, read_file, stacked
+from wsnsim.base.arrays import Bools, Floats, Ints
 from wsnsim.base.errors import ResultError
+from wsnsim.base.progress import tracked
 from wsnsim.base.tables import RECORDED_BY_DEFAULT, TABLES
-from wsnsim.recording import read_table, tables
-from wsnsim.recording.folder import Folder, PointOnDisk
+from wsnsim.recording import read_with_meanings, tables
+from wsnsim.recording.consolidated import read_consolidated
+from wsnsim.recording.folder import Batch, Folder, PointOnDisk
+from wsnsim.recording.packed_rows import SHORT_TABLES
 
 POINT = "point"
 
@@ -44,23 +48,19 @@ def read(
     """
     folder = Folder(path)
     manifest = folder.manifest()
-    wanted = None if columns is None else list(dict.fromkeys(["replicate", *columns]))
-    files, pieces, numbers = [], [], []
-    for number, point in enumerate(manifest.points):
-        for batch, frame in _frames_of(folder, point, table, wanted, younger):
-            files.append(batch)
-            pieces.append(frame)
-            numbers.append(number)
-    if not pieces:
+    owned = [(number, batch.path) for number, point in enumerate(manifest.points) for batch in _batches(folder, point)]
+    if not owned:
         raise ResultError(f"{folder.path}: holds no results yet")
-    owners = np.repeat(numbers, [len(piece) for piece in pieces])
-    together = stacked(files, pieces, table)
-    order = np.lexsort((together["replicate"].to_numpy(), owners))
-    together, owners = together.iloc[order].reset_index(drop=True), owners[order]
+    wanted = None if columns is None else list(dict.fromkeys(["replicate", *columns]))
+    together, counts = _rows(folder, [path for _, path in owned], table, wanted, younger)
+    files = np.repeat(np.arange(len(owned)), counts)
+    owners = np.array([number for number, _ in owned], dtype=np.int64)[files]
+    chosen = _chosen(manifest.points, owners, together["replicate"].to_numpy().astype(np.int64), files)
+    together, owners = together.iloc[chosen].reset_index(drop=True), owners[chosen]
     if columns is not None:
         together = together[list(columns)]
     taken = {column.name for column in TABLES[table]}
-    front = {POINT: owners.astype(np.int64)} | {
+    front = {POINT: owners} | {
         key if key not in taken else f"set.{key}": _typed(
             [point.settings.get(key) for point in manifest.points], owners
         )
@@ -69,31 +69,46 @@ def read(
     return pd.concat([pd.DataFrame(front), together], axis=1)
 
 
+def _batches(folder: Folder, point: PointOnDisk) -> list[Batch]:
+    """The files of a point with replicates that belong to the campaign."""
+    return [batch for batch in folder.batches(point.id) if batch.first < point.replicates]
+
+
+def _rows(
+    folder: Folder, files: Sequence[Path], table: str, columns: Sequence[str] | None, younger: Sequence[str]
+) -> tuple[pd.DataFrame, Ints]:
+    """The rows of all files, and the number of those of each file."""
+    if table in SHORT_TABLES:
+        with _hinted(table):
+            found = read_consolidated(folder.path, table, files)
+        if found is not None and (columns is None or set(columns) <= found.columns.keys()):
+            frame = data_frame({n: found.columns[n] for n in columns or found.columns}, found.words)
+            return frame, found.counts
+    frames = [_of_file(file, table, columns, younger) for file in tracked(files, f"files read, table {table}")]
+    return stacked(files, frames, table), np.array([len(frame) for frame in frames])
+
+
+def _chosen(points: Sequence[PointOnDisk], owners: Ints, replicates: Ints, files: Ints) -> Ints:
+    """The rows that belong to the campaign, each run from one file only, in the order of points, runs and rows."""
+    most = np.array([point.replicates for point in points])
+    order = np.lexsort((replicates, owners))
+    owner, replicate, file = owners[order], replicates[order], files[order]
+    starts = np.ones(len(order), dtype=np.bool_)
+    starts[1:] = (owner[1:] != owner[:-1]) | (replicate[1:] != replicate[:-1])
+    first = file[starts][np.cumsum(starts) - 1]
+    chosen: Ints = order[(file == first) & (replicate < most[owner])]
+    return chosen
+
+
 def metric(folder: Folder, point: str, name: str, replicates: int) -> tuple[Floats, Bools]:
     """A column of `runs` at one point, (replicates,), and whether each run is on disk, (replicates,)."""
     values, seen = np.full(replicates, np.nan), np.zeros(replicates, dtype=np.bool_)
     for batch in folder.batches(point):
-        rows = read_table(batch.path, "runs", ["replicate", name])
+        rows, _ = read_with_meanings(batch.path, "runs", ["replicate", name])
         here = rows["replicate"] < replicates
         values[rows["replicate"][here]] = rows[name][here]
         seen[rows["replicate"][here]] = True
     return values, seen
-
-
-def _frames_of(
-    folder: Folder, point: PointOnDisk, table: str, columns: Sequence[str] | None, younger: Sequence[str]
-) -> list[tuple[Path, pd.DataFrame]]:
-    """The point's files with their rows: each run once, and only those that belong to the campaign."""
-    found, seen = [], np.zeros(0, dtype=np.int64)
-    for batch in folder.batches(point.id):
-        if batch.first >= point.replicates:
-            continue
-        frame = _of_file(batch.path, table, columns, younger)
-        numbers = frame["replicate"].to_numpy().astype(np.int64)
-        fresh = (numbers < point.replicates) & ~np.isin(numbers, seen)
-        found.append((batch.path, frame if fresh.all() else frame[fresh]))
-        seen = np.union1d(seen, numbers)
-    return found
 
 
 def ever_lost(runs: pd.DataFrame) -> Bools:
@@ -109,11 +124,18 @@ def ever_lost(runs: pd.DataFrame) -> Bools:
 
 
 def _of_file(path: Path, table: str, columns: Sequence[str] | None, younger: Sequence[str]) -> pd.DataFrame:
-    try:
+    with _hinted(table):
         missing = _missing(path, table, younger)
         if columns is None or not missing:
             return read_file(path, table, columns)
         return read_file(path, table, [name for name in columns if name not in missing]).reindex(columns=list(columns))
+
+
+@contextlib.contextmanager
+def _hinted(table: str) -> Iterator[None]:
+    """Add how a campaign records a table to the error that a file does not have it."""
+    try:
+        yield
     except ResultError as error:
         if table in RECORDED_BY_DEFAULT and f"no table '{table}'" in str(error):
             hint = f"a campaign records it with record.{table}=true in its sweep or by --set"

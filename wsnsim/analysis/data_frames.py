@@ -5,7 +5,7 @@ read_file(path, table, columns=None) -> DataFrame        stacked(files, frames, 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,8 +19,12 @@ from wsnsim.recording import read_with_meanings
 
 def read_file(path: str | Path, table: str, columns: Sequence[str] | None = None) -> pd.DataFrame:
     """A table of one result file."""
-    arrays, words = read_with_meanings(path, table, columns)
-    return pd.DataFrame({name: _series(values, words.get(name, ())) for name, values in arrays.items()})
+    return data_frame(*read_with_meanings(path, table, columns))
+
+
+def data_frame(columns: Mapping[str, np.ndarray], words: Mapping[str, tuple[str, ...]]) -> pd.DataFrame:
+    """The columns as a frame, those with words as Categoricals."""
+    return pd.DataFrame({name: _series(values, words.get(name, ())) for name, values in columns.items()})
 
 
 def stacked(files: Sequence[Path], frames: Sequence[pd.DataFrame], table: str) -> pd.DataFrame:

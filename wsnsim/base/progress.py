@@ -1,11 +1,19 @@
-"""Progress of simulations, reported at most ten times a second."""
+"""Progress of simulations and of other work, reported at most ten times a second.
+
+throttled(progress, first, began)                for a simulation
+for file in tracked(files, "files read"): ...    for other work; `watching(report)` says who is told
+"""
 
 from __future__ import annotations
 
+import contextlib
+import contextvars
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TypeAlias
+from typing import Final, NamedTuple, TypeAlias, TypeVar
+
+Item = TypeVar("Item")
 
 OnTime: TypeAlias = Callable[[float], None]
 """Called now and then with the simulated time (s)."""
@@ -45,3 +53,48 @@ def throttled(progress: Callable[[Progress], None] | None, first: Progress, bega
             progress(replace(first, time=min(now, first.duration), wall=wall - began))
 
     return on_time
+
+
+class WorkProgress(NamedTuple):
+    """The progress of work other than a simulation: `done` of `total` items of a kind (`what`) after `wall` seconds."""
+
+    what: str
+    done: int
+    total: int
+    wall: float
+
+
+_WATCHER: Final[contextvars.ContextVar[Callable[[WorkProgress], None] | None]] = contextvars.ContextVar(
+    "watcher", default=None
+)
+
+
+@contextlib.contextmanager
+def watching(report: Callable[[WorkProgress], None]) -> Iterator[None]:
+    """Within this context, `report` is called with the progress of tracked work."""
+    token = _WATCHER.set(report)
+    try:
+        yield
+    finally:
+        _WATCHER.reset(token)
+
+
+def tracked(items: Sequence[Item], what: str) -> Iterator[Item]:
+    """The items, one after the other. Whoever is watching is told how many of them are done, and at the end.
+
+    Args:
+        items: what is worked on.
+        what: the items and what is done to them, such as "files read".
+    """
+    report = _WATCHER.get()
+    if report is None:
+        yield from items
+        return
+    began = time.monotonic()
+    reported = began
+    for number, item in enumerate(items):
+        yield item
+        now = time.monotonic()
+        if now - reported >= 0.1 or number + 1 == len(items):
+            reported = now
+            report(WorkProgress(what, number + 1, len(items), now - began))

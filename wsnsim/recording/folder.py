@@ -4,6 +4,7 @@
     DIR/<point>/scenario.json       the point's scenario with every default
     DIR/<point>/r00000-00004.h5     its replicates 0 to 4; a file with this name is complete
     DIR/failed/<task>.txt           why a task failed
+    DIR/consolidated/runs.npz       the rows of all files, to be read at once; see `consolidated`
     DIR/running/                    markers of running tasks; those of killed workers stay
 
 The existing files alone say which replicates are done.
@@ -16,21 +17,20 @@ import json
 import os
 import re
 import shutil
-import socket
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Final, NamedTuple, final
 
 from wsnsim.base.errors import ResultError
-from wsnsim.recording.layout import cannot_write, reason
+from wsnsim.recording.atomic_files import TEMPORARY, host, write_atomically, write_text_atomically
+from wsnsim.recording.layout import reason
 from wsnsim.recording.reader import read_table, tables
 
 MANIFEST: Final = "campaign.json"
 SCENARIO: Final = "scenario.json"
 SCHEMA_VERSION: Final = 1
 BATCH: Final = re.compile(r"r(\d{5,})-(\d{5,})\.h5")
-TEMPORARY: Final = re.compile(r".*\.(?P<host>[^.]+)\.(?P<pid>\d+)(-\d+)?\.tmp")
 
 
 @dataclass(frozen=True)
@@ -121,7 +121,7 @@ class Folder:
     def write_manifest(self, manifest: Manifest) -> None:
         """Write the manifest, replacing the former one as a whole."""
         content = {"schema_version": SCHEMA_VERSION, **asdict(manifest)}
-        self._put_text(self.path / MANIFEST, json.dumps(content, indent=1, ensure_ascii=False))
+        write_text_atomically(self.path / MANIFEST, json.dumps(content, indent=1, ensure_ascii=False))
 
     def write_scenario(self, point: str, resolved: str) -> None:
         """Write a point's scenario if it is missing or damaged. The point's id is a digest of this text."""
@@ -131,7 +131,7 @@ class Folder:
         except OSError:
             intact = False
         if not intact:
-            self._put_text(place, resolved)
+            write_text_atomically(place, resolved)
 
     def scenario(self, point: str) -> str:
         """A point's scenario, as JSON."""
@@ -189,12 +189,12 @@ class Folder:
 
     def copy_in(self, batch: Batch, point: str) -> None:
         """Copy a result file from another folder, as a whole or not at all."""
-        self._put(self.batch(point, batch.first, batch.last), lambda tmp: shutil.copyfile(batch.path, tmp))
+        write_atomically(self.batch(point, batch.first, batch.last), lambda tmp: shutil.copyfile(batch.path, tmp))
 
     def write_failure(self, task: str, words: str) -> None:
         """Write why a task failed. On a full disk, nothing is written."""
         with contextlib.suppress(ResultError):
-            self._put_text(self.path / "failed" / f"{task}.txt", words)
+            write_text_atomically(self.path / "failed" / f"{task}.txt", words)
 
     def failures(self) -> dict[str, str]:
         """The reports of failed tasks, by task."""
@@ -206,7 +206,7 @@ class Folder:
 
     def marker(self, session: str, task: str) -> Path:
         """The path of the file that a worker keeps while it runs a task. It stays if the worker is killed."""
-        return self.path / "running" / f"{session}.{task}.{_host()}.{os.getpid()}.log"
+        return self.path / "running" / f"{session}.{task}.{host()}.{os.getpid()}.log"
 
     def markers(self, session: str, task: str = "*") -> list[Path]:
         """The markers of running and killed tasks of a session."""
@@ -229,29 +229,12 @@ class Folder:
         """Remove temporary files and markers of killed processes of this machine."""
         for place in [*self.path.glob("*.tmp"), *self.path.glob("*/*.tmp")]:
             owner = TEMPORARY.fullmatch(place.name)
-            if owner and owner["host"] == _host() and not _is_alive(int(owner["pid"])):
+            if owner and owner["host"] == host() and not _is_alive(int(owner["pid"])):
                 place.unlink(missing_ok=True)
         for place in self.path.glob("running/*.log"):
-            host, pid = place.name.split(".")[-3:-1]
-            if host == _host() and pid.isdigit() and not _is_alive(int(pid)):
+            machine, pid = place.name.split(".")[-3:-1]
+            if machine == host() and pid.isdigit() and not _is_alive(int(pid)):
                 place.unlink(missing_ok=True)
-
-    def _put_text(self, place: Path, text: str) -> None:
-        self._put(place, lambda tmp: tmp.write_text(text, encoding="utf-8"))
-
-    def _put(self, place: Path, write: Callable[[Path], object]) -> None:
-        """Write a file that gets its name only when it is complete and synchronised to the disk."""
-        tmp = place.with_name(f"{place.name}.{_host()}.{os.getpid()}.tmp")
-        try:
-            place.parent.mkdir(parents=True, exist_ok=True)
-            write(tmp)
-            with tmp.open("rb+") as file:
-                os.fsync(file.fileno())
-            tmp.replace(place)
-        except OSError as error:
-            with contextlib.suppress(OSError):
-                tmp.unlink(missing_ok=True)
-            raise cannot_write(place, error) from error
 
 
 def consecutive(numbers: Sequence[int], block: int) -> Iterator[tuple[int, int]]:
@@ -265,10 +248,6 @@ def consecutive(numbers: Sequence[int], block: int) -> Iterator[tuple[int, int]]
         if ends:
             yield numbers[start], numbers[i - 1]
             start = i
-
-
-def _host() -> str:
-    return re.sub(r"\W", "-", socket.gethostname().split(".")[0]) or "host"
 
 
 def _is_alive(pid: int) -> bool:

@@ -1,0 +1,122 @@
+"""The rows of a short table of all result files of a campaign, kept in one file of the campaign's folder.
+
+read_consolidated(folder, "runs", files) -> ConsolidatedTable
+
+DIR/consolidated/TABLE.npz holds the rows, and a digest of the names, sizes, times and inodes of the files. It is used
+only if the files are the same now and its checksums are right. Else the files are read, and it is written again as
+a whole. In a folder that cannot be written, the files are read each time. It may be deleted at any time.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import time
+import zipfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from wsnsim.base.arrays import Ints
+from wsnsim.base.errors import StorageError
+from wsnsim.base.progress import tracked
+from wsnsim.recording.atomic_files import write_atomically
+from wsnsim.recording.packed_rows import PackedRows, read_packed_rows
+from wsnsim.recording.reader import read_with_meanings
+
+FOLDER: Final = "consolidated"
+FORMAT: Final = 1
+SETTLED: Final = 50_000_000
+"""Age (ns) from which on a change of a file changes its time; the clock of file systems is coarse."""
+
+
+class ConsolidatedTable(NamedTuple):
+    """The rows of several files.
+
+    Attributes:
+        columns: each column over the rows of all files, in order.
+        words: the words of the category columns.
+        counts: (files,) the number of rows of each file.
+    """
+
+    columns: Mapping[str, np.ndarray]
+    words: Mapping[str, tuple[str, ...]]
+    counts: Ints
+
+
+def read_consolidated(folder: Path, table: str, files: Sequence[Path]) -> ConsolidatedTable | None:
+    """The rows of a short table of these files of a campaign; None if the files differ in their columns.
+
+    Raises:
+        ResultError: a file cannot be read.
+    """
+    kept = folder / FOLDER / f"{table}.npz"
+    stamp, settled = _stamp(files)
+    if (found := _load(kept, stamp)) is not None:
+        return found
+    found = _read(files, table)
+    if found is not None and settled and _stamp(files)[0] == stamp:
+        with contextlib.suppress(StorageError):
+            write_atomically(kept, lambda tmp: _save(tmp, found, stamp))
+    return found
+
+
+def _stamp(files: Sequence[Path]) -> tuple[str, bool]:
+    """A digest of the state of the files, and whether all of them are old enough for another change to show."""
+    digest, newest = hashlib.sha256(f"{FORMAT}".encode()), 0
+    for file in files:
+        try:
+            state = file.stat()
+        except OSError:
+            return "", False
+        newest = max(newest, state.st_ctime_ns, state.st_mtime_ns)
+        about = state.st_size, state.st_mtime_ns, state.st_ctime_ns, state.st_ino
+        digest.update(f"{file.parent.name}/{file.name}{about}".encode())
+    return digest.hexdigest(), time.time_ns() - newest > SETTLED
+
+
+def _load(kept: Path, stamp: str) -> ConsolidatedTable | None:
+    """What is kept, None if it is missing, outdated or damaged."""
+    try:
+        with kept.open("rb") as file, np.load(file, allow_pickle=False) as held:
+            if str(held["stamp"]) != stamp:
+                return None
+            words = {name: tuple(some) for name, some in json.loads(str(held["words"])).items()}
+            columns = {name: held[f"column {name}"] for name in json.loads(str(held["names"]))}
+            return ConsolidatedTable(columns, words, held["counts"])
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+        return None
+
+
+def _save(tmp: Path, table: ConsolidatedTable, stamp: str) -> None:
+    columns: dict[str, Any] = {f"column {name}": values for name, values in table.columns.items()}
+    names, words = json.dumps(list(table.columns)), json.dumps(dict(table.words))
+    with tmp.open("wb") as file:
+        np.savez(file, stamp=stamp, names=names, words=words, counts=table.counts, **columns)
+
+
+def _read(files: Sequence[Path], table: str) -> ConsolidatedTable | None:
+    """The rows of the files, each read; None if they differ in their columns or words."""
+    pieces = [_of_file(file, table) for file in tracked(files, "result files read")]
+    first = pieces[0]
+    if any(piece.records.dtype != first.records.dtype or piece.words != first.words for piece in pieces):
+        return None
+    together = np.concatenate([piece.records for piece in pieces])
+    columns = {name: np.ascontiguousarray(together[name]) for name in first.records.dtype.names or ()}
+    return ConsolidatedTable(columns, first.words, np.array([len(piece.records) for piece in pieces], dtype=np.int64))
+
+
+def _of_file(file: Path, table: str) -> PackedRows:
+    """The rows of one file, which holds them in one piece or by column."""
+    packed = read_packed_rows(file, table)
+    if packed is not None:
+        return packed
+    columns, words = read_with_meanings(file, table)
+    dtype = np.dtype([(name, values.dtype.str) for name, values in columns.items()])
+    records = np.empty(len(next(iter(columns.values()))), dtype)
+    for name, values in columns.items():
+        records[name] = values
+    return PackedRows(records, words)
