@@ -5,6 +5,7 @@ with_bounds(comparison, folder) -> comparison with the columns `bound` and `boun
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import json
 from collections.abc import Sequence
@@ -15,8 +16,11 @@ import numpy as np
 from wsnsim.analysis import campaigns
 from wsnsim.analysis.comparison import Comparison
 from wsnsim.base.errors import WsnsimError
+from wsnsim.base.progress import tracked
 from wsnsim.bounds import bound
 from wsnsim.recording.folder import Folder
+from wsnsim.recording.kept_answers import KEPT, KeptAnswers
+from wsnsim.scenario import load, plugins
 
 MOST: Final = 100
 """Runs whose trajectories count at most: more change only the third digit."""
@@ -43,19 +47,20 @@ def with_bounds(found: Comparison, folder: Folder) -> Comparison:
     `bound` is the median over runs (100 at most) of the trajectory-conditional CRLB, each a root mean square over all
     steps: tight but not a strict bound, least of all for a run without estimates at its hard steps.
     `bound_unconditional` is the posterior CRLB: strict for the mean over trajectories, and often loose. A point without
-    a bound has NaN, and `unbounded` says why.
+    a bound has NaN, and `unbounded` says why. Bounds are kept beside the campaign, see `recording.kept_answers`.
     """
     if found.metric not in BOUNDED:
         return found
     manifest, known = folder.manifest(), {}
+    kept = KeptAnswers(folder.path / KEPT / "bounds.json")
     limits = []
-    for number in found.table[campaigns.POINT]:
-        point = manifest.points[int(number)]
+    for number in tracked([int(number) for number in found.table[campaigns.POINT]], "bounds"):
+        point = manifest.points[number]
         there = tuple(sorted(n for n in folder.done(point.id) if n < point.replicates)[:MOST])
         scenario = json.loads(folder.scenario(point.id))
         key = point.world, there, repr(scenario.get("tracker", {}).get("assumes"))
         if key not in known:
-            known[key] = _point_bounds(scenario, there)
+            known[key] = _kept_bounds(kept, scenario, there)
         limits.append(known[key])
     table = found.table.assign(
         bound=np.array([limit.each for limit in limits], dtype=np.float64),
@@ -63,6 +68,15 @@ def with_bounds(found: Comparison, folder: Folder) -> Comparison:
     )
     reasons = dict.fromkeys(limit.reason for limit in limits if limit.reason)
     return dataclasses.replace(found, table=table, unbounded="; ".join(reasons))
+
+
+def _kept_bounds(kept: KeptAnswers, scenario: dict[str, object], replicates: Sequence[int]) -> PointBounds:
+    """The bounds of a point, kept beside the campaign unless they depend on code from outside the package."""
+    with contextlib.suppress(WsnsimError):
+        if not plugins(load(scenario)):
+            question = {"scenario": scenario, "replicates": replicates}
+            return PointBounds(*kept.answer(question, lambda: _point_bounds(scenario, replicates)))
+    return _point_bounds(scenario, replicates)
 
 
 def _point_bounds(scenario: dict[str, object], replicates: Sequence[int]) -> PointBounds:

@@ -31,6 +31,7 @@ from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import ResultError, UsageError, did_you_mean
 from wsnsim.base.initial_conditions import InitialConditions, sample_initial_conditions
 from wsnsim.base.ports import Informs
+from wsnsim.base.progress import tracked
 from wsnsim.base.setups import BeaconSetup, NetworkSetup, TrackingSetup
 from wsnsim.bounds.covariances import ReadingsOf, covariances
 from wsnsim.bounds.information import in_range
@@ -155,7 +156,8 @@ def bound(
     query = _checked(BoundQuery(kind, "in_range", gains or _assumed_gains(loaded), tuple(replicates)))
     if isinstance(setup, BeaconSetup) or (reason := _reason_without_bound(setup, kind)):
         return _no_bound(query, NO_TARGET if isinstance(setup, BeaconSetup) else reason)
-    conditions = [sample_initial_conditions(setup, number) for number in query.replicates]
+    numbers = tracked(query.replicates, "trajectories of a bound sampled")
+    conditions = [sample_initial_conditions(setup, number) for number in numbers]
     return _bound(setup, query, conditions, _all_in_range(setup, conditions), _detection_probability(setup))
 
 

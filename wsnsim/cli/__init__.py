@@ -19,8 +19,10 @@ from typing import Final
 import click
 
 from wsnsim.base.errors import ScenarioError, WsnsimError
+from wsnsim.base.progress import watching
 from wsnsim.cli import campaigns, commands, plotting, reporting, reproducing
 from wsnsim.cli.interrupts import Interrupts
+from wsnsim.cli.progress import WorkBar
 from wsnsim.cli.shared import group
 
 __all__ = ["campaigns", "commands", "main", "plotting", "reporting", "reproducing"]
@@ -48,7 +50,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _perform(arguments: list[str], interrupts: Interrupts) -> int:
     """Run the command. After a signal every error is reported as the signal: compiled code may raise another one."""
     try:
-        with group.make_context("wsnsim", arguments or ["--help"], obj=interrupts) as context:
+        shown = group.make_context("wsnsim", arguments or ["--help"], obj=interrupts)
+        with shown as context, watching(WorkBar().step):
             code = group.invoke(context)
         sys.stdout.flush()
         return code if isinstance(code, int) else 0

@@ -2,7 +2,7 @@
 
 `display(mode, of)` gives an object with `step(progress)` and `close()`. The progress of a run has `replicate` (from
 0), `replicates`, `time` and `duration` (simulated, s) and `wall` (s since the start). The progress of a campaign has
-`done`, `failed` and `total` (runs), `wall` and `left` (estimated s until the end, or None).
+`done`, `failed` and `total` (runs), `wall` and `left` (estimated s until the end, or None). Other work has a `WorkBar`.
 """
 
 from __future__ import annotations
@@ -169,12 +169,55 @@ CAMPAIGN: Final = ProgressFormat(
 )
 
 
+WORK: Final = ProgressFormat(
+    done=lambda p: p.done,
+    total=lambda p: p.total,
+    postfix=lambda p: f", {p.what}",
+    bar="{desc} {percentage:3.0f}%|{bar}| {n:.0f}/{total:.0f} [{elapsed}<{remaining}{postfix}]",
+    fields=("what", "done", "total", "wall"),
+    line=lambda p: f"wsnsim: {p.done} of {p.total} {p.what}",
+)
+
+
+@final
+class WorkBar:
+    """A bar for work that takes more than a second, such as reading files; it is removed when the work is done.
+
+    There is none without a terminal, with --quiet, or with another --progress than `auto` and `bar`.
+    """
+
+    def __init__(self) -> None:
+        self._bar: ProgressDisplay | None = None
+        self._what = ""
+
+    def step(self, progress: Any) -> None:
+        """Show the progress."""
+        if self._bar is not None and (progress.what != self._what or progress.done == progress.total):
+            self._bar.close()
+            self._bar = None
+        if progress.done < progress.total and (self._bar is not None or (progress.wall >= 1.0 and _bar_wanted())):
+            self._bar, self._what = self._bar or display("bar", WORK), progress.what
+            self._bar.step(progress)
+
+
+def _bar_wanted() -> bool:
+    """Whether the current command may show a bar."""
+    context = click.get_current_context(silent=True)
+    options = context.params if context else {}
+    mode = options.get("progress", "auto")
+    return not options.get("quiet") and (mode == "bar" or (mode == "auto" and _is_terminal()))
+
+
+def _is_terminal() -> bool:
+    return sys.stderr is not None and sys.stderr.isatty()
+
+
 def display(mode: str, of: ProgressFormat) -> ProgressDisplay:
     """The display of progress in one of the `MODES`; `auto` is a bar on a terminal and lines elsewhere."""
     if mode == "none":
         return _NoProgress()
     if mode == "auto":
-        mode = "bar" if sys.stderr is not None and sys.stderr.isatty() else "plain"
+        mode = "bar" if _is_terminal() else "plain"
     if mode == "bar":
         return _ProgressBar(of)
     return _ProgressLines(of, of.json if mode == "json" else of.line, every=mode == "json")

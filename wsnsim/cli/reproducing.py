@@ -115,14 +115,14 @@ class _ReproductionSession:
 
         folder = reproducing.folder_of(self.where, paper, experiment)
         try:
-            rows, lines = reproducing.rows(paper, experiment, folder), reproducing.summary(paper, experiment, folder)
+            rows, lines = reproducing.evaluated(paper, experiment, folder)
         except ResultError:
             damaged = reproducing.set_aside(folder)
             for path in damaged:
                 click.echo(f"wsnsim: {path}: is damaged and was set aside; its runs are repeated", err=True)
             if not damaged or not self.run(paper, experiment, should_stop).complete:
                 raise
-            rows, lines = reproducing.rows(paper, experiment, folder), reproducing.summary(paper, experiment, folder)
+            rows, lines = reproducing.evaluated(paper, experiment, folder)
         self.rows.extend(rows)
         self.lines.extend(lines)
         if self.figures:

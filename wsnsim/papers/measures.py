@@ -99,6 +99,7 @@ class Data:
         self.variants = tuple(str(point.settings[VARIANT]) for point in self.manifest.points)
         self.table = functools.cache(self._table)
         self.errors = functools.cache(self._errors)
+        self.column_errors = functools.cache(self._column_errors)
         self.scenario = functools.cache(self._scenario)
         self.bound = functools.cache(self._bound)
         self.bounds: dict[tuple[str, int, str, str], bounds.Bound] = {}
@@ -145,7 +146,7 @@ class Data:
         """A column of the table `runs`, by replicate."""
         return self.of(variant, "runs").set_index("replicate")[column].astype(np.float64)
 
-    def column_errors(self, variant: str, column: str) -> Floats:
+    def _column_errors(self, variant: str, column: str) -> Floats:
         """(replicates x targets, steps) estimate minus truth of a state column; needs `estimates` and `truth`."""
         keys = ["replicate", "target", "step"]
         truth, guess = (self.of(variant, name)[[*keys, column]] for name in ("truth", "estimates"))

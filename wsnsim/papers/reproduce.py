@@ -3,6 +3,7 @@
 begin(paper, experiment, where) -> Folder                     the experiment's campaign
 run(paper, experiment, where, full=False, ...) -> CampaignOutcome       run its missing runs
 rows(paper, experiment, folder) -> [ClaimRow, ...]            published, measured, bound, verdict
+evaluated(paper, experiment, folder) -> (rows, lines)         rows and summary, kept beside the campaign
 draw(paper, experiment, folder, into) -> [file, ...]          the paper's figures from our results
 """
 
@@ -10,20 +11,22 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 import wsnsim.campaign as campaign
 from wsnsim.base.errors import UsageError, did_you_mean
+from wsnsim.base.progress import tracked
 from wsnsim.campaign.local_engine import LocalEngine, available_cores
 from wsnsim.papers.measures import VARIANT, Data
 from wsnsim.papers.paper import PAPERS
 from wsnsim.papers.paper import paper as load_paper
 from wsnsim.papers.reasons import rendered
-from wsnsim.papers.reproduction import ClaimRow, Experiment
+from wsnsim.papers.reproduction import ClaimRow, Experiment, row_of
 from wsnsim.papers.rows import rows_of
 from wsnsim.recording.folder import Folder
+from wsnsim.recording.kept_answers import KEPT, KeptAnswers
 from wsnsim.scenario.sweep import load_sweep
 from wsnsim.scenario.sweep_schema import Plan
 
@@ -114,7 +117,7 @@ def rows(paper: str, experiment: Experiment, folder: Path) -> list[ClaimRow]:
     Beside the row of an order, which is of the published statistic, stands one of the paired differences' median.
     """
     data = Data(Folder(folder), load_paper(paper))
-    found = [rows_of(claim, data) for claim in experiment.claims]
+    found = [rows_of(claim, data) for claim in tracked(experiment.claims, f"claims of {experiment.name} judged")]
     by_id: dict[str, dict[str, ClaimRow]] = {}
     for row, *_ in found:
         by_id.setdefault(row.id, {})[row.key] = row
@@ -126,6 +129,19 @@ def rows(paper: str, experiment: Experiment, folder: Path) -> list[ClaimRow]:
         )
         for row in shown
     ]  # fmt: skip
+
+
+def evaluated(paper: str, experiment: Experiment, folder: Path) -> tuple[list[ClaimRow], list[str]]:
+    """`rows` and `summary` of an experiment, kept beside its campaign while no file, claim or code changes."""
+    campaign_folder = Folder(folder)
+    points = [asdict(point) for point in campaign_folder.manifest().points]
+    question = [paper, repr(experiment), dict(load_paper(paper).published), points, campaign_folder.state()]
+
+    def compute() -> list[Any]:
+        return [[asdict(row) for row in rows(paper, experiment, folder)], summary(paper, experiment, folder)]
+
+    found, lines = KeptAnswers(folder / KEPT / "rows.json").answer(question, compute)
+    return [row_of(content) for content in found], lines
 
 
 def set_aside(folder: Path) -> list[Path]:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final, Literal, NamedTuple
+from typing import Any, Final, Literal, NamedTuple
 
 from wsnsim.papers.document import PaperFigure
 from wsnsim.papers.verdicts import NO_SHARE, AstrayShare, Judgement, Verdict
@@ -212,3 +212,12 @@ class ClaimRow:
     def counted(self) -> bool:
         """Whether the verdict is counted among those on the paper's claims."""
         return self.literal and self.basis == "evidence" and not self.paired
+
+
+def row_of(content: Mapping[str, Any]) -> ClaimRow:
+    """The row with this content, in which tuples may be lists, as `json` gives them."""
+    nested = {"judgement": Judgement, "astray": AstrayShare, "losses": Losses}
+    return ClaimRow(
+        **{name: nested[name](*value) if name in nested else value for name, value in content.items()}
+        | {"median": tuple(content["median"])}
+    )

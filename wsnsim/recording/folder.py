@@ -5,6 +5,7 @@
     DIR/<point>/r00000-00004.h5     its replicates 0 to 4; a file with this name is complete
     DIR/failed/<task>.txt           why a task failed
     DIR/consolidated/runs.npz       the rows of all files, to be read at once; see `consolidated`
+    DIR/kept/                       answers that take long to compute; see `kept_answers`
     DIR/running/                    markers of running tasks; those of killed workers stay
 
 The existing files alone say which replicates are done.
@@ -186,6 +187,15 @@ class Folder:
             except ResultError:
                 moved.append(batch.path.rename(batch.path.with_name(f"{batch.path.name}.damaged")))
         return moved
+
+    def state(self) -> list[Any]:
+        """The state of the scenarios and result files: name, size, times and inode of each, as JSON values."""
+        return [
+            [f"{path.parent.name}/{path.name}", about.st_size, about.st_mtime_ns, about.st_ctime_ns, about.st_ino]
+            for point in self.manifest().points
+            for path in (self.path / point.id / SCENARIO, *(batch.path for batch in self.batches(point.id)))
+            for about in (path.stat(),)
+        ]
 
     def copy_in(self, batch: Batch, point: str) -> None:
         """Copy a result file from another folder, as a whole or not at all."""

@@ -23,6 +23,7 @@ from matplotlib.ticker import NullFormatter
 from wsnsim.analysis import plot_data, plots
 from wsnsim.analysis.figure_style import STYLE
 from wsnsim.base.errors import ResultError, UsageError
+from wsnsim.base.progress import tracked
 from wsnsim.recording import read_table
 
 MANY: Final = 3000
@@ -70,7 +71,8 @@ def svg_figures(path: Path, replicate: int) -> tuple[list[SvgFigure], list[str]]
     if len(targets) > MAX_TARGETS:
         left_out.append(f"only the tracks of the first {MAX_TARGETS} of {len(targets):,} targets are drawn")
     with style.context(["default", PAGE_STYLE]):
-        for panel in _panels(path, replicate, possible, targets):
+        panels = list(_panels(path, replicate, possible, targets))
+        for panel in tracked(panels, f"figures of {path.name} drawn"):
             try:
                 figures.append(_drawn(panel, len(targets) > 1))
             except (ResultError, UsageError) as error:
