@@ -101,13 +101,13 @@ class _ReproductionSession:
         return 0 if complete else INCOMPLETE
 
     def run(self, paper: str, experiment: Experiment, should_stop: Callable[[], bool]) -> CampaignOutcome:
-        """Run what is missing of an experiment."""
+        """Run what is missing of an experiment that was begun."""
         from wsnsim.papers import reproduce as reproducing
+        from wsnsim.recording.folder import Folder
 
         with contextlib.closing(display("none" if self.quiet else self.progress, CAMPAIGN)) as shown:
-            return reproducing.run(
-                paper, experiment, self.where, self.jobs, full=self.full, watch=shown.step, stop=should_stop
-            )
+            folder = Folder(reproducing.folder_of(self.where, paper, experiment))
+            return reproducing.resume(folder, self.jobs, watch=shown.step, stop=should_stop)
 
     def evaluate(self, paper: str, experiment: Experiment, should_stop: Callable[[], bool]) -> None:
         """Add the rows, lines and figures of an experiment. Damaged files are set aside and run again once."""

@@ -97,13 +97,20 @@ def run(
     watch: Callable[[campaign.CampaignProgress], None] | None = None,
     stop: Callable[[], bool] = lambda: False,
 ) -> campaign.CampaignOutcome:
-    """Run the missing runs of an experiment."""
-    return campaign.run_campaign(
-        begin(paper, experiment, where, full),
-        LocalEngine(jobs or available_cores()),
-        on_progress=watch,
-        should_stop=stop,
-    )
+    """Begin an experiment and run its missing runs."""
+    return resume(begin(paper, experiment, where, full), jobs, watch=watch, stop=stop)
+
+
+def resume(
+    folder: Folder,
+    jobs: int | None = None,
+    *,
+    watch: Callable[[campaign.CampaignProgress], None] | None = None,
+    stop: Callable[[], bool] = lambda: False,
+) -> campaign.CampaignOutcome:
+    """Run the missing runs of an experiment that was begun."""
+    engine = LocalEngine(jobs or available_cores())
+    return campaign.run_campaign(folder, engine, on_progress=watch, should_stop=stop)
 
 
 def folder_of(where: Path, paper: str, experiment: Experiment) -> Path:
