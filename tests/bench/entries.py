@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from tests.bench.frames import frame, other_frame
+from tests.bench.frames import frame, interferer, other_frame, rivals
 from wsnsim.base.rng import derive_all
 
 Arguments = tuple[Any, ...]
@@ -288,6 +288,8 @@ ENTRIES: tuple[Entry, ...] = (
     Entry("relay.kalman", "kernels.test_relay:kalman_twin", _kalman, FEW, "sensor"),
     Entry("reception.outcomes", "kernels.test_reception:outcomes_twin", frame, NEIGHBOURS, "neighbour"),
     Entry("reception.overlap", "kernels.test_reception:overlap_twin", other_frame, NEIGHBOURS, "neighbour"),
+    Entry("reception.add_common", "kernels.test_reception:add_common_twin", interferer, NEIGHBOURS, "neighbour"),
+    Entry("reception.take_over", "kernels.test_reception:take_over_twin", rivals, NEIGHBOURS, "neighbour"),
     Entry("charging.book", "kernels.test_charging:book_twin", _charge, NEIGHBOURS, "neighbour"),
     Entry("charging.mark_busy", "kernels.test_charging:mark_busy_twin", _busy, NEIGHBOURS, "neighbour"),
 )

@@ -26,3 +26,16 @@ def other_frame(count: int) -> tuple[Any, ...]:
     rng = np.random.default_rng(count)
     ids, others = (np.sort(rng.choice(2 * count, count, replace=False)) for _ in range(2))
     return ids, others, int(ids[0]), HEARD_OTHER, 1.5, 2.0, np.zeros(count, np.int64), np.full(count, 1.0)
+
+
+def interferer(count: int) -> tuple[Any, ...]:
+    """The arguments of `add_common` for two frames that many nodes hear."""
+    ids, others, *_ = other_frame(count)
+    return ids, others, np.linspace(1.0, 2.0, count), np.full(count, 0.5)
+
+
+def rivals(count: int) -> tuple[Any, ...]:
+    """The arguments of `take_over` for two frames that many nodes hear."""
+    rng, (ids, others, *_) = np.random.default_rng(count), other_frame(count)
+    powers, other_powers = rng.uniform(-95.0, -75.0, (2, count))
+    return ids, powers, rng.random(count) < 0.8, others, other_powers, rng.random(count) < 0.8, 3.0

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.bench.frames import frame, other_frame
+from tests.bench.frames import frame, interferer, other_frame, rivals
 from wsnsim.base.rng import derive, derive_all, uniforms
-from wsnsim.kernels.reception import COLLIDED, FOREIGN, HIT, LOST, RECEIVED, outcomes, overlap
+from wsnsim.kernels.reception import COLLIDED, FOREIGN, HIT, LOST, RECEIVED, add_common, outcomes, overlap, take_over
 
 
 def overlap_twin(ids, others, source, mark, paid, end, marks, until):
@@ -46,6 +46,21 @@ def outcomes_twin(key, numbers, ids, thresholds, usable, hears, marks, until, to
     return count, int(meant.sum()), int((meant & arrives).sum())
 
 
+def add_common_twin(ids, others, values, sums):
+    """`add_common` by a dictionary."""
+    heard = dict(zip(others.tolist(), values.tolist(), strict=True))
+    sums += [heard.get(node, 0.0) for node in ids.tolist()]
+
+
+def take_over_twin(ids, powers, locks, others, other_powers, other_locks, margin):
+    """`take_over` by masks."""
+    _, here, there = np.intersect1d(ids, others, return_indices=True)
+    held = other_locks[there].copy()
+    takes = held & locks[here] & (powers[here] >= other_powers[there] + margin)
+    other_locks[there[takes]] = False
+    locks[here[held & ~takes]] = False
+
+
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize(("to", "busy"), [(-1, False), (-1, True), (3, False), (3, True)])
 def test_the_outcomes_of_a_frame_are_those_of_the_twin(seed, to, busy):
@@ -81,3 +96,14 @@ def test_a_frame_for_which_others_have_paid_longer_already_raises_nothing():
     until[:] = 1.75
     overlap(*arguments, marks, until)
     assert until.tolist() == [2.0, *[1.75] * 5]
+
+
+@pytest.mark.parametrize(
+    ("kernel", "twin", "maker"), [(add_common, add_common_twin, interferer), (take_over, take_over_twin, rivals)]
+)
+@pytest.mark.parametrize("count", [1, 6, 50])
+def test_interference_and_capture_are_those_of_the_twins(kernel, twin, maker, count):
+    mine, twins = maker(count), maker(count)
+    kernel(*mine)
+    twin(*twins)
+    assert all(np.array_equal(a, b) for a, b in zip(mine, twins, strict=True))

@@ -105,8 +105,8 @@ class LinkModel(Protocol):
     def captures(self) -> bool:
         """Whether a frame may survive an overlapping one; otherwise both are lost where both are heard.
 
-        If so, `reception` must be the product of that of the parts of a frame, and `capture_margin` (dB, 3 if missing)
-        says how much stronger a later frame must be to take over a receiver.
+        If so, `reception` must be the product of that of the bits of a frame, and must not rise with the interference;
+        `capture_margin` (dB, 3 if missing) says how much stronger a later frame must be to take over a receiver.
         """
 
     def powers(self, distances: Floats, pairs: Keys, directions: Keys) -> Floats:

@@ -2,6 +2,8 @@
 
     overlap(ids, others, ..., marks, until)       another frame is heard meanwhile
     outcomes(key, ..., ids, ..., order, groups)   received, collided, overheard or lost
+    add_common(ids, others, values, sums)         interference
+    take_over(ids, ..., others, ..., margin)      capture
 
 Nodes are given by their numbers, ascending. The random numbers are those of `base.rng`, so that the general path of
 `network.radio.reception` gives the same result.
@@ -140,3 +142,49 @@ def outcomes(
             groups[last, 2] = size
             last, below = last + 1, top
     return last, in_range, delivered
+
+
+@kernel
+def add_common(ids: Ints, others: Ints, values: Floats, sums: Floats) -> None:
+    """Add the values (m,) of other nodes (m,) to the sums (n,) of those of the nodes (n,) that are among them."""
+    i, j = 0, 0
+    while i < ids.size and j < others.size:
+        if ids[i] < others[j]:
+            i += 1
+        elif ids[i] > others[j]:
+            j += 1
+        else:
+            sums[i] += values[j]
+            i += 1
+            j += 1
+
+
+@kernel
+def take_over(
+    ids: Ints, powers: Floats, locks: Bools, others: Ints, other_powers: Floats, other_locks: Bools, margin: float
+) -> None:
+    """Decide on which of two frames the receivers lock that hear both, the later of which would lock them, too.
+
+    Args:
+        ids: (n,) the nodes that hear the later frame.
+        powers: (n,) its powers in dBm.
+        locks: (n,) which nodes it would lock; changed.
+        others: (m,) the nodes that hear the earlier frame.
+        other_powers: (m,) its powers in dBm.
+        other_locks: (m,) which nodes are locked on it; changed.
+        margin: By how many dB the later frame must be stronger to take a receiver over.
+    """
+    i, j = 0, 0
+    while i < ids.size and j < others.size:
+        if ids[i] < others[j]:
+            i += 1
+        elif ids[i] > others[j]:
+            j += 1
+        else:
+            if other_locks[j]:
+                if locks[i] and powers[i] >= other_powers[j] + margin:
+                    other_locks[j] = False
+                else:
+                    locks[i] = False
+            i += 1
+            j += 1

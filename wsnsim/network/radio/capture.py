@@ -21,6 +21,7 @@ from typing import Final
 import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats
+from wsnsim.kernels.reception import add_common, take_over
 from wsnsim.network.radio.radio_services import RadioServices
 from wsnsim.network.radio.transmission import Transmission
 
@@ -41,6 +42,7 @@ class CapturingReceivers:
     def __init__(self, radio: RadioServices, header: float) -> None:
         self._env = radio.env
         self._nodes = radio.nodes
+        self._topology = radio.topology
         self._link = radio.topology.link
         self._margin = float(getattr(self._link, "capture_margin", MARGIN))
         self._header = header
@@ -61,41 +63,53 @@ class CapturingReceivers:
     def locked(self, sent: Transmission) -> Bools:
         """(n,) which neighbours are locked on a frame that has started and overlaps others; changed by later frames."""
         if sent.locks is None:
-            sent.locks = self._listening(sent) & self._synchronises(sent, 0.0)
+            sent.locks = self._listening(sent) & self._synchronisable(sent)
         return sent.locks
 
     def probabilities(self, sent: Transmission) -> Floats:
-        """(n,) probability that a frame arrives at neighbours locked on it, with interference where it overlaps."""
-        powers, airtime = sent.neighbours.powers, sent.end - sent.start
+        """(n,) probability that a frame arrives at neighbours locked on it, with interference where it overlaps.
+
+        The frame is cut where another one begins or ends. The probabilities of a bit in all pieces are found together.
+        They are 0 at the other neighbours.
+        """
+        neighbours, arrives = sent.neighbours, np.zeros(sent.neighbours.ids.size)
+        at = np.flatnonzero(self.locked(sent))
+        if not at.size:
+            return arrives
         others = [other for other in sent.overlapping or () if other.end > max(other.start, sent.start)]
-        milliwatts = [_interference(sent, other) for other in others]
         ends = [min(max(time, sent.start), sent.end) for other in others for time in (other.start, other.end)]
-        arrives = np.ones(powers.size)
-        for since, until in itertools.pairwise(sorted({sent.start, sent.end, *ends})):
-            present = [mw for mw, other in zip(milliwatts, others, strict=True) if _overlaps(other, since, until)]
-            bits = sent.frame.bits * (until - since) / airtime
-            arrives *= self._link.reception(powers, bits, np.sum(present, axis=0) if present else 0.0)
+        pieces = list(itertools.pairwise(sorted({sent.start, sent.end, *ends})))
+        ids, interference = neighbours.ids[at], np.zeros((len(pieces), at.size))
+        for other in others:
+            for piece, (since, until) in enumerate(pieces):
+                if other.start < until and other.end > since:
+                    add_common(ids, other.neighbours.ids, other.neighbours.milliwatts, interference[piece])
+        powers = np.concatenate([neighbours.powers[at]] * len(pieces))
+        each = self._link.reception(powers, 1.0, interference.ravel()).reshape(interference.shape)
+        bits = [sent.frame.bits * (until - since) / (sent.end - sent.start) for since, until in pieces]
+        arrives[at] = np.prod(each ** np.array(bits)[:, None], axis=0)
         return arrives
 
     def _lock(self, sent: Transmission) -> None:
         """Lock the neighbours that listen, synchronise and are not locked on an earlier frame; take others over."""
-        on_air = [other for other in sent.overlapping or () if _is_earlier(other, sent)]
-        locks = self._listening(sent)
+        neighbours, on_air = sent.neighbours, [other for other in sent.overlapping or () if _is_earlier(other, sent)]
+        locks = self._listening(sent) & self._synchronisable(sent)
         interference = np.zeros(locks.size)
         for other in on_air:
-            interference += _interference(sent, other)
-            at = sent.neighbours.index(other.source)
+            add_common(neighbours.ids, other.neighbours.ids, other.neighbours.milliwatts, interference)
+            at = neighbours.index(other.source)
             if at >= 0:
                 locks[at] = False
             self._release(other, sent.source)
-        locks &= self._synchronises(sent, interference)
+        disturbed = np.flatnonzero(locks & (interference > 0.0))
+        if disturbed.size:
+            probability = self._link.reception(neighbours.powers[disturbed], HEADER_BITS, interference[disturbed])
+            locks[disturbed] = probability >= LEAST_SYNCHRONISATION
         for other in on_air:
-            here, there = sent.neighbours.common(other.neighbours)
-            held = self.locked(other)[there]
-            stronger = sent.neighbours.powers[here] >= other.neighbours.powers[there] + self._margin
-            takes = held & stronger & locks[here] & (sent.start < other.start + self._header)
-            self.locked(other)[there[takes]] = False
-            locks[here[held & ~takes]] = False
+            others, margin = other.neighbours, self._margin
+            if sent.start >= other.start + self._header:
+                margin = np.inf
+            take_over(neighbours.ids, neighbours.powers, locks, others.ids, others.powers, self.locked(other), margin)
         sent.locks = locks
 
     def _release(self, sent: Transmission, node: int) -> None:
@@ -110,26 +124,14 @@ class CapturingReceivers:
         if sent.end <= sent.start:
             return np.zeros(ids.size, dtype=np.bool_)
         listening = nodes.living[ids] if nodes.all_listen else nodes.hears(ids, sent.start)
-        return listening.copy() if sent.asleep is None else listening & ~np.isin(ids, sent.asleep)
+        return listening if sent.asleep is None else listening & ~np.isin(ids, sent.asleep)
 
-    def _synchronises(self, sent: Transmission, interference: Floats | float) -> Bools:
-        """(n,) whether the header of a frame can be received, with interference in mW at its beginning."""
-        probability = self._link.reception(sent.neighbours.powers, HEADER_BITS, interference)
-        return np.asarray(probability >= LEAST_SYNCHRONISATION)
-
-
-def _interference(sent: Transmission, other: Transmission) -> Floats:
-    """(n,) power in mW with which another frame arrives at the neighbours."""
-    here, there = sent.neighbours.common(other.neighbours)
-    milliwatts = np.zeros(sent.neighbours.ids.size)
-    milliwatts[here] = 10.0 ** (other.neighbours.powers[there] / 10.0)
-    return milliwatts
+    def _synchronisable(self, sent: Transmission) -> Bools:
+        """(n,) whether the header of a frame can be received where nothing interferes."""
+        probabilities = self._topology.probabilities(sent.neighbours, HEADER_BITS)
+        return np.asarray(probabilities >= LEAST_SYNCHRONISATION)
 
 
 def _is_earlier(other: Transmission, sent: Transmission) -> bool:
     """Whether another frame began before this one and is on the air when this one begins."""
     return other.number < sent.number and other.end > max(other.start, sent.start)
-
-
-def _overlaps(other: Transmission, since: float, until: float) -> bool:
-    return other.start < until and other.end > since

@@ -4,8 +4,7 @@
 
 A radio that receives a frame pays for it, whether it can use the frame or not. A radio that hears two frames at once
 pays for the time once. A radio that sends receives nothing. `resolve` chooses one of four ways to the same result:
-`_sort_out` is the general one; the others serve the frequent cases faster, in which no fault disturbs the frame and
-nobody can die of it.
+`_sort_out` is the general one; the others are faster and serve where no fault disturbs and nobody can die.
 """
 
 from __future__ import annotations
@@ -36,7 +35,6 @@ NO_TIMES: Final = np.zeros(0)
 ALL: Final = np.zeros(0, dtype=np.bool_)
 NO_NUMBERS: Final = (0, 0, 0)
 Numbers: TypeAlias = tuple[int, int, int]
-NOWHERE: Final = np.False_
 
 
 class Reception:
@@ -71,11 +69,10 @@ class Reception:
 
     def _in_one_pass(self, sent: Transmission, listening: Bools | None) -> Received:
         """The result of a frame that no fault disturbs and of which nobody can die: that of `_sort_out`."""
-        nodes, neighbours, frame = self._nodes, sent.neighbours, sent.frame
-        ids, everyone = neighbours.ids, frame.to == EVERYONE
-        hears = ALL if listening is None else listening
+        nodes, ids, frame = self._nodes, sent.neighbours.ids, sent.frame
+        hears, everyone = ALL if listening is None else listening, frame.to == EVERYONE
         if sent.asleep is not None:
-            hears = ~np.isin(ids, sent.asleep) if listening is None else hears & ~np.isin(ids, sent.asleep)
+            hears = ~np.isin(ids, sent.asleep) & (True if listening is None else listening)
         marks, until = self._marks(sent)
         thresholds, usable, numbers = self._chances(sent)
         order = np.empty(ids.size, dtype=np.int64)
@@ -95,10 +92,8 @@ class Reception:
             received += group.size if outcome == RECEIVED else 0
             collided += group.size if outcome == COLLIDED else 0
         self._count(sent, in_range if everyone or nodes.alive[frame.to] else 0, delivered, collided)
-        if not everyone:
-            return bool(received)
-        if received == ids.size:
-            return ids
+        if received == ids.size or not everyone:
+            return ids if everyone else bool(received)
         return order[:received] if sent.overlapping is None else np.sort(order[:received])
 
     def _marks(self, sent: Transmission) -> tuple[Ints, Floats]:
@@ -132,19 +127,15 @@ class Reception:
 
     def _broadcast_alone(self, sent: Transmission) -> Received:
         """The result of an undisturbed broadcast: all neighbours receive it."""
-        neighbours, counters = sent.neighbours, self._counters
-        count = neighbours.ids.size
-        if count:
-            self._book_group(sent, neighbours.ids, WHOLE, RECEIVE, RX)
-        counters.in_range += count
-        counters.delivered += count
-        return neighbours.ids
+        ids, counters = sent.neighbours.ids, self._counters
+        if ids.size:
+            self._book_group(sent, ids, WHOLE, RECEIVE, RX)
+        counters.in_range += ids.size
+        counters.delivered += ids.size
+        return ids
 
     def _broadcast_overlapped(self, sent: Transmission) -> Received:
-        """The result of a broadcast that overlaps others, if reception depends on distance alone.
-
-        It equals that of `_sort_out` in another order of the nodes.
-        """
+        """The result of a broadcast that overlaps others, if distance alone decides; events are in another order."""
         neighbours, counters = sent.neighbours, self._counters
         collided = self._collided_until(sent)
         counters.in_range += len(neighbours.id_list)
@@ -195,13 +186,13 @@ class Reception:
         reliable = self._topology.reliable(neighbours, frame.bits)
         if not self._topology.distance_only or nodes.disturbed:
             arrived = arrived & self._survives(sent)
-        collided: Any = NOWHERE
+        collided: Any = np.False_
         if hit is not None and overlapped is not None:
             collided = hears & ~arrived & (hit | overlapped) & reliable
         meant = reliable if everyone else ids == frame.to
         got = arrived if everyone else arrived & meant
         self._charge(sent, got, share, RECEIVE, RX)
-        if collided is not NOWHERE:
+        if not quiet:
             self._charge(sent, collided & meant, share, COLLIDE, RX)
         if not everyone:
             self._charge(sent, (arrived | collided) & ~meant, share, OVERHEAR, OVERHEARD)

@@ -43,7 +43,7 @@ class Neighbours:
         thresholds: {bits: (n,) one less that, and (n,) whether the link is usable}, filled on demand.
     """
 
-    __slots__ = ("_id_list", "_members", "ids", "powers", "probabilities", "senses", "thresholds")
+    __slots__ = ("_id_list", "_members", "_milliwatts", "ids", "powers", "probabilities", "senses", "thresholds")
 
     def __init__(self, ids: Ints, powers: Floats, senses: Bools) -> None:
         self.ids = ids
@@ -53,6 +53,7 @@ class Neighbours:
         self.thresholds: dict[int, tuple[Floats, Bools]] = {}
         self._id_list: list[int] | None = None
         self._members: frozenset[int] | None = None
+        self._milliwatts: Floats | None = None
 
     @property
     def id_list(self) -> list[int]:
@@ -67,6 +68,13 @@ class Neighbours:
         if self._members is None:
             self._members = frozenset(self.id_list)
         return self._members
+
+    @property
+    def milliwatts(self) -> Floats:
+        """(n,) received power in mW."""
+        if self._milliwatts is None:
+            self._milliwatts = 10.0 ** (self.powers / 10.0)
+        return self._milliwatts
 
     def common(self, other: Neighbours) -> tuple[Ints, Ints]:
         """Indices of the common neighbours, in these ids and in those of the other."""
