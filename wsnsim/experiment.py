@@ -31,6 +31,7 @@ from wsnsim.base.results import RunResult, Summary, summarise
 from wsnsim.base.rng import Streams
 from wsnsim.base.setups import BeaconSetup, NetworkSetup, Setup, TrackingSetup
 from wsnsim.base.tables import Memory
+from wsnsim.models.compilation import announced, compilation_seconds, time_without_compilation
 from wsnsim.models.coverage import coverage
 from wsnsim.network.network import Sensors
 from wsnsim.network.nodes import Nodes
@@ -51,6 +52,8 @@ Source = Any
 class Report:
     """The result of `run`: the scenario, one summary per run, the file, and the wall-clock time in s.
 
+    `compiled` is the processor time (s) in which kernels were compiled; it is no part of the runs.
+
     `states` are the motion model's columns as (name, unit), `position` says which of them are the position.
     """
 
@@ -60,6 +63,7 @@ class Report:
     wall: float
     states: tuple[tuple[str, str], ...]
     position: tuple[int, ...]
+    compiled: float = 0.0
 
 
 def simulate(
@@ -82,18 +86,17 @@ def simulate(
 
 def replicate_of(setup: Setup, replicate: int, recorder: Recorder, progress: OnTime | None = None) -> Summary:
     """One Monte Carlo run of a scenario that is built."""
-    started = time.process_time()
+    started = time_without_compilation()
     if isinstance(setup, BeaconSetup):
-        return summarise(
-            setup, replicate, _without_targets(setup, replicate, recorder, progress), (), recorder, started
-        )
+        result = _without_targets(setup, replicate, recorder, progress)
+        return summarise(setup, replicate, result, (), recorder, started + compilation_seconds())
     assert isinstance(setup, TrackingSetup)
     conditions = sample_initial_conditions(setup, replicate)
     if isinstance(setup, NetworkSetup):
         result = _in_network(setup, replicate, conditions, recorder, progress)
     else:
         result = OfflineRun(setup, replicate, conditions, recorder).run(progress)
-    return summarise(setup, replicate, result, conditions.truths, recorder, started)
+    return summarise(setup, replicate, result, conditions.truths, recorder, started + compilation_seconds())
 
 
 def _without_targets(setup: BeaconSetup, replicate: int, recorder: Recorder, progress: OnTime | None) -> RunResult:
@@ -136,6 +139,7 @@ def run(
     command_line: str = "",
     progress: Callable[[Progress], None] | None = None,
     batch: bool = True,
+    on_compile: Callable[[], None] | None = None,
 ) -> Report:
     """Run a scenario several times, into one HDF5 file that gets its name only once it is complete.
 
@@ -146,6 +150,7 @@ def run(
         command_line: The command that is stored in the file's provenance.
         progress: Called at most ten times a second.
         batch: Whether standalone runs are made many at once where the tracker offers it. The tables are the same.
+        on_compile: Called when the first kernel is compiled, if one is: kernels are cached once on a machine.
 
     Raises:
         ScenarioError: The scenario is invalid.
@@ -153,7 +158,7 @@ def run(
         StorageError: The file cannot be written.
         UsageError: `replicates` is below 1.
     """
-    began = time.monotonic()
+    began, compiled = time.monotonic(), compilation_seconds()
     loaded = scenarios.load(scenario)
     setup = scenarios.build(loaded)
     wanted = loaded.replicates if replicates is None else replicates
@@ -163,17 +168,23 @@ def run(
     motions = setup.motions if isinstance(setup, TrackingSetup) else ()
     states = tuple(zip(motions[0].columns, motions[0].units, strict=True)) if motions else ()
     position = motions[0].position if motions else ()
-    with ResultFile(Path(out), states, setup.record, position=position or None) as file:
+    result = ResultFile(Path(out), states, setup.record, position=position or None)
+    with announced(on_compile), result as file:
         file.set_text("scenario/source_yaml", loaded.source_yaml)
         resolved = {**scenarios.resolved(loaded), "replicates": len(chosen)}
         file.set_text("scenario/resolved_json", json.dumps(resolved))
         made_by = provenance(command_line, setup.seed, scenarios.plugins(loaded))
         file.set_text("provenance_json", json.dumps({**made_by, "engine": "composed"}))
-        batches = Batches(setup, file) if batch and len(chosen) > 1 and offers_batch(setup) else None
+        batches = (
+            Batches(setup, file, time_without_compilation)
+            if batch and len(chosen) > 1 and offers_batch(setup)
+            else None
+        )
         summaries = _made(setup, chosen, file, batches, lambda first: throttled(progress, first, began))
         if batches and batches.used:
             file.set_text("provenance_json", json.dumps({**made_by, "engine": "batch"}))
-    return Report(loaded, tuple(summaries), Path(out), time.monotonic() - began, states, position)
+    wall, compiled = time.monotonic() - began, compilation_seconds() - compiled
+    return Report(loaded, tuple(summaries), Path(out), wall, states, position, compiled)
 
 
 def _made(

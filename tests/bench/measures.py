@@ -2,15 +2,8 @@
 
 from __future__ import annotations
 
-import os
-import statistics
-import subprocess
-import sys
-import tempfile
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import simpy
@@ -23,6 +16,7 @@ from tests.bench.scale import scale_rows
 from tests.bench.script import Recorded, Replayed, Script
 from tests.bench.shipped import shipped_rows
 from tests.bench.sleeping import sleeping_rows
+from tests.bench.startup import startup_rows
 from tests.bench.timing import median_cpu, paired_medians, row
 from wsnsim import experiment, scenario
 from wsnsim.base.tables import Memory
@@ -36,27 +30,6 @@ def all_rows(repeats: int, only: str | None = None) -> Iterator[dict[str, Any]]:
     for name, rows in GROUPS.items():
         if only in (None, name):
             yield from ({"group": name} | figure for figure in rows(repeats))
-
-
-def startup_rows(repeats: int) -> Iterator[dict[str, Any]]:
-    """How long a newcomer waits: `--help`, and the first run of all with nothing compiled."""
-    python = [sys.executable, "-m", "wsnsim"]
-    walls = [_wall([*python, "--help"]) for _ in range(7)]
-    yield row("wsnsim --help, wall", 1000 * statistics.median(walls[1:]), "ms", 150)
-    with tempfile.TemporaryDirectory() as folder:
-        cold = {**os.environ, "NUMBA_CACHE_DIR": folder}
-        one_step = [
-            *python,
-            "run",
-            "pso_mhpf",
-            "--set",
-            "duration=0.4 s",
-            "--quiet",
-            "--out",
-            str(Path(folder) / "x.h5"),
-        ]
-        yield row("first run after installation ready within, wall", _wall(one_step, cold), "s", 15)
-        yield row("the same with kernels cached, wall", _wall(one_step, cold), "s")
 
 
 def tracker_rows(repeats: int) -> Iterator[dict[str, Any]]:
@@ -111,12 +84,6 @@ def bare_timeouts(count: int) -> None:
     for _ in range(100):
         env.process(waiter())
     env.run(until=count / 100)
-
-
-def _wall(command: list[str], env: dict[str, str] | None = None) -> float:
-    began = time.monotonic()
-    subprocess.run(command, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=env)
-    return time.monotonic() - began
 
 
 GROUPS: dict[str, Callable[[int], Iterator[dict[str, Any]]]] = {

@@ -121,7 +121,8 @@ def summarise(
         result: What the run produced.
         truths: The states (steps + 1, D) of each target.
         recorder: Where the rows go.
-        started: Processor time (s) at the start of the run, as `time.process_time` gives it.
+        started: Processor time (s) at the start of the run, as `time.process_time` gives it, later by what is not to
+            be counted.
     """
     errors = np.empty((len(truths), result.steps))
     deviations, rows, estimates = [], [], []

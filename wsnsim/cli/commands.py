@@ -63,10 +63,14 @@ def run(
     import wsnsim.experiment as experiment
     from wsnsim.papers.published import published
 
+    talks = not quiet and progress not in ("json", "none")
     with contextlib.closing(display("none" if quiet else progress, RUN)) as shown:
         report = experiment.run(
-            scenario, replicates=replicates, out=path, command_line=command_line(), progress=shown.step
-        )
+            scenario, replicates=replicates, out=path, command_line=command_line(), progress=shown.step,
+            on_compile=_say_compiling if talks else None,
+        )  # fmt: skip
+    if talks and report.compiled:
+        click.echo(f"wsnsim: compiling kernels, once: {report.compiled:.1f} s, no part of the CPU time", err=True)
     echo_answer(_summary(report, scenario, as_json))
     if page:
         import wsnsim.report as pages
@@ -74,6 +78,10 @@ def run(
         written = pages.write([path], page, published=published)
         if not quiet:
             click.echo(f"wsnsim: {written.path}: {written.size / 1e6:.2f} MB; open it in a browser", err=True)
+
+
+def _say_compiling() -> None:
+    click.echo("wsnsim: compiling kernels, once ...", err=True)
 
 
 def _summary(report: Report, scenario: Scenario, as_json: bool) -> str | dict[str, Any]:

@@ -16,10 +16,12 @@ function itself.
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Callable, Mapping
-from typing import Any, Final, TypeVar
+from typing import Any, Final, TypeVar, final
 
 from numba import njit
+from numba.core import event
 
 F = TypeVar("F", bound=Callable[..., Any])
 BLAS: Final = "scipy.linalg.cython_blas"
@@ -42,6 +44,42 @@ def _import_without_scipy() -> None:
 
 
 _import_without_scipy()
+
+
+@final
+class CompilationTime(event.Listener):
+    """The processor time in which this process has compiled kernels. Loading a cached kernel is not compiling.
+
+    Attributes:
+        seconds: Processor time (s) until now.
+        announce: Called when a compilation begins.
+    """
+
+    def __init__(self) -> None:
+        self.seconds = 0.0
+        self.announce: Callable[[], None] | None = None
+        self._depth = 0
+        self._began = 0.0
+
+    def on_start(self, event: event.Event) -> None:
+        """A kernel is compiled, perhaps because another one that is being compiled calls it."""
+        if not self._depth:
+            self._began = time.process_time()
+            if self.announce is not None:
+                self.announce()
+        self._depth += 1
+
+    def on_end(self, event: event.Event) -> None:
+        """A kernel is compiled, or cannot be."""
+        self._depth -= 1
+        if not self._depth:
+            self.seconds += time.process_time() - self._began
+
+
+COMPILATION_TIME: Final = CompilationTime()
+"""That of this process."""
+event.register("numba:compile", COMPILATION_TIME)  # type: ignore[no-untyped-call]
+
 
 OPTIONS: Final[Mapping[str, Any]] = {
     "cache": True,

@@ -11,7 +11,7 @@ together.
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Final
 
@@ -47,12 +47,13 @@ def offers_batch(setup: Setup) -> bool:
 class Batches:
     """Blocks of runs of a scenario, one after the other, that grow while they take little time.
 
-    Until a block takes `BLOCK_SECONDS`, the next one is twice as long: progress is reported in between.
+    Until a block takes `BLOCK_SECONDS`, the next one is twice as long: progress is reported in between. `clock` gives
+    the processor time (s).
     """
 
-    def __init__(self, setup: Setup, recorder: Recorder) -> None:
+    def __init__(self, setup: Setup, recorder: Recorder, clock: Callable[[], float] = time.process_time) -> None:
         assert isinstance(setup, TrackingSetup), "only standalone runs are batched"
-        self._setup, self._recorder = setup, recorder
+        self._setup, self._recorder, self._clock = setup, recorder, clock
         self._size, self._composed = 1, wants_belief(recorder)
         self.used = False
 
@@ -61,7 +62,7 @@ class Batches:
         if self._composed:
             return []
         started = time.monotonic()
-        summaries = run_batch(self._setup, replicates[: self._size], self._recorder)
+        summaries = run_batch(self._setup, replicates[: self._size], self._recorder, self._clock)
         if summaries is None:
             self._composed = True
             return []
@@ -79,7 +80,12 @@ def _most_runs(setup: TrackingSetup) -> int:
     return max(1, min(MOST_RUNS, MOST_NUMBERS // numbers))
 
 
-def run_batch(setup: TrackingSetup, replicates: Sequence[int], recorder: Recorder) -> list[Summary] | None:
+def run_batch(
+    setup: TrackingSetup,
+    replicates: Sequence[int],
+    recorder: Recorder,
+    clock: Callable[[], float] = time.process_time,
+) -> list[Summary] | None:
     """Make the runs of one block, and write their rows. None, with nothing written, if they must be composed.
 
     They must if the tracker does not offer its present options, and if an estimate is not finite: the composed run then
@@ -88,7 +94,7 @@ def run_batch(setup: TrackingSetup, replicates: Sequence[int], recorder: Recorde
     Raises:
         RunError: The initial conditions of a run could not be sampled, or the tracker failed.
     """
-    started = time.process_time()
+    started = clock()
     conditions = [sample_initial_conditions(setup, replicate) for replicate in replicates]
     streams = [Streams(setup.seed, replicate) for replicate in replicates]
     targets = []
@@ -98,7 +104,7 @@ def run_batch(setup: TrackingSetup, replicates: Sequence[int], recorder: Recorde
             return None
         targets.append(target)
     summaries = _written(setup, replicates, conditions, targets, recorder)
-    seconds = (time.process_time() - started) / len(summaries)
+    seconds = (clock() - started) / len(summaries)
     return [_finished(summary, seconds, recorder) for summary in summaries]
 
 
