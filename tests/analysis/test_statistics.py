@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -98,6 +100,17 @@ def test_the_means_interval_is_that_of_the_normal_law_for_many_values() -> None:
     found = statistics.mean(values)
     half = 1.96 * values.std() / 20.0
     assert (found.low, found.high) == pytest.approx((values.mean() - half, values.mean() + half), abs=0.15 * half)
+
+
+@pytest.mark.parametrize("count", [5, 33, 1500])
+@pytest.mark.parametrize("statistic", [np.median, np.mean])
+def test_the_bootstrap_is_that_of_scipy(count: int, statistic: Callable[..., Any]) -> None:
+    values = np.random.default_rng(count).lognormal(size=count)
+    expected = stats.bootstrap(
+        (values,), statistic, n_resamples=statistics.DRAWS, method="percentile", vectorized=True,
+        batch=max(1, statistics.MOST_SAMPLED // count), rng=np.random.Generator(np.random.Philox(count)),
+    ).confidence_interval  # fmt: skip
+    assert statistics._bootstrapped(values, statistic) == pytest.approx(expected, rel=1e-13)
 
 
 @given(st.integers(1, 400), st.data())

@@ -1,12 +1,15 @@
 """Statistics over Monte Carlo runs: medians, means, shares, paired differences and tests, Pareto front.
 
 Confidence intervals are of 95 %. The bootstrap's seed is the number of values, so that equal values give equal
-intervals. Unknown values (NaN) are left out; with fewer than five known values there is no interval.
+intervals. Unknown values (NaN) are left out; with fewer than five known values there is no interval. SciPy is imported
+for p-values only: its statistics take half a second.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from statistics import NormalDist
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -18,6 +21,11 @@ LEAST: Final = 5
 EXACT: Final = 50
 """Pairs up to which Wilcoxon's p is exact, ties included; for more, the normal approximation is close enough."""
 CONFIDENCE: Final = 0.95
+TAIL: Final = (1.0 - CONFIDENCE) / 2.0
+NORMAL: Final = NormalDist().inv_cdf(1.0 - TAIL)
+"""Standard deviations from the mean to the ends of the interval of a Gaussian."""
+MOST_SAMPLED: Final = 2_000_000
+"""Values that the bootstrap samples at once: bounds the memory."""
 NAN: Final = float("nan")
 
 
@@ -73,14 +81,14 @@ def interval_of_median(values: Floats) -> tuple[float, float]:
 
 def share(flags: Bools) -> IntervalEstimate:
     """The share of runs in which something happened, with its score interval (Wilson 1927)."""
-    from scipy import stats  # slow to import
-
     count = len(flags)
     if not count:
         return IntervalEstimate(NAN, NAN, NAN, 0)
     happened = int(np.count_nonzero(flags))
-    interval = stats.binomtest(happened, count).proportion_ci(CONFIDENCE, method="wilson")
-    return IntervalEstimate(happened / count, float(interval.low), float(interval.high), count)
+    part, square = happened / count, NORMAL * NORMAL
+    middle = (2.0 * happened + square) / (2.0 * (count + square))
+    half = NORMAL / (2.0 * (count + square)) * math.sqrt(4.0 * happened * (1.0 - part) + square)
+    return IntervalEstimate(part, middle - half if happened else 0.0, middle + half if happened < count else 1.0, count)
 
 
 def paired_difference(values: Floats, baseline: Floats) -> PairedDifference:
@@ -163,19 +171,13 @@ def _bootstrapped(known: Floats, statistic: Any) -> tuple[float, float]:
         return NAN, NAN
     if (known == known[0]).all():
         return float(known[0]), float(known[0])
-    from scipy import stats  # slow to import
-
-    found = stats.bootstrap(
-        (known,),
-        statistic,
-        n_resamples=DRAWS,
-        confidence_level=CONFIDENCE,
-        method="percentile",
-        vectorized=True,
-        batch=max(1, 2_000_000 // known.size),
-        rng=np.random.Generator(np.random.Philox(known.size)),
-    )
-    return float(found.confidence_interval.low), float(found.confidence_interval.high)
+    rng = np.random.Generator(np.random.Philox(known.size))
+    at_once, found = max(1, MOST_SAMPLED // known.size), []
+    for first in range(0, DRAWS, at_once):
+        chosen = rng.integers(0, known.size, (min(at_once, DRAWS - first), known.size))
+        found.append(statistic(known[chosen], axis=-1))
+    low, high = np.quantile(np.concatenate(found), (TAIL, 1.0 - TAIL))
+    return float(low), float(high)
 
 
 def _known(values: Floats) -> Floats:
