@@ -125,9 +125,18 @@ def _acceptance(count: int) -> Arguments:
     rng = _rng()
     cloud, proposal, best = rng.normal(size=(3, 4, count))
     fitness, prior, new_fitness, new_prior = rng.normal(size=(4, count))
-    owners, moving = np.arange(count) * SEGMENTS // count, np.ones(SEGMENTS, dtype=np.bool_)
     best_fitness, keys = fitness + 0.5, _keys(count)
-    return cloud, fitness, prior, proposal, new_fitness, new_prior, best, best_fitness, keys, 9, owners, moving
+    return cloud, fitness, prior, proposal, new_fitness, new_prior, best, best_fitness, keys, 9
+
+
+def _swarm_move(count: int) -> Arguments:
+    rng, offsets = _rng(), _offsets(count)
+    positions, sizes = rng.uniform(-30.0, 30.0, (SEGMENTS, 2)), np.diff(offsets)
+    cloud = rng.normal(0.0, 1.0, (4, count)) * np.array([[2.0], [1.0], [2.0], [1.0]])
+    readings = 1.0 + 1e4 * np.maximum((positions**2).sum(axis=1), 1.0) ** -1.1
+    log_weights, carried, fitness = rng.normal(size=(3, count))
+    stack = cloud, log_weights, carried, fitness, offsets, np.arange(SEGMENTS) % 3 == 1, np.log(sizes), _keys(SEGMENTS)
+    return *stack, readings, positions, np.ones(SEGMENTS), LAW, (0, 2), 1, (2, 2.0, 2.0, 1.0, True), True, 1e-3
 
 
 def _linear(count: int) -> Arguments:
@@ -252,6 +261,7 @@ ENTRIES: tuple[Entry, ...] = (
     Entry("gaussian.update", "bench.twins:update", _linear_update),
     Entry("swarm.fly", "bench.twins:fly", _flight),
     Entry("swarm.accept", "bench.twins:accept", _acceptance),
+    Entry("swarm_move.move_own", "kernels.test_swarm_move:move_own_twin", _swarm_move),
     Entry("linear.advance", "kernels.test_linear:advance_twin", lambda n: _linear(n)[0::2]),
     Entry("linear.propagate", "kernels.test_linear:propagate_twin", _linear),
     Entry("linear.log_transition", "kernels.test_linear:log_transition_twin", _linear_density),

@@ -193,9 +193,9 @@ def fly(cloud, velocity, best, best_fitness, offsets, keys, draw, inertia, phi1,
     return cloud + velocity * length
 
 
-def accept(cloud, fitness, prior, proposal, new_fitness, new_prior, best, best_fitness, keys, draw, owners, moving):
+def accept(cloud, fitness, prior, proposal, new_fitness, new_prior, best, best_fitness, keys, draw):
     limits = np.log(uniforms(keys, draw + 2 * len(cloud)))
-    taken = (limits < new_fitness + new_prior - fitness - prior) & moving[owners]
+    taken = limits < new_fitness + new_prior - fitness - prior
     taken &= np.abs(proposal).max(axis=0) < 1e9
     fitness[taken], prior[taken] = new_fitness[taken], new_prior[taken]
     cloud[:, taken] = proposal[:, taken]

@@ -10,8 +10,6 @@ from wsnsim.kernels.swarm import accept, fly
 
 KEYS = derive_all(5, np.arange(6))
 OFFSETS = np.array([0, 2, 2, 6])
-ALL = (np.zeros(6, dtype=np.int64), np.ones(1, dtype=bool))
-"""One owner of everything, who moves."""
 
 
 def test_a_move_follows_equations_18_and_19_with_each_particles_own_uniforms() -> None:
@@ -54,7 +52,7 @@ def test_acceptance_follows_equations_20_to_24() -> None:
     improved = expected_fitness > best_fitness
     expected_best = np.where(improved, expected, best)
     assert 0 < taken.sum() < 6 and 0 < improved.sum() < 6, "the case must show both outcomes"
-    accepted = accept(cloud, fitness, prior, proposal, new_fitness, new_prior, best, best_fitness, KEYS, 7, *ALL)
+    accepted = accept(cloud, fitness, prior, proposal, new_fitness, new_prior, best, best_fitness, KEYS, 7)
     assert accepted == taken.sum()
     assert np.array_equal(cloud, expected) and np.array_equal(fitness, expected_fitness)
     assert np.array_equal(best, expected_best)
@@ -75,7 +73,6 @@ def test_an_impossible_proposal_is_refused_even_from_an_impossible_place(value: 
         fitness.copy(),
         KEYS[:2],
         0,
-        *ALL,
     )
     assert accepted == 0 and not cloud.any()
 
@@ -93,11 +90,10 @@ def test_chains_with_a_symmetric_proposal_settle_on_the_product_of_likelihood_an
         return -0.5 * x[0] ** 2 / 2.0
 
     fitness, log_prior = likelihood(cloud), prior(cloud)
-    owners, moving = np.zeros(chains, dtype=np.int64), np.ones(1, dtype=bool)
     for iteration in range(60):
         proposal = cloud + rng.normal(0.0, 1.5, cloud.shape)
         new = likelihood(proposal), prior(proposal)
-        accept(cloud, fitness, log_prior, proposal, *new, best, best_fitness, keys, 3 * iteration, owners, moving)
+        accept(cloud, fitness, log_prior, proposal, *new, best, best_fitness, keys, 3 * iteration)
     # N(1, 0.5) times N(0, 2) is N(0.8, 0.4)
     assert cloud.mean() == pytest.approx(0.8, abs=4.0 * np.sqrt(0.4 / chains))
     assert cloud.var() == pytest.approx(0.4, abs=4.0 * 0.4 * np.sqrt(2.0 / chains))
@@ -109,16 +105,6 @@ def test_a_proposal_too_far_to_be_a_place_is_refused() -> None:
     cloud, fitness = np.zeros((2, 2)), np.zeros(2)
     proposal = np.array([[1.0, 1.0], [-2e9, 3.0]])
     accepted = accept(
-        cloud, fitness, np.zeros(2), proposal, np.ones(2), np.zeros(2), cloud.copy(), np.zeros(2), KEYS[:2], 0, *ALL
+        cloud, fitness, np.zeros(2), proposal, np.ones(2), np.zeros(2), cloud.copy(), np.zeros(2), KEYS[:2], 0
     )
     assert accepted == 1 and cloud.tolist() == [[0.0, 1.0], [0.0, 3.0]]
-
-
-def test_the_particles_of_an_owner_who_does_not_move_stay_whatever_they_are_offered() -> None:
-    cloud, fitness = np.zeros((1, 6)), np.zeros(6)
-    owners, moving = np.array([0, 0, 1, 1, 1, 1]), np.array([False, True])
-    accepted = accept(
-        cloud, fitness, np.zeros(6), np.ones((1, 6)), np.full(6, 9.0), np.zeros(6), cloud.copy(), np.zeros(6), KEYS, 0,
-        owners, moving,
-    )  # fmt: skip
-    assert accepted == 4 and cloud.tolist() == [[0.0, 0.0, 1.0, 1.0, 1.0, 1.0]]

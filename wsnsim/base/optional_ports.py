@@ -44,6 +44,14 @@ class Informs(Protocol):
 
 
 @runtime_checkable
+class MeasuresEnergy(Protocol):
+    """Optional port of a sensor model whose likelihood is that of `kernels.sensing`: kernels weigh by its law."""
+
+    def energy_law(self, traits: Floats) -> tuple[tuple[float, float, float, float, float], Floats]:
+        """(σ², I, α, 2c/N_sam, inflation) and the gains (S,) of sensors with traits (S, T)."""
+
+
+@runtime_checkable
 class Ranks(Protocol):
     """Optional port of a sensor model whose larger measurements do not mean a nearer target: ranks measurements."""
 

@@ -27,6 +27,7 @@ from wsnsim.base.optional_ports import Detects as Detects
 from wsnsim.base.optional_ports import Foresees as Foresees
 from wsnsim.base.optional_ports import Informs as Informs
 from wsnsim.base.optional_ports import LinearGaussian as LinearGaussian
+from wsnsim.base.optional_ports import MeasuresEnergy as MeasuresEnergy
 from wsnsim.base.optional_ports import Portable as Portable
 from wsnsim.base.optional_ports import Ranks as Ranks
 from wsnsim.base.optional_ports import ReportsState as ReportsState

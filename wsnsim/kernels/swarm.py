@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wsnsim.kernels.arrays import Bools, Floats, Ints, Keys
+from wsnsim.kernels.arrays import Floats, Ints, Keys
 from wsnsim.kernels.compilation import kernel
 from wsnsim.kernels.elementary import log
 from wsnsim.kernels.noise import uniform
@@ -69,14 +69,11 @@ def accept(
     best_fitness: Floats,
     keys: Keys,
     draw: int,
-    owners: Ints,
-    moving: Bools,
 ) -> int:
     """Accept or reject proposals, in place in cloud, fitness, prior and the particles' own best; return the number.
 
     A proposal is accepted if u < min(r, 1), r = [p(z|x') π(x')] / [p(z|x) π(x)], in logs. It is rejected if the ratio
-    is NaN, the state is beyond LARGEST_STATE, or the particle's owner is not `moving` (M,). Eqs. (20)-(24), with the
-    ratio of the Q taken as one.
+    is NaN or the state is beyond LARGEST_STATE. Eqs. (20)-(24), with the ratio of the Q taken as one.
     """
     limits = np.empty(keys.size)
     for j in range(keys.size):
@@ -87,7 +84,7 @@ def accept(
         for d in range(cloud.shape[0]):
             farthest = max(farthest, abs(proposal[d, j]))
         ratio = proposal_fitness[j] + proposal_prior[j] - fitness[j] - prior[j]
-        if limits[j] < ratio and farthest < LARGEST_STATE and moving[owners[j]]:
+        if limits[j] < ratio and farthest < LARGEST_STATE:
             accepted += 1
             fitness[j], prior[j] = proposal_fitness[j], proposal_prior[j]
             for d in range(cloud.shape[0]):

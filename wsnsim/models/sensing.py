@@ -78,6 +78,10 @@ class AcousticEnergy:
         """The model that a filter assumes: gains are 'known' (calibrated nodes) or 'unknown' (taken as 1)."""
         return self if gains == "known" else UncalibratedAcousticEnergy(sensor=self, inflate=inflate)
 
+    def energy_law(self, traits: Floats) -> tuple[kernels.Law, Floats]:
+        """The law for the kernels, and the gains (S,) of sensors with traits (S, 1)."""
+        return self._law, np.ascontiguousarray(traits[:, 0])
+
     @cached_property
     def _law(self) -> kernels.Law:
         return self.law()
@@ -132,6 +136,10 @@ class UncalibratedAcousticEnergy:
         noise, _, _, spread, inflation = self.law()
         means, gradients, variances = self.linearise(points, positions, traits)
         return fisher(gradients, _weights(variances, 2.0 * (spread * means + inflation * (means - noise))))
+
+    def energy_law(self, traits: Floats) -> tuple[kernels.Law, Floats]:
+        """The law for the kernels, and a gain of 1 for each sensor."""
+        return self.law(), np.ones(len(traits))
 
     def assumed(self, gains: str, inflate: bool) -> AcousticEnergy | UncalibratedAcousticEnergy:
         """The model that another filter assumes of the same sensor."""

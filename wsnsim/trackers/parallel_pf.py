@@ -33,6 +33,7 @@ from wsnsim.trackers.shared.dealing import (
     resampled,
     update_deal,
 )
+from wsnsim.trackers.shared.likelihoods import likelihood_of
 from wsnsim.trackers.shared.local_estimates import LOCAL, LocalEstimate, cycles_of
 from wsnsim.trackers.shared.moments import forecast
 from wsnsim.trackers.shared.parcels import (
@@ -52,11 +53,10 @@ from wsnsim.trackers.shared.spread import Spread, begin, hand_on, look, only_pre
 from wsnsim.trackers.shared.stacks import (
     CLOUD,
     LOG_WEIGHTS,
+    Shares,
     keep,
-    likelihood_of,
     propagated,
     settle,
-    stacked,
 )
 
 COUNTS = "counts"
@@ -120,13 +120,13 @@ class ParallelPf:
         by_moments = self.handover == "gaussian"
         deal = yield from update_deal(belief.deal, belief.mean, belief.cov, self.particles, by_moments, scene)
         if not scene.ids:
-            deal = yield from predict_only(deal, scene)
+            deal = yield from predict_only(deal, belief.shares, scene)
             return only_predicted(belief, deal, scene)
         if self.measurements == "all":
             yield from share_readings(scene)
 
         def work_all(members: list[Member]) -> None:
-            self._weigh(members, scene)
+            self._weigh(members, belief.shares, scene)
 
         yield Local(lambda member: work_all([member]), cycles_of, work_all)
         answer = yield Gather(lambda member: _report(member, scene.head))
@@ -157,15 +157,15 @@ class ParallelPf:
         """(node, particles (D, n), weights (n,)) of each holder, the weights normalised over the whole set."""
         return look(belief, members)
 
-    def _weigh(self, members: list[Member], scene: Scene) -> None:
+    def _weigh(self, members: list[Member], shares: Shares, scene: Scene) -> None:
         """Predict and weigh each member's particles, 40 + 30 S operations each, S the readings that it has."""
-        stack, heard = stacked(members, len(scene.motion.columns))
+        stack, heard = shares.stacked(members, len(scene.motion.columns))
         likelihood = likelihood_of(self.measurements, members, heard, scene)
         _, stack.cloud = propagated(stack.cloud, stack.offsets, stack.keys, scene)
         fitness = likelihood.score(stack)(stack.cloud)
         stack.log_weights = stack.log_weights + np.where(np.isnan(fitness), -np.inf, fitness)
         means, covs = moments(stack.cloud, stack.log_weights, stack.offsets)
-        stack.store(members)
+        shares.store(stack)
         cycles = stack.counts * (PREDICT_CYCLES * scene.steps + 30.0 * np.array(likelihood.sensors))
         for member, mean, cov, taken in zip(members, means, covs, cycles.tolist(), strict=True):
             member.memory[LOCAL] = LocalEstimate(mean, cov, taken)
@@ -194,7 +194,7 @@ class ParallelPf:
         if within is None:
             within = within_predicted(belief, scene)
         mean, cov = fuse(np.array(list(tally.means.values())), sums, within)
-        return ParallelBelief(mean, cov, within, deal, scene.head, effective, tally.weights)
+        return ParallelBelief(mean, cov, within, deal, scene.head, effective, belief.shares, tally.weights)
 
     def _resample(self, belief: ParallelBelief, scene: Scene) -> Flow[ParallelBelief]:
         """Tell each holder how often its particles survive, ceil(n / 8) packets, and even out the numbers.
@@ -219,7 +219,9 @@ class ParallelPf:
 
 def _without_weights(spread: Spread) -> ParallelBelief:
     """A belief before the first weights have come up."""
-    return ParallelBelief(spread.mean, spread.cov, spread.within, spread.deal, spread.head, spread.effective)
+    return ParallelBelief(
+        spread.mean, spread.cov, spread.within, spread.deal, spread.head, spread.effective, spread.shares
+    )
 
 
 def _report(member: Member, head: int) -> Parcel | None:

@@ -19,8 +19,7 @@ from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Estimate, Scene
 from wsnsim.base.requests import PACKET_BITS, Flow, Gather, Local, Member, Parcel
 from wsnsim.base.setups import NetworkSetup
-from wsnsim.kernels.gaussian import fuse, log_density
-from wsnsim.kernels.particles import moments, weigh
+from wsnsim.kernels.gaussian import fuse
 from wsnsim.trackers.shared.dealing import (
     PREDICT_CYCLES,
     SMALLEST_CLUSTER,
@@ -29,6 +28,7 @@ from wsnsim.trackers.shared.dealing import (
     predict_only,
     update_deal,
 )
+from wsnsim.trackers.shared.likelihoods import likelihood_of
 from wsnsim.trackers.shared.local_estimates import (
     LOCAL,
     EstimateReport,
@@ -41,15 +41,11 @@ from wsnsim.trackers.shared.moments import forecast, fused_by_variance, noise_is
 from wsnsim.trackers.shared.parcels import is_whole, state_packets
 from wsnsim.trackers.shared.readings import share_readings
 from wsnsim.trackers.shared.spread import Spread, begin, collected, hand_on, look, only_predicted, within_predicted
-from wsnsim.trackers.shared.stacks import (
-    LOG_WEIGHTS,
-    Score,
-    Stack,
-    likelihood_of,
-    propagated,
-    stacked,
-)
-from wsnsim.trackers.shared.swarms import Predicted, Pull, Start, fitted_prior, move, ranks_of, resampled_columns
+from wsnsim.trackers.shared.stacks import LOG_WEIGHTS, Shares, propagated
+from wsnsim.trackers.shared.swarms import Pull, Rules, filter_swarms
+
+ALWAYS = 2.0
+"""A threshold of effective particles that no share of them reaches."""
 
 
 @part
@@ -138,13 +134,13 @@ class PsoMhpf:
         by_moments = self.handover == "gaussian"
         deal = yield from update_deal(belief.deal, belief.mean, belief.cov, self.particles, by_moments, scene)
         if not scene.ids:
-            deal = yield from predict_only(deal, scene)
+            deal = yield from predict_only(deal, belief.shares, scene)
             return only_predicted(belief, deal, scene)
         if self.measurements == "all":
             yield from share_readings(scene)
 
         def work_all(members: list[Member]) -> None:
-            self._filter(members, scene)
+            self._filter(members, belief.shares, scene)
 
         yield Local(lambda member: work_all([member]), cycles_of, work_all)
         answer = yield Gather(self._reporter(scene.head, belief.mean.size))
@@ -174,67 +170,37 @@ class PsoMhpf:
         """(node, particles (D, n), weights (n,)) of each holder, the weights normalised over the whole set."""
         return look(belief, members)
 
-    def _filter(self, members: list[Member], scene: Scene) -> None:
+    def _filter(self, members: list[Member], shares: Shares, scene: Scene) -> None:
         """Predict, weigh and move each member's particles (section 4, steps 5-8); the result stays in its memory."""
-        stack, heard = stacked(members, len(scene.motion.columns))
+        stack, heard = shares.stacked(members, len(scene.motion.columns))
         likelihood = likelihood_of(self.measurements, members, heard, scene)
         before, stack.cloud = propagated(stack.cloud, stack.offsets, stack.keys, scene)  # eq. 12
-        score = likelihood.score(stack)
-        carried, fitness = stack.log_weights, score(stack.cloud)
-        stack.log_weights = carried + fitness  # eq. 13
-        effective = weigh(stack.log_weights, stack.offsets)  # eq. 14
-        moving = np.full(effective.size, True) if self.resample_always else effective < self.threshold * stack.counts
-        if self.estimate_when == "before":
-            means, covs = moments(stack.cloud, stack.log_weights, stack.offsets)
-        if True in moving.tolist():
-            self._move(stack, Predicted(before, carried, fitness), moving, score, scene)
-        if self.estimate_when == "after":
-            means, covs = moments(stack.cloud, stack.log_weights, stack.offsets)  # eq. 16
-        stack.store(members)
-        cycles = self._cycles(stack.counts.tolist(), likelihood.sensors, moving.tolist(), scene.steps)
-        results = map(LocalEstimate, means, covs, cycles, effective.tolist())
+        filtered = filter_swarms(stack, before, likelihood, self._rules(scene.dt), scene)
+        shares.store(stack)
+        cycles = self._cycles(stack.counts.tolist(), likelihood.sensors, filtered.moving.tolist(), scene.steps)
+        results = map(LocalEstimate, filtered.means, filtered.covs, cycles, filtered.effective.tolist())
         for member, result in zip(members, results, strict=True):
             member.memory[LOCAL] = result
 
+    def _rules(self, dt: float) -> Rules:
+        """When and how the swarms move."""
+        threshold = ALWAYS if self.resample_always else self.threshold
+        length = dt if self.step_length == "dt" else 1.0
+        pull = Pull(self.iterations, self.phi1, self.phi2, length, self.random_factors)
+        options = self.acceptance, self.prior_fit, self.ranking, self.resample_first, self.estimate_when
+        return Rules(threshold, pull, *options)
+
     def _cycles(self, counts: list[int], sensors: list[int], moving: list[bool], steps: int) -> list[float]:
         """What each member spends on its particles, section 5."""
-        return [
-            count * self._per_particle(seen, moves, steps)
-            for count, seen, moves in zip(counts, sensors, moving, strict=True)
-        ]
+        work = list(zip(sensors, moving, strict=True))
+        each = {seen_moves: self._per_particle(*seen_moves, steps) for seen_moves in set(work)}
+        return [count * each[seen_moves] for count, seen_moves in zip(counts, work, strict=True)]
 
     def _per_particle(self, seen: int, moves: bool, steps: int) -> float:
         """Section 5: predict and weigh 40 + 30 S, and to move, Gaussian fit 30 and 50 + 30 S an iteration."""
         fit_cycles = 30.0 if self.acceptance == "gaussian" else 0.0
         move_cycles = fit_cycles + self.iterations * (50.0 + 30.0 * seen) if moves else 0.0
         return PREDICT_CYCLES * steps + 30.0 * seen + move_cycles
-
-    def _move(self, stack: Stack, predicted: Predicted, moving: Bools, score: Score, scene: Scene) -> None:
-        """Move the swarms of those who are `moving` (M,) in place of a resampling, and give them equal weights.
-
-        Section 3, step 4. All nodes' swarms are moved in one go; a node that does not move keeps what it had.
-        """
-        reference = fitted_prior(stack, predicted.carried, self.prior_fit) if self.acceptance == "gaussian" else None
-        before, cloud, fitness = predicted.before, stack.cloud, predicted.fitness
-        ranks = ranks_of(stack, fitness, self.ranking)
-        if self.resample_first:
-            drawn = resampled_columns(stack, moving)
-            before, cloud = before.take(drawn, axis=1), cloud.take(drawn, axis=1)
-            fitness, ranks = fitness[drawn], ranks[drawn]
-        length = scene.dt if self.step_length == "dt" else 1.0
-        pull = Pull(self.iterations, self.phi1, self.phi2, length, self.random_factors)
-        start = Start(cloud, fitness, ranks)
-        move(start, moving, stack, score, self._log_prior(stack, before, reference, scene), pull)
-        stack.cloud = cloud
-        stack.log_weights[moving[stack.layout.owners]] = 0.0
-
-    def _log_prior(self, stack: Stack, before: Floats, reference: tuple[Floats, Floats] | None, scene: Scene) -> Score:
-        """(D, N) → (N,) log π of eq. (20), up to a constant of each particle."""
-        if reference is not None:
-            return lambda points: log_density(points, *reference, stack.offsets)
-        if self.acceptance == "transition":
-            return lambda points: scene.motion.log_transition(points, before, scene.dt, scene.previous)
-        return lambda points: np.zeros(points.shape[1])
 
     def _reporter(self, head: int, columns: int) -> Callable[[Member], Parcel | None]:
         """A function that gives a member's report: one packet, and one more for variances if the head uses them."""
@@ -272,9 +238,9 @@ class PsoMhpf:
             variances = reported_variances(list(reports.values()), packets)
             if variances is not None:
                 mean, spread, within = fused_by_variance(means, variances)
-                return Spread(mean, symmetric(spread + within), within, deal, scene.head)
+                return Spread(mean, symmetric(spread + within), within, deal, scene.head, shares=belief.shares)
         own = answer[scene.head][0].own if scene.head in answer else None
         within = within_predicted(belief, scene) if own is None else own.cov
         shares = np.array([deal.held[node] for node in reports], dtype=np.float64)
         mean, cov = fuse(means, shares, within)
-        return Spread(mean, cov, within, deal, scene.head, own.effective if own else math.nan)
+        return Spread(mean, cov, within, deal, scene.head, own.effective if own else math.nan, belief.shares)

@@ -32,12 +32,12 @@ from wsnsim.trackers.shared.stacks import (
     CLOUD,
     LOG_WEIGHTS,
     START,
+    Shares,
     drawn_from,
     keep,
     propagated,
     propagated_by,
     settle,
-    stacked,
 )
 
 PREDICT_CYCLES = 40.0
@@ -254,7 +254,7 @@ def send_moments(mean: Floats, cov: Floats, successor: int) -> Flow[Arrival | No
     return Arrival(no_particles(mean.size), mean, cov) if mask.all() else None
 
 
-def predict_only(deal: Deal, scene: Scene) -> Flow[Deal]:
+def predict_only(deal: Deal, shares: Shares, scene: Scene) -> Flow[Deal]:
     """Predict every particle where it is, on the head or on the members, without readings to weigh it by."""
     if deal.whole is not None:
         yield Compute(PREDICT_CYCLES * scene.steps * deal.whole.log_weights.size)
@@ -262,9 +262,9 @@ def predict_only(deal: Deal, scene: Scene) -> Flow[Deal]:
         return replace(deal, whole=replace(deal.whole, cloud=cloud))
 
     def predict(members: list[Member]) -> None:
-        stack, _ = stacked(members, len(scene.motion.columns))
+        stack, _ = shares.stacked(members, len(scene.motion.columns))
         stack.cloud = propagated(stack.cloud, stack.offsets, stack.keys, scene)[1]
-        stack.store(members)
+        shares.store(stack)
 
     def cycles(member: Member) -> float:
         return PREDICT_CYCLES * scene.steps * int(member.memory[CLOUD].shape[1])

@@ -1,7 +1,7 @@
 """The clouds of a cluster's members laid end to end, so that one kernel call serves them all.
 
-    stack, heard = stacked(members, columns)   take what each member holds
-    stack.store(members)                       give it back, as views
+    stack, heard = shares.stacked(members, columns)     what the members hold
+    shares.store(stack)                                 what they hold from now on
 
 A member's particles are `memory["cloud"]` (D, n) and `memory["log_weights"]` (n,). What a kernel does to one member's
 columns depends on that member's columns, key and readings alone; tests prove that a stack of one gives the same bits.
@@ -13,18 +13,18 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import pairwise
+from operator import is_
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from wsnsim.base.arrays import Floats, Ints, Keys
-from wsnsim.base.ports import Scene, SensorModel
+from wsnsim.base.arrays import Bools, Floats, Ints, Keys
+from wsnsim.base.ports import Scene
 from wsnsim.base.requests import Delivery, Member
 from wsnsim.base.rng import uniforms
 from wsnsim.kernels.gaussian import cholesky
 from wsnsim.kernels.noise import particle_keys
 from wsnsim.trackers.shared.parcels import MOMENTS, PARTICLES, arrived_particles, guessed, is_whole
-from wsnsim.trackers.shared.readings import Evidence, evidence_at
 
 CLOUD, LOG_WEIGHTS = "cloud", "log_weights"
 DRAW, MOVE, START, PREDICT = 0, 1, 2, 16
@@ -33,11 +33,15 @@ and the START-th draw of the key itself for the first tooth of a systematic resa
 
 
 class Layout(NamedTuple):
-    """How many columns each segment has (M,), where they begin and the last ends (M + 1,), whose each is (N,)."""
+    """How many columns each segment has (M,), where they begin and the last ends (M + 1,), whose each is (N,).
+
+    `log_counts` (M,) are the logs of the numbers of columns, 0 for an empty segment.
+    """
 
     counts: Ints
     offsets: Ints
     owners: Ints
+    log_counts: Floats
 
 
 @lru_cache(maxsize=1024)
@@ -46,7 +50,14 @@ def layout(counts: tuple[int, ...]) -> Layout:
     sizes = np.array(counts, np.int64)
     offsets = np.zeros(sizes.size + 1, np.int64)
     sizes.cumsum(out=offsets[1:])
-    return Layout(sizes, offsets, np.arange(sizes.size).repeat(sizes))
+    return Layout(sizes, offsets, np.arange(sizes.size).repeat(sizes), np.log(np.maximum(sizes, 1)))
+
+
+class Chosen(NamedTuple):
+    """Some of the members of a stack: their numbers in it (m,), and the numbers of their columns (n,)."""
+
+    rows: Ints
+    columns: Ints
 
 
 @dataclass(slots=True)
@@ -68,30 +79,81 @@ class Stack:
         """(M + 1,) the column where each member's begin, and the last one's end."""
         return self.layout.offsets
 
-    def store(self, members: Sequence[Member]) -> None:
-        """Write each member's columns back to its memory."""
-        cloud, log_weights = self.cloud, self.log_weights
-        first = 0
-        for member, last in zip(members, self.layout.offsets[1:].tolist(), strict=True):
-            memory = member.memory
-            memory[CLOUD] = cloud[:, first:last]
-            memory[LOG_WEIGHTS] = log_weights[first:last]
-            first = last
+    def chosen(self, which: Bools) -> Chosen:
+        """The members that `which` (M,) names."""
+        return Chosen(which.nonzero()[0], which[self.layout.owners].nonzero()[0])
+
+    def part(self, chosen: Chosen) -> Stack:
+        """A stack of some of the members; copied."""
+        rows, columns = chosen
+        return Stack(
+            self.cloud.take(columns, axis=1),
+            self.log_weights.take(columns),
+            layout(tuple(self.counts.take(rows).tolist())),
+            self.keys.take(rows),
+        )
+
+    def put(self, part: Stack, chosen: Chosen) -> None:
+        """Write back a stack of some of the members."""
+        self.cloud[:, chosen.columns] = part.cloud
+        self.log_weights[chosen.columns] = part.log_weights
 
 
-def stacked(members: Sequence[Member], columns: int) -> tuple[Stack, list[list[Delivery]]]:
-    """The members' particles, those in their inboxes included, and the other deliveries of each member."""
-    heard = [settle(member) if member.inbox else [] for member in members]
-    held = [member.memory if CLOUD in member.memory else _nothing(columns) for member in members]
-    clouds = [memory[CLOUD] for memory in held]
-    keys = np.array([member.key for member in members], np.uint64)
-    cloud = np.concatenate(clouds, axis=1) if len(clouds) > 1 else np.ascontiguousarray(clouds[0])
-    log_weights = np.concatenate([memory[LOG_WEIGHTS] for memory in held])
-    return Stack(cloud, log_weights, layout(tuple([cloud.shape[1] for cloud in clouds])), keys), heard
+class Shares:
+    """The particles of a cluster's members, which stay laid end to end from one step to the next.
+
+    What a member holds are views of its own columns. A step writes into the columns, so that nothing needs to be copied
+    or handed back. Whether they still lie end to end is decided by the members' memories alone: where one holds another
+    array than the view that it was given, all are laid end to end anew.
+    """
+
+    __slots__ = ("_cloud", "_clouds", "_layout", "_log_weights", "_weights")
+
+    def __init__(self) -> None:
+        self._clouds: list[Floats] = []
+        self._weights: list[Floats] = []
+        self._cloud = self._log_weights = np.empty((0, 0))
+        self._layout = layout(())
+
+    def stacked(self, members: Sequence[Member], columns: int) -> tuple[Stack, list[list[Delivery]]]:
+        """The members' particles, those in their inboxes included, and the other deliveries of each member.
+
+        Kernels may write into the arrays of the stack.
+        """
+        heard = [settle(member) if member.inbox else [] for member in members]
+        clouds = [member.memory.get(CLOUD) for member in members]
+        weights = [member.memory.get(LOG_WEIGHTS) for member in members]
+        keys = np.array([member.key for member in members], np.uint64)
+        if not _same(clouds, self._clouds) or not _same(weights, self._weights):
+            self._lay([np.empty((columns, 0)) if cloud is None else cloud for cloud in clouds], weights)
+            self._hand_out(members)
+        return Stack(self._cloud, self._log_weights, self._layout, keys), heard
+
+    def store(self, stack: Stack) -> None:
+        """Take over the particles of the stack that was given out last, if they are in arrays of their own."""
+        if stack.cloud is not self._cloud:
+            self._cloud[:] = stack.cloud
+        if stack.log_weights is not self._log_weights:
+            self._log_weights[:] = stack.log_weights
+
+    def _lay(self, clouds: list[Floats], weights: list[Floats | None]) -> None:
+        """Copy the members' particles into new arrays."""
+        self._cloud = np.concatenate(clouds, axis=1)
+        self._log_weights = np.concatenate([np.empty(0) if piece is None else piece for piece in weights])
+        self._layout = layout(tuple([cloud.shape[1] for cloud in clouds]))
+
+    def _hand_out(self, members: Sequence[Member]) -> None:
+        """Replace what the members hold by views of their columns."""
+        ends = self._layout.offsets.tolist()
+        self._clouds = [self._cloud[:, first:last] for first, last in pairwise(ends)]
+        self._weights = [self._log_weights[first:last] for first, last in pairwise(ends)]
+        for member, cloud, weights in zip(members, self._clouds, self._weights, strict=True):
+            keep(member, cloud, weights)
 
 
-def _nothing(columns: int) -> dict[str, Floats]:
-    return {CLOUD: np.empty((columns, 0)), LOG_WEIGHTS: np.empty(0)}
+def _same(arrays: Sequence[Floats | None], others: Sequence[Floats]) -> bool:
+    """Whether these are the very same arrays."""
+    return len(arrays) == len(others) and all(map(is_, arrays, others))
 
 
 def settle(member: Member) -> list[Delivery]:
@@ -129,10 +191,12 @@ def keep(member: Member, cloud: Floats, log_weights: Floats) -> None:
 
 
 def present(member: Member, columns: int) -> tuple[Floats, Floats]:
-    """The particles and log-weights that the member holds, its inbox included; nothing is changed."""
+    """Copies of the particles and log-weights that the member holds, its inbox included; nothing is changed."""
     twin = replace(member, inbox=list(member.inbox), memory=dict(member.memory))
     settle(twin)
-    return twin.memory.get(CLOUD, np.empty((columns, 0))), twin.memory.get(LOG_WEIGHTS, np.empty(0))
+    if CLOUD not in twin.memory:
+        return np.empty((columns, 0)), np.empty(0)
+    return twin.memory[CLOUD].copy(), twin.memory[LOG_WEIGHTS].copy()
 
 
 def snapshot(pieces: Iterable[tuple[int, Floats, Floats]]) -> Iterator[tuple[int, Floats, Floats]]:
@@ -179,86 +243,9 @@ Score: TypeAlias = Callable[[Floats], Floats]
 """(D, N) particles → (N,) log-likelihoods."""
 
 
-@dataclass(frozen=True, slots=True)
-class OwnReadings:
-    """Likelihood of stacked particles if each node uses only its own measurement."""
-
-    sensor: SensorModel
-    place: slice | list[int]
-    evidence: Evidence
-
-    @classmethod
-    def of(cls, members: Sequence[Member], scene: Scene) -> OwnReadings:
-        """From the members' own readings; a missing one is not a number, and so is every likelihood with it."""
-        values = np.array([np.nan if member.reading is None else member.reading for member in members])
-        ids = tuple([member.id for member in members])
-        if ids == scene.ids:
-            return cls(scene.sensor, place_of(scene), Evidence(ids, values, scene.positions, scene.traits))
-        positions = np.concatenate([member.position for member in members]).reshape(len(members), -1)
-        traits = np.concatenate([member.traits for member in members]).reshape(len(members), -1)
-        return cls(scene.sensor, place_of(scene), Evidence(ids, values, positions, traits))
-
-    @property
-    def sensors(self) -> list[int]:
-        """Number of measurements that each member uses."""
-        return [1] * len(self.evidence.ids)
-
-    def score(self, stack: Stack) -> Score:
-        """For clouds laid out as the stack's."""
-        sensor, place, seen, owners = self.sensor, self.place, self.evidence, stack.layout.owners
-        readings, positions, traits = seen.readings, seen.positions, seen.traits
-        return lambda cloud: sensor.log_likelihood(cloud[place], readings, positions, traits, owners)
-
-
-@dataclass(frozen=True, slots=True)
-class SharedReadings:
-    """Likelihood of stacked particles if each node uses the measurements of several nodes."""
-
-    sensor: SensorModel
-    place: slice | list[int]
-    evidence: list[Evidence]
-
-    @classmethod
-    def of(cls, members: Sequence[Member], heard: Sequence[list[Delivery]], scene: Scene) -> SharedReadings:
-        """From what the members heard of the broadcast, and their own readings."""
-        evidence = [evidence_at(member, news) for member, news in zip(members, heard, strict=True)]
-        return cls(scene.sensor, place_of(scene), evidence)
-
-    @property
-    def sensors(self) -> list[int]:
-        """Number of measurements that each member uses."""
-        return [len(seen.ids) for seen in self.evidence]
-
-    def score(self, stack: Stack) -> Score:
-        """For clouds laid out as the stack's; one call where all members have the same readings."""
-        first = self.evidence[0]
-        if all(seen is first for seen in self.evidence):
-            return lambda cloud: self._of(cloud[self.place], first)
-        cuts = stack.offsets.tolist()
-        return lambda cloud: self._piecewise(cloud[self.place], cuts)
-
-    def _piecewise(self, points: Floats, cuts: list[int]) -> Floats:
-        segments = zip(self.evidence, pairwise(cuts), strict=True)
-        return np.concatenate(
-            [self._of(np.ascontiguousarray(points[:, first:last]), seen) for seen, (first, last) in segments]
-        )
-
-    def _of(self, points: Floats, seen: Evidence) -> Floats:
-        return self.sensor.log_likelihood(points, seen.readings, seen.positions, seen.traits)
-
-
 def place_of(scene: Scene) -> slice | list[int]:
     """Which rows of a cloud are the position; as a slice where they can be, which copies nothing."""
     first, *more = scene.motion.position
     if not more:
         return slice(first, first + 1)
     return slice(first, more[0] + 1, more[0] - first) if more[0] > first else [first, *more]
-
-
-def likelihood_of(
-    measurements: str, members: Sequence[Member], heard: Sequence[list[Delivery]], scene: Scene
-) -> OwnReadings | SharedReadings:
-    """The likelihood that members use: of their 'own' measurements, or of 'all' that they received."""
-    if measurements == "own":
-        return OwnReadings.of(members, scene)
-    return SharedReadings.of(members, heard, scene)

@@ -1,6 +1,7 @@
 """The swarms that move in place of a resampling (Jiang 2013, section 3, step 4): many nodes' particles, end to end.
 
-move(start, moving, stack, likelihood, log_prior, pull)
+filtered = filter_swarms(stack, before, likelihood, rules, scene)
+move(start, stack, likelihood, log_prior, pull)
 """
 
 from __future__ import annotations
@@ -10,11 +11,14 @@ from typing import NamedTuple
 import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats, Ints
+from wsnsim.base.ports import Scene
 from wsnsim.base.rng import uniforms
-from wsnsim.kernels.gaussian import fit, fit_weighted
+from wsnsim.kernels.gaussian import fit, fit_weighted, log_density
 from wsnsim.kernels.noise import particle_keys
-from wsnsim.kernels.particles import systematic
+from wsnsim.kernels.particles import moments, systematic, weigh
 from wsnsim.kernels.swarm import accept, fly
+from wsnsim.kernels.swarm_move import move_own
+from wsnsim.trackers.shared.likelihoods import Likelihood
 from wsnsim.trackers.shared.stacks import MOVE, START, Score, Stack
 
 RIDGE = 1e-3
@@ -34,6 +38,11 @@ class Predicted(NamedTuple):
     carried: Floats
     fitness: Floats
 
+    def take(self, columns: Ints) -> Predicted:
+        """The same of some of the particles; copied."""
+        before, carried, fitness = self
+        return Predicted(before.take(columns, axis=1), carried.take(columns), fitness.take(columns))
+
 
 class Pull(NamedTuple):
     """Parameters of the swarm's move: eqs. (18), (19)."""
@@ -43,6 +52,39 @@ class Pull(NamedTuple):
     phi2: float
     length: float
     random_factors: bool
+
+
+class Rules(NamedTuple):
+    """When and how swarms move: below which share of effective particles, how far, and five options of `PsoMhpf`."""
+
+    threshold: float
+    pull: Pull
+    acceptance: str
+    prior_fit: str
+    ranking: str
+    resample_first: bool
+    estimate_when: str
+
+    @property
+    def has_kernel(self) -> bool:
+        """Whether one kernel makes the whole move with these options."""
+        return self.acceptance == "gaussian" and self.prior_fit == "weighted" and not self.resample_first
+
+
+class Filtered(NamedTuple):
+    """What a step has made of each member's particles.
+
+    Attributes:
+        means: (M, D) the members' own estimates.
+        covs: (M, D, D) their covariances.
+        effective: (M,) the effective number of particles before the move.
+        moving: (M,) whose swarms moved.
+    """
+
+    means: Floats
+    covs: Floats
+    effective: Floats
+    moving: Bools
 
 
 class Start(NamedTuple):
@@ -57,6 +99,75 @@ class Start(NamedTuple):
     cloud: Floats
     fitness: Floats
     ranks: Floats
+
+
+def filter_swarms(stack: Stack, before: Floats, likelihood: Likelihood, rules: Rules, scene: Scene) -> Filtered:
+    """Weigh a stack of predicted particles in place, and move the swarms of those who have few effective ones.
+
+    Eqs. (13)-(24). `before` (D, N) are the particles one step ago.
+    """
+    carried, fitness = stack.log_weights, likelihood.score(stack)(stack.cloud)
+    stack.log_weights = carried + fitness  # eq. 13
+    effective = weigh(stack.log_weights, stack.offsets)  # eq. 14
+    moving = effective < rules.threshold * stack.counts
+    if rules.estimate_when == "before":
+        means, covs = moments(stack.cloud, stack.log_weights, stack.offsets)
+    if moving.any():
+        _move_some(stack, Predicted(before, carried, fitness), moving, likelihood, rules, scene)
+    if rules.estimate_when == "after":
+        means, covs = moments(stack.cloud, stack.log_weights, stack.offsets)  # eq. 16
+    return Filtered(means, covs, effective, moving)
+
+
+def _move_some(
+    stack: Stack, predicted: Predicted, moving: Bools, likelihood: Likelihood, rules: Rules, scene: Scene
+) -> None:
+    """Move the swarms of those who are `moving` (M,) in place of a resampling, and give them equal weights.
+
+    Section 3, step 4. The swarms of all who move are moved in one go, and in one call where there is a kernel for it.
+    """
+    if rules.has_kernel and len(scene.motion.position) == 2:
+        energies = likelihood.energies()
+        if energies is not None:
+            x, y = scene.motion.position
+            move_own(
+                stack.cloud, stack.log_weights, predicted.carried, predicted.fitness, stack.offsets, moving,
+                stack.layout.log_counts, stack.keys, *energies, (x, y), MOVE, (*rules.pull,), rules.ranking == "weight",
+                RIDGE,
+            )  # fmt: skip
+            return
+    _move_in_turn(stack, predicted, moving, likelihood, rules, scene)
+
+
+def _move_in_turn(
+    stack: Stack, predicted: Predicted, moving: Bools, likelihood: Likelihood, rules: Rules, scene: Scene
+) -> None:
+    """Any likelihood and any option, kernel by kernel."""
+    chosen = stack.chosen(moving)
+    part = stack.part(chosen)
+    before, carried, fitness = predicted.take(chosen.columns)
+    reference = fitted_prior(part, carried, rules.prior_fit) if rules.acceptance == "gaussian" else None
+    ranks = ranks_of(part, fitness, rules.ranking)
+    if rules.resample_first:
+        drawn = resampled_columns(part)
+        before, part.cloud = before.take(drawn, axis=1), part.cloud.take(drawn, axis=1)
+        fitness, ranks = fitness.take(drawn), ranks.take(drawn)
+    score = likelihood.among(chosen.rows).score(part)
+    log_prior = _log_prior_of(part, before, reference, rules, scene)
+    move(Start(part.cloud, fitness, ranks), part, score, log_prior, rules.pull)
+    part.log_weights = np.zeros(fitness.size)
+    stack.put(part, chosen)
+
+
+def _log_prior_of(
+    stack: Stack, before: Floats, reference: tuple[Floats, Floats] | None, rules: Rules, scene: Scene
+) -> Score:
+    """(D, N) → (N,) log π of eq. (20), up to a constant of each particle."""
+    if reference is not None:
+        return lambda points: log_density(points, *reference, stack.offsets)
+    if rules.acceptance == "transition":
+        return lambda points: scene.motion.log_transition(points, before, scene.dt, scene.previous)
+    return lambda points: np.zeros(points.shape[1])
 
 
 def fitted_prior(stack: Stack, carried: Floats, prior_fit: str) -> tuple[Floats, Floats]:
@@ -76,21 +187,18 @@ def ranks_of(stack: Stack, fitness: Floats, ranking: str) -> Floats:
     """
     if ranking == "likelihood":
         return fitness.copy()
-    ranks: Floats = stack.log_weights - np.log(np.maximum(stack.counts, 1))[stack.layout.owners]
-    return ranks
+    return stack.log_weights - stack.layout.log_counts[stack.layout.owners]
 
 
-def resampled_columns(stack: Stack, moving: Bools) -> Ints:
-    """(N,) columns after resampling the particles of members that are `moving`; the others keep theirs."""
-    drawn = systematic(stack.log_weights, stack.offsets, stack.counts, uniforms(stack.keys, START))
-    columns: Ints = np.where(moving[stack.layout.owners], drawn, np.arange(drawn.size))
-    return columns
+def resampled_columns(stack: Stack) -> Ints:
+    """(N,) columns after resampling the particles of each member."""
+    return systematic(stack.log_weights, stack.offsets, stack.counts, uniforms(stack.keys, START))
 
 
-def move(start: Start, moving: Bools, stack: Stack, likelihood: Score, log_prior: Score, pull: Pull) -> None:
+def move(start: Start, stack: Stack, likelihood: Score, log_prior: Score, pull: Pull) -> None:
     """Replace a cloud by the last of `iterations` states of the chains that start at it, in place. Eqs. (17)-(24).
 
-    Segments and keys are the stack's; the particles of members who are not `moving` (M,) stay.
+    Segments and keys are the stack's.
     """
     cloud, fitness, best_fitness = start
     velocity, best = np.zeros(cloud.shape), cloud.copy()
@@ -100,17 +208,5 @@ def move(start: Start, moving: Bools, stack: Stack, likelihood: Score, log_prior
         draw = iteration * (2 * cloud.shape[0] + 1)
         proposal = fly(cloud, velocity, best, best_fitness, stack.offsets, keys, draw, 1.0, *pull[1:])
         new_fitness = likelihood(proposal)
-        accept(
-            cloud,
-            fitness,
-            prior,
-            proposal,
-            new_fitness,
-            log_prior(proposal),
-            best,
-            best_fitness,
-            keys,
-            draw,
-            stack.layout.owners,
-            moving,
-        )
+        new_prior = log_prior(proposal)
+        accept(cloud, fitness, prior, proposal, new_fitness, new_prior, best, best_fitness, keys, draw)

@@ -1,0 +1,127 @@
+"""The whole move of the swarms of those members that move (Jiang 2013, section 3, step 4), in one call.
+
+It calls the kernels that do the same one by one, in the same order. Shapes: cloud (D, N); offsets (M + 1,) cut its
+columns into members; keys, readings, gains (M,).
+"""
+
+from __future__ import annotations
+
+from typing import TypeAlias
+
+import numpy as np
+
+from wsnsim.kernels.arrays import Bools, Floats, Ints, Keys
+from wsnsim.kernels.compilation import inner, kernel
+from wsnsim.kernels.gaussian import fit_weighted, log_density
+from wsnsim.kernels.noise import particle_keys
+from wsnsim.kernels.sensing import Law, own_log_likelihood
+from wsnsim.kernels.swarm import accept, fly
+
+Pull: TypeAlias = tuple[int, float, float, float, bool]
+"""Iterations, phi1, phi2, the factor of the velocity, and whether random factors scale the pulls."""
+
+
+@inner
+def _columns(offsets: Ints, moving: Bools) -> tuple[Ints, Ints, Ints, Ints]:
+    """The columns of members that move, with their owners (n,); these members (m,), and where theirs begin (m + 1,)."""
+    members = columns = 0
+    for m in range(moving.size):
+        if moving[m]:
+            members += 1
+            columns += offsets[m + 1] - offsets[m]
+    chosen, owners = np.empty(columns, np.int64), np.empty(columns, np.int64)
+    rows, cuts = np.empty(members, np.int64), np.empty(members + 1, np.int64)
+    k = n = 0
+    for m in range(moving.size):
+        if moving[m]:
+            rows[k], cuts[k] = m, n
+            for j in range(offsets[m], offsets[m + 1]):
+                chosen[n], owners[n] = j, k
+                n += 1
+            k += 1
+    cuts[members] = columns
+    return chosen, owners, rows, cuts
+
+
+@inner
+def _take(row: Floats, places: Ints) -> Floats:
+    """Those values of a row."""
+    result = np.empty(places.size)
+    for j in range(places.size):
+        result[j] = row[places[j]]
+    return result
+
+
+@kernel
+def move_own(
+    cloud: Floats,
+    log_weights: Floats,
+    carried: Floats,
+    fitness: Floats,
+    offsets: Ints,
+    moving: Bools,
+    log_counts: Floats,
+    keys: Keys,
+    readings: Floats,
+    positions: Floats,
+    gains: Floats,
+    law: Law,
+    place: tuple[int, int],
+    tag: int,
+    pull: Pull,
+    ranked: bool,
+    ridge: float,
+) -> None:
+    """Move the swarms of members who are `moving` (M,), each with its own reading; in place in cloud and log-weights.
+
+    Args:
+        cloud: (D, N) predicted particles; afterwards the last states of their chains.
+        log_weights: (N,) normalised on each member; afterwards zero where a swarm moved.
+        carried: (N,) log-weights before this step.
+        fitness: (N,) log-likelihoods of the predicted particles.
+        offsets: (M + 1,) where the columns of each member begin, and the last one's end.
+        moving: (M,) whose swarms move.
+        log_counts: (M,) the log of each member's number of particles.
+        keys: (M,) the members' keys of this step.
+        readings: (M,) with the sensors' positions (M, 2), gains (M,) and law.
+        positions: See `readings`.
+        gains: See `readings`.
+        law: See `readings`.
+        place: The rows of the cloud that are x and y.
+        tag: What the keys serve here.
+        pull: See `Pull`.
+        ranked: Whether χ_0 is the weight (eq. 17), or else the likelihood.
+        ridge: Added to the diagonal of a fitted covariance.
+    """
+    iterations, phi1, phi2, length, random_factors = pull
+    size = cloud.shape[0]
+    chosen, owners, rows, cuts = _columns(offsets, moving)
+    count = chosen.size
+    some, best, velocity = np.empty((size, count)), np.empty((size, count)), np.empty((size, count))
+    for d in range(size):
+        for j in range(count):
+            some[d, j] = best[d, j] = cloud[d, chosen[j]]
+            velocity[d, j] = 0.0
+    fits, ranks, before = (
+        _take(fitness, chosen),
+        _take(log_weights if ranked else fitness, chosen),
+        _take(carried, chosen),
+    )
+    if ranked:
+        for j in range(count):
+            ranks[j] -= log_counts[rows[owners[j]]]
+    own, places = np.empty(rows.size, np.uint64), np.empty((rows.size, 2))
+    for k in range(rows.size):
+        own[k], places[k, 0], places[k, 1] = keys[rows[k]], positions[rows[k], 0], positions[rows[k], 1]
+    heard, loud, particles = _take(readings, rows), _take(gains, rows), particle_keys(own, cuts, tag)
+    means, factors = fit_weighted(some, before, cuts, ridge)
+    prior = log_density(some, means, factors, cuts)
+    for iteration in range(iterations):
+        draw = iteration * (2 * size + 1)
+        new = fly(some, velocity, best, ranks, cuts, particles, draw, 1.0, phi1, phi2, length, random_factors)
+        likelihood = own_log_likelihood(new[place[0]], new[place[1]], heard, places, loud, owners, law)
+        accept(some, fits, prior, new, likelihood, log_density(new, means, factors, cuts), best, ranks, particles, draw)
+    for j in range(count):
+        for d in range(size):
+            cloud[d, chosen[j]] = some[d, j]
+        log_weights[chosen[j]] = 0.0
