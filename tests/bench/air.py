@@ -198,7 +198,7 @@ def _bare_rate(processes: int, seconds: int) -> float:
 
 def _ns3_rows() -> Iterator[dict[str, Any]]:
     """The same workload on ns-3's lr-wpan, in turn with ours; its channel leaves out who is too far (MaxLossDb)."""
-    with _ns3_program() as program:
+    with ns3_program() as program:
         if program is None:
             yield row("ns-3: broadcasts a CPU second", math.nan, "1/s", note="ns-3 is not installed")
             return
@@ -220,7 +220,7 @@ def _ns3_rows() -> Iterator[dict[str, Any]]:
 
 
 @contextmanager
-def _ns3_program() -> Iterator[Path | None]:
+def ns3_program() -> Iterator[Path | None]:
     """beacons.cc compiled; None where there is no g++ or no ns-3."""
     if shutil.which("g++") is None or not _compiles("#include <ns3/lr-wpan-module.h>\n"):
         yield None

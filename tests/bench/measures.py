@@ -11,6 +11,7 @@ import simpy
 from tests.bench.air import radio_rows
 from tests.bench.campaigns import campaign_rows
 from tests.bench.kernels import Tape
+from tests.bench.lossy import lossy_rows
 from tests.bench.ratios import compile_rows, filter_rows, kernel_rows
 from tests.bench.scale import scale_rows
 from tests.bench.script import Recorded, Replayed, Script
@@ -94,6 +95,7 @@ GROUPS: dict[str, Callable[[int], Iterator[dict[str, Any]]]] = {
     "trackers": tracker_rows,
     "seam": seam_rows,
     "radio": radio_rows,
+    "lossy": lossy_rows,
     "scale": scale_rows,
     "sleeping": sleeping_rows,
     "campaigns": campaign_rows,

@@ -1,10 +1,13 @@
 // The beacons workload on ns-3's lr-wpan: every node broadcasts 12 bytes once a second, at a phase of its own.
 //
-//   beacons NODES METRES SECONDS CULL -> one line of JSON
+//   beacons NODES METRES SECONDS CULL [LOSS] -> one line of JSON
 //
 // NODES uniform on a square of side METRES; whoever stands within 75 m receives at the sender's power, nobody else
 // anything; unslotted CSMA/CA, 16-bit addresses, no log. CULL: "culled" if the channel is to leave out who is too far
 // away (the attribute MaxLossDb; it still works out the loss to everybody), "all" if everybody is told of each frame.
+// LOSS: "range" (what is said above, the default), or "log_distance": the loss grows with the logarithm of the distance,
+// with the exponent and the loss at 1 m of our link `log_normal`. The sensitivity of this PHY is fixed at -106.58 dBm; what
+// it is better than ours is added to the loss, so that both receive over the same distance, 46 m.
 // In ns-3 a frame that is hit by another of equal power may survive it (its error model knows the spreading gain).
 
 #include "ns3/constant-position-mobility-model.h"
@@ -32,6 +35,11 @@ constexpr double PERIOD = 1.0;
 constexpr uint32_t PAYLOAD = 12;
 constexpr double TOO_WEAK = 200.0; // dB: RangePropagationLossModel takes 1000 off what is out of range
 
+constexpr double EXPONENT = 2.4;
+constexpr double BETTER = 106.58 - 95.0;       // dB: the sensitivity of this PHY above that of ours
+constexpr double LOSS_AT_1M = 55.0 + BETTER;   // dB
+constexpr double UNHEARD = 106.58 + 3.0;       // dB: at this loss hardly any frame arrives
+
 struct Tally
 {
     uint64_t offered = 0, sent = 0, inRange = 0, delivered = 0;
@@ -48,16 +56,28 @@ double CpuSeconds()
     return now.tv_sec + 1e-9 * now.tv_nsec;
 }
 
-Ptr<SingleModelSpectrumChannel> MakeChannel(const std::string& cull)
+Ptr<PropagationLossModel> MakeLoss(const std::string& name)
 {
-    auto channel = CreateObject<SingleModelSpectrumChannel>();
+    if (name == "log_distance")
+    {
+        auto loss = CreateObject<LogDistancePropagationLossModel>();
+        loss->SetPathLossExponent(EXPONENT);
+        loss->SetReference(1.0, LOSS_AT_1M);
+        return loss;
+    }
     auto loss = CreateObject<RangePropagationLossModel>();
     loss->SetAttribute("MaxRange", DoubleValue(REACH));
-    channel->AddPropagationLossModel(loss);
+    return loss;
+}
+
+Ptr<SingleModelSpectrumChannel> MakeChannel(const std::string& cull, const std::string& loss)
+{
+    auto channel = CreateObject<SingleModelSpectrumChannel>();
+    channel->AddPropagationLossModel(MakeLoss(loss));
     channel->SetPropagationDelayModel(CreateObject<ConstantSpeedPropagationDelayModel>());
     if (cull == "culled")
     {
-        channel->SetAttribute("MaxLossDb", DoubleValue(TOO_WEAK));
+        channel->SetAttribute("MaxLossDb", DoubleValue(loss == "range" ? TOO_WEAK : UNHEARD));
     }
     return channel;
 }
@@ -136,9 +156,9 @@ void Connect(const NetDeviceContainer& devices)
 
 int main(int argc, char* argv[])
 {
-    if (argc != 5)
+    if (argc != 5 && argc != 6)
     {
-        std::fprintf(stderr, "usage: %s NODES METRES SECONDS culled|all\n", argv[0]);
+        std::fprintf(stderr, "usage: %s NODES METRES SECONDS culled|all [range|log_distance]\n", argv[0]);
         return 2;
     }
     const uint32_t count = std::strtoul(argv[1], nullptr, 10);
@@ -147,7 +167,7 @@ int main(int argc, char* argv[])
     auto nodes = Deploy(count, side);
     CountNeighbours(nodes);
     LrWpanHelper helper;
-    helper.SetChannel(MakeChannel(argv[4]));
+    helper.SetChannel(MakeChannel(argv[4], argc == 6 ? argv[5] : "range"));
     Connect(helper.Install(nodes));
     const double built = CpuSeconds();
     Simulator::Stop(Seconds(seconds));
