@@ -13,6 +13,7 @@ from tests.bench.campaigns import campaign_rows
 from tests.bench.kernels import Tape
 from tests.bench.lossy import lossy_rows
 from tests.bench.ratios import compile_rows, filter_rows, kernel_rows
+from tests.bench.results import result_rows
 from tests.bench.scale import scale_rows
 from tests.bench.script import Recorded, Replayed, Script
 from tests.bench.shipped import shipped_rows
@@ -99,5 +100,6 @@ GROUPS: dict[str, Callable[[int], Iterator[dict[str, Any]]]] = {
     "scale": scale_rows,
     "sleeping": sleeping_rows,
     "campaigns": campaign_rows,
+    "results": result_rows,
     "scenarios": shipped_rows,
 }

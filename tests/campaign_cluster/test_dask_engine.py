@@ -138,3 +138,9 @@ def test_after_ctrl_c_what_runs_ends_and_nothing_is_begun(begun: Begun, place: L
     assert code == 130 and "Traceback" not in err and "distributed" not in err
     assert f"resume with: wsnsim sweep {folder.path} --scheduler-file {scheduler}" in err
     assert 2 <= len(files(folder)) <= 4 and not list(folder.path.glob("running/*"))
+
+
+def test_the_client_keeps_none_of_the_messages_that_it_sent(begun: Begun, engine_of: Any) -> None:
+    engine = engine_of(begun(points=[{}], replicates=1))
+    assert engine._client.scheduler_comm.recent_message_log.maxlen == 0
+    engine.close()

@@ -37,6 +37,8 @@ WORKER_TIMEOUT: Final = 300.0
 """Seconds without any worker after which the engine fails."""
 REFRESH: Final = 2.0
 """Seconds between two counts of the workers; 0.1 s while there is none."""
+WITHOUT_LOG: Final = {"distributed.admin.low-level-log-length": 0}
+"""Dask's setting by which a client keeps none of the messages that it sent; it would keep 1000, several megabytes."""
 PER_WORKER: Final = 4
 RETRIES: Final = 2
 
@@ -251,6 +253,7 @@ class DaskEngine:
 def _connected(address: str) -> Any:
     """A client of the scheduler, connected in a thread: Dask would wait forever for a server that is no scheduler."""
     try:
+        import dask
         import distributed
     except ImportError:
         raise UsageError("--scheduler needs Dask: pip install 'wsnsim[cluster]'") from None
@@ -261,7 +264,8 @@ def _connected(address: str) -> Any:
 
     def connect() -> None:
         try:
-            found.put(client_class(address, timeout=CONNECT_TIMEOUT, set_as_default=False))
+            with dask.config.set(WITHOUT_LOG):
+                found.put(client_class(address, timeout=CONNECT_TIMEOUT, set_as_default=False))
         except Exception as error:
             found.put(error)
 
