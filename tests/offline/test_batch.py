@@ -30,6 +30,16 @@ CASES = {
         ["network=none", "duration=2 s", "tracker.kind=gpf", "sensor.reach=15 m", "deploy.cover=false"],
     ),
     "extended Kalman filter": ("rkf", ["duration=20 s", "tracker.kind=ekf"]),
+    "relaying filter": ("rkf", ["duration=15 s"]),
+    "relaying filter, sensors that come and go": (
+        "central_pf",
+        ["network=none", "duration=1 s", "tracker.kind=rkf", "sensor.reach=20 m", "deploy.cover=false"],
+    ),
+    "one filter per sensor": ("imsf", ["duration=15 s"]),
+    "one filter per sensor, sensors that come and go": (
+        "central_pf",
+        ["network=none", "duration=1 s", "tracker.kind=imsf", "sensor.reach=20 m", "deploy.cover=false"],
+    ),
     "losses, some of which end": (
         "central_pf",
         [

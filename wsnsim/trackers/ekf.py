@@ -86,8 +86,7 @@ class ExtendedKalman(HeadFilter):
             return None
         outcome, motion = kalman_runs(block), block.motion
         size, place = len(motion.columns), len(motion.position)
-        cycles = [[_cycles(size, place, n, 1) for n in row] for row in outcome.counts.tolist()]
-        return outcome.closed(np.sum(cycles, axis=1))
+        return outcome.closed(outcome.sums(lambda count: _cycles(size, place, count, 1)))
 
 
 def _nearest_reading(point: Floats, scene: Scene) -> Flow[Evidence]:

@@ -115,8 +115,7 @@ class GaussianPf(HeadSampling):
     def whole_runs(self, block: StandaloneBlock) -> BlockEstimates:
         """All steps of many standalone runs: `base.standalone.WholeRuns`."""
         outcome = gaussian_runs(block, self.particles)
-        cycles = [[self._cycles(n, 1) if n else PREDICT_CYCLES for n in row] for row in outcome.counts.tolist()]
-        return outcome.closed(np.sum(cycles, axis=1))
+        return outcome.closed(outcome.sums(lambda count: self._cycles(count, 1) if count else PREDICT_CYCLES))
 
 
 @part

@@ -16,11 +16,13 @@ from wsnsim.base.arrays import Floats
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Estimate, Scene
 from wsnsim.base.requests import Compute, Flow, Send
+from wsnsim.base.standalone import BlockEstimates, StandaloneBlock
 from wsnsim.kernels.relay import filter_each, mix
 from wsnsim.trackers.shared.heads import GaussianBelief, HeadFilter
 from wsnsim.trackers.shared.moments import predicted
 from wsnsim.trackers.shared.parcels import arrived_groups, moment_packets, parcel, weight_packets
 from wsnsim.trackers.shared.sensors import LIKELIHOOD_CYCLES, arrived_probabilities, carried, chain_readings, linearised
+from wsnsim.trackers.shared.whole_runs import HEAD, Outcome, scenes_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,11 +68,28 @@ class InteractingKalman(HeadFilter):
     def step(self, belief: InteractingBelief, scene: Scene) -> Flow[InteractingBelief]:
         """One step: N_act - 1 readings reach the head; its filters mix, predict, and update with one reading each."""
         readings = yield from chain_readings(scene)
-        yield Compute(self._cycles(belief.mean.size, len(scene.motion.position), scene))
+        yield Compute(self._cycles(belief.mean.size, len(scene.motion.position), scene.active, scene.steps))
         belief = _with_filters(belief, scene)
         if not belief.ids:
             return InteractingBelief(*predicted(belief.mean, belief.cov, scene), scene.head)
         return self._filtered(belief, readings, scene)
+
+    def whole_runs(self, block: StandaloneBlock) -> BlockEstimates:
+        """All steps of many standalone runs: `base.standalone.WholeRuns`. The filters of each run by themselves."""
+        outcome, motion = Outcome(block), block.motion
+        for run, given in enumerate(block.runs):
+            scenes = scenes_of(block, outcome.heard[run])
+            belief = InteractingBelief(given.prior.mean, given.prior.cov, HEAD)
+            belief = _with_filters(belief, next(scenes))
+            for scene in scenes:
+                row, belief = scene.step - 1, _with_filters(belief, scene)
+                if belief.ids:
+                    belief = self._filtered(belief, outcome.heard[run].at(scene.step)[0], scene)
+                else:
+                    belief = InteractingBelief(*predicted(belief.mean, belief.cov, scene), HEAD)
+                outcome.means[run, row], outcome.covs[run, row] = belief.mean, belief.cov
+        size, place = len(motion.columns), len(motion.position)
+        return outcome.closed(outcome.sums(lambda count: self._cycles(size, place, count, 1)))
 
     def _filtered(self, belief: InteractingBelief, readings: Floats, scene: Scene) -> InteractingBelief:
         """The belief as the scene's steps have passed: in each, mix and predict; in the last, with the readings."""
@@ -84,7 +103,7 @@ class InteractingKalman(HeadFilter):
             transitions, noise = motion.matrices(mixed, scene.dt, now)
             each = np.array(transitions.transpose(1, 2, 0), order="C")
             means, covs = np.ascontiguousarray(motion.advance(mixed, scene.dt, now)), spreads
-            linear = linearised(means[place], scene)
+            linear = linearised(means[place], scene.sensor, scene.positions, scene.traits)
             heard = readings if step == scene.steps - 1 else np.full(readings.size, np.nan)
             filter_each(means, covs, chances, each, noise, *linear, heard, place, self.stay, True, mean, cov)
         return InteractingBelief(mean, cov, scene.head, ids=belief.ids, means=means, covs=covs, probabilities=chances)
@@ -116,18 +135,18 @@ class InteractingKalman(HeadFilter):
         """The sensors and their probabilities, for the table `tracker_state`."""
         return {"node": np.array(belief.ids, dtype=np.float64), "probability": belief.probabilities}
 
-    def _cycles(self, size: int, place: int, scene: Scene) -> float:
+    def _cycles(self, size: int, place: int, sensors: int, steps: int) -> float:
         """Operations of a step, those of one filter times n; without filters, the prediction of the mixture."""
-        sensors, square = scene.active, size**2
+        square = size**2
         prediction = 4.0 * size**3 + 2.0 * square  # eqs. 15, 17
         if not sensors:
-            return scene.steps * prediction
+            return steps * prediction
         chain = 2.0 * sensors  # eq. 20
         mixing = sensors * (2.0 + 2.0 * size + size + 4.0 * square)  # eqs. 21, 22, 23
         innovation = 2.0 * place * size + 2.0 * place + LIKELIHOOD_CYCLES  # eqs. 12, 13, 19
         update = 3.0 * size + 8.0 * square + 4.0  # eqs. 10, 11; 14 in Joseph's form; 18
         mixture = 3.0 * size + 4.0 * square  # eqs. 24, 25
-        return sensors * (scene.steps * (chain + mixing + prediction) + innovation + update + mixture)
+        return sensors * (steps * (chain + mixing + prediction) + innovation + update + mixture)
 
 
 def _with_filters(belief: InteractingBelief, scene: Scene) -> InteractingBelief:

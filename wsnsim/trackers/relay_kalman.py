@@ -12,22 +12,26 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 
-from wsnsim.base.arrays import Floats
+from wsnsim.base.arrays import Floats, Ints
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Estimate, Scene
 from wsnsim.base.requests import Compute, Flow, Send
+from wsnsim.base.standalone import BlockEstimates, StandaloneBlock
 from wsnsim.kernels.relay import filter_each
 from wsnsim.trackers.shared.heads import GaussianBelief, HeadFilter
 from wsnsim.trackers.shared.moments import predicted
 from wsnsim.trackers.shared.parcels import moment_packets, parcel, weight_packets
 from wsnsim.trackers.shared.sensors import (
     LIKELIHOOD_CYCLES,
+    Linear,
     arrived_probabilities,
     carried,
     chain_readings,
     linearised,
     stay_after,
 )
+from wsnsim.trackers.shared.whole_runs import Outcome, priors
+from wsnsim.trackers.shared.whole_runs import predicted as predicted_runs
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,22 +74,42 @@ class RelayKalman(HeadFilter):
     def step(self, belief: RelayBelief, scene: Scene) -> Flow[RelayBelief]:
         """One step: N_act - 1 readings reach the head, which predicts and updates; with none, it predicts."""
         readings = yield from chain_readings(scene)
-        yield Compute(self._cycles(belief.mean.size, len(scene.motion.position), scene))
+        yield Compute(self._cycles(belief.mean.size, len(scene.motion.position), scene.active, scene.steps))
         mean, cov = predicted(belief.mean, belief.cov, scene)
         chances = carried(belief.ids, belief.probabilities, scene.ids)
         if scene.ids:
             chances = chances.copy()
-            mean, cov = self._updated(mean, cov, chances, readings, scene)
+            place = np.array(scene.motion.position)
+            linear = linearised(mean[place, None], scene.sensor, scene.positions, scene.traits)
+            mean, cov = self._updated(mean, cov, chances, readings, linear, place, scene.steps)
         return RelayBelief(mean, cov, scene.head, ids=scene.ids, probabilities=chances)
 
+    def whole_runs(self, block: StandaloneBlock) -> BlockEstimates:
+        """All steps of many standalone runs: `base.standalone.WholeRuns`."""
+        outcome, motion, dt = Outcome(block), block.motion, block.dt
+        place = np.array(motion.position)
+        (means, covs), ids = priors(block), [heard.ids(0) for heard in outcome.heard]
+        chances = [carried((), np.empty(0), now) for now in ids]
+        for step in range(1, block.steps + 1):
+            means, covs = predicted_runs(means, covs, motion, dt, (step - 1) * dt)
+            for run, heard in enumerate(outcome.heard):
+                before, ids[run] = ids[run], heard.ids(step)
+                chances[run] = carried(before, chances[run], ids[run]).copy()
+                readings, positions, traits = heard.at(step)
+                if readings.size:
+                    mean, cov = means[run], covs[run]
+                    linear = linearised(mean[place, None], block.sensor, positions, traits)
+                    means[run], covs[run] = self._updated(mean, cov, chances[run], readings, linear, place, 1)
+            outcome.means[:, step - 1], outcome.covs[:, step - 1] = means, covs
+        return outcome.closed(outcome.sums(lambda count: self._cycles(len(motion.columns), place.size, count, 1)))
+
     def _updated(
-        self, mean: Floats, cov: Floats, chances: Floats, readings: Floats, scene: Scene
+        self, mean: Floats, cov: Floats, chances: Floats, readings: Floats, linear: Linear, place: Ints, steps: int
     ) -> tuple[Floats, Floats]:
         """Mean and covariance with the readings; the probabilities in place. Each sensor starts from the prediction."""
-        size, count, place = mean.size, len(scene.ids), np.array(scene.motion.position)
-        linear = linearised(mean[place, None], scene)
+        size, count = mean.size, readings.size
         means, covs = np.repeat(mean[:, None], count, axis=1), np.repeat(cov[:, :, None], count, axis=2)
-        stay, predicted_already = stay_after(self.stay, count, scene.steps), np.empty((size, size, 0))
+        stay, predicted_already = stay_after(self.stay, count, steps), np.empty((size, size, 0))
         mean, cov = np.empty(size), np.empty((size, size))
         filter_each(
             means, covs, chances, predicted_already, cov, *linear, readings, place, stay, self.spread, mean, cov
@@ -111,10 +135,9 @@ class RelayKalman(HeadFilter):
         """The sensors and their probabilities, for the table `tracker_state`."""
         return {"node": np.array(belief.ids, dtype=np.float64), "probability": belief.probabilities}
 
-    def _cycles(self, size: int, place: int, scene: Scene) -> float:
+    def _cycles(self, size: int, place: int, sensors: int, steps: int) -> float:
         """Operations of a step: those of the prediction, and those of the update a sensor."""
-        sensors = scene.active
-        prediction = scene.steps * (4.0 * size**3 + 2.0 * size**2)  # eqs. 15, 17
+        prediction = steps * (4.0 * size**3 + 2.0 * size**2)  # eqs. 15, 17
         chain = 2.0 * sensors + 4.0  # eqs. 18, 20: a product and a sum of n, and their quotient
         innovation = 2.0 * place * size + 2.0 * place + LIKELIHOOD_CYCLES  # eqs. 12, 13, 19
         update = 3.0 * size + 8.0 * size**2  # eqs. 10, 11; 14 in Joseph's form

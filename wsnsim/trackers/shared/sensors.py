@@ -6,14 +6,18 @@ How sensors that join or leave, and lost packets, are treated is our choice; the
 
 from __future__ import annotations
 
+from typing import TypeAlias
+
 import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats
-from wsnsim.base.ports import Scene
+from wsnsim.base.ports import Scene, SensorModel
 from wsnsim.base.requests import Flow
 from wsnsim.trackers.shared.parcels import weight_packets
 from wsnsim.trackers.shared.readings import gather_readings
 
+Linear: TypeAlias = tuple[Floats, Floats, Floats]
+"""Expected readings, their gradients and their variances, as `linearised` gives them."""
 LIKELIHOOD_CYCLES = 30.0
 """CPU cycles to linearise one reading and to compute its log-likelihood."""
 
@@ -27,9 +31,9 @@ def chain_readings(scene: Scene) -> Flow[Floats]:
     return np.array([arrived.get(node, np.nan) for node in scene.ids], dtype=np.float64)
 
 
-def linearised(points: Floats, scene: Scene) -> tuple[Floats, Floats, Floats]:
-    """The sensor model at points (P, N) for `scene.ids`: expected (n, N), gradients (n, P, N), variances (n, N)."""
-    expected, gradients, variances = scene.sensor.linearise(points, scene.positions, scene.traits)
+def linearised(points: Floats, sensor: SensorModel, positions: Floats, traits: Floats) -> Linear:
+    """The sensor model at points (P, N) for n sensors: expected (n, N), gradients (n, P, N), variances (n, N)."""
+    expected, gradients, variances = sensor.linearise(points, positions, traits)
     return np.ascontiguousarray(expected), np.ascontiguousarray(gradients), np.ascontiguousarray(variances)
 
 

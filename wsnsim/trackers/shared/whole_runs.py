@@ -6,13 +6,13 @@ keys are those of the composed steps, so that a run has the same bits alone, in 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats, Ints, Keys
-from wsnsim.base.ports import MotionModel
+from wsnsim.base.ports import Field, MotionModel, Scene
 from wsnsim.base.rng import uniforms
 from wsnsim.base.standalone import BlockEstimates, StandaloneBlock, StandaloneRun
 from wsnsim.kernels.gaussian import sample
@@ -21,6 +21,9 @@ from wsnsim.kernels.particles import moments, systematic, weigh
 from wsnsim.kernels.relay import kalman
 from wsnsim.trackers.shared.stacks import DRAW, PREDICT, START, drawn_from
 
+HEAD = 0
+"""The sensor that is the head of a standalone run."""
+NO_FIELD = Field(0.0, 0.0)
 PARTICLES_AT_ONCE = 8192
 """Particles of a stack, of one run at least: few enough for a processor's cache."""
 
@@ -47,6 +50,10 @@ class Heard(NamedTuple):
         rows = slice(self.cuts[step], self.cuts[step + 1])
         return self.readings[rows], self.positions[rows], self.traits[rows]
 
+    def ids(self, step: int) -> tuple[int, ...]:
+        """The sensors of a step, as `Scene.ids`."""
+        return tuple(self.nodes[self.cuts[step] : self.cuts[step + 1]].tolist())
+
 
 class Outcome:
     """The estimates of a block while they are made, and how many readings each run heard at each step."""
@@ -58,6 +65,13 @@ class Outcome:
         self.means, self.covs = np.empty((runs, steps, size)), np.empty((runs, steps, size, size))
         self.effective = np.full((runs, steps), np.nan)
         self.nis, self.nis_dof = np.full((runs, steps), np.nan), np.zeros((runs, steps), dtype=np.int64)
+
+    def sums(self, cycles: Callable[[int], float]) -> Floats:
+        """(R,) the operations of all steps, of a function of the number of readings in a step."""
+        counts, places = np.unique(self.counts, return_inverse=True)
+        each = np.array([cycles(count) for count in counts.tolist()])
+        total: Floats = each[places.reshape(self.counts.shape)].sum(axis=1)
+        return total
 
     def closed(self, cycles: Floats) -> BlockEstimates:
         """The estimates, with the operations of each run."""
@@ -163,12 +177,35 @@ class _StackedRuns:
         self.cloud = np.take(self.cloud, columns, axis=1)
 
 
+def scenes_of(block: StandaloneBlock, heard: Heard) -> Iterator[Scene]:
+    """The scenes of the steps 0 to K of a run, for trackers whose steps read no more of them than this."""
+    for step in range(block.steps + 1):
+        _, positions, traits = heard.at(step)
+        yield Scene(
+            time=step * block.dt,
+            step=step,
+            steps=min(step, 1),
+            dt=block.dt,
+            target=0,
+            head=HEAD,
+            ids=heard.ids(step),
+            positions=positions,
+            traits=traits,
+            roster=(),
+            joined=(),
+            left=(),
+            field=NO_FIELD,
+            motion=block.motion,
+            sensor=block.sensor,
+            key=0,
+        )
+
+
 def kalman_runs(block: StandaloneBlock) -> Outcome:
     """Runs of the extended Kalman filter on all readings."""
     outcome = Outcome(block)
     place, motion, dt = np.array(block.motion.position), block.motion, block.dt
-    means = np.array([run.prior.mean for run in block.runs])
-    covs = np.array([run.prior.cov for run in block.runs])
+    means, covs = priors(block)
     for step in range(1, block.steps + 1):
         means, covs = predicted(means, covs, motion, dt, (step - 1) * dt)
         for run, heard in enumerate(outcome.heard):
@@ -181,6 +218,11 @@ def kalman_runs(block: StandaloneBlock) -> Outcome:
                 outcome.nis[run, step - 1], outcome.nis_dof[run, step - 1] = square if used else np.nan, used
         outcome.means[:, step - 1], outcome.covs[:, step - 1] = means, covs
     return outcome
+
+
+def priors(block: StandaloneBlock) -> tuple[Floats, Floats]:
+    """Means (R, D) and covariances (R, D, D) of the priors."""
+    return np.array([run.prior.mean for run in block.runs]), np.array([run.prior.cov for run in block.runs])
 
 
 def predicted(means: Floats, covs: Floats, motion: MotionModel, dt: float, time: float) -> tuple[Floats, Floats]:
