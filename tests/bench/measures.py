@@ -9,6 +9,7 @@ from typing import Any
 import simpy
 
 from tests.bench.air import radio_rows
+from tests.bench.batch import batch_rows
 from tests.bench.campaigns import campaign_rows
 from tests.bench.kernels import Tape
 from tests.bench.lossy import lossy_rows
@@ -99,6 +100,7 @@ GROUPS: dict[str, Callable[[int], Iterator[dict[str, Any]]]] = {
     "lossy": lossy_rows,
     "scale": scale_rows,
     "sleeping": sleeping_rows,
+    "batch": batch_rows,
     "campaigns": campaign_rows,
     "results": result_rows,
     "scenarios": shipped_rows,

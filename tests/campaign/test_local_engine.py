@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import json
 import multiprocessing
 import os
 import pickle
@@ -16,6 +17,7 @@ from wsnsim.campaign import Shard, collect, local_engine, prepare, run_campaign
 from wsnsim.campaign.engines import FinishedTask
 from wsnsim.campaign.local_engine import LocalEngine
 from wsnsim.campaign.task import Task, TaskOutcome, describe_error, perform
+from wsnsim.recording import read_text
 from wsnsim.recording.folder import Folder
 from wsnsim.scenario.sweep import load_sweep
 
@@ -181,3 +183,12 @@ def test_what_went_wrong_can_always_be_said_and_written(error: BaseException, wo
 def test_an_outcome_is_small(lab: Path) -> None:
     folder, outcome = performed(lab, "raises")
     assert max(len(pickle.dumps(thing)) for thing in (outcome, first_task(folder))) < 1000
+
+
+@pytest.mark.parametrize("batch", [True, False])
+def test_standalone_runs_of_a_task_are_made_at_once_unless_the_campaign_says_otherwise(lab: Path, batch: bool) -> None:
+    plan = load_sweep(["ungm_pf"], ["tracker.particles=20"], ["duration=3 s"], replicates=4)
+    folder = prepare(plan, lab / "made")
+    assert run_campaign(folder, InlineEngine(), batch=batch).complete
+    (file,) = [each.path for point in folder.manifest().points for each in folder.batches(point.id)]
+    assert json.loads(read_text(file, "provenance_json"))["engine"] == ("batch" if batch else "composed")

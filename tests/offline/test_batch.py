@@ -9,6 +9,7 @@ import pytest
 import wsnsim.scenario as scenario
 from wsnsim import experiment
 from wsnsim.base.tables import Memory
+from wsnsim.cli import main
 from wsnsim.offline.batch import Batches, offers_batch
 from wsnsim.recording import read_table, read_text
 
@@ -138,3 +139,11 @@ def test_progress_names_the_last_run_of_each_block(tmp_path):
     source = scenario.load("range_pf", ["duration=2 s"])
     experiment.run(source, replicates=40, out=tmp_path / "x.h5", progress=lambda each: seen.append(each.replicate))
     assert seen == sorted(seen) and seen[-1] == 39
+
+
+@pytest.mark.parametrize(("flags", "batched"), [([], True), (["--no-batch"], False)])
+def test_the_command_line_makes_batches_unless_told_not_to(tmp_path, capsys, flags, batched):
+    path = str(tmp_path / "x.h5")
+    words = ["run", "ungm_pf", "--set", "duration=3 s", "--replicates", "3", "--out", path, "--quiet", *flags]
+    assert main(words) == 0 and main(["info", path]) == 0 and main(["verify", path]) == 0
+    assert ("engine       batch" in capsys.readouterr().out) == batched

@@ -79,6 +79,7 @@ def _provenance_lines(origin: dict[str, Any], version: str) -> list[str]:
         f"made by      wsnsim {version}{tree}, Python {origin.get('python')}, NumPy {versions.get('numpy')}",
         f"command      {origin.get('command_line')}",
         f"from, to     {origin.get('start')}, {origin.get('end', 'not ended')}",
+        *(["engine       batch: many standalone runs at once"] if origin.get("engine") == "batch" else []),
         f"machine      {origin.get('platform')} ({' '.join(origin.get('cpu_features', []))})",
     ]
 

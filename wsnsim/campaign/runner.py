@@ -38,6 +38,7 @@ def run_campaign(
     shard: Shard = WHOLE,
     on_progress: Callable[[CampaignProgress], None] | None = None,
     should_stop: Callable[[], bool] = lambda: False,
+    batch: bool = True,
 ) -> CampaignOutcome:
     """Run the missing tasks of a campaign whose manifest and scenarios are on disk, and close the engine.
 
@@ -47,9 +48,10 @@ def run_campaign(
         shard: the part of the campaign to run.
         on_progress: called with the progress several times a second.
         should_stop: asked several times a second whether to stop.
+        batch: whether standalone runs may be made many at once.
     """
     try:
-        runner = _CampaignRunner(folder, folder.manifest(), engine, shard, on_progress)
+        runner = _CampaignRunner(folder, folder.manifest(), engine, shard, on_progress, batch)
         runner.run(should_stop)
     finally:
         engine.close()
@@ -77,6 +79,7 @@ class _CampaignRunner:
     engine: Engine
     shard: Shard
     on_progress: Callable[[CampaignProgress], None] | None
+    batch: bool
     pending: deque[Task] = field(default_factory=deque)
     suspects: deque[Task] = field(default_factory=deque)
     running: dict[str, Task] = field(default_factory=dict)
@@ -140,7 +143,7 @@ class _CampaignRunner:
     def task(self, point: str, first: int, last: int) -> Task:
         """A task of this session."""
         folder = str(self.folder.path.resolve())
-        return Task(folder, point, first, last, self.session, __version__, self.manifest.timeout)
+        return Task(folder, point, first, last, self.session, __version__, self.manifest.timeout, self.batch)
 
     def submit_pending(self) -> None:
         """Submit as many tasks as the engine takes. A suspect is submitted when nothing else runs."""

@@ -23,6 +23,7 @@ def sweep(  # noqa: PLR0913
     replicates: int | None = None,
     workers: int | None = None,
     scheduler: str | None = None,
+    batch: bool = True,
     progress: Callable[[CampaignProgress], None] | None = None,
 ) -> CampaignOutcome:
     """Run a sweep, or resume it.
@@ -40,6 +41,7 @@ def sweep(  # noqa: PLR0913
         replicates: Monte Carlo runs per point, if not those of the sweep.
         workers: number of processes, all cores by default.
         scheduler: address of a Dask scheduler, on whose workers to run instead.
+        batch: whether standalone runs are made many at once where the tracker offers it.
         progress: called with the progress several times a second.
 
     Returns:
@@ -58,7 +60,7 @@ def sweep(  # noqa: PLR0913
     plan = load_sweep(source, vary, overrides, trackers, replicates=replicates)
     by = [key for key in ("tracker", "tracker.kind") if trackers and key in plan.keys]
     folder = prepare(plan, out, by=by, command_line="wsnsim.sweep")
-    return run_campaign(folder, _engine(folder.path, workers, scheduler), on_progress=progress)
+    return run_campaign(folder, _engine(folder.path, workers, scheduler), on_progress=progress, batch=batch)
 
 
 def _engine(folder: Path, workers: int | None, scheduler: str | None) -> Engine:

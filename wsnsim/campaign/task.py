@@ -45,6 +45,7 @@ class Task:
         session: name of the session that runs the campaign.
         version: version of wsnsim in that session.
         timeout: seconds after which a replicate fails, None for no limit.
+        batch: whether standalone runs may be made many at once.
     """
 
     folder: str
@@ -54,6 +55,7 @@ class Task:
     session: str
     version: str
     timeout: float | None = None
+    batch: bool = True
 
     @property
     def name(self) -> str:
@@ -149,6 +151,7 @@ def _run(folder: Folder, task: Task, path: Path, marker: TextIO) -> None:
         out=path,
         command_line="a campaign's worker",
         progress=restart_timeout if task.timeout else None,
+        batch=task.batch,
     )
 
 

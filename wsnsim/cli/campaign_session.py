@@ -50,6 +50,7 @@ class SessionOptions(NamedTuple):
     scheduler_file: Path | None
     shard: str | None
     dry_run: bool
+    batch: bool
     quiet: bool
     progress: str
     comparison: ComparisonOptions
@@ -96,7 +97,7 @@ def _run(folder: Folder, shard: Shard, options: SessionOptions, interrupts: Inte
     shown = display("none" if options.quiet else options.progress, CAMPAIGN)
     with interrupts.noted() as should_stop, contextlib.closing(shown):
         try:
-            outcome = campaign.run_campaign(folder, engine, shard, shown.step, should_stop)
+            outcome = campaign.run_campaign(folder, engine, shard, shown.step, should_stop, options.batch)
         except KeyboardInterrupt:
             echo_lines([f"wsnsim: resume with: {_resume_command(folder, shard, options)}"])
             raise
@@ -248,6 +249,7 @@ def _resume_command(folder: Folder, shard: Shard, options: SessionOptions) -> st
     for name, value in values.items():
         words += [f"--{name}", str(value)] if value is not None else []
     words += [word for key in comparison.by for word in ("--by", key)]
+    words += [] if options.batch else ["--no-batch"]
     words += [f"--{name}" for name, wanted in (("bound", comparison.bound), ("json", comparison.as_json)) if wanted]
     return shlex.join(words)
 

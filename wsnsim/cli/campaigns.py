@@ -22,6 +22,7 @@ from wsnsim.cli.campaign_session import (
 from wsnsim.cli.interrupts import Interrupts
 from wsnsim.cli.shared import (
     PATH,
+    batch_option,
     group,
     is_campaign,
     jobs_option,
@@ -58,6 +59,7 @@ def _session_options(command: Command) -> Command:
         click.option(
             "--bound/--no-bound", default=None, help="Show the CRLB beside the errors; default only in compare."
         ),
+        batch_option,
         json_option,
         quiet_option,
         progress_option,

@@ -14,6 +14,7 @@ from wsnsim.base.errors import ResultError, ScenarioError, UsageError
 from wsnsim.cli.progress import RUN, display
 from wsnsim.cli.shared import (
     PATH,
+    batch_option,
     command_line,
     echo_answer,
     group,
@@ -42,6 +43,7 @@ HDF5_SIGNATURE: Final = b"\x89HDF\r\n\x1a\n"
 @click.option("--out", "-o", type=PATH, metavar="FILE.h5", help="Result file; default results/NAME.h5.")
 @click.option("--report", "with_page", is_flag=True, help="Also write the result's HTML page, beside the result.")
 @json_option
+@batch_option
 @quiet_option
 @progress_option
 def run(
@@ -52,6 +54,7 @@ def run(
     out: Path | None,
     with_page: bool,
     as_json: bool,
+    batch: bool,
     quiet: bool,
     progress: str,
 ) -> None:
@@ -67,7 +70,7 @@ def run(
     with contextlib.closing(display("none" if quiet else progress, RUN)) as shown:
         report = experiment.run(
             scenario, replicates=replicates, out=path, command_line=command_line(), progress=shown.step,
-            on_compile=_say_compiling if talks else None,
+            on_compile=_say_compiling if talks else None, batch=batch,
         )  # fmt: skip
     if talks and report.compiled:
         click.echo(f"wsnsim: compiling kernels, once: {report.compiled:.1f} s, no part of the CPU time", err=True)

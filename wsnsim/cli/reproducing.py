@@ -16,7 +16,16 @@ from wsnsim.base.errors import ResultError, UsageError
 from wsnsim.cli.campaign_session import INCOMPLETE
 from wsnsim.cli.interrupts import Interrupts
 from wsnsim.cli.progress import CAMPAIGN, display
-from wsnsim.cli.shared import PATH, echo_json, group, jobs_option, json_option, progress_option, quiet_option
+from wsnsim.cli.shared import (
+    PATH,
+    batch_option,
+    echo_json,
+    group,
+    jobs_option,
+    json_option,
+    progress_option,
+    quiet_option,
+)
 
 if TYPE_CHECKING:
     from wsnsim.campaign import CampaignOutcome
@@ -36,13 +45,14 @@ MAX_REASONS: Final = 3
 @click.option("--figures", type=PATH, metavar="DIR", help="Also draw the papers' figures into this folder.")
 @click.option("--only", metavar="EXPERIMENT", help="Run only this experiment: table_2, figure_3, ...")
 @jobs_option
+@batch_option
 @json_option
 @click.option("--markdown", is_flag=True, help="Print the main rows as a Markdown table.")
 @quiet_option
 @progress_option
 @click.pass_obj
 def reproduce(interrupts: Interrupts, papers: tuple[str, ...], quick: bool, out: Path, figures: Path | None,
-              only: str | None, jobs: int | None, as_json: bool, markdown: bool, quiet: bool,
+              only: str | None, jobs: int | None, batch: bool, as_json: bool, markdown: bool, quiet: bool,
               progress: str) -> int:  # fmt: skip
     """Reproduce the tables and figures of the papers, with a verdict on each published value.
 
@@ -57,7 +67,8 @@ def reproduce(interrupts: Interrupts, papers: tuple[str, ...], quick: bool, out:
     chosen = reproducing.chosen(papers, only)
     if figures:
         _check_folder(figures)
-    session = _ReproductionSession(out / ("quick" if quick else "full"), jobs, not quick, quiet, progress, figures)
+    where = out / ("quick" if quick else "full")
+    session = _ReproductionSession(where, jobs, not quick, batch, quiet, progress, figures)
     code = session.run_all(chosen, interrupts)
     if not interrupts.number:
         session.print_answer(as_json, markdown)
@@ -71,6 +82,7 @@ class _ReproductionSession:
     where: Path
     jobs: int | None
     full: bool
+    batch: bool
     quiet: bool
     progress: str
     figures: Path | None
@@ -107,7 +119,7 @@ class _ReproductionSession:
 
         with contextlib.closing(display("none" if self.quiet else self.progress, CAMPAIGN)) as shown:
             folder = Folder(reproducing.folder_of(self.where, paper, experiment))
-            return reproducing.resume(folder, self.jobs, watch=shown.step, stop=should_stop)
+            return reproducing.resume(folder, self.jobs, batch=self.batch, watch=shown.step, stop=should_stop)
 
     def evaluate(self, paper: str, experiment: Experiment, should_stop: Callable[[], bool]) -> None:
         """Add the rows, lines and figures of an experiment. Damaged files are set aside and run again once."""

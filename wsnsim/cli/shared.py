@@ -53,6 +53,10 @@ seed_option = click.option(
 jobs_option = click.option(
     "--jobs", "-j", type=click.IntRange(1, 1024), metavar="N", help="Number of worker processes; default all cores."
 )
+batch_option = click.option(
+    "--no-batch", "batch", is_flag=True, flag_value=False, default=True,
+    help="Compose each standalone run of requests, instead of many at once.",
+)  # fmt: skip
 json_option = click.option(
     "--json", "as_json", is_flag=True, help="Print one JSON object (SI units; NaN and infinity are null)."
 )

@@ -87,30 +87,32 @@ def begin(paper: str, experiment: Experiment, where: Path, full: bool = False) -
     return campaign.prepare(plan(paper, experiment, full), folder_of(where, paper, experiment), by=(VARIANT,))
 
 
-def run(
+def run(  # noqa: PLR0913
     paper: str,
     experiment: Experiment,
     where: Path,
     jobs: int | None = None,
     *,
     full: bool = False,
+    batch: bool = True,
     watch: Callable[[campaign.CampaignProgress], None] | None = None,
     stop: Callable[[], bool] = lambda: False,
 ) -> campaign.CampaignOutcome:
     """Begin an experiment and run its missing runs."""
-    return resume(begin(paper, experiment, where, full), jobs, watch=watch, stop=stop)
+    return resume(begin(paper, experiment, where, full), jobs, batch=batch, watch=watch, stop=stop)
 
 
 def resume(
     folder: Folder,
     jobs: int | None = None,
     *,
+    batch: bool = True,
     watch: Callable[[campaign.CampaignProgress], None] | None = None,
     stop: Callable[[], bool] = lambda: False,
 ) -> campaign.CampaignOutcome:
     """Run the missing runs of an experiment that was begun."""
     engine = LocalEngine(jobs or available_cores())
-    return campaign.run_campaign(folder, engine, on_progress=watch, should_stop=stop)
+    return campaign.run_campaign(folder, engine, on_progress=watch, should_stop=stop, batch=batch)
 
 
 def folder_of(where: Path, paper: str, experiment: Experiment) -> Path:

@@ -37,6 +37,7 @@ from wsnsim.testing.macs import check_mac
 from wsnsim.testing.privacy import examine, same
 from wsnsim.testing.table import FIRST, SECOND, Table, track
 from wsnsim.testing.wakeups import check_wakeup
+from wsnsim.testing.whole_runs import demand_whole_runs
 from wsnsim.testing.workloads import check_workload
 
 __all__ = ["Table", "check_fault", "check_mac", "check_tracker", "check_wakeup", "check_workload", "track"]
@@ -69,6 +70,8 @@ def check_tracker(
             `work_all` gives the same as `work`. values: payloads are values, and the bits of a parcel suffice for
             them. isolation: while the same parcels arrive, other measurements at some members change neither the
             belief nor what the others send. loss: the first packet of each parcel is lost, the last, some, or all.
+            whole runs: where it offers them (`base.standalone.WholeRuns`), they equal the runs that its requests make,
+            and a run does not depend on the others of its block.
     """
     target: Any = BoundedVelocity() if motion is None else motion
     nodes: Any = AcousticEnergy() if sensor is None else sensor
@@ -94,6 +97,8 @@ def check_tracker(
         with demand(f"loss ({how})"):
             for estimate in track(tracker, Table(*models), lose):
                 _sound(estimate)
+    with demand("whole runs"):
+        demand_whole_runs(tracker, *models)
 
 
 def _demand_sound(tracker: Tracker[Any], table: Table) -> None:
