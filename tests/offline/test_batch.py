@@ -8,8 +8,10 @@ import pytest
 
 import wsnsim.scenario as scenario
 from wsnsim import experiment
+from wsnsim.base.errors import RunError
 from wsnsim.base.tables import Memory
 from wsnsim.cli import main
+from wsnsim.offline import batch
 from wsnsim.offline.batch import Batches, offers_batch
 from wsnsim.recording import read_table, read_text
 
@@ -147,3 +149,21 @@ def test_the_command_line_makes_batches_unless_told_not_to(tmp_path, capsys, fla
     words = ["run", "ungm_pf", "--set", "duration=3 s", "--replicates", "3", "--out", path, "--quiet", *flags]
     assert main(words) == 0 and main(["info", path]) == 0 and main(["verify", path]) == 0
     assert ("engine       batch" in capsys.readouterr().out) == batched
+
+
+def test_a_failure_of_a_block_says_how_to_find_its_run(tmp_path, monkeypatch):
+    def fail(*arguments):
+        raise ZeroDivisionError("no reading")
+
+    monkeypatch.setattr("wsnsim.trackers.sir.cloud_runs", fail)
+    message = r"batch of 1 runs from replicate 0 on failed \(seed \d+\): ZeroDivisionError: no reading; --no-batch"
+    with pytest.raises(RunError, match=message):
+        experiment.run(scenario.load("ungm_pf", ["duration=2 s"]), replicates=2, out=tmp_path / "x.h5")
+
+
+def test_blocks_keep_their_memory_where_many_sensors_measure():
+    setup = _setup("bootstrap, one column of position")
+    assert batch._most_runs(setup, 1) == batch.MOST_RUNS
+    for sensors in (10**4, 10**6, 10**9):
+        runs = batch._most_runs(setup, sensors)
+        assert runs == 1 or runs * sensors * (setup.steps + 1) <= batch.MOST_NUMBERS

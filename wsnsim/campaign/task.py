@@ -31,6 +31,8 @@ TIMEOUT_MARK: Final = "Timeout ("
 """How the text that faulthandler writes at a timeout begins."""
 IMPORT_TIME: Final = 60.0
 """Seconds that a new worker may take for its imports, in addition to the timeout of a replicate."""
+LEAST_TIMEOUT: Final = 10.0
+"""Seconds: with a shorter timeout of a replicate, replicates are made one at a time."""
 MIN_FREE: Final = 4_000_000
 """Bytes that must be free on the disk before a task starts; the file of a block takes about 50 kB."""
 MAX_KILLS: Final = 2
@@ -151,7 +153,7 @@ def _run(folder: Folder, task: Task, path: Path, marker: TextIO) -> None:
         out=path,
         command_line="a campaign's worker",
         progress=restart_timeout if task.timeout else None,
-        batch=task.batch,
+        batch=task.batch and not 0.0 < (task.timeout or 0.0) < LEAST_TIMEOUT,
     )
 
 

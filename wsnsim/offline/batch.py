@@ -18,6 +18,7 @@ from typing import Any, Final
 import numpy as np
 
 from wsnsim.base.arrays import Floats, Ints
+from wsnsim.base.errors import RunError, WsnsimError
 from wsnsim.base.initial_conditions import InitialConditions, sample_initial_conditions
 from wsnsim.base.ports import Recorder
 from wsnsim.base.results import Summary
@@ -30,7 +31,8 @@ from wsnsim.offline.block_rows import FollowedTarget
 from wsnsim.offline.measurements import HEAD, sample_readings
 from wsnsim.offline.offline_run import node_rows
 
-BLOCK_SECONDS: Final = 0.15
+BLOCK_SECONDS: Final = 1.0
+"""s: a block may take twice as long, unless it is a single run. Long enough to stack runs that take 100 ms each."""
 MOST_RUNS: Final = 256
 """Runs in a block."""
 MOST_NUMBERS: Final = 4_000_000
@@ -67,14 +69,13 @@ class Batches:
             self._composed = True
             return []
         if time.monotonic() - started < BLOCK_SECONDS:
-            self._size = min(2 * self._size, _most_runs(self._setup))
+            self._size = min(2 * self._size, _most_runs(self._setup, summaries[0].run["alive"]))
         self.used = True
         return summaries
 
 
-def _most_runs(setup: TrackingSetup) -> int:
+def _most_runs(setup: TrackingSetup, sensors: int) -> int:
     """The number of runs in the longest block, which bounds the memory."""
-    sensors = int(getattr(setup.deploy, "nodes", 1))
     size = max(len(motion.columns) for motion in setup.motions)
     numbers = len(setup.motions) * (setup.steps + 1) * max(sensors, size * size)
     return max(1, min(MOST_RUNS, MOST_NUMBERS // numbers))
@@ -116,7 +117,14 @@ def _followed(
     assert isinstance(tracker, WholeRuns), "only a tracker that offers whole runs is batched"
     runs = [_standalone(setup, number, each, stream) for each, stream in zip(conditions, streams, strict=True)]
     block = StandaloneBlock(runs, setup.filter_motions[number], setup.filter_sensor, setup.steps, setup.dt)
-    estimates = tracker.whole_runs(block)
+    try:
+        estimates = tracker.whole_runs(block)
+    except Exception as reason:
+        name = "" if isinstance(reason, WsnsimError) else f"{type(reason).__name__}: "
+        raise RunError(
+            f"the batch of {len(runs)} runs from replicate {streams[0].replicate} on failed (seed {setup.seed}):"
+            f" {name}{reason}; --no-batch makes one run at a time, and says when it fails"
+        ) from reason
     if estimates is None:
         return None
     truths = np.array([each.truths[number][: setup.steps + 1] for each in conditions])

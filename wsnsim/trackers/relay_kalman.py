@@ -95,11 +95,8 @@ class RelayKalman(HeadFilter):
             for run, heard in enumerate(outcome.heard):
                 before, ids[run] = ids[run], heard.ids(step)
                 chances[run] = carried(before, chances[run], ids[run]).copy()
-                readings, positions, traits = heard.at(step)
-                if readings.size:
-                    mean, cov = means[run], covs[run]
-                    linear = linearised(mean[place, None], block.sensor, positions, traits)
-                    means[run], covs[run] = self._updated(mean, cov, chances[run], readings, linear, place, 1)
+            for run, readings, linear in outcome.linearised(means[:, place], block.sensor, step):
+                means[run], covs[run] = self._updated(means[run], covs[run], chances[run], readings, linear, place, 1)
             outcome.means[:, step - 1], outcome.covs[:, step - 1] = means, covs
         return outcome.closed(outcome.sums(lambda count: self._cycles(len(motion.columns), place.size, count, 1)))
 

@@ -245,7 +245,12 @@ Score: TypeAlias = Callable[[Floats], Floats]
 
 def place_of(scene: Scene) -> slice | list[int]:
     """Which rows of a cloud are the position; as a slice where they can be, which copies nothing."""
-    first, *more = scene.motion.position
+    return slice_of(scene.motion.position)
+
+
+def slice_of(position: tuple[int, ...]) -> slice | list[int]:
+    """These rows, as a slice where they can be one."""
+    first, *more = position
     if not more:
         return slice(first, first + 1)
     return slice(first, more[0] + 1, more[0] - first) if more[0] > first else [first, *more]

@@ -12,14 +12,15 @@ from typing import NamedTuple
 import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats, Ints, Keys
-from wsnsim.base.ports import Field, MotionModel, Scene
+from wsnsim.base.ports import Field, MotionModel, Scene, SensorModel
 from wsnsim.base.rng import uniforms
 from wsnsim.base.standalone import BlockEstimates, StandaloneBlock, StandaloneRun
 from wsnsim.kernels.gaussian import sample
 from wsnsim.kernels.noise import particle_keys
 from wsnsim.kernels.particles import moments, systematic, weigh
 from wsnsim.kernels.relay import kalman
-from wsnsim.trackers.shared.stacks import DRAW, PREDICT, START, drawn_from
+from wsnsim.trackers.shared.sensors import Linear, linearised
+from wsnsim.trackers.shared.stacks import DRAW, PREDICT, START, drawn_from, slice_of
 
 HEAD = 0
 """The sensor that is the head of a standalone run."""
@@ -50,6 +51,12 @@ class Heard(NamedTuple):
         rows = slice(self.cuts[step], self.cuts[step + 1])
         return self.readings[rows], self.positions[rows], self.traits[rows]
 
+    def has_the_sensors_of(self, other: Heard) -> bool:
+        """Whether the same sensors measure at all steps of both runs."""
+        return self.cuts == other.cuts and all(
+            np.array_equal(getattr(self, name), getattr(other, name)) for name in ("nodes", "positions", "traits")
+        )
+
     def ids(self, step: int) -> tuple[int, ...]:
         """The sensors of a step, as `Scene.ids`."""
         return tuple(self.nodes[self.cuts[step] : self.cuts[step + 1]].tolist())
@@ -64,7 +71,26 @@ class Outcome:
         self.counts = np.array([np.diff(heard.cuts)[1:] for heard in self.heard])
         self.means, self.covs = np.empty((runs, steps, size)), np.empty((runs, steps, size, size))
         self.effective = np.full((runs, steps), np.nan)
+        first = self.heard[0]
+        self.alike = all(map(first.has_the_sensors_of, self.heard))
         self.nis, self.nis_dof = np.full((runs, steps), np.nan), np.zeros((runs, steps), dtype=np.int64)
+
+    def linearised(self, points: Floats, sensor: SensorModel, step: int) -> Iterator[tuple[int, Floats, Linear]]:
+        """(run, readings, the sensor model at its point) of the runs that hear a reading; points are (R, P).
+
+        Runs with the same sensors at all steps are linearised in one call, as `sensors.linearised` does one.
+        """
+        if self.alike:
+            _, positions, traits = self.heard[0].at(step)
+            linear = sensor.linearise(np.ascontiguousarray(points.T), positions, traits)
+            each = [np.ascontiguousarray(np.moveaxis(array, -1, 0))[..., None] for array in linear]
+            for run, heard in enumerate(self.heard if len(positions) else ()):
+                yield run, heard.at(step)[0], (each[0][run], each[1][run], each[2][run])
+            return
+        for run, heard in enumerate(self.heard):
+            readings, positions, traits = heard.at(step)
+            if readings.size:
+                yield run, readings, linearised(points[run, :, None], sensor, positions, traits)
 
     def sums(self, cycles: Callable[[int], float]) -> Floats:
         """(R,) the operations of all steps, of a function of the number of readings in a step."""
@@ -98,7 +124,7 @@ def gaussian_runs(block: StandaloneBlock, particles: int) -> Outcome:
     for first, last in _stacks(len(block.runs), particles):
         stack = _StackedRuns(block, outcome, first, last, particles)
         for step in range(1, block.steps + 1):
-            keys = particle_keys(stack.keys[:, step].copy(), stack.offsets, DRAW)
+            keys = particle_keys(stack.keys[step], stack.offsets, DRAW)
             drawn = np.empty((stack.means.shape[1], keys.size))
             for mean, cov, columns in zip(stack.means, stack.covs, stack.columns, strict=True):
                 drawn[:, columns], _ = sample(mean[:, None].copy(), cov[None], keys[columns])
@@ -117,8 +143,10 @@ class _StackedRuns:
         runs = block.runs[first:last]
         self._block, self._outcome, self._rows = block, outcome, slice(first, last)
         self._heard = outcome.heard[first:last]
-        self._place = list(block.motion.position)
-        self.keys: Keys = np.array([run.keys for run in runs])
+        self._place = slice_of(block.motion.position)
+        self._all_heard = np.all(outcome.counts[first:last] > 0, axis=0)
+        self.keys: Keys = np.ascontiguousarray(np.array([run.keys for run in runs]).T)
+        self._teeth: Floats = uniforms(self.keys, START)
         self.offsets = np.arange(len(runs) + 1) * particles
         self.columns = [slice(r * particles, (r + 1) * particles) for r in range(len(runs))]
         self.sizes = np.full(len(runs), particles)
@@ -130,7 +158,7 @@ class _StackedRuns:
 
     def moved(self, cloud: Floats, step: int) -> Floats:
         """The particles (D, R N) moved into a step, with process noise."""
-        keys, dt = particle_keys(self.keys[:, step].copy(), self.offsets, PREDICT), self._block.dt
+        keys, dt = particle_keys(self.keys[step], self.offsets, PREDICT), self._block.dt
         return self._block.motion.propagate(cloud, dt, keys, (step - 1) * dt)
 
     def score(self, step: int) -> None:
@@ -146,10 +174,9 @@ class _StackedRuns:
         outcome, row = self._outcome, step - 1
         heard: Bools = outcome.counts[self._rows, row] > 0
         means, covs, effective = self.means, self.covs, self.effective
-        kept = None if heard.all() else self.log_weights.copy()
+        kept = None if self._all_heard[row] else self.log_weights.copy()
         self.effective = weigh(self.log_weights, self.offsets)
-        self.means, covs_now = moments(self.cloud, self.log_weights, self.offsets)
-        self.covs = _symmetric(covs_now)
+        self.means, self.covs = moments(self.cloud, self.log_weights, self.offsets)
         if kept is not None:
             silent = ~heard
             again = np.repeat(silent, self.sizes)
@@ -165,7 +192,7 @@ class _StackedRuns:
         """Resample the runs `which` (R,) by systematic resampling; their particles are equally weighted then."""
         if not which.any():
             return
-        starts = uniforms(self.keys[:, step], START)
+        starts = self._teeth[step]
         if which.all():
             columns = systematic(self.log_weights, self.offsets, self.sizes, starts)
             self.log_weights[:] = 0.0
@@ -208,14 +235,9 @@ def kalman_runs(block: StandaloneBlock) -> Outcome:
     means, covs = priors(block)
     for step in range(1, block.steps + 1):
         means, covs = predicted(means, covs, motion, dt, (step - 1) * dt)
-        for run, heard in enumerate(outcome.heard):
-            readings, positions, traits = heard.at(step)
-            if readings.size:
-                mean, cov = means[run], covs[run]
-                linear = block.sensor.linearise(mean[place, None], positions, traits)
-                expected, gradients, variances = map(np.ascontiguousarray, linear)
-                square, used = kalman(mean, cov, expected, gradients, variances, readings, place)
-                outcome.nis[run, step - 1], outcome.nis_dof[run, step - 1] = square if used else np.nan, used
+        for run, readings, linear in outcome.linearised(means[:, place], block.sensor, step):
+            square, used = kalman(means[run], covs[run], *linear, readings, place)
+            outcome.nis[run, step - 1], outcome.nis_dof[run, step - 1] = square if used else np.nan, used
         outcome.means[:, step - 1], outcome.covs[:, step - 1] = means, covs
     return outcome
 
