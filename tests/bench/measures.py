@@ -69,7 +69,7 @@ def seam_rows(repeats: int) -> Iterator[dict[str, Any]]:
         "pso_mhpf: the seam, in timeouts beyond 150 a step, a frame",
         (seam / timeout - PER_STEP * steps) / frames,
         "",
-        8,
+        6,
     )
     yield row("pso_mhpf: its kernels alone, CPU a replicate", kernels, "s")
     yield row("pso_mhpf: whole run, CPU a replicate", whole, "s", 0.5)

@@ -146,8 +146,8 @@ def test_roles_of_a_network_may_be_left_out_on_the_bench_alone():
 class NotFinite(Sir):
     """Loses its number in the third step."""
 
-    def weighed(self, prediction, seen, scene):
-        belief = super().weighed(prediction, seen, scene)
+    def filtered(self, pool, seen, scene):
+        belief = super().filtered(pool, seen, scene)
         return belief if scene.step < 3 else replace(belief, mean=np.array([np.nan]))
 
 

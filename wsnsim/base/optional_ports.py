@@ -60,6 +60,14 @@ class Ranks(Protocol):
 
 
 @runtime_checkable
+class Drifts(Protocol):
+    """Optional port of a motion model that moves as `kernels.motion` does: kernels do a filter's whole step."""
+
+    def drift_law(self, dt: float) -> tuple[tuple[float, float, float, float], tuple[float, float, float]]:
+        """(T, a, c1, c2) and the root (l11, l21, l22) of one axis' process covariance, for a step of `dt` s."""
+
+
+@runtime_checkable
 class Detects(Protocol):
     """Optional port of a sensor model: which nodes measure the target, if not all within `reach`."""
 

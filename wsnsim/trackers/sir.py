@@ -12,7 +12,8 @@ from typing import Annotated, ClassVar
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Scene
 from wsnsim.base.standalone import BlockEstimates, StandaloneBlock
-from wsnsim.trackers.shared.heads import CloudBelief, HeadCloud, Prediction, bootstrap
+from wsnsim.trackers.shared.dealing import Pool
+from wsnsim.trackers.shared.heads import CloudBelief, HeadCloud, bootstrap
 from wsnsim.trackers.shared.readings import Evidence
 from wsnsim.trackers.shared.whole_runs import cloud_runs
 
@@ -32,9 +33,9 @@ class Sir(HeadCloud):
         float, Quantity("", ge=0, le=1), "resample below this fraction of effective particles; 1: at every step"
     ] = 1.0
 
-    def weighed(self, prediction: Prediction, seen: Evidence, scene: Scene) -> CloudBelief:
-        """Weight with all readings and resample: mean, covariance and effective number are those before resampling."""
-        return bootstrap(prediction, seen, scene, self.particles, self.threshold)
+    def filtered(self, pool: Pool, seen: Evidence, scene: Scene) -> CloudBelief:
+        """Predict, weight and resample: mean, covariance and effective number are those before resampling."""
+        return bootstrap(pool, seen, scene, self.threshold)
 
     def whole_runs(self, block: StandaloneBlock) -> BlockEstimates:
         """All steps of many standalone runs: `base.standalone.WholeRuns`."""

@@ -10,29 +10,31 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, Literal, NamedTuple
+from functools import lru_cache
+from typing import Annotated, Any, Literal, NamedTuple, cast
 
 import numpy as np
 
 from wsnsim.base.arrays import Floats, Ints, Keys
+from wsnsim.base.optional_ports import Drifts, MeasuresEnergy
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Estimate, Scene
 from wsnsim.base.requests import Compute, Flow, Member
 from wsnsim.base.rng import derive
+from wsnsim.kernels.bootstrap_step import step
 from wsnsim.kernels.noise import particle_keys
-from wsnsim.kernels.particles import moments, weigh
+from wsnsim.kernels.particles import summarise, update
 from wsnsim.trackers.shared.dealing import (
     PREDICT_CYCLES,
     Pool,
     no_particles,
-    resampled,
     restored,
     send_all,
     send_moments,
 )
-from wsnsim.trackers.shared.moments import forecast, predicted, symmetric
+from wsnsim.trackers.shared.moments import forecast, predicted
 from wsnsim.trackers.shared.readings import Evidence, gather_readings
-from wsnsim.trackers.shared.stacks import Score, place_of, propagated_by, snapshot
+from wsnsim.trackers.shared.stacks import PREDICT, START, Score, place_of, propagated_by, snapshot
 
 WEIGH_CYCLES = 30.0
 """CPU cycles to weight one particle by one reading."""
@@ -100,7 +102,10 @@ class HeadFilter:
 
 @part
 class HeadCloud(HeadFilter):
-    """A particle filter in the head. A tracker gives `weighed(prediction, seen, scene)` and `reading_cycles`."""
+    """A particle filter in the head.
+
+    A tracker gives `reading_cycles`, and `weighed(prediction, seen, scene)` or `filtered(pool, seen, scene)`.
+    """
 
     particles: Annotated[int, Quantity("", ge=1, le=10**7), "N_p: particles"] = 400
     handover: Annotated[Literal["particles", "gaussian"], "what a handover carries"] = "particles"
@@ -119,6 +124,11 @@ class HeadCloud(HeadFilter):
         """The belief after at least one reading."""
         raise NotImplementedError
 
+    def filtered(self, pool: Pool, seen: Evidence, scene: Scene) -> CloudBelief:
+        """The belief after a prediction of the pool and at least one reading."""
+        before, cloud = propagated_by(scene.key, pool.cloud, scene)
+        return self.weighed(Prediction(before, cloud, pool.log_weights), seen, scene)
+
     def start(self, prior: Estimate, scene: Scene) -> Flow[CloudBelief]:
         """Draw the particles from the prior."""
         nothing = CloudBelief(prior.mean, prior.cov, scene.head, pool=no_particles(prior.mean.size))
@@ -133,11 +143,11 @@ class HeadCloud(HeadFilter):
         seen = yield from gather_readings(scene)
         used = self.move_cycles + self.reading_cycles * len(seen.ids) if seen.ids else 0.0
         yield Compute((PREDICT_CYCLES * scene.steps + used) * self.particles)
-        before, cloud = propagated_by(scene.key, belief.pool.cloud, scene)
-        if not seen.ids:
-            mean, cov = predicted(belief.mean, belief.cov, scene)
-            return replace(belief, mean=mean, cov=cov, pool=replace(belief.pool, cloud=cloud), head=scene.head)
-        return self.weighed(Prediction(before, cloud, belief.pool.log_weights), seen, scene)
+        if seen.ids:
+            return self.filtered(belief.pool, seen, scene)
+        _, cloud = propagated_by(scene.key, belief.pool.cloud, scene)
+        mean, cov = predicted(belief.mean, belief.cov, scene)
+        return replace(belief, mean=mean, cov=cov, pool=replace(belief.pool, cloud=cloud), head=scene.head)
 
     def hand_over(self, belief: CloudBelief, scene: Scene, successor: int) -> Flow[CloudBelief | None]:
         """N_p + ceil(N_p / 4) + 4 packets to the successor, or the 4 of the moments alone (of a state of four)."""
@@ -186,25 +196,45 @@ def keys_of(scene: Scene, count: int, tag: int) -> Keys:
 
 def summary(cloud: Floats, log_weights: Floats) -> tuple[Floats, Floats, float]:
     """Weighted mean (D,), covariance (D, D), effective number of a cloud. Its log-weights are normalised in place."""
-    everyone = np.array([0, log_weights.size])
-    effective = float(weigh(log_weights, everyone)[0])
-    means, covs = moments(cloud, log_weights, everyone)
-    return means[0], symmetric(covs[0]), effective
+    return summarise(np.ascontiguousarray(cloud), log_weights)
 
 
-def bootstrap(prediction: Prediction, seen: Evidence, scene: Scene, particles: int, threshold: float) -> CloudBelief:
-    """Weigh with all readings, sum up, resample if the effective number is below this fraction; 1: always.
+def bootstrap(pool: Pool, seen: Evidence, scene: Scene, threshold: float) -> CloudBelief:
+    """Predict, weigh with all readings, sum up, resample if the effective number is below this fraction; 1: always.
 
-    Mean, covariance and effective number are those before the resampling. Gordon, Salmond, Smith (1993).
+    Mean, covariance and effective number are those before the resampling. One kernel does it all for the models that it
+    knows. Gordon, Salmond, Smith (1993).
     """
-    cloud, log_weights = prediction.cloud, prediction.log_weights + score_of(seen, scene)(prediction.cloud)
-    mean, cov, effective = summary(cloud, log_weights)
-    pool = Pool(cloud, log_weights)
-    if threshold >= 1.0 or effective < threshold * particles:
-        pool = resampled_pool(cloud, log_weights, particles, scene)
-    return CloudBelief(mean, cov, scene.head, effective, pool)
+    least = np.inf if threshold >= 1.0 else threshold * pool.log_weights.size
+    key = np.uint64(scene.key)
+    if _computed_by_kernels(type(scene.motion), type(scene.sensor)):
+        drift, root = cast(Drifts, scene.motion).drift_law(scene.dt)
+        law, gains = cast(MeasuresEnergy, scene.sensor).energy_law(seen.traits)
+        positions = np.ascontiguousarray(seen.positions)
+        cloud, log_weights, mean, cov, effective = step(
+            pool.cloud, pool.log_weights, key, PREDICT, START, scene.steps, drift, root, seen.readings, positions,
+            gains, law, least,
+        )  # fmt: skip
+    else:
+        _, predicted_cloud = propagated_by(scene.key, pool.cloud, scene)
+        scores = np.array(score_of(seen, scene)(predicted_cloud), dtype=np.float64)  # a copy: it is written to
+        updated = update(predicted_cloud, pool.log_weights, scores, least, key, START)
+        cloud, log_weights, mean, cov, effective = updated
+    return CloudBelief(mean, cov, scene.head, effective, Pool(cloud, log_weights))
 
 
-def resampled_pool(cloud: Floats, log_weights: Floats, count: int, scene: Scene) -> Pool:
-    """`count` equally weighted particles, drawn by systematic resampling."""
-    return Pool(np.take(cloud, resampled(log_weights, count, scene.key), axis=1), np.zeros(count))
+@lru_cache
+def _computed_by_kernels(motion: type, sensor: type) -> bool:
+    """Whether `bootstrap_step.step` computes what both models compute; asked once, since protocols take long to say it.
+
+    A subclass that moves or measures otherwise has the law of the class from which it inherits.
+    """
+    if not (issubclass(motion, Drifts) and issubclass(sensor, MeasuresEnergy)):
+        return False
+    pairs = (motion, "drift_law", "propagate"), (sensor, "energy_law", "log_likelihood")
+    return all(_definer(kind, law) is _definer(kind, computed) for kind, law, computed in pairs)
+
+
+def _definer(kind: type, name: str) -> type:
+    """The class that defines an attribute of a class."""
+    return next(each for each in kind.__mro__ if name in vars(each))
