@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from tests.bench.frames import frame, interferer, other_frame, rivals
+from tests.bench.frames import busy, charge, frame, interferer, other_frame, rivals, sleepers
 from wsnsim.base.rng import derive_all
 
 Arguments = tuple[Any, ...]
@@ -235,20 +235,6 @@ def _kalman(count: int) -> Arguments:
     return means[:, 0].copy(), np.ascontiguousarray(covs[:, :, 0]), *_readings(count, 1)
 
 
-def _charge(count: int) -> Arguments:
-    return np.arange(0, 2 * count, 2), 0.5, np.zeros(2 * count), np.ones(2 * count)
-
-
-def _busy(count: int) -> Arguments:
-    return (
-        np.arange(0, 2 * count, 2),
-        0.5,
-        np.zeros(2 * count),
-        (np.arange(2 * count) % 5).astype(np.int8),
-        np.zeros(5, np.int64),
-    )
-
-
 ENTRIES: tuple[Entry, ...] = (
     Entry("noise.particle_keys", "bench.twins:particle_keys", lambda n: (_keys(SEGMENTS), _offsets(n), 1)),
     Entry("motion.advance", "bench.twins:advance", lambda n: (_states(n), DRIFT)),
@@ -315,6 +301,7 @@ ENTRIES: tuple[Entry, ...] = (
     Entry("reception.overlap", "kernels.test_reception:overlap_twin", other_frame, NEIGHBOURS, "neighbour"),
     Entry("reception.add_common", "kernels.test_reception:add_common_twin", interferer, NEIGHBOURS, "neighbour"),
     Entry("reception.take_over", "kernels.test_reception:take_over_twin", rivals, NEIGHBOURS, "neighbour"),
-    Entry("charging.book", "kernels.test_charging:book_twin", _charge, NEIGHBOURS, "neighbour"),
-    Entry("charging.mark_busy", "kernels.test_charging:mark_busy_twin", _busy, NEIGHBOURS, "neighbour"),
+    Entry("sleeping.listening", "kernels.test_sleeping_kernel:listening_twin", sleepers, NEIGHBOURS, "neighbour"),
+    Entry("charging.book", "kernels.test_charging:book_twin", charge, NEIGHBOURS, "neighbour"),
+    Entry("charging.mark_busy", "kernels.test_charging:mark_busy_twin", busy, NEIGHBOURS, "neighbour"),
 )

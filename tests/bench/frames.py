@@ -1,4 +1,4 @@
-"""Frames on the air as arguments of the kernels of `wsnsim.kernels.reception`."""
+"""Frames on the air and their receivers, as arguments of the kernels `reception`, `charging` and `sleeping`."""
 
 from __future__ import annotations
 
@@ -39,3 +39,22 @@ def rivals(count: int) -> tuple[Any, ...]:
     rng, (ids, others, *_) = np.random.default_rng(count), other_frame(count)
     powers, other_powers = rng.uniform(-95.0, -75.0, (2, count))
     return ids, powers, rng.random(count) < 0.8, others, other_powers, rng.random(count) < 0.8, 3.0
+
+
+def sleepers(count: int) -> tuple[Any, ...]:
+    """The arguments of `listening` for every second of many nodes."""
+    rng, size = np.random.default_rng(count), 2 * count
+    begins, since = rng.uniform(0.0, 1.2, size), rng.uniform(0.0, 2.0, size)
+    living, awake, held = (rng.random(n) < share for n, share in ((count, 0.9), (size, 0.4), (size, 0.3)))
+    return np.arange(0, size, 2), 1.0, living, awake, begins, begins + 0.9, held, since, np.zeros(count, dtype=np.bool_)
+
+
+def charge(count: int) -> tuple[Any, ...]:
+    """The arguments of `book` for every second of many nodes."""
+    return np.arange(0, 2 * count, 2), 0.5, np.zeros(2 * count), np.ones(2 * count)
+
+
+def busy(count: int) -> tuple[Any, ...]:
+    """The arguments of `mark_busy` for every second of many nodes."""
+    modes = (np.arange(2 * count) % 5).astype(np.int8)
+    return np.arange(0, 2 * count, 2), 0.5, np.zeros(2 * count), modes, np.zeros(5, np.int64)

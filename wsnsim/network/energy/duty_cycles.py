@@ -17,6 +17,7 @@ import simpy
 from wsnsim.base.arrays import Bools, Floats, Ints, Keys
 from wsnsim.base.radio import Mode
 from wsnsim.base.sleeping import SleepSchedule
+from wsnsim.kernels.sleeping import listening
 
 LINGER: Final = 1.0
 """A node that sends less than this time (s) before its schedule ends is held awake. Frames hardly ever wait longer."""
@@ -111,21 +112,17 @@ class ScheduledDutyCycles(DutyCycles):
 
         A radio that is receiving when its schedule ends receives the frame to its end.
         """
-        awake = self._by_schedule(ids, since)
-        held: Bools = self._held[ids]
-        if held.any():
-            awake = awake | (held & (self._since[ids] <= since))
-        return awake & living
+        hears, held = np.empty(ids.size, dtype=np.bool_), (self._held, self._since)
+        if listening(ids, since, living, self._awake, self._from, self._until, *held, hears):
+            self._ask(ids, since)
+            listening(ids, since, living, self._awake, self._from, self._until, *held, hears)
+        return hears
 
-    def _by_schedule(self, ids: Ints, time: float) -> Bools:
-        """(n,) whether the schedules say awake. Only those that may have changed are computed again."""
-        known = (self._from[ids] <= time) & (time < self._until[ids])
-        if not known.all():
-            stale = ids[~known]
-            found = self._schedule.state(self._keys[stale], time)
-            self._awake[stale], self._from[stale], self._until[stale] = found
-        awake: Bools = self._awake[ids]
-        return awake
+    def _ask(self, ids: Ints, time: float) -> None:
+        """Ask the schedules of nodes (n,) what they say at a time, unless what they last said is about it."""
+        stale = ids[~((self._from[ids] <= time) & (time < self._until[ids]))]
+        found = self._schedule.state(self._keys[stale], time)
+        self._awake[stale], self._from[stale], self._until[stale] = found
 
     def is_awake(self, node: int) -> bool:
         """Whether a living node is awake now."""
@@ -133,11 +130,13 @@ class ScheduledDutyCycles(DutyCycles):
 
     def scheduled(self, node: int) -> Mode:
         """What the schedule of a node says now: AWAKE or ASLEEP."""
-        return Mode.AWAKE if self._by_schedule(np.array([node]), self._env.now)[0] else Mode.ASLEEP
+        if not self._from[node] <= self._env.now < self._until[node]:
+            self._ask(np.array([node]), self._env.now)
+        return Mode.AWAKE if self._awake[node] else Mode.ASLEEP
 
     def next_change(self, node: int) -> float:
         """The earliest time at which the schedule of a node may say otherwise."""
-        self._by_schedule(np.array([node]), self._env.now)
+        self.scheduled(node)
         return float(self._until[node])
 
     def note(self, node: int, mode: Mode) -> None:
