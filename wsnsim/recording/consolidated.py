@@ -102,7 +102,8 @@ def _read(files: Sequence[Path], table: str) -> ConsolidatedTable | None:
     """The rows of the files, each read; None if they differ in their columns or words."""
     pieces = [_of_file(file, table) for file in tracked(files, "result files read")]
     first = pieces[0]
-    if any(piece.records.dtype != first.records.dtype or piece.words != first.words for piece in pieces):
+    types = {id(piece.records.dtype): piece.records.dtype for piece in pieces}  # files of a campaign share one
+    if any(each != first.records.dtype for each in types.values()) or any(p.words != first.words for p in pieces):
         return None
     together = np.concatenate([piece.records for piece in pieces])
     columns = {name: np.ascontiguousarray(together[name]) for name in first.records.dtype.names or ()}

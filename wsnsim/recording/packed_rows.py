@@ -17,7 +17,7 @@ import numpy as np
 from h5py import h5a, h5f, h5g, h5p, h5t
 
 from wsnsim.base.tables import Column
-from wsnsim.recording.layout import SCHEMA_VERSION, WRITING, flag_words
+from wsnsim.recording.layout import SCHEMA_VERSION, flag_words
 
 ROWS: Final = "rows"
 SHORT_TABLES: Final = ("runs", "tracks")
@@ -46,7 +46,7 @@ def write_packed_rows(group: h5py.Group, columns: Sequence[Column], values: Mapp
 
 
 def read_packed_rows(path: Path, table: str) -> PackedRows | None:
-    """The rows of a complete result file; None if they have to be read in the ordinary way, or cannot be read.
+    """The rows of a result file; None if they have to be read in the ordinary way, or cannot be read.
 
     It does without the classes of h5py, which take longer than HDF5 itself.
     """
@@ -57,20 +57,13 @@ def read_packed_rows(path: Path, table: str) -> PackedRows | None:
     except (OSError, RuntimeError):
         return None
     try:
-        usual = _scalar(file, "schema_version") == SCHEMA_VERSION and _scalar(file, "status") != WRITING.encode()
-        return packed_rows(h5g.open(file, table.encode())) if usual else None
+        version = np.empty((), np.int64)
+        h5a.open(file, b"schema_version").read(version)
+        return packed_rows(h5g.open(file, table.encode())) if version == SCHEMA_VERSION else None
     except (OSError, RuntimeError, KeyError, ValueError):
         return None
     finally:
         file.close()
-
-
-def _scalar(file: h5f.FileID, name: str) -> Any:
-    """The value of an attribute of the root."""
-    attribute = h5a.open(file, name.encode())
-    value = np.empty((), attribute.dtype)
-    attribute.read(value)
-    return value[()]
 
 
 def packed_rows(group: h5g.GroupID) -> PackedRows | None:
