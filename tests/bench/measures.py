@@ -73,6 +73,7 @@ def seam_rows(repeats: int) -> Iterator[dict[str, Any]]:
     )
     yield row("pso_mhpf: its kernels alone, CPU a replicate", kernels, "s")
     yield row("pso_mhpf: whole run, CPU a replicate", whole, "s", 0.5)
+    yield row("pso_mhpf: a replicate in memory, in bare timeouts", whole / timeout, "timeouts", 280_000)
     yield row("pso_mhpf: whole run / (kernels + seam)", whole / (kernels + seam), "", 1.5)
 
 

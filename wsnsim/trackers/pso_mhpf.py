@@ -17,7 +17,7 @@ from wsnsim.base.arrays import Bools, Floats
 from wsnsim.base.errors import Issue
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Estimate, Scene
-from wsnsim.base.requests import PACKET_BITS, Flow, Gather, Local, Member, Parcel
+from wsnsim.base.requests import PACKET_BITS, Flow, Gather, Local, Member, Parcel, all_arrived
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.kernels.gaussian import fuse
 from wsnsim.trackers.shared.dealing import (
@@ -226,14 +226,15 @@ class PsoMhpf:
         means plus that of one cloud: the head's own, or where it has none, the last it had, predicted.
         """
         packets = state_packets(belief.mean.size)
+        held, whole = deal.held, all_arrived(packets)
         reports = {
             node: (report, mask)
             for node, (report, mask) in answer.items()
-            if deal.held.get(node) and (is_whole(mask) or mask[:packets].all())
+            if held.get(node) and (mask is whole or is_whole(mask) or mask[:packets].all())
         }
         if not reports:
             return only_predicted(belief, deal, scene)
-        means = np.array([report.mean for report, _ in reports.values()])
+        means = np.concatenate([report.mean for report, _ in reports.values()]).reshape(len(reports), -1)
         if self.fusion == "inverse_variance":
             variances = reported_variances(list(reports.values()), packets)
             if variances is not None:
@@ -241,6 +242,6 @@ class PsoMhpf:
                 return Spread(mean, symmetric(spread + within), within, deal, scene.head, shares=belief.shares)
         own = answer[scene.head][0].own if scene.head in answer else None
         within = within_predicted(belief, scene) if own is None else own.cov
-        shares = np.array([deal.held[node] for node in reports], dtype=np.float64)
+        shares = np.array([held[node] for node in reports], dtype=np.float64)
         mean, cov = fuse(means, shares, within)
         return Spread(mean, cov, within, deal, scene.head, own.effective if own else math.nan, belief.shares)
