@@ -275,10 +275,11 @@ class Nodes:
 
     def residual_energies(self) -> Floats:
         """(N,) joules left now."""
-        pending = np.zeros(self.size)
+        pending, left = np.zeros(self.size), self.battery - self.ledger.spent
         for nodes, _, joules in self.consumption.pending_charges(np.arange(self.size)):
             pending[nodes] += np.maximum(joules, 0.0)
-        return np.maximum(self.battery - self.ledger.spent - pending, 0.0)
+        left -= pending
+        return np.maximum(left, 0.0, out=left)
 
     def holds_more(self, node: int, joules: float) -> bool:
         """Whether a node has more than `joules` left. Its consumption is computed only where it may matter."""

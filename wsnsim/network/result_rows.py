@@ -122,7 +122,7 @@ def _write(recorder: Recorder, table: str, replicate: int, columns: dict[str, An
 
 def _nodes(nodes: Nodes, trait_names: tuple[str, ...]) -> dict[str, Any]:
     gain = nodes.traits[:, trait_names.index("gain")] if "gain" in trait_names else np.ones(nodes.size)
-    died = np.full(nodes.size, NAN)
+    died = np.full(nodes.size, NAN) if nodes.died_at else np.broadcast_to(NAN, nodes.size)
     for node, time in nodes.died_at.items():
         died[node] = time
     return {
@@ -132,7 +132,7 @@ def _nodes(nodes: Nodes, trait_names: tuple[str, ...]) -> dict[str, Any]:
         "x_assumed": nodes.assumed.positions[:, 0],
         "y_assumed": nodes.assumed.positions[:, 1],
         "gain": gain,
-        "energy_initial": np.full(nodes.size, nodes.battery),
+        "energy_initial": np.broadcast_to(float(nodes.battery), nodes.size),
         "energy_left": nodes.residual_energies(),
         "died_at": died,
     }
