@@ -73,11 +73,14 @@ class IdealMedium:
         energy_ledger.book_unicasts(unicasts.sources, unicasts.destinations, costs)
         now, step, target, number = self._env.now, log.step, unicasts.target, counters.frames_sent
         rows: list[Event] = []
+        what, code = None, 0
         for source, to, parcel, cost in zip(
             unicasts.sources, unicasts.destinations, unicasts.parcels, costs, strict=True
         ):
             number += 1
-            packets, code, bits = parcel.packets, log.code(parcel.what), cost.bits
+            packets, bits = parcel.packets, cost.bits
+            if parcel.what is not what:
+                what, code = parcel.what, log.code(parcel.what)
             rows.append(event(now, step, target, source, SEND, code, number, number, to, packets, bits, cost.sent, TX))
             rows.append(event(now, step, target, to, RECEIVE, code, number, number, source, packets, bits, cost.rx, RX))
             counters.packets_sent += packets
@@ -93,8 +96,9 @@ class IdealMedium:
             return None
         if nodes.follows_schedules and not all(map(nodes.is_awake, unicasts.destinations)):
             return None
+        known = self._hop_costs
         costs = [
-            self._hop_cost(source, to, parcel.packets * parcel.packet_bits)
+            known.get((source, to, bits := parcel.packets * parcel.packet_bits)) or self._hop_cost(source, to, bits)
             for source, to, parcel in zip(unicasts.sources, unicasts.destinations, unicasts.parcels, strict=True)
         ]
         joules = sum([cost.sent + cost.rx for cost in costs])
@@ -102,14 +106,12 @@ class IdealMedium:
         return costs if outlast and not [cost for cost in costs if not cost.bits] else None
 
     def _hop_cost(self, source: int, to: int, bits: int) -> HopCost:
-        """What it costs to send and to receive so many bits; looked up, as nodes stand still and repeat themselves."""
-        cost = self._hop_costs.get((source, to, bits))
-        if cost is None:
-            if len(self._hop_costs) >= MOST_HOP_COSTS:
-                self._hop_costs.clear()
-            electronics, amplifier = self._energy.transmit(bits, self._nodes.distance(source, to))
-            cost = HopCost(bits, electronics, amplifier, electronics + amplifier, self._energy.receive(bits))
-            self._hop_costs[source, to, bits] = cost
+        """What it costs to send and to receive so many bits; kept, as nodes stand still and repeat themselves."""
+        if len(self._hop_costs) >= MOST_HOP_COSTS:
+            self._hop_costs.clear()
+        electronics, amplifier = self._energy.transmit(bits, self._nodes.distance(source, to))
+        cost = HopCost(bits, electronics, amplifier, electronics + amplifier, self._energy.receive(bits))
+        self._hop_costs[source, to, bits] = cost
         return cost
 
     def _unicast(self, burst: Burst, number: int, code: int) -> None:
