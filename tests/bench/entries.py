@@ -100,16 +100,11 @@ def _teeth(count: int) -> Arguments:
     return _log_weights(count), _offsets(count), np.diff(_offsets(count)), _rng().random(SEGMENTS)
 
 
-def _bootstrap_update(count: int) -> Arguments:
-    """What is resampled: fewer are effective than there are."""
-    return _states(count), np.zeros(count), _log_weights(count), float(count), np.uint64(7), 2
-
-
 def _bootstrap_step(count: int) -> Arguments:
     sensing = _sensing(count)
     cloud = np.stack([sensing["x"], np.zeros(count), sensing["y"], np.zeros(count)])
     z, positions, gains = sensing["z"], sensing["p"], sensing["g"]
-    return cloud, np.zeros(count), np.uint64(7), 16, 2, 1, DRIFT, ROOT, z, positions, gains, LAW, float(count)
+    return cloud, np.uint64(7), 16, 1, DRIFT, ROOT, z, positions, gains, LAW
 
 
 def _densities(count: int) -> Arguments:
@@ -247,9 +242,7 @@ ENTRIES: tuple[Entry, ...] = (
     Entry("particles.weigh", "bench.twins:weigh", lambda n: (_log_weights(n), _offsets(n))),
     Entry("particles.moments", "bench.twins:moments", lambda n: (_states(n), _log_weights(n), _offsets(n))),
     Entry("particles.systematic", "bench.twins:systematic", _teeth),
-    Entry("particles.summarise", "kernels.test_bootstrap_step:summarise_twin", lambda n: (_states(n), _log_weights(n))),
-    Entry("particles.update", "kernels.test_bootstrap_step:update_twin", _bootstrap_update),
-    Entry("bootstrap_step.step", "kernels.test_bootstrap_step:step_twin", _bootstrap_step),
+    Entry("bootstrap_step.predict_and_score", "kernels.test_bootstrap_step:predict_and_score_twin", _bootstrap_step),
     Entry("gaussian.fit", "bench.twins:fit", lambda n: (_states(n), _offsets(n), 1e-3)),
     Entry(
         "gaussian.fit_weighted", "bench.twins:fit_weighted", lambda n: (_states(n), _log_weights(n), _offsets(n), 1e-3)

@@ -12,7 +12,6 @@ import numpy as np
 from wsnsim.kernels.arrays import Floats, Ints
 from wsnsim.kernels.compilation import inner, kernel
 from wsnsim.kernels.elementary import dot, exp, log, total
-from wsnsim.kernels.noise import uniform
 
 NOTHING = -690.0
 
@@ -72,11 +71,15 @@ def _centre(row: Floats, weights: Floats, share: float, around: Floats) -> float
     return mean
 
 
-@inner
-def moments_of(cloud: Floats, weights: Floats, offsets: Ints) -> tuple[Floats, Floats]:
-    """Means (M, D) and covariances (M, D, D) of the segments of a cloud, given `relative_weights`."""
+@kernel
+def moments(cloud: Floats, log_weights: Floats, offsets: Ints) -> tuple[Floats, Floats]:
+    """Weighted means (M, D) and covariances (M, D, D) of the segments of a cloud (D, N).
+
+    Zeros for an empty segment. A particle without weight does not count, finite or not.
+    """
     size, segments = cloud.shape[0], offsets.size - 1
     means, covs = np.empty((segments, size)), np.empty((segments, size, size))
+    weights, _ = relative_weights(log_weights, offsets)
     around, scaled = np.empty(cloud.shape), np.empty(weights.size)
     for m in range(segments):
         first, last = offsets[m], offsets[m + 1]
@@ -93,21 +96,17 @@ def moments_of(cloud: Floats, weights: Floats, offsets: Ints) -> tuple[Floats, F
 
 
 @kernel
-def moments(cloud: Floats, log_weights: Floats, offsets: Ints) -> tuple[Floats, Floats]:
-    """Weighted means (M, D) and covariances (M, D, D) of the segments of a cloud (D, N).
+def systematic(log_weights: Floats, offsets: Ints, sizes: Ints, starts: Floats) -> Ints:
+    """(sum of sizes,) columns drawn by systematic resampling: sizes[m] from segment m, first tooth at starts[m] < 1.
 
-    Zeros for an empty segment. A particle without weight does not count, finite or not.
+    A column of normalised weight w is sampled floor(size w) or ceil(size w) times, size w times on average, and never
+    if w is zero. In a segment without positive weights all columns have equal weights.
     """
-    return moments_of(cloud, relative_weights(log_weights, offsets)[0], offsets)
-
-
-@inner
-def systematic_of(weights: Floats, offsets: Ints, sizes: Ints, starts: Floats) -> Ints:
-    """`systematic`, given `relative_weights`."""
     wanted = 0
     for m in range(sizes.size):
         wanted += sizes[m]
     chosen = np.empty(wanted, np.int64)
+    weights, _ = relative_weights(log_weights, offsets)
     drawn = 0
     for m in range(sizes.size):
         whole, final = 0.0, offsets[m]
@@ -124,60 +123,3 @@ def systematic_of(weights: Floats, offsets: Ints, sizes: Ints, starts: Floats) -
             chosen[drawn] = column
             drawn += 1
     return chosen
-
-
-@kernel
-def systematic(log_weights: Floats, offsets: Ints, sizes: Ints, starts: Floats) -> Ints:
-    """(sum of sizes,) columns drawn by systematic resampling: sizes[m] from segment m, first tooth at starts[m] < 1.
-
-    A column of normalised weight w is sampled floor(size w) or ceil(size w) times, size w times on average, and never
-    if w is zero. In a segment without positive weights all columns have equal weights.
-    """
-    return systematic_of(relative_weights(log_weights, offsets)[0], offsets, sizes, starts)
-
-
-@kernel
-def summarise(cloud: Floats, log_weights: Floats) -> tuple[Floats, Floats, float]:
-    """`weigh` and `moments` of one cloud: its mean (D,), covariance (D, D) and effective number.
-
-    The log-weights are normalised in place.
-    """
-    offsets = np.array([0, log_weights.size])
-    effective = weigh(log_weights, offsets)[0]
-    means, covs = moments_of(cloud, relative_weights(log_weights, offsets)[0], offsets)
-    return means[0], covs[0], effective
-
-
-@kernel
-def update(
-    cloud: Floats, log_weights: Floats, scores: Floats, least: float, key: np.uint64, draw: int
-) -> tuple[Floats, Floats, Floats, Floats, float]:
-    """The update of a bootstrap filter, whose particles (D, N) with log-weights are scored by log-likelihoods (N,).
-
-    `scores` is overwritten. Mean (D,), covariance (D, D) and effective number are those before the resampling.
-
-    Args:
-        cloud: The predicted particles (D, N).
-        log_weights: What they weighed before (N,).
-        scores: Log-likelihoods (N,) of the readings at the particles.
-        least: If fewer particles are effective, all are drawn anew by systematic resampling.
-        key: The counter key of that.
-        draw: Which of the key's uniforms is its first tooth.
-
-    Returns:
-        Particles (D, N) and log-weights (N,) afterwards, mean, covariance, effective number.
-    """
-    count, offsets = log_weights.size, np.array([0, log_weights.size])
-    for j in range(count):
-        scores[j] += log_weights[j]
-    effective = weigh(scores, offsets)[0]
-    weights, _ = relative_weights(scores, offsets)
-    means, covs = moments_of(cloud, weights, offsets)
-    if effective >= least:
-        return cloud, scores, means[0], covs[0], effective
-    chosen = systematic_of(weights, offsets, np.array([count]), np.array([uniform(key, draw)]))
-    resampled = np.empty(cloud.shape)
-    for d in range(cloud.shape[0]):
-        for j in range(count):
-            resampled[d, j] = cloud[d, chosen[j]]
-    return resampled, np.zeros(count), means[0], covs[0], effective

@@ -21,20 +21,21 @@ from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Estimate, Scene
 from wsnsim.base.requests import Compute, Flow, Member
 from wsnsim.base.rng import derive
-from wsnsim.kernels.bootstrap_step import step
+from wsnsim.kernels.bootstrap_step import predict_and_score
 from wsnsim.kernels.noise import particle_keys
-from wsnsim.kernels.particles import summarise, update
+from wsnsim.kernels.particles import moments, weigh
 from wsnsim.trackers.shared.dealing import (
     PREDICT_CYCLES,
     Pool,
     no_particles,
+    resampled,
     restored,
     send_all,
     send_moments,
 )
-from wsnsim.trackers.shared.moments import forecast, predicted
+from wsnsim.trackers.shared.moments import forecast, predicted, symmetric
 from wsnsim.trackers.shared.readings import Evidence, gather_readings
-from wsnsim.trackers.shared.stacks import PREDICT, START, Score, place_of, propagated_by, snapshot
+from wsnsim.trackers.shared.stacks import PREDICT, Score, place_of, propagated_by, snapshot
 
 WEIGH_CYCLES = 30.0
 """CPU cycles to weight one particle by one reading."""
@@ -196,36 +197,40 @@ def keys_of(scene: Scene, count: int, tag: int) -> Keys:
 
 def summary(cloud: Floats, log_weights: Floats) -> tuple[Floats, Floats, float]:
     """Weighted mean (D,), covariance (D, D), effective number of a cloud. Its log-weights are normalised in place."""
-    return summarise(np.ascontiguousarray(cloud), log_weights)
+    everyone = np.array([0, log_weights.size])
+    effective = float(weigh(log_weights, everyone)[0])
+    means, covs = moments(cloud, log_weights, everyone)
+    return means[0], symmetric(covs[0]), effective
 
 
 def bootstrap(pool: Pool, seen: Evidence, scene: Scene, threshold: float) -> CloudBelief:
     """Predict, weigh with all readings, sum up, resample if the effective number is below this fraction; 1: always.
 
-    Mean, covariance and effective number are those before the resampling. One kernel does it all for the models that it
-    knows. Gordon, Salmond, Smith (1993).
+    Mean, covariance and effective number are those before the resampling. Gordon, Salmond, Smith (1993).
     """
-    least = np.inf if threshold >= 1.0 else threshold * pool.log_weights.size
-    key = np.uint64(scene.key)
-    if _computed_by_kernels(type(scene.motion), type(scene.sensor)):
-        drift, root = cast(Drifts, scene.motion).drift_law(scene.dt)
-        law, gains = cast(MeasuresEnergy, scene.sensor).energy_law(seen.traits)
-        positions = np.ascontiguousarray(seen.positions)
-        cloud, log_weights, mean, cov, effective = step(
-            pool.cloud, pool.log_weights, key, PREDICT, START, scene.steps, drift, root, seen.readings, positions,
-            gains, law, least,
-        )  # fmt: skip
-    else:
-        _, predicted_cloud = propagated_by(scene.key, pool.cloud, scene)
-        scores = np.array(score_of(seen, scene)(predicted_cloud), dtype=np.float64)  # a copy: it is written to
-        updated = update(predicted_cloud, pool.log_weights, scores, least, key, START)
-        cloud, log_weights, mean, cov, effective = updated
-    return CloudBelief(mean, cov, scene.head, effective, Pool(cloud, log_weights))
+    cloud, scores = _predicted_and_scored(pool.cloud, seen, scene)
+    count, log_weights = pool.log_weights.size, pool.log_weights + scores
+    mean, cov, effective = summary(cloud, log_weights)
+    after = Pool(cloud, log_weights)
+    if threshold >= 1.0 or effective < threshold * count:
+        after = Pool(np.take(cloud, resampled(log_weights, count, scene.key), axis=1), np.zeros(count))
+    return CloudBelief(mean, cov, scene.head, effective, after)
+
+
+def _predicted_and_scored(cloud: Floats, seen: Evidence, scene: Scene) -> tuple[Floats, Floats]:
+    """Particles (D, N) now, and their log-likelihoods (N,): by one kernel for the models that it knows."""
+    if not _computed_by_kernels(type(scene.motion), type(scene.sensor)):
+        _, cloud = propagated_by(scene.key, cloud, scene)
+        return cloud, score_of(seen, scene)(cloud)
+    drift, root = cast(Drifts, scene.motion).drift_law(scene.dt)
+    law, gains = cast(MeasuresEnergy, scene.sensor).energy_law(seen.traits)
+    key, positions = np.uint64(scene.key), np.ascontiguousarray(seen.positions)
+    return predict_and_score(cloud, key, PREDICT, scene.steps, drift, root, seen.readings, positions, gains, law)
 
 
 @lru_cache
 def _computed_by_kernels(motion: type, sensor: type) -> bool:
-    """Whether `bootstrap_step.step` computes what both models compute; asked once, since protocols take long to say it.
+    """Whether `bootstrap_step` computes what both models compute; asked once, since protocols take long to say it.
 
     A subclass that moves or measures otherwise has the law of the class from which it inherits.
     """
