@@ -39,7 +39,7 @@ def misbehave(mood):
     if mood == "sleeps":
         time.sleep(3600)
     while mood == "hangs":
-        pass
+        time.sleep(0.01)
 
 
 @wsnsim.part
