@@ -18,7 +18,7 @@ from typing import Any
 from tests.bench.timing import peak_megabytes, row
 
 SIZES = (1_000, 10_000, 100_000, 1_000_000)
-MOST_SECONDS, MOST_MEGABYTES = 15, 800
+MOST_SECONDS, MOST_MEGABYTES = 15, 350
 
 
 def scale_rows(repeats: int) -> Iterator[dict[str, Any]]:
