@@ -8,12 +8,13 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -46,6 +47,8 @@ __all__ = ["Progress", "Report", "Summary", "replicate_of", "rerun_source", "run
 
 Source = Any
 """What `scenario.load` takes, or the Scenario that it gives."""
+LARGE: Final = 100_000
+"""Nodes from which on a network's memory is freed as soon as its run has ended: its parts refer to one another."""
 
 
 @dataclass(frozen=True)
@@ -116,7 +119,12 @@ def _in_network(
     targets = Targets(conditions.truths, conditions.priors, paths)
     outcome = World(setup, replicate, sensors, targets, Streams(setup.seed, replicate), recorder).run(progress)
     write_tables(outcome, replicate, setup, recorder)
-    return network_result(outcome, setup, _final_coverage(outcome.nodes, setup))
+    result = network_result(outcome, setup, _final_coverage(outcome.nodes, setup))
+    large = outcome.nodes.size >= LARGE
+    del outcome
+    if large:
+        gc.collect()
+    return result
 
 
 def _final_coverage(nodes: Nodes, setup: NetworkSetup) -> float:
