@@ -8,7 +8,7 @@ import numpy as np
 
 from tests.helpers.linear_cluster import Cluster
 from wsnsim.base.ports import Estimate
-from wsnsim.base.requests import Compute, Gather, Send
+from wsnsim.base.requests import Compute, GatheredReadings, GatherReadings, Send
 from wsnsim.models.linear import ConstantVelocity
 from wsnsim.models.ranging import Range
 
@@ -43,7 +43,7 @@ class Chase(Cluster):
 
 
 def asked(flow: Any, answer: Any = None) -> tuple[Any, list[Any]]:
-    """A flow's result and its asks, each answered alike but for a Compute; nothing is carried."""
+    """A flow's result and its asks; a Send is answered with `answer`. No reading arrives, and nothing is carried."""
     asks: list[Any] = []
     reply = None
     while True:
@@ -52,5 +52,7 @@ def asked(flow: Any, answer: Any = None) -> tuple[Any, list[Any]]:
         except StopIteration as end:
             return end.value, asks
         asks.append(ask)
-        assert isinstance(ask, Compute | Gather | Send)
-        reply = None if isinstance(ask, Compute) else answer
+        assert isinstance(ask, Compute | GatherReadings | Send)
+        reply = (
+            GatheredReadings.of({}) if isinstance(ask, GatherReadings) else answer if isinstance(ask, Send) else None
+        )

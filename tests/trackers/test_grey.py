@@ -165,7 +165,7 @@ def test_a_reading_is_a_packet_of_11_bytes_and_a_handover_one_of_33() -> None:
     chase, tracker = Chase(PATH, PLACES), GreyTracking()
     belief = chase.follow(tracker, 4)
     scene = chase.scene(5)
-    _, asks = asked(tracker.step(belief, scene), {})
+    _, asks = asked(tracker.step(belief, scene))
     parcels = [asks[0].parcel_of(member) for member in chase.members.values()]
     assert [(item.packets, item.packet_bits, item.what) for item in parcels] == [(1, 88, "reading")] * 5
     assert all(item.payload is member.reading for item, member in zip(parcels, chase.members.values(), strict=True))
@@ -190,9 +190,9 @@ def test_a_step_costs_its_fix_and_from_four_fixes_on_two_models() -> None:
             assert spent in [fix_cycles(5, iterations) for iterations in range(1, 31)]
         assert grey_cycles(4, correction) == model
     belief = chase.follow(GreyTracking(predictor="linear"), 5)
-    _, asks = asked(GreyTracking(predictor="linear").step(belief, chase.scene(6)), {})
+    _, asks = asked(GreyTracking(predictor="linear").step(belief, chase.scene(6)))
     assert [ask.cycles for ask in asks if isinstance(ask, Compute)] == [2 * line_cycles(5)] == [2 * 48.0]
-    _, asks = asked(GreyTracking().step(chase.follow(GreyTracking(), 5), chase.scene(6)), {})
+    _, asks = asked(GreyTracking().step(chase.follow(GreyTracking(), 5), chase.scene(6)))
     assert [ask.cycles for ask in asks if isinstance(ask, Compute)] == [2 * grey_cycles(5, "tail")], "no readings"
 
 

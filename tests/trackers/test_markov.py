@@ -60,7 +60,7 @@ def test_a_step_costs_its_fix_and_a_displacement() -> None:
     for count in (1, 2):
         _, heard = chase.drive(tracker.step(belief, chase.scene(2, chase.ids[:count])))
         assert heard.cycles == {chase.head: fix_cycles(count, 1) + 2.0}
-    _, asks = asked(tracker.step(belief, chase.scene(2)), {})
+    _, asks = asked(tracker.step(belief, chase.scene(2)))
     assert [ask.cycles for ask in asks if isinstance(ask, Compute)] == [2.0]
 
 

@@ -194,7 +194,7 @@ def test_all_particles_are_paid_for_though_equal_ones_are_kept_once() -> None:
     assert rest in [fix_cycles(4, iterations) for iterations in range(1, 31)]
     _, heard = chase.drive(tracker.step(belief, chase.scene(1, chase.ids[:2])))
     assert heard.cycles == {chase.head: 500 * (45 + 2 * 92 + 82)}
-    _, asks = asked(tracker.step(belief, chase.scene(2, steps=2)), {})
+    _, asks = asked(tracker.step(belief, chase.scene(2, steps=2)))
     assert [ask.cycles for ask in asks if isinstance(ask, Compute)] == [500 * 2 * 45]
 
 
