@@ -77,9 +77,12 @@ def _compare(
 
 
 def _differing(stored: Mapping[str, Any], here: Mapping[str, Any]) -> list[str]:
-    """Names of what differs between the machine of a result and this one, and can change the last bit."""
+    """Names of what differs between the origin of a result and this one, and can change the last bit."""
     names = {"python": "Python", "packages": "packages", "cpu_features": "CPU features"}
-    return [word for name, word in names.items() if stored.get(name) != here.get(name)]
+    found = [word for name, word in names.items() if stored.get(name) != here.get(name)]
+    if stored.get("engine") == "batch" and any(kind.startswith("tracker ") for kind in stored.get("plugins", ())):
+        found.append("engine")  # the whole runs of a plug-in are close to composed runs, not equal
+    return found
 
 
 def _commits(stored: Mapping[str, Any], here: Mapping[str, Any]) -> str:

@@ -14,6 +14,8 @@ from wsnsim.cli import main
 from wsnsim.offline import batch
 from wsnsim.offline.batch import Batches, offers_batch
 from wsnsim.recording import read_table, read_text
+from wsnsim.trackers.sir import Sir
+from wsnsim.verification import _differing as differing_origins
 
 TABLES = dict.fromkeys(("runs", "tracks", "nodes", "truth", "estimates", "covariances"), True)
 CASES = {
@@ -151,11 +153,34 @@ def test_the_command_line_makes_batches_unless_told_not_to(tmp_path, capsys, fla
     assert ("engine       batch" in capsys.readouterr().out) == batched
 
 
-def test_a_failure_of_a_block_says_how_to_find_its_run(tmp_path, monkeypatch):
+def test_runs_whose_measurements_take_too_much_memory_are_composed(monkeypatch):
+    setup = _setup("bootstrap, one column of position")
+    assert len(Batches(setup, Memory({})).next([0])) == 1
+    monkeypatch.setattr(batch, "MOST_NUMBERS", setup.steps)
+    assert Batches(setup, Memory({})).next([0]) == []
+
+
+def test_whole_runs_of_another_shape_are_refused(tmp_path, monkeypatch):
+    made = Sir.whole_runs
+    monkeypatch.setattr(Sir, "whole_runs", lambda self, block: made(self, block)._replace(cycles=np.zeros(9)))
+    with pytest.raises(
+        RunError, match=r"failed \(seed \d+\): whole_runs: cycles must have the shape \(1,\), not \(9,\)"
+    ):
+        experiment.run(scenario.load("ungm_pf", ["duration=2 s"]), replicates=2, out=tmp_path / "x.h5")
+
+
+def test_files_of_a_plug_ins_whole_runs_are_verified_with_a_tolerance():
+    made = {"engine": "batch", "plugins": ["tracker mine"]}
+    assert differing_origins(made, {}) == ["engine"]
+    assert differing_origins({**made, "engine": "composed"}, {}) == differing_origins({**made, "plugins": []}, {}) == []
+
+
+@pytest.mark.parametrize("place", ["wsnsim.trackers.sir.cloud_runs", "wsnsim.offline.batch.sample_readings"])
+def test_a_failure_of_a_block_says_how_to_find_its_run(tmp_path, monkeypatch, place):
     def fail(*arguments):
         raise ZeroDivisionError("no reading")
 
-    monkeypatch.setattr("wsnsim.trackers.sir.cloud_runs", fail)
+    monkeypatch.setattr(place, fail)
     message = r"batch of 1 runs from replicate 0 on failed \(seed \d+\): ZeroDivisionError: no reading; --no-batch"
     with pytest.raises(RunError, match=message):
         experiment.run(scenario.load("ungm_pf", ["duration=2 s"]), replicates=2, out=tmp_path / "x.h5")
@@ -164,6 +189,7 @@ def test_a_failure_of_a_block_says_how_to_find_its_run(tmp_path, monkeypatch):
 def test_blocks_keep_their_memory_where_many_sensors_measure():
     setup = _setup("bootstrap, one column of position")
     assert batch._most_runs(setup, 1) == batch.MOST_RUNS
-    for sensors in (10**4, 10**6, 10**9):
+    for sensors in (10**4, 10**5):
         runs = batch._most_runs(setup, sensors)
-        assert runs == 1 or runs * sensors * (setup.steps + 1) <= batch.MOST_NUMBERS
+        assert runs >= 1 and runs * sensors * (setup.steps + 1) <= batch.MOST_NUMBERS
+    assert batch._most_runs(setup, 10**9) == 0, "not even one"

@@ -75,10 +75,10 @@ class Batches:
 
 
 def _most_runs(setup: TrackingSetup, sensors: int) -> int:
-    """The number of runs in the longest block, which bounds the memory."""
+    """The number of runs in the longest block, which bounds the memory; 0 if a single run takes too much of it."""
     size = max(len(motion.columns) for motion in setup.motions)
     numbers = len(setup.motions) * (setup.steps + 1) * max(sensors, size * size)
-    return max(1, min(MOST_RUNS, MOST_NUMBERS // numbers))
+    return min(MOST_RUNS, MOST_NUMBERS // numbers)
 
 
 def run_batch(
@@ -89,14 +89,16 @@ def run_batch(
 ) -> list[Summary] | None:
     """Make the runs of one block, and write their rows. None, with nothing written, if they must be composed.
 
-    They must if the tracker does not offer its present options, and if an estimate is not finite: the composed run then
-    says where it failed.
+    They must if the tracker does not offer its present options, if the measurements of a run need too much memory, and
+    if an estimate is not finite: the composed run then says where it failed.
 
     Raises:
-        RunError: The initial conditions of a run could not be sampled, or the tracker failed.
+        RunError: The initial conditions of a run could not be sampled, or a model or the tracker failed.
     """
     started = clock()
     conditions = [sample_initial_conditions(setup, replicate) for replicate in replicates]
+    if not all(_most_runs(setup, len(each.positions)) for each in conditions):
+        return None
     streams = [Streams(setup.seed, replicate) for replicate in replicates]
     targets = []
     for number in range(len(setup.motions)):
@@ -115,14 +117,16 @@ def _followed(
     """One target of all runs, or None."""
     tracker, motion = setup.tracker, setup.motions[number]
     assert isinstance(tracker, WholeRuns), "only a tracker that offers whole runs is batched"
-    runs = [_standalone(setup, number, each, stream) for each, stream in zip(conditions, streams, strict=True)]
-    block = StandaloneBlock(runs, setup.filter_motions[number], setup.filter_sensor, setup.steps, setup.dt)
     try:
+        runs = [_standalone(setup, number, each, stream) for each, stream in zip(conditions, streams, strict=True)]
+        block = StandaloneBlock(runs, setup.filter_motions[number], setup.filter_sensor, setup.steps, setup.dt)
         estimates = tracker.whole_runs(block)
+        if estimates is not None:
+            block_rows.demand_shapes(estimates, block)
     except Exception as reason:
         name = "" if isinstance(reason, WsnsimError) else f"{type(reason).__name__}: "
         raise RunError(
-            f"the batch of {len(runs)} runs from replicate {streams[0].replicate} on failed (seed {setup.seed}):"
+            f"the batch of {len(conditions)} runs from replicate {streams[0].replicate} on failed (seed {setup.seed}):"
             f" {name}{reason}; --no-batch makes one run at a time, and says when it fails"
         ) from reason
     if estimates is None:

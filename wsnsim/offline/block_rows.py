@@ -15,10 +15,11 @@ import numpy as np
 
 from wsnsim.base import metrics
 from wsnsim.base.arrays import Floats, Ints
+from wsnsim.base.errors import RunError
 from wsnsim.base.ports import MotionModel
 from wsnsim.base.results import RunTotals, Summary
 from wsnsim.base.setups import TrackingSetup
-from wsnsim.base.standalone import BlockEstimates
+from wsnsim.base.standalone import BlockEstimates, StandaloneBlock
 from wsnsim.offline.measurements import HEAD
 
 NAN: Final = float("nan")
@@ -42,6 +43,15 @@ class FollowedTarget(NamedTuple):
     estimates: BlockEstimates
     readings: Ints
     frames: Ints
+
+
+def demand_shapes(estimates: BlockEstimates, block: StandaloneBlock) -> None:
+    """Raise RunError if an array has another shape than `BlockEstimates` says."""
+    steps, size = (len(block.runs), block.steps), len(block.motion.columns)
+    shapes = {"means": (*steps, size), "covs": (*steps, size, size), "cycles": steps[:1]}
+    for name, wanted in (dict.fromkeys(("effective", "nis", "nis_dof"), steps) | shapes).items():
+        if (found := np.shape(getattr(estimates, name))) != wanted:
+            raise RunError(f"whole_runs: {name} must have the shape {wanted}, not {found}")
 
 
 def estimate_columns(target: FollowedTarget, setup: TrackingSetup, sensors: Ints) -> dict[str, Floats | Ints]:
