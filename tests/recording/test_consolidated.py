@@ -85,6 +85,16 @@ def test_what_is_kept_is_not_believed_when_damaged(tmp_path, files, share):
         assert_rows(read_consolidated(tmp_path, "runs", files), files)
 
 
+@pytest.mark.parametrize("place", [8, 10, 20, 24])
+def test_no_damaged_entry_of_the_archive_is_believed_or_stops_the_reading(tmp_path, files, place):
+    """Flags (such as: encrypted), compression and sizes of the first entry have no checksum."""
+    read_consolidated(tmp_path, "runs", files)
+    damaged = bytearray(kept_in(tmp_path).read_bytes())
+    damaged[damaged.index(b"PK\x01\x02") + place] ^= 0x41
+    kept_in(tmp_path).write_bytes(damaged)
+    assert_rows(read_consolidated(tmp_path, "runs", files), files)
+
+
 def test_a_damaged_result_file_is_found_whatever_is_kept(tmp_path, files):
     read_consolidated(tmp_path, "runs", files)
     files[1].write_bytes(files[1].read_bytes()[:-300])

@@ -7,9 +7,11 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import hashlib
 import json
 from collections.abc import Sequence
-from typing import Final, NamedTuple
+from pathlib import Path
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -74,9 +76,25 @@ def _kept_bounds(kept: KeptAnswers, scenario: dict[str, object], replicates: Seq
     """The bounds of a point, kept beside the campaign unless they depend on code from outside the package."""
     with contextlib.suppress(WsnsimError):
         if not plugins(load(scenario)):
-            question = {"scenario": scenario, "replicates": replicates}
+            question = {"scenario": scenario, "replicates": replicates, "files": _digests(scenario)}
             return PointBounds(*kept.answer(question, lambda: _point_bounds(scenario, replicates)))
     return _point_bounds(scenario, replicates)
+
+
+def _digests(scenario: Any) -> dict[str, str]:
+    """{path: digest of the content} of the files that a scenario names, by keys `path`; "" if one cannot be read."""
+    inner = (
+        scenario.items() if isinstance(scenario, dict) else enumerate(scenario) if isinstance(scenario, list) else ()
+    )
+    found: dict[str, str] = {}
+    for key, value in inner:
+        found |= _digests(value)
+        if key == "path" and isinstance(value, str):
+            try:
+                found[value] = hashlib.sha256(Path(value).read_bytes()).hexdigest()
+            except OSError:
+                found[value] = ""
+    return found
 
 
 def _point_bounds(scenario: dict[str, object], replicates: Sequence[int]) -> PointBounds:

@@ -87,7 +87,7 @@ def _load(kept: Path, stamp: str) -> ConsolidatedTable | None:
             words = {name: tuple(some) for name, some in json.loads(str(held["words"])).items()}
             columns = {name: held[f"column {name}"] for name in json.loads(str(held["names"]))}
             return ConsolidatedTable(columns, words, held["counts"])
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+    except (OSError, ValueError, KeyError, EOFError, RuntimeError, MemoryError, zipfile.BadZipFile):
         return None
 
 

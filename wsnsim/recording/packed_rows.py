@@ -91,9 +91,10 @@ def _known_type(stored: h5t.TypeID) -> tuple[h5t.TypeID, np.dtype, dict[str, tup
     words = {name: tuple(sorted(known, key=known.__getitem__)) for name, known in codes.items() if known}
     plain = np.dtype([(name, translated[name].str) for name in translated.names])
     assert plain.itemsize == translated.itemsize, "records are written without gaps"
-    _KNOWN.insert(0, (stored, plain, words))
+    newest = stored, plain, words
+    _KNOWN.insert(0, newest)
     del _KNOWN[4:]
-    return _KNOWN[0]
+    return newest
 
 
 def _stored_type(column: Column) -> np.dtype:

@@ -1,0 +1,44 @@
+"""Bounds beside the errors of a campaign are kept, but not once something that they depend on has changed."""
+
+from __future__ import annotations
+
+import pytest
+
+from wsnsim.analysis import comparison_bounds
+from wsnsim.analysis.comparison_bounds import PointBounds
+from wsnsim.recording.kept_answers import KeptAnswers
+from wsnsim.scenario import load, resolved
+
+
+@pytest.fixture
+def found(tmp_path, monkeypatch):
+    """found(scenario, answer): the kept bounds of two runs, or else those with this answer."""
+    place = tmp_path / "kept" / "bounds.json"
+
+    def bounds_of(scenario, answer):
+        monkeypatch.setattr(comparison_bounds, "_point_bounds", lambda *_: PointBounds(answer, answer, ""))
+        return comparison_bounds._kept_bounds(KeptAnswers(place), scenario, (0, 1)).each
+
+    return bounds_of
+
+
+def test_bounds_are_kept_for_the_same_scenario_only(found):
+    one, other = (resolved(load("ungm_pf", [f"duration={seconds} s"])) for seconds in (3, 4))
+    assert [found(one, 1.0), found(one, 2.0), found(other, 3.0), found(one, 4.0)] == [1.0, 1.0, 3.0, 1.0]
+
+
+def test_bounds_are_worked_out_again_if_a_file_of_the_scenario_changed(found, tmp_path):
+    places = tmp_path / "places.csv"
+    places.write_text("x,y\n0,0\n5,5\n")
+    scenario = resolved(load("central_pf", [f"deploy={{kind: file, path: {places}}}"]))
+    assert [found(scenario, 1.0), found(scenario, 2.0)] == [1.0, 1.0]
+    places.write_text("x,y\n0,0\n5,6\n")
+    assert found(scenario, 3.0) == 3.0
+    places.unlink()
+    assert found(scenario, 4.0) == 4.0
+
+
+def test_bounds_that_depend_on_a_plug_in_are_not_kept(found, monkeypatch):
+    scenario = resolved(load("ungm_pf", ["duration=3 s"]))
+    monkeypatch.setattr(comparison_bounds, "plugins", lambda _: ("sensor mine",))
+    assert [found(scenario, 1.0), found(scenario, 2.0)] == [1.0, 2.0]
