@@ -408,3 +408,11 @@ def test_terminal_page_info_and_json_have_the_same_names_and_values(tmp_path):
     assert {QUANTITIES[key].name for key in ("rmse", "rmse_median", "median_error", "energy")} <= set(terminal)
     for readings, key in (("in_range", "bound"), ("active", "bound_active"), ("arrived", "bound_arrived")):
         assert page[BOUND_NAMES[readings]] == f"{figures[key]:.4f} m"
+
+
+def test_bounds_do_not_need_the_table_of_runs(tmp_path):
+    made = scenario.load("ungm_pf", ["duration=3 s", "record.runs=false"])
+    report = experiment.run(made, replicates=range(4, 6), out=tmp_path / "x.h5")
+    whole = experiment.run(scenario.load("ungm_pf", ["duration=3 s"]), replicates=range(4, 6), out=tmp_path / "y.h5")
+    assert summary.bounds_of_report(report) == summary.bounds_of_report(whole)
+    assert math.isfinite(summary.bounds_of_report(report).rmse)

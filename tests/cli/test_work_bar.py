@@ -35,6 +35,15 @@ def test_a_bar_appears_after_a_second_and_goes_when_the_work_is_done(terminal, c
     assert text.split("\r")[-1].strip() == ""
 
 
+def test_work_that_fails_leaves_no_bar(terminal, capsys):
+    bar = WorkBar()
+    bar.close()
+    bar.step(report(4, 1.1))
+    bar.close()
+    text = str(capsys.readouterr().err)
+    assert "4/10" in text and text.split("\r")[-1].strip() == ""
+
+
 def test_one_bar_at_a_time(terminal, capsys):
     text = drawn(capsys, report(4, 1.1, "claims judged"), report(5, 1.5), report(10, 2.0))
     assert text.index("claims judged") < text.index("files read")

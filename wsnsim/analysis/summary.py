@@ -119,7 +119,9 @@ def bounds_of_report(report: Report) -> RunBounds:
     were recorded.
     """
     kind = "per_trajectory"
-    found, *of_members = bounds_of_run(report.out, READINGS[:1] if without_network(report) else READINGS, kind)
+    readings = READINGS[:1] if without_network(report) else READINGS
+    replicates = [summary.run["replicate"] for summary in report.summaries]
+    found, *of_members = bounds_of_run(report.out, readings, kind, replicates=replicates)
     if found.reason:
         return RunBounds(reason=found.reason)
     errors = _errors(report, found.each.shape[-1])

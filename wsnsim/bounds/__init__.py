@@ -2,6 +2,7 @@
 
 bound(scenario, replicates, kind, gains) -> Bound             of a scenario, as `wsnsim compare` shows
 bound_of_run(path, readings, kind, gains) -> Bound            of the readings of recorded runs
+bounds_of_run(path, readings, ...) -> [Bound, ...]            of several kinds of readings, together
 """
 
 from wsnsim.bounds.crlb import GAINS, KINDS, READINGS, Bound, BoundQuery, bound, bound_of_run, bounds_of_run

@@ -182,20 +182,27 @@ def bound_of_run(
 
 
 def bounds_of_run(
-    path: str | Path, readings: Sequence[str] = READINGS, kind: str = "per_trajectory", gains: str | None = None
+    path: str | Path,
+    readings: Sequence[str] = READINGS,
+    kind: str = "per_trajectory",
+    gains: str | None = None,
+    replicates: Sequence[int] | None = None,
 ) -> list[Bound]:
     """The bounds for several kinds of readings of recorded runs, in the order given; otherwise as `bound_of_run`.
 
-    The trajectories are sampled once for all of them.
+    The trajectories are sampled once for all of them. `replicates` are the runs in the file; without it, the table
+    `runs` says which they are.
     """
     loaded = load(rerun_source(Path(path)))
     setup = build(loaded)
-    replicates = tuple(read_table(path, "runs", ["replicate"])["replicate"].tolist())
-    queries = [_checked(BoundQuery(kind, one, gains or _assumed_gains(loaded), replicates)) for one in readings]
+    if replicates is None:
+        replicates = read_table(path, "runs", ["replicate"])["replicate"].tolist()
+    numbers = tuple(replicates)
+    queries = [_checked(BoundQuery(kind, one, gains or _assumed_gains(loaded), numbers)) for one in readings]
     if isinstance(setup, BeaconSetup) or (reason := _reason_without_bound(setup, kind)):
         return [_no_bound(query, NO_TARGET if isinstance(setup, BeaconSetup) else reason) for query in queries]
-    conditions = [sample_initial_conditions(setup, number) for number in replicates]
-    _check_truths(path, setup, replicates, conditions)
+    conditions = [sample_initial_conditions(setup, number) for number in numbers]
+    _check_truths(path, setup, numbers, conditions)
     recorded = None
     if isinstance(setup, NetworkSetup) and {"events", "estimates", "clusters"} <= set(table_names(path)):
         recorded = RecordedReadings(path, setup)

@@ -64,8 +64,11 @@ class _TrialCut(BaseException):  # an Exception would be reported as a failed ru
         self.share = share
 
 
-def estimate_cost(plan: Plan, folder: Folder, workers: int, shard: Shard = WHOLE) -> CostEstimate:
-    """The estimated cost of what is missing of a shard. Nothing is written to the campaign's folder."""
+def estimate_cost(plan: Plan, folder: Folder, workers: int, shard: Shard = WHOLE, batch: bool = True) -> CostEstimate:
+    """The estimated cost of what is missing of a shard. Nothing is written to the campaign's folder.
+
+    `batch` says whether standalone runs may be made many at once.
+    """
     count = plan.until.at_least if plan.until else plan.replicates
     block = folder.manifest().block if folder.holds_campaign() else plan.block
     wanted = {
@@ -75,7 +78,7 @@ def estimate_cost(plan: Plan, folder: Folder, workers: int, shard: Shard = WHOLE
     missing = {point: sorted(set(numbers) - folder.done(point)) for point, numbers in wanted.items()}
     left = sum(map(len, missing.values()))
     tasks = sum(1 for numbers in missing.values() for _ in consecutive(numbers, block))
-    seconds, size, source = _unit_cost(plan, folder) if left else (0.0, 0.0, "nothing is missing")
+    seconds, size, source = _unit_cost(plan, folder, batch) if left else (0.0, 0.0, "nothing is missing")
     total = sum(map(len, wanted.values()))
     cpu = seconds * left
     return CostEstimate(
@@ -91,14 +94,14 @@ def estimate_cost(plan: Plan, folder: Folder, workers: int, shard: Shard = WHOLE
     )
 
 
-def _unit_cost(plan: Plan, folder: Folder) -> tuple[float, float, str]:
+def _unit_cost(plan: Plan, folder: Folder, batch: bool) -> tuple[float, float, str]:
     """(seconds per replicate, bytes per file, source), from existing results or from trials of some points."""
     files = [batch.path for point in plan.points for batch in folder.batches(point.id)][:MAX_SAMPLES]
     if files:
         seconds = [read_table(file, "runs", ["cpu_seconds"])["cpu_seconds"].mean() for file in files]
         return float(np.mean(seconds)), fmean(file.stat().st_size for file in files), f"{len(files)} existing files"
     chosen = _spread_over(plan.points)
-    trials = [_trial(point, plan.block) for point in chosen]
+    trials = [_trial(point, plan.block, batch) for point in chosen]
     seconds, size = ([trial[i] for trial in trials] for i in (0, 1))
     source = f"trial runs at {len(chosen)} points" if len(chosen) > 1 else "one trial run"
     return float(np.mean(seconds)), float(np.mean(size)), source
@@ -110,7 +113,7 @@ def _spread_over(points: Sequence[Point]) -> list[Point]:
     return [points[int(i)] for i in chosen]
 
 
-def _trial(point: Point, block: int) -> tuple[float, float]:
+def _trial(point: Point, block: int, batch: bool) -> tuple[float, float]:
     """(seconds, bytes) of one replicate, or the mean of a whole block if that is fast. The result is not kept."""
     loaded = scenario.load(json.loads(point.resolved))
     started_at = time.monotonic()
@@ -126,6 +129,6 @@ def _trial(point: Point, block: int) -> tuple[float, float]:
         except _TrialCut as cut:
             return (time.monotonic() - started_at) / cut.share, float("nan")
         if report.summaries[0].run["cpu_seconds"] < BLOCK_TIME / block:
-            report = experiment.run(loaded, replicates=block, out=file)
+            report = experiment.run(loaded, replicates=block, out=file, batch=batch)
         count = len(report.summaries)
         return fmean(summary.run["cpu_seconds"] for summary in report.summaries), file.stat().st_size / count

@@ -10,6 +10,7 @@ scenario; 3 a campaign is incomplete; 130 Ctrl-C; 141 broken pipe; 143 SIGTERM.
 
 from __future__ import annotations
 
+import contextlib
 import os
 import sys
 from collections.abc import Sequence
@@ -51,7 +52,7 @@ def _perform(arguments: list[str], interrupts: Interrupts) -> int:
     """Run the command. After a signal every error is reported as the signal: compiled code may raise another one."""
     try:
         shown = group.make_context("wsnsim", arguments or ["--help"], obj=interrupts)
-        with shown as context, watching(WorkBar().step):
+        with shown as context, contextlib.closing(WorkBar()) as bar, watching(bar.step):
             code = group.invoke(context)
         sys.stdout.flush()
         return code if isinstance(code, int) else 0

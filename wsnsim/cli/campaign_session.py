@@ -69,7 +69,8 @@ def run_plan(plan: Plan, options: SessionOptions, interrupts: Interrupts, by: tu
         from wsnsim.campaign.cost_estimate import estimate_cost
 
         campaign.existing_manifest(Folder(path), plan.name)
-        _print_estimate(plan.name, estimate_cost(plan, Folder(path), _workers(options), shard), options)
+        estimate = estimate_cost(plan, Folder(path), _workers(options), shard, options.batch)
+        _print_estimate(plan.name, estimate, options)
         return 0
     folder = campaign.prepare(plan, path, by=by, baseline=options.comparison.baseline, command_line=command_line())
     return _run(folder, shard, options, interrupts)

@@ -193,11 +193,16 @@ class WorkBar:
     def step(self, progress: Any) -> None:
         """Show the progress."""
         if self._bar is not None and (progress.what != self._what or progress.done == progress.total):
-            self._bar.close()
-            self._bar = None
+            self.close()
         if progress.done < progress.total and (self._bar is not None or (progress.wall >= 1.0 and _bar_wanted())):
             self._bar, self._what = self._bar or display("bar", WORK), progress.what
             self._bar.step(progress)
+
+    def close(self) -> None:
+        """Remove the bar, if there is one: the work has ended, or failed."""
+        if self._bar is not None:
+            self._bar.close()
+            self._bar = None
 
 
 def _bar_wanted() -> bool:
