@@ -79,7 +79,12 @@ TABLES: Final[dict[str, tuple[Column, ...]]] = {
             "1",
             "fraction of the field within sensing range of a living node at the end; NaN without a network",
         ),
-        _c("cpu_seconds", "f8", "s", "processor time of the run"),
+        _c(
+            "cpu_seconds",
+            "f8",
+            "s",
+            "processor time of the run, without compilation; runs made at once share theirs evenly",
+        ),
         _c(
             "fingerprint",
             "u8",
