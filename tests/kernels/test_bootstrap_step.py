@@ -42,6 +42,12 @@ class Drifting(BoundedVelocity):
         return super().propagate(states, dt, keys, time)
 
 
+class Turned(BoundedVelocity):
+    """A motion model of somebody else, whose position is in other rows."""
+
+    position = (2, 0)
+
+
 class Loud(AcousticEnergy):
     """A sensor of somebody else, who inherits and has a likelihood of its own."""
 
@@ -82,6 +88,8 @@ def test_models_of_somebody_else_take_the_kernels_one_by_one_and_give_the_same(
     assert len(calls) == 1, "a subclass may move otherwise"
     filtered(BoundedVelocity(), Loud(), threshold)
     assert len(calls) == 1, "a subclass may measure otherwise"
+    filtered(Turned(), sensor, threshold)
+    assert len(calls) == 1, "the position may be in other rows"
     assert known.effective == pytest.approx(other.effective, rel=1e-12)
     for a, b in ((known.mean, other.mean), (known.cov, other.cov), (known.pool.cloud, other.pool.cloud)):
         assert a == pytest.approx(b, rel=1e-12, abs=1e-12)

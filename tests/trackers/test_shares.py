@@ -7,11 +7,20 @@ import pytest
 
 from tests.helpers.linear_cluster import Cluster
 from wsnsim.base.requests import Member
+from wsnsim.kernels.swarm_move import move_own
 from wsnsim.models.motion import BoundedVelocity
 from wsnsim.models.sensing import AcousticEnergy
 from wsnsim.trackers.pso_mhpf import PsoMhpf
+from wsnsim.trackers.shared import swarms
 from wsnsim.trackers.shared.dealing import give
 from wsnsim.trackers.shared.stacks import CLOUD, LOG_WEIGHTS, Shares, keep
+
+
+class Loud(AcousticEnergy):
+    """A sensor of somebody else, who inherits and has a likelihood of its own."""
+
+    def log_likelihood(self, points, readings, positions, traits, owners=None):
+        return super().log_likelihood(points, readings, positions, traits, owners)
 
 
 def members_of(*counts: int) -> list[Member]:
@@ -75,16 +84,22 @@ def test_what_a_member_gave_away_does_not_change_any_more() -> None:
         PsoMhpf(particles=60, random_factors=False, resample_always=True),
     ],
 )
-def test_one_kernel_does_what_the_kernels_do_in_turn(tracker: PsoMhpf, monkeypatch) -> None:
-    def track() -> list[np.ndarray]:
-        cluster = Cluster(7, BoundedVelocity(start=(-45.0, -5.0, -50.0, -8.0)), AcousticEnergy(), seed=2)
+def test_one_kernel_does_what_the_kernels_do_in_turn(tracker: PsoMhpf, monkeypatch: pytest.MonkeyPatch) -> None:
+    calls: list[int] = []
+    monkeypatch.setattr(swarms, "move_own", lambda *given: calls.append(1) or move_own(*given))
+
+    def track(sensor: AcousticEnergy) -> list[np.ndarray]:
+        cluster = Cluster(7, BoundedVelocity(start=(-45.0, -5.0, -50.0, -8.0)), sensor, seed=2)
         belief, found = cluster.drive(tracker.start(cluster.prior, cluster.scene(0)))[0], []
         for step in range(1, 6):
             belief, _ = cluster.drive(tracker.step(belief, cluster.scene(step)))
             found += [belief.mean, belief.cov, *(member.memory[CLOUD] for member in cluster.members.values())]
         return found
 
-    at_once = track()
-    monkeypatch.delattr(AcousticEnergy, "energy_law")
-    for a, b in zip(at_once, track(), strict=True):
+    at_once = track(AcousticEnergy())
+    assert calls, "the sensor of an energy has the kernel"
+    calls.clear()
+    in_turn = track(Loud())
+    assert not calls, "a subclass with a likelihood of its own is asked for it"
+    for a, b in zip(at_once, in_turn, strict=True):
         assert a == pytest.approx(b, rel=1e-9, abs=1e-9)

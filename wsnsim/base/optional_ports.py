@@ -6,10 +6,22 @@ Shapes and units are those of `base.ports`.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from functools import lru_cache
 from typing import Any, Protocol, runtime_checkable
 
 from wsnsim.base.arrays import Bools, Floats
 from wsnsim.base.requests import Member
+
+
+@lru_cache
+def defined_together(kind: type, *names: str) -> bool:
+    """Whether one and the same class, this one or a base, defines all of these methods.
+
+    A short cut (`energy_law`) stands for what a method does (`log_likelihood`). A class that overrides the method and
+    inherits the short cut has that of another method; one that only passes on what it lacks (`__getattr__`) has none.
+    """
+    definers = [next((each for each in kind.__mro__ if name in vars(each)), None) for name in names]
+    return definers[0] is not None and all(each is definers[0] for each in definers)
 
 
 @runtime_checkable
@@ -45,7 +57,10 @@ class Informs(Protocol):
 
 @runtime_checkable
 class MeasuresEnergy(Protocol):
-    """Optional port of a sensor model whose likelihood is that of `kernels.sensing`: kernels weigh by its law."""
+    """Optional port of a sensor model whose likelihood is that of `kernels.sensing`: kernels weigh by its law.
+
+    The law counts where the class that defines it defines `log_likelihood` as well: see `defined_together`.
+    """
 
     def energy_law(self, traits: Floats) -> tuple[tuple[float, float, float, float, float], Floats]:
         """(σ², I, α, 2c/N_sam, inflation) and the gains (S,) of sensors with traits (S, T)."""
@@ -61,7 +76,10 @@ class Ranks(Protocol):
 
 @runtime_checkable
 class Drifts(Protocol):
-    """Optional port of a motion model that moves as `kernels.motion` does: kernels do a filter's whole step."""
+    """Optional port of a motion model that moves as `kernels.motion` does: kernels do a filter's whole step.
+
+    The law counts where the class that defines it defines `propagate` as well: see `defined_together`.
+    """
 
     def drift_law(self, dt: float) -> tuple[tuple[float, float, float, float], tuple[float, float, float]]:
         """(T, a, c1, c2) and the root (l11, l21, l22) of one axis' process covariance, for a step of `dt` s."""

@@ -24,6 +24,7 @@ from wsnsim.base.estimate import Estimate as Estimate
 from wsnsim.base.estimate import Innovation as Innovation
 from wsnsim.base.optional_ports import Continuous as Continuous
 from wsnsim.base.optional_ports import Detects as Detects
+from wsnsim.base.optional_ports import Drifts as Drifts
 from wsnsim.base.optional_ports import Foresees as Foresees
 from wsnsim.base.optional_ports import Informs as Informs
 from wsnsim.base.optional_ports import LinearGaussian as LinearGaussian

@@ -10,15 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from typing import Annotated, Any, Literal, NamedTuple, cast
 
 import numpy as np
 
 from wsnsim.base.arrays import Floats, Ints, Keys
-from wsnsim.base.optional_ports import Drifts, MeasuresEnergy
+from wsnsim.base.optional_ports import Drifts, MeasuresEnergy, defined_together
 from wsnsim.base.part import Quantity, part
-from wsnsim.base.ports import Estimate, Scene
+from wsnsim.base.ports import Estimate, MotionModel, Scene, SensorModel
 from wsnsim.base.requests import Compute, Flow, Member
 from wsnsim.base.rng import derive
 from wsnsim.kernels.bootstrap_step import predict_and_score
@@ -219,7 +218,7 @@ def bootstrap(pool: Pool, seen: Evidence, scene: Scene, threshold: float) -> Clo
 
 def _predicted_and_scored(cloud: Floats, seen: Evidence, scene: Scene) -> tuple[Floats, Floats]:
     """Particles (D, N) now, and their log-likelihoods (N,): by one kernel for the models that it knows."""
-    if not _computed_by_kernels(type(scene.motion), type(scene.sensor)):
+    if not _computed_by_kernels(scene.motion, scene.sensor):
         _, cloud = propagated_by(scene.key, cloud, scene)
         return cloud, score_of(seen, scene)(cloud)
     drift, root = cast(Drifts, scene.motion).drift_law(scene.dt)
@@ -228,18 +227,10 @@ def _predicted_and_scored(cloud: Floats, seen: Evidence, scene: Scene) -> tuple[
     return predict_and_score(cloud, key, PREDICT, scene.steps, drift, root, seen.readings, positions, gains, law)
 
 
-@lru_cache
-def _computed_by_kernels(motion: type, sensor: type) -> bool:
-    """Whether `bootstrap_step` computes what both models compute; asked once, since protocols take long to say it.
-
-    A subclass that moves or measures otherwise has the law of the class from which it inherits.
-    """
-    if not (issubclass(motion, Drifts) and issubclass(sensor, MeasuresEnergy)):
-        return False
-    pairs = (motion, "drift_law", "propagate"), (sensor, "energy_law", "log_likelihood")
-    return all(_definer(kind, law) is _definer(kind, computed) for kind, law, computed in pairs)
-
-
-def _definer(kind: type, name: str) -> type:
-    """The class that defines an attribute of a class."""
-    return next(each for each in kind.__mro__ if name in vars(each))
+def _computed_by_kernels(motion: MotionModel, sensor: SensorModel) -> bool:
+    """Whether `bootstrap_step` computes what both models compute, for the rows of a cloud that it takes as position."""
+    return (
+        tuple(motion.position) == (0, 2)
+        and defined_together(type(motion), "drift_law", "propagate")
+        and defined_together(type(sensor), "energy_law", "log_likelihood")
+    )

@@ -10,11 +10,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias, cast
 
 import numpy as np
 
 from wsnsim.base.arrays import Floats, Ints
+from wsnsim.base.optional_ports import MeasuresEnergy, defined_together
 from wsnsim.base.ports import Scene, SensorModel
 from wsnsim.base.requests import Delivery, Member
 from wsnsim.trackers.shared.readings import Evidence, evidence_at
@@ -58,12 +59,11 @@ class OwnReadings:
         return [1] * len(self.evidence.ids)
 
     def energies(self) -> Energies | None:
-        """What a kernel needs that weighs by the law of an energy; None if the sensor measures something else."""
-        law_of = getattr(self.sensor, "energy_law", None)
-        if law_of is None:
+        """What a kernel needs that weighs by the law of an energy; None if the sensor has a likelihood of its own."""
+        if not defined_together(type(self.sensor), "energy_law", "log_likelihood"):
             return None
         seen = self.evidence
-        law, gains = law_of(seen.traits)
+        law, gains = cast(MeasuresEnergy, self.sensor).energy_law(seen.traits)
         return Energies(seen.readings, np.ascontiguousarray(seen.positions), gains, law)
 
     def among(self, rows: Ints) -> OwnReadings:
