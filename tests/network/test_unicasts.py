@@ -13,7 +13,8 @@ from wsnsim.base.tables import Memory
 from wsnsim.models.access import IdealMac
 from wsnsim.models.energy import FirstOrder
 from wsnsim.network.nodes import Nodes
-from wsnsim.network.radio.transport import Datagram
+from wsnsim.network.radio.mac import IdealMechanism
+from wsnsim.network.radio.transport import Datagram, Transport
 from wsnsim.network.radio.unicasts import Unicasts
 
 POSITIONS = [(0.0, 0.0), (10.0, 0.0), (20.0, 7.0), (3.0, 30.0), (500.0, 500.0)]
@@ -73,6 +74,41 @@ def test_what_takes_time_or_several_hops_needs_datagrams():
     form = Parcel(None, 1, PACKET_BITS, "reading")
     assert network(rate=9600.0).transport.gather([1, 2], 0, form, 0, one_hop=True) is None
     assert network().transport.gather([1, 4], 0, form, 0, one_hop=True) is None
+
+
+class Listed(IdealMechanism):
+    """A MAC of somebody else, who inherits and has a way of its own to send."""
+
+    def send(self, bursts, head=None):
+        self.sent = [*getattr(self, "sent", ()), *bursts]
+        return super().send(bursts, head)
+
+
+class Passing:
+    """A MAC of somebody else, who passes on to the ideal one what it lacks."""
+
+    def __init__(self, mac):
+        self._mac, self.sent = mac, []
+
+    def __getattr__(self, name):
+        return getattr(self._mac, name)
+
+    def send(self, bursts, head=None):
+        self.sent += bursts
+        return self._mac.send(bursts, head)
+
+
+@pytest.mark.parametrize("inherits", [True, False])
+def test_a_mac_with_a_way_of_its_own_to_send_gets_every_burst(inherits):
+    net = network()
+    if inherits:
+        net.mac.__class__ = Listed
+    mac = net.mac if inherits else Passing(net.mac)
+    net.transport = Transport(net.radio, mac, net.router)
+    form = Parcel(None, 1, PACKET_BITS, "reading")
+    assert net.transport.gather([1, 2], 0, form, 0, one_hop=True) is None
+    net.carry(Datagram(1, 0, form), Datagram(2, 0, form))
+    assert [burst.source for burst in mac.sent] == [1, 2]
 
 
 def test_unicasts_of_no_packets_are_performed_one_by_one():

@@ -31,7 +31,7 @@ class Processors:
         """Book a computation at each of several nodes; return the simulated seconds of the longest, 0 for none."""
         cycles = [each * self._cpu.cycles_per_flop for each in operations]
         joules = [self._energy.compute(each) for each in cycles]
-        if not nodes or not all(joules) or not self._nodes.all_outlast(nodes, sum(joules)):
+        if not nodes or min(joules) <= 0 or not self._nodes.all_outlast(nodes, sum(joules)):
             seconds = [self.compute(node, each, target) for node, each in zip(nodes, operations, strict=True)]
             return max(seconds, default=0.0)
         for node, each, count in zip(nodes, cycles, operations, strict=True):

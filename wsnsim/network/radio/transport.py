@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Generator, Sequence
-from typing import Any, Protocol, cast, runtime_checkable
+from typing import Any, Protocol, cast
 
 import numpy as np
 import simpy
 
 from wsnsim.base.frames import EVERYONE, Burst, full_burst
 from wsnsim.base.mac_mechanisms import MacMechanism
+from wsnsim.base.optional_ports import defined_together
 from wsnsim.base.requests import Parcel, all_arrived
 from wsnsim.base.tables import KIND
 from wsnsim.network.event_log import event
@@ -51,9 +52,8 @@ class Datagram:
         self.bits = 0
 
 
-@runtime_checkable
 class SendsUnicasts(Protocol):
-    """A MAC that can send unicasts at one instant."""
+    """A MAC that can send unicasts at one instant: its class defines both this and `send`."""
 
     def send_unicasts(self, unicasts: Unicasts) -> simpy.Event | None:
         """Send them by one event; None if sending takes time."""
@@ -74,7 +74,8 @@ class Transport:
         self._log = radio.log
         self._mac = mac
         self._router = router
-        self._send_unicasts = mac.send_unicasts if isinstance(mac, SendsUnicasts) else _send_no_unicasts
+        at_once = defined_together(type(mac), "send_unicasts", "send")
+        self._send_unicasts = cast(SendsUnicasts, mac).send_unicasts if at_once else _send_no_unicasts
         self._pairs: set[tuple[int, int]] = set()
         self.wake_neighbour: Callable[[int, int, int], simpy.Event] | None = None
 
@@ -114,7 +115,7 @@ class Transport:
         Args:
             nodes: The senders.
             head: The destination, which is none of them.
-            parcel: The form: what is sent differs in its payload alone, which nobody looks at on the way.
+            parcel: The form: what is sent differs in its payload alone, which no node on the way reads.
             target: The target that they are about.
             one_hop: As for `carry`.
 
