@@ -83,6 +83,22 @@ class AsksForArraysInOneBit(AsksForArrays):
     bits = 1
 
 
+class AsksNobodyForArrays(AsksForArrays):
+    """Readings are asked of nobody, so that nothing is ever sent."""
+
+    def start(self, prior, scene):
+        return prior
+        yield
+
+    def hand_over(self, belief, scene, successor):
+        return belief
+        yield
+
+    def step(self, belief, scene):
+        yield GatherReadings(who=())
+        return self.moved(belief, 0.0)
+
+
 class KeepsReadingsBesideArrays(AsksForArrays):
     """A Local leaves readings in the tracker, which are used once some array has arrived."""
 
@@ -200,6 +216,7 @@ CHEATS = [
     (SendsItsMember(), "values", "live Member"),
     (SendsAFloatInOneBit(), "values", "declares 1 bits; what it carries needs at least 8"),
     (AsksForArraysInOneBit(), "values", "declares 1 bits; what it carries needs at least 8"),
+    (AsksNobodyForArrays(), "sound", "nothing ever crosses the air"),
     (KeepsReadingsBesideArrays(), "isolation", "were not in them"),
     (SendsAFloatAsAnInteger(), "values", "declares 8 bits"),
     (SendsAFloatInSmallIntegers(), "values", "declares 8 bits"),

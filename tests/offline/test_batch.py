@@ -1,6 +1,7 @@
 """Many standalone runs at once have the tables of the same runs one by one."""
 
 import json
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -129,6 +130,19 @@ def test_a_network_and_a_tracker_without_the_port_are_not_offered():
     assert offers_batch(_setup("two targets"))
     assert not offers_batch(scenario.build(scenario.load("central_pf")))
     assert not offers_batch(scenario.build(scenario.load("range_cs_pf")))
+
+
+def test_a_tracker_that_inherits_whole_runs_and_has_a_step_of_its_own_is_composed():
+    class Renamed(Sir):
+        particles = 30
+
+    class Shifted(Sir):
+        def filtered(self, pool, seen, scene):
+            raise AssertionError("asked in composed runs only")
+
+    setup = _setup("bootstrap, one column of position")
+    assert offers_batch(replace(setup, tracker=Renamed()))
+    assert not offers_batch(replace(setup, tracker=Shifted()))
 
 
 def test_an_option_that_is_not_offered_is_composed(tmp_path):

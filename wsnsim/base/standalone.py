@@ -75,3 +75,16 @@ class WholeRuns(Protocol):
 
     def whole_runs(self, block: StandaloneBlock) -> BlockEstimates | None:
         """The estimates of all runs of a block; None if the tracker's present options are not offered."""
+
+
+def offers_whole_runs(tracker: object) -> bool:
+    """Whether a tracker has the port `WholeRuns`, and `whole_runs` knows all of its methods.
+
+    A subclass that has a method or a property of its own, and inherits `whole_runs`, may do something else in `step`.
+    """
+    for kind in type(tracker).__mro__:
+        if "whole_runs" in vars(kind):
+            return True
+        if any(hasattr(value, "__get__") and not name.startswith("__") for name, value in vars(kind).items()):
+            return False
+    return False

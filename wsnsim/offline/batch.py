@@ -25,7 +25,7 @@ from wsnsim.base.results import Summary
 from wsnsim.base.rng import HEAD_KEY, Streams, derive, derive_all, derive_each
 from wsnsim.base.rows import wants_belief
 from wsnsim.base.setups import NetworkSetup, Setup, TrackingSetup
-from wsnsim.base.standalone import StandaloneBlock, StandaloneRun, WholeRuns
+from wsnsim.base.standalone import StandaloneBlock, StandaloneRun, WholeRuns, offers_whole_runs
 from wsnsim.offline import block_rows
 from wsnsim.offline.block_rows import FollowedTarget
 from wsnsim.offline.measurements import HEAD, sample_readings
@@ -40,10 +40,10 @@ MOST_NUMBERS: Final = 4_000_000
 
 
 def offers_batch(setup: Setup) -> bool:
-    """Whether the batch engine might run a scenario: it has no network, and its tracker has the port."""
+    """Whether the batch engine might run a scenario: it has no network, and its tracker offers whole runs."""
     if not isinstance(setup, TrackingSetup) or isinstance(setup, NetworkSetup):
         return False
-    return isinstance(setup.tracker, WholeRuns)
+    return offers_whole_runs(setup.tracker)
 
 
 class Batches:

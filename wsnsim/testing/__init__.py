@@ -140,8 +140,9 @@ class _DeclaredCosts:
             parcel_of = request.parcel_of
             request.parcel_of = lambda member: self._add(parcel_of(member))
         elif isinstance(request, GatherReadings):
-            for member in members.values():
-                self._add(request.parcel_of(member))
+            who = members if request.who is None else request.who
+            for node in who:
+                self._add(request.parcel_of(members[node]) if node in members else None)
         else:
             assert isinstance(request, Local), f"{request!r} is not a request"
             request.work, request.work_all = _with_cycles(request), None

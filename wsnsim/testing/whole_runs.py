@@ -9,7 +9,7 @@ import numpy as np
 from wsnsim.base.arrays import planar
 from wsnsim.base.ports import MotionModel, SensorModel, Tracker
 from wsnsim.base.setups import TrackingSetup
-from wsnsim.base.standalone import WholeRuns
+from wsnsim.base.standalone import offers_whole_runs
 from wsnsim.base.tables import Memory
 from wsnsim.experiment import replicate_of
 from wsnsim.models.acquire import AroundTruth
@@ -30,7 +30,7 @@ def demand_whole_runs(tracker: Tracker[Any], motion: MotionModel, sensor: Sensor
     Raises:
         AssertionError: A column differs from that of composed runs, or a run alone from the same run in a block.
     """
-    if not isinstance(tracker, WholeRuns):
+    if not offers_whole_runs(tracker):
         return
     setup = _setup(tracker, motion, sensor, seed)
     block, composed = Memory(TABLES), Memory(TABLES)
@@ -69,7 +69,9 @@ def _demand_equal(one: Memory, other: Memory, tolerance: float, fault: str) -> N
     exempt = {"cpu_seconds", *(("fingerprint", "event_fingerprint") if tolerance else ())}
     for table in TABLES:
         left, right = one.table(table), other.table(table)
-        for name in left.keys() - exempt:
+        assert left.keys() == right.keys(), f"{fault}: the columns of {table}"
+        for name in sorted(left.keys() - exempt):
+            assert left[name].shape == right[name].shape, f"{fault}: the number of rows of {table}"
             scale = tolerance * max(1.0, float(np.nanmax(np.abs(left[name]), initial=0.0)))
             same = np.allclose(left[name], right[name], rtol=0.0, atol=scale, equal_nan=True)
             assert same, f"{fault}: column {name} of {table}"
