@@ -28,7 +28,7 @@ def predict_and_score(
     gains: Floats,
     law: Law,
 ) -> tuple[Floats, Floats]:
-    """Particles (4, N) after so many model steps, and the log-likelihoods (N,) of all readings (S,) there.
+    """Particles (4, N) after several model steps, and the log-likelihoods (N,) of all readings (S,) there.
 
     Args:
         cloud: Particles (4, N), rows px, vx, py, vy.

@@ -106,7 +106,7 @@ class IdealMedium:
         return costs if outlast and not [cost for cost in costs if not cost.bits] else None
 
     def _hop_cost(self, source: int, to: int, bits: int) -> HopCost:
-        """What it costs to send and to receive so many bits; kept, as nodes stand still and repeat themselves."""
+        """What it costs to send and to receive some bits; kept, since nodes stand still."""
         if len(self._hop_costs) >= MOST_HOP_COSTS:
             self._hop_costs.clear()
         electronics, amplifier = self._energy.transmit(bits, self._nodes.distance(source, to))

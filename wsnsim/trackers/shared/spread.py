@@ -37,7 +37,7 @@ NAN = float("nan")
 class Spread:
     """Fused mean (D,) and covariance (D, D), of which `within` is one cloud's part; who holds how many particles.
 
-    `shares` are no knowledge of the head: they spare the simulation from laying the members' particles end to end anew.
+    `shares` are no knowledge of the head: the simulation need not copy the members' particles end to end at each step.
     """
 
     mean: Floats

@@ -104,7 +104,7 @@ class Shares:
 
     What a member holds are views of its own columns. A step writes into the columns, so that nothing needs to be copied
     or handed back. Whether they still lie end to end is decided by the members' memories alone: where one holds another
-    array than the view that it was given, all are laid end to end anew.
+    array than the view that it was given, all are copied end to end again.
     """
 
     __slots__ = ("_cloud", "_clouds", "_layout", "_log_weights", "_weights")
