@@ -67,6 +67,33 @@ def _latest(found: Ints, outcome: int, until: Floats, below: float) -> float:
     return latest
 
 
+@inlined
+def _frame_key(key: np.uint64, numbers: tuple[int, int, int]) -> np.uint64:
+    """The key of the random numbers of one frame: `base.rng.derive(key, *numbers)`."""
+    for number in numbers:
+        key = mix(key + (np.uint64(number) + ONE) * GOLDEN)
+    return key
+
+
+@inlined
+def _grouped(found: Ints, counts: Ints, ids: Ints, until: Floats, quiet: bool, order: Ints, groups: Floats) -> int:
+    """Group the nodes (n,) of equal outcome `found` and equal `until`, as `outcomes` says; return how many groups."""
+    size, last = 0, 0
+    for outcome in range(RECEIVED, LOST + 1):
+        end = size + counts[outcome]
+        together, below = quiet or outcome == LOST, np.inf
+        while size < end:
+            top = 0.0 if together else _latest(found, outcome, until, below)
+            groups[last, 0], groups[last, 1], groups[last, 3] = outcome, size, top
+            for i in range(ids.size):
+                if found[i] == outcome and (together or until[i] == top):
+                    order[size] = ids[i]
+                    size += 1
+            groups[last, 2] = size
+            last, below = last + 1, top
+    return last
+
+
 @kernel
 def outcomes(
     key: np.uint64,
@@ -102,8 +129,7 @@ def outcomes(
     Returns:
         The number of groups, of nodes that should receive the frame, and of those among them that do.
     """
-    for number in numbers:
-        key = mix(key + (np.uint64(number) + ONE) * GOLDEN)
+    key = _frame_key(key, numbers)
     everyone, quiet = to < 0, marks.size == 0
     found, counts = np.zeros(ids.size, np.int64), np.zeros(5, np.int64)
     in_range, delivered = 0, 0
@@ -128,20 +154,7 @@ def outcomes(
         delivered += meant and arrives
         found[i] = outcome
         counts[outcome] += 1
-    size, last = 0, 0
-    for outcome in range(RECEIVED, LOST + 1):
-        end = size + counts[outcome]
-        together, below = quiet or outcome == LOST, np.inf
-        while size < end:
-            top = 0.0 if together else _latest(found, outcome, until, below)
-            groups[last, 0], groups[last, 1], groups[last, 3] = outcome, size, top
-            for i in range(ids.size):
-                if found[i] == outcome and (together or until[i] == top):
-                    order[size] = ids[i]
-                    size += 1
-            groups[last, 2] = size
-            last, below = last + 1, top
-    return last, in_range, delivered
+    return _grouped(found, counts, ids, until, quiet, order, groups), in_range, delivered
 
 
 @kernel
