@@ -52,6 +52,25 @@ def _take(row: Floats, places: Ints) -> Floats:
     return result
 
 
+@inner
+def _take_columns(cloud: Floats, places: Ints) -> Floats:
+    """Those columns of a cloud."""
+    result = np.empty((cloud.shape[0], places.size))
+    for d in range(cloud.shape[0]):
+        for j in range(places.size):
+            result[d, j] = cloud[d, places[j]]
+    return result
+
+
+@inner
+def _put(cloud: Floats, log_weights: Floats, places: Ints, some: Floats) -> None:
+    """Write those columns of a cloud, and give them equal weights."""
+    for j in range(places.size):
+        for d in range(cloud.shape[0]):
+            cloud[d, places[j]] = some[d, j]
+        log_weights[places[j]] = 0.0
+
+
 @kernel
 def move_own(
     cloud: Floats,
@@ -94,21 +113,12 @@ def move_own(
         ridge: Added to the diagonal of a fitted covariance.
     """
     iterations, phi1, phi2, length, random_factors = pull
-    size = cloud.shape[0]
     chosen, owners, rows, cuts = _columns(offsets, moving)
-    count = chosen.size
-    some, best, velocity = np.empty((size, count)), np.empty((size, count)), np.empty((size, count))
-    for d in range(size):
-        for j in range(count):
-            some[d, j] = best[d, j] = cloud[d, chosen[j]]
-            velocity[d, j] = 0.0
-    fits, ranks, before = (
-        _take(fitness, chosen),
-        _take(log_weights if ranked else fitness, chosen),
-        _take(carried, chosen),
-    )
+    some, best = _take_columns(cloud, chosen), _take_columns(cloud, chosen)
+    fits, before, velocity = _take(fitness, chosen), _take(carried, chosen), np.zeros(some.shape)
+    ranks = _take(log_weights if ranked else fitness, chosen)
     if ranked:
-        for j in range(count):
+        for j in range(chosen.size):
             ranks[j] -= log_counts[rows[owners[j]]]
     own, places = np.empty(rows.size, np.uint64), np.empty((rows.size, 2))
     for k in range(rows.size):
@@ -117,11 +127,8 @@ def move_own(
     means, factors = fit_weighted(some, before, cuts, ridge)
     prior = log_density(some, means, factors, cuts)
     for iteration in range(iterations):
-        draw = iteration * (2 * size + 1)
+        draw = iteration * (2 * cloud.shape[0] + 1)
         new = fly(some, velocity, best, ranks, cuts, particles, draw, 1.0, phi1, phi2, length, random_factors)
         likelihood = own_log_likelihood(new[place[0]], new[place[1]], heard, places, loud, owners, law)
         accept(some, fits, prior, new, likelihood, log_density(new, means, factors, cuts), best, ranks, particles, draw)
-    for j in range(count):
-        for d in range(size):
-            cloud[d, chosen[j]] = some[d, j]
-        log_weights[chosen[j]] = 0.0
+    _put(cloud, log_weights, chosen, some)
