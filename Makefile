@@ -24,6 +24,9 @@ TABLES     := $(SWEEPS:%=results/%/table.csv)
 FIGURES    := $(SWEEPS:%=results/figures/%.png)
 CHOSEN      = $(if $(REPLICATES),--replicates $(REPLICATES)) $(ARGS)
 
+# Without cached bytecode each of the hundreds of processes that the tests start would compile every module anew.
+unexport PYTHONDONTWRITEBYTECODE
+
 .DEFAULT_GOAL := help
 .PHONY: help run test documentation cluster browser wheel matrix check interpreted format lint types imports bench sweep compare reproduce figures readme lock clean moved asked
 .DELETE_ON_ERROR:
