@@ -16,10 +16,8 @@ import time
 from collections.abc import Iterator
 from typing import Any
 
-import simpy
-
 from tests.bench.air import PLOT, REACH, ns3_program
-from tests.bench.timing import row
+from tests.bench.timing import row, seconds_of_a_timeout
 from wsnsim import scenario
 from wsnsim.base.tables import Memory
 from wsnsim.experiment import replicate_of
@@ -48,7 +46,7 @@ BOUNDS: dict[tuple[str, int], float] = {
 for the disk the whole (2.37) and 5 % for noise."""
 SECONDS = {100: 20, 400: 10, 1600: 3}
 """Nodes: simulated seconds."""
-LEAST_TURNS, EVENTS = 5, 60_000
+LEAST_TURNS = 5
 OVER_NS3, NS3_NODES, NS3_SECONDS, NS3_TURNS = 3.0, 400, 20, 3
 
 
@@ -58,7 +56,7 @@ def lossy_rows(repeats: int) -> Iterator[dict[str, Any]]:
         bound, parts, costs = BOUNDS.get((link, nodes)), _built(link, nodes), []
         _cpu(_built(link, 100))
         for _ in range(max(repeats, LEAST_TURNS)):
-            timeout = _timeout()
+            timeout = seconds_of_a_timeout()
             seconds, run = _cpu(parts)
             costs.append(seconds / run["in_range"] / timeout)
         note = f"{run['in_range'] / run['frames_sent']:.1f} receptions in range a frame, best of {len(costs)}"
@@ -78,21 +76,6 @@ def _cpu(parts: Any) -> tuple[float, Any]:
     began = time.process_time()
     run = replicate_of(parts, 0, Memory()).run
     return time.process_time() - began, run
-
-
-def _timeout() -> float:
-    """CPU seconds of a bare SimPy timeout at 100 processes."""
-    env = simpy.Environment()
-
-    def waiter() -> Any:
-        while True:
-            yield env.timeout(1.0)
-
-    for _ in range(100):
-        env.process(waiter())
-    began = time.process_time()
-    env.run(until=EVENTS / 100)
-    return (time.process_time() - began) / EVENTS
 
 
 def _ns3_rows() -> Iterator[dict[str, Any]]:

@@ -6,8 +6,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Any
 
-import simpy
-
 from tests.bench.air import radio_rows
 from tests.bench.batch import batch_rows
 from tests.bench.campaigns import campaign_rows
@@ -20,7 +18,7 @@ from tests.bench.script import Recorded, Replayed, Script
 from tests.bench.shipped import shipped_rows
 from tests.bench.sleeping import sleeping_rows
 from tests.bench.startup import startup_rows
-from tests.bench.timing import median_cpu, paired_medians, row
+from tests.bench.timing import bare_timeouts, median_cpu, paired_medians, row
 from wsnsim import experiment, scenario
 from wsnsim.base.tables import Memory
 
@@ -75,19 +73,6 @@ def seam_rows(repeats: int) -> Iterator[dict[str, Any]]:
     yield row("pso_mhpf: whole run, CPU a replicate", whole, "s", 0.5)
     yield row("pso_mhpf: a replicate in memory, in bare timeouts", whole / timeout, "timeouts", 280_000)
     yield row("pso_mhpf: whole run / (kernels + seam)", whole / (kernels + seam), "", 1.5)
-
-
-def bare_timeouts(count: int) -> None:
-    """SimPy alone: 100 processes that do nothing but wait."""
-    env = simpy.Environment()
-
-    def waiter() -> Any:
-        while True:
-            yield env.timeout(1.0)
-
-    for _ in range(100):
-        env.process(waiter())
-    env.run(until=count / 100)
 
 
 GROUPS: dict[str, Callable[[int], Iterator[dict[str, Any]]]] = {

@@ -14,9 +14,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import simpy
-
-from tests.bench.timing import row
+from tests.bench.timing import row, seconds_of_a_timeout
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 LONG = 5.0
@@ -52,30 +50,12 @@ def measured(name: str, repeats: int) -> dict[str, float]:
     cost = statistics.median(seconds)
     return {
         "seconds": cost,
-        "timeouts": cost / timeout(),
+        "timeouts": cost / statistics.median(seconds_of_a_timeout() for _ in range(5)),
         "nodes": len(memory.table("nodes").get("node", ())),
         "simulated": parts.steps * parts.dt,
         "steps": int(run["steps"]),
         "frames": int(run["frames_sent"]),
     }
-
-
-def timeout(events: int = 100_000) -> float:
-    """CPU seconds of one bare SimPy timeout, with 100 processes: the median of five tries."""
-    tries = []
-    for _ in range(5):
-        env = simpy.Environment()
-        for _ in range(100):
-            env.process(_waiting(env))
-        began = time.process_time()
-        env.run(until=events / 100)
-        tries.append((time.process_time() - began) / events)
-    return statistics.median(tries)
-
-
-def _waiting(env: simpy.Environment) -> Iterator[simpy.Event]:
-    while True:
-        yield env.timeout(1.0)
 
 
 if __name__ == "__main__":

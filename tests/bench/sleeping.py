@@ -11,9 +11,7 @@ import time
 from collections.abc import Iterator
 from typing import Any
 
-import simpy
-
-from tests.bench.timing import row
+from tests.bench.timing import row, seconds_of_a_timeout
 from wsnsim import scenario
 from wsnsim.base.tables import Memory
 from wsnsim.experiment import replicate_of
@@ -37,7 +35,7 @@ def sleeping_rows(repeats: int) -> Iterator[dict[str, Any]]:
     paces = []
     for _ in range(repeats):
         for replicate in REPLICATES:
-            paces.append(_pace())
+            paces.append(1.0 / seconds_of_a_timeout())
             for size, problem in problems.items():
                 made, whole = _timed(problem, replicate)
                 building[size].append(made)
@@ -79,18 +77,3 @@ def _timed(problem: Any, replicate: int, log: bool = False) -> tuple[float, floa
     finally:
         room.World = kept  # type: ignore[misc]
     return made[0] - began, time.process_time() - began
-
-
-def _pace(events: int = 100_000) -> float:
-    """Bare timeouts a second at 100 processes."""
-    env = simpy.Environment()
-
-    def ticks() -> Any:
-        while True:
-            yield env.timeout(1.0)
-
-    for _ in range(100):
-        env.process(ticks())
-    began = time.process_time()
-    env.run(until=events / 100)
-    return events / (time.process_time() - began)

@@ -10,6 +10,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import simpy
+
 
 def row(
     name: str,
@@ -69,3 +71,23 @@ def median_ratio(above: list[float], below: list[float]) -> float:
 def median_cpu(act: Callable[[], Any], repeats: int) -> float:
     """Median CPU seconds of an act."""
     return paired_medians([act], repeats)[0]
+
+
+def bare_timeouts(count: int) -> None:
+    """SimPy alone: 100 processes that do nothing but wait."""
+    env = simpy.Environment()
+
+    def waiter() -> Any:
+        while True:
+            yield env.timeout(1.0)
+
+    for _ in range(100):
+        env.process(waiter())
+    env.run(until=count / 100)
+
+
+def seconds_of_a_timeout(count: int = 60_000) -> float:
+    """CPU seconds of a bare SimPy timeout, with 100 processes."""
+    began = time.process_time()
+    bare_timeouts(count)
+    return (time.process_time() - began) / count

@@ -5,7 +5,6 @@ from __future__ import annotations
 import pickle
 import socket
 import sys
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import SimpleNamespace
@@ -16,14 +15,14 @@ import pandas as pd
 import pytest
 
 import wsnsim
+from tests.campaign_cluster.dask_campaigns import endings_of, marks, rows, task_of
 from tests.campaign_cluster.dask_processes import ODD, files, until
 from wsnsim import campaign
 from wsnsim.base.errors import UsageError
 from wsnsim.campaign import dask_engine, dask_worker
 from wsnsim.campaign.dask_engine import DaskEngine
 from wsnsim.campaign.dask_worker import WorkerRequirements, unmet_requirement
-from wsnsim.campaign.engines import FinishedTask
-from wsnsim.campaign.task import Task, TaskOutcome
+from wsnsim.campaign.task import TaskOutcome
 from wsnsim.recording.folder import Folder
 from wsnsim.scenario.sweep import load_sweep
 
@@ -73,29 +72,6 @@ def engine_of(address: str) -> Iterator[Callable[[Folder], DaskEngine]]:
     yield make
     for engine in engines:
         engine.close()
-
-
-def rows(folder: Folder) -> pd.DataFrame:
-    return wsnsim.read(folder.path, "runs").drop(columns="cpu_seconds")
-
-
-def marks(folder: Folder) -> int:
-    """Number of running tasks."""
-    return sum(not mark.name.startswith("driver.") for mark in folder.path.glob("running/*.log"))
-
-
-def task_of(folder: Folder, number: int = 0) -> Task:
-    return Task(str(folder.path), folder.manifest().points[0].id, number, number, "vm-1-abc", wsnsim.__version__)
-
-
-def endings_of(engine: DaskEngine, count: int = 1) -> list[FinishedTask]:
-    """The next `count` finished tasks."""
-    found: list[FinishedTask] = []
-    end = time.monotonic() + 120.0
-    while len(found) < count:
-        assert time.monotonic() < end, "no task finished in time"
-        found += engine.finished(0.1)
-    return found
 
 
 def test_a_campaign_has_the_same_rows_as_on_this_machine(begun: Begun, engine_of: Any) -> None:

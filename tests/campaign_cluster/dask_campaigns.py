@@ -1,0 +1,38 @@
+"""What tests of campaigns on Dask ask of folders and engines."""
+
+from __future__ import annotations
+
+import time
+
+import pandas as pd
+
+import wsnsim
+from wsnsim.campaign.dask_engine import DaskEngine
+from wsnsim.campaign.engines import FinishedTask
+from wsnsim.campaign.task import Task
+from wsnsim.recording.folder import Folder
+
+from .dask_processes import PATIENCE
+
+
+def rows(folder: Folder) -> pd.DataFrame:
+    return wsnsim.read(folder.path, "runs").drop(columns="cpu_seconds")
+
+
+def marks(folder: Folder) -> int:
+    """Number of running tasks."""
+    return sum(not mark.name.startswith("driver.") for mark in folder.path.glob("running/*.log"))
+
+
+def task_of(folder: Folder, number: int = 0) -> Task:
+    return Task(str(folder.path), folder.manifest().points[0].id, number, number, "vm-1-abc", wsnsim.__version__)
+
+
+def endings_of(engine: DaskEngine, count: int = 1) -> list[FinishedTask]:
+    """The next `count` finished tasks."""
+    found: list[FinishedTask] = []
+    end = time.monotonic() + PATIENCE
+    while len(found) < count:
+        assert time.monotonic() < end, "no task finished in time"
+        found += engine.finished(0.1)
+    return found
