@@ -15,7 +15,7 @@ import pandas as pd
 import pytest
 
 import wsnsim
-from tests.campaign_cluster.dask_campaigns import endings_of, marks, rows, task_of
+from tests.campaign_cluster.dask_campaigns import Begun, begun_in, endings_of, marks, rows, task_of
 from tests.campaign_cluster.dask_processes import ODD, files, until
 from wsnsim import campaign
 from wsnsim.base.errors import UsageError
@@ -24,13 +24,10 @@ from wsnsim.campaign.dask_engine import DaskEngine
 from wsnsim.campaign.dask_worker import WorkerRequirements, unmet_requirement
 from wsnsim.campaign.task import TaskOutcome
 from wsnsim.recording.folder import Folder
-from wsnsim.scenario.sweep import load_sweep
 
 from .inline_engine import InlineEngine
 
 HERE = WorkerRequirements(wsnsim.__version__, np.__version__, "")
-SLOW = {"tracker": {"kind": "mylab_odd:Odd"}, "duration": "5 s"}
-Begun = Callable[..., Folder]
 
 
 @pytest.fixture(scope="module")
@@ -51,13 +48,8 @@ def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
 
 @pytest.fixture
 def begun(tmp_path: Path) -> Begun:
-    """begun(keys of a sweep file): a campaign on disk, with the slow tracker unless `set` changes it."""
-
-    def begin(**written: Any) -> Folder:
-        plan = load_sweep({"name": "slow", "scenario": "ungm_pf", "set": SLOW, "block": 1, **written})
-        return campaign.prepare(plan, tmp_path / plan.name)
-
-    return begin
+    """begun(keys of a sweep file): a campaign on disk, see `begun_in`."""
+    return begun_in(tmp_path)
 
 
 @pytest.fixture

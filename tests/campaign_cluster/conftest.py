@@ -6,19 +6,14 @@ import socket
 import subprocess
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from wsnsim import campaign
 from wsnsim.campaign.dask_engine import DaskEngine
 from wsnsim.recording.folder import Folder
-from wsnsim.scenario.sweep import load_sweep
 
+from .dask_campaigns import Begun, begun_in
 from .dask_processes import Lab, lab, until
-
-ODD = {"tracker": {"kind": "mylab_odd:Odd"}, "duration": "5 s"}
-Begun = Callable[..., Folder]
 
 
 @pytest.fixture(scope="package")
@@ -46,13 +41,8 @@ def scheduler(place: Lab, nobody: subprocess.Popen[bytes]) -> Path:
 
 @pytest.fixture
 def begun(tmp_path: Path) -> Begun:
-    """begun(keys of a sweep file): a campaign on disk, with the odd tracker unless `set` changes it."""
-
-    def begin(**written: Any) -> Folder:
-        plan = load_sweep({"name": "odd", "scenario": "ungm_pf", "set": ODD, "block": 1, **written})
-        return campaign.prepare(plan, tmp_path / plan.name)
-
-    return begin
+    """begun(keys of a sweep file): a campaign on disk, see `begun_in`."""
+    return begun_in(tmp_path)
 
 
 @pytest.fixture

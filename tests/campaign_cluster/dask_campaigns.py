@@ -3,16 +3,34 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
 import wsnsim
+from wsnsim import campaign
 from wsnsim.campaign.dask_engine import DaskEngine
 from wsnsim.campaign.engines import FinishedTask
 from wsnsim.campaign.task import Task
 from wsnsim.recording.folder import Folder
+from wsnsim.scenario.sweep import load_sweep
 
 from .dask_processes import PATIENCE
+
+ODD = {"tracker": {"kind": "mylab_odd:Odd"}, "duration": "5 s"}
+Begun = Callable[..., Folder]
+
+
+def begun_in(place: Path) -> Begun:
+    """begin(keys of a sweep file): a campaign on disk, with the odd tracker unless `set` changes it."""
+
+    def begin(**written: Any) -> Folder:
+        plan = load_sweep({"name": "odd", "scenario": "ungm_pf", "set": ODD, "block": 1, **written})
+        return campaign.prepare(plan, place / plan.name)
+
+    return begin
 
 
 def rows(folder: Folder) -> pd.DataFrame:
