@@ -143,8 +143,9 @@ class GatherReadings:
 
     def readings_of(self, addressed: Iterable[Member]) -> dict[NodeId, float]:
         """{id: measurement} of the members that send one, in their order."""
-        known = [(member.id, member.reading) for member in addressed]
-        return {node: reading for node, reading in known if reading is not None and isfinite(reading)}
+        return {
+            member.id: reading for member in addressed if (reading := member.reading) is not None and isfinite(reading)
+        }
 
     def parcel_of(self, member: Member) -> Parcel | None:
         """What a member sends, None if nothing."""

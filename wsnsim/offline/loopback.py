@@ -82,12 +82,12 @@ def answer_to(request: Request, members: dict[int, Member], head: int, lose: Los
     """The answer to a request in a network that loses packets as `lose` says."""
     if isinstance(request, Compute):
         return None
+    if isinstance(request, GatherReadings):
+        return _gather_readings(request, members, head, lose)
     if isinstance(request, Local):
         return _compute(request, _addressed(request.who, members))
     if isinstance(request, Gather):
         return _gather(request, _addressed(request.who, members), head, lose)
-    if isinstance(request, GatherReadings):
-        return _gather_readings(request, members, head, lose)
     if isinstance(request, Scatter):
         return _deliver({i: parcel for i, parcel in request.parcels.items() if i in members}, members, head, lose)
     if isinstance(request, Broadcast):
@@ -117,10 +117,9 @@ def _gather(request: Gather, addressed: list[Member], head: int, lose: Lose) -> 
 
 
 def _gather_readings(request: GatherReadings, members: dict[int, Member], head: int, lose: Lose) -> GatheredReadings:
-    addressed = _addressed(request.who, members)
     if lose is not perfect:
-        return GatheredReadings.of(_gather(request.gather(), addressed, head, lose))
-    readings = request.readings_of(addressed)
+        return GatheredReadings.of(_gather(request.gather(), _addressed(request.who, members), head, lose))
+    readings = request.readings_of(members.values() if request.who is None else _addressed(request.who, members))
     return GatheredReadings(tuple(readings), np.array(list(readings.values()), dtype=np.float64))
 
 

@@ -32,7 +32,7 @@ from wsnsim.trackers.shared.dealing import (
     send_all,
     send_moments,
 )
-from wsnsim.trackers.shared.moments import forecast, predicted, symmetric
+from wsnsim.trackers.shared.moments import forecast, predicted
 from wsnsim.trackers.shared.readings import Evidence, gather_readings
 from wsnsim.trackers.shared.stacks import PREDICT, Score, place_of, propagated_by, snapshot
 
@@ -199,7 +199,7 @@ def summary(cloud: Floats, log_weights: Floats) -> tuple[Floats, Floats, float]:
     everyone = np.array([0, log_weights.size])
     effective = float(weigh(log_weights, everyone)[0])
     means, covs = moments(cloud, log_weights, everyone)
-    return means[0], symmetric(covs[0]), effective
+    return means[0], covs[0], effective
 
 
 def bootstrap(pool: Pool, seen: Evidence, scene: Scene, threshold: float) -> CloudBelief:
