@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from tests.bench.frames import busy, charge, frame, interferer, other_frame, rivals, sleepers
+from tests.bench.frames import busy, charge, frame, interferer, other_frame, rivals, schedules, sleepers, spells
 from wsnsim.base.rng import derive_all
 
 Arguments = tuple[Any, ...]
@@ -196,10 +196,6 @@ def _cells(count: int) -> Arguments:
     return rng.dirichlet(np.ones(count)), rng.uniform(-20.0, 20.0, count), np.full(count, 1.0), -20.0, width, count
 
 
-def _scores(count: int) -> Arguments:
-    return _rng().dirichlet(np.ones(count)), _rng().normal(0.0, 10.0, count)
-
-
 def _bank(count: int) -> Arguments:
     """A filter a sensor, three columns each: means (3, n), covs (3, 3, n), probabilities (n,)."""
     rng = _rng()
@@ -286,7 +282,7 @@ ENTRIES: tuple[Entry, ...] = (
     Entry("cuckoo.accept_chains", "kernels.test_cuckoo:accept_chains_twin", _chains),
     Entry("gravity.attract", "kernels.test_gravity:attract_twin", _masses),
     Entry("grid.spread", "kernels.test_grid:spread_twin", _cells, each="cell"),
-    Entry("grid.weigh", "kernels.test_grid:weigh_twin", _scores, each="cell"),
+    Entry("grid.weigh", "kernels.test_grid:weigh_twin", lambda n: (np.ones(n) / n, _log_weights(n)), each="cell"),
     Entry("relay.mix", "kernels.test_relay:mix_twin", _mixing, FEW, "sensor"),
     Entry("relay.filter_each", "kernels.test_relay:filter_each_twin", _bank_step, FEW, "sensor"),
     Entry("relay.kalman", "kernels.test_relay:kalman_twin", _kalman, FEW, "sensor"),
@@ -295,6 +291,8 @@ ENTRIES: tuple[Entry, ...] = (
     Entry("reception.add_common", "kernels.test_reception:add_common_twin", interferer, NEIGHBOURS, "neighbour"),
     Entry("reception.take_over", "kernels.test_reception:take_over_twin", rivals, NEIGHBOURS, "neighbour"),
     Entry("sleeping.listening", "kernels.test_sleeping_kernel:listening_twin", sleepers, NEIGHBOURS, "neighbour"),
+    Entry("sleeping.period_spans", "kernels.test_sleeping_kernel:period_spans_twin", schedules, NEIGHBOURS, "node"),
+    Entry("sleeping.period_sums", "kernels.test_sleeping_kernel:period_sums_twin", spells, NEIGHBOURS, "node"),
     Entry("charging.book", "kernels.test_charging:book_twin", charge, NEIGHBOURS, "neighbour"),
     Entry("charging.mark_busy", "kernels.test_charging:mark_busy_twin", busy, NEIGHBOURS, "neighbour"),
 )

@@ -49,6 +49,19 @@ def sleepers(count: int) -> tuple[Any, ...]:
     return np.arange(0, size, 2), 1.0, living, awake, begins, begins + 0.9, held, since, np.zeros(count, dtype=np.bool_)
 
 
+def schedules(count: int) -> tuple[Any, ...]:
+    """The arguments of `period_spans` for many nodes that sleep at random."""
+    keys = np.random.default_rng(count).integers(0, 2**64, count, dtype=np.uint64)
+    return keys, 33.3, (10.0, 10.0, 0.3, True), np.zeros(count, dtype=np.bool_), np.zeros(count), np.zeros(count)
+
+
+def spells(count: int) -> tuple[Any, ...]:
+    """The arguments of `period_sums` for many nodes that sleep at random, over a few periods."""
+    keys, _, law, *_ = schedules(count)
+    since = np.linspace(0.0, 20.0, count)
+    return keys, since, since[::-1] + 30.0, law, np.zeros(count), np.zeros(count)
+
+
 def charge(count: int) -> tuple[Any, ...]:
     """The arguments of `book` for every second of many nodes."""
     return np.arange(0, 2 * count, 2), 0.5, np.zeros(2 * count), np.ones(2 * count)

@@ -7,6 +7,7 @@
 | `inlined` | is called from kernels only, and inlined by LLVM |
 | `merged` | is called from kernels only, and inlined by Numba before it compiles |
 | `ordered_kernel`, `ordered_inlined` | as `kernel` and `inlined`, with sums in the order in which they are written |
+| `exact_kernel`, `exact_inlined` | as `kernel` and `inlined`, rounded after each operation, as NumPy rounds |
 
 Division follows NumPy: the checks that Numba makes by default prevent vectorisation. The fast-math flags keep tests for
 NaN and infinity. Functions that only kernels call have no wrapper for Python: it would take longer to compile than the
@@ -90,6 +91,7 @@ OPTIONS: Final[Mapping[str, Any]] = {
 }
 """Options of every kernel."""
 _ORDERED: Final[Mapping[str, Any]] = {**OPTIONS, "fastmath": {"contract", "nsz", "arcp"}}
+_EXACT: Final[Mapping[str, Any]] = {**OPTIONS, "fastmath": False}
 _INNER: Final[Mapping[str, Any]] = {"no_cpython_wrapper": True}
 
 
@@ -116,6 +118,16 @@ def inlined(function: F) -> F:
 def ordered_inlined(function: F) -> F:
     """As `inlined`, without reordering sums: rounding by adding a large constant depends on their order."""
     return _compiled(function, {**_ORDERED, **_INNER, "forceinline": True})
+
+
+def exact_kernel(function: F) -> F:
+    """Compile a function that Python calls, for the same bits as the same operations in NumPy."""
+    return _compiled(function, _EXACT)
+
+
+def exact_inlined(function: F) -> F:
+    """As `inlined`, for kernels that are exact."""
+    return _compiled(function, {**_EXACT, **_INNER, "forceinline": True})
 
 
 def merged(function: F) -> F:

@@ -1,12 +1,24 @@
-"""Which nodes listen, in one pass over them.
+"""Which nodes listen, and what their sleep schedules say, in one pass over them.
 
-listening(nodes, time, living, awake, begins, ends, held, since, result) -> unknown
+    listening(nodes, time, ..., result) -> unknown
+    period_spans(keys, time, law, awake, begins, ends)        period_sums(keys, since, until, law, seconds, changes)
+
+A schedule in periods has a law: period in s, awake part of a period in s, probability of being awake in a period, and
+whether each node's periods have a phase of its own. The random numbers are those of `base.rng`.
 """
 
 from __future__ import annotations
 
-from wsnsim.kernels.arrays import Bools, Floats, Ints
-from wsnsim.kernels.compilation import kernel
+from typing import TypeAlias
+
+import numpy as np
+
+from wsnsim.kernels.arrays import Bools, Floats, Ints, Keys
+from wsnsim.kernels.compilation import exact_inlined, exact_kernel, kernel
+from wsnsim.kernels.noise import GOLDEN, ONE, mix, uniform
+
+Law: TypeAlias = tuple[float, float, float, bool]
+"""(period, awake part, probability, staggered)"""
 
 
 @kernel
@@ -37,3 +49,82 @@ def listening(
             unknown += 1
         result[i] = living[i] and (awake[node] or (held[node] and since[node] <= time))
     return unknown
+
+
+@exact_inlined
+def _start(phase: float, period: float, number: int) -> float:
+    """When a period begins. All comparisons use this one formula, so that rounding is the same everywhere."""
+    return phase + (number - 1) * period
+
+
+@exact_inlined
+def _number(phase: float, period: float, time: float) -> int:
+    """The number of the period at a time: a quotient, corrected where rounding crossed a beginning."""
+    number = int(np.floor((time - phase) / period)) + 1
+    if _start(phase, period, number) > time:
+        number -= 1
+    if _start(phase, period, number + 1) <= time:
+        number += 1
+    return number
+
+
+@exact_inlined
+def _is_on(key: np.uint64, number: int, probability: float) -> bool:
+    """Whether a node is awake in a period, of which number 0 contains time 0."""
+    return uniform(mix(key + (np.uint64(number + 1) + ONE) * GOLDEN), 0) < probability
+
+
+@exact_kernel
+def period_spans(keys: Keys, time: float, law: Law, awake: Bools, begins: Floats, ends: Floats) -> None:
+    """Find what the schedules say at a time, and the part of a period around it for which they say so.
+
+    Args:
+        keys: (n,) the counter keys of the nodes.
+        time: The time in s.
+        law: The law of the schedules.
+        awake: (n,) in which is written which nodes are awake.
+        begins: (n,) in which is written from when on, in s.
+        ends: (n,) in which is written until when, in s.
+    """
+    period, length, probability, staggered = law
+    for i in range(keys.size):
+        phase = period * uniform(keys[i], 0) if staggered else 0.0
+        number = _number(phase, period, time)
+        awake[i] = _is_on(keys[i], number, probability)
+        begins[i], ends[i] = _start(phase, period, number), _start(phase, period, number + 1)
+        if length < period:
+            falls_asleep = begins[i] + length
+            if time >= falls_asleep:
+                awake[i], begins[i] = False, falls_asleep
+            else:
+                ends[i] = falls_asleep
+
+
+@exact_kernel
+def period_sums(keys: Keys, since: Floats, until: Floats, law: Law, seconds: Floats, changes: Floats) -> None:
+    """Find for how long each node is awake in [since, until), and how often it changes in (since, until].
+
+    Args:
+        keys: (n,) the counter keys of the nodes.
+        since: (n,) times in s.
+        until: (n,) times in s.
+        law: The law of the schedules.
+        seconds: (n,) in which the time awake is written, in s.
+        changes: (n,) in which the number of changes is written.
+    """
+    period, length, probability, staggered = law
+    for i in range(keys.size):
+        phase = period * uniform(keys[i], 0) if staggered else 0.0
+        first, total, count = _number(phase, period, since[i]), 0.0, 0
+        before = _is_on(keys[i], first - 1, probability)
+        for number in range(first, _number(phase, period, until[i]) + 1):
+            on, start = _is_on(keys[i], number, probability), _start(phase, period, number)
+            end = start + length
+            if on:
+                total += max(min(end, until[i]) - max(start, since[i]), 0.0)
+            if on if length < period else on != before:
+                count += since[i] < start <= until[i]
+            if on and length < period:
+                count += since[i] < end <= until[i]
+            before = on
+        seconds[i], changes[i] = total, count

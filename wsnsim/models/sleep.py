@@ -20,6 +20,7 @@ from wsnsim.base.part import Quantity, part
 from wsnsim.base.radio import Mode
 from wsnsim.base.rng import derive_each, uniforms
 from wsnsim.base.setups import Setup
+from wsnsim.kernels.sleeping import Law, period_spans, period_sums
 
 PERIOD: Final = Quantity("s", ge=1e-2, le=1e9)
 MOST_PERIODS: Final = 10_000_000
@@ -67,8 +68,8 @@ class AlwaysOn(_NeverAsleep):
 class _PeriodicSchedule:
     """A schedule in periods: node k begins one at each phase_k + j T, and is awake in its first part or not at all.
 
-    A subclass gives the phases (n,) in [0, T) by `_phases(keys)`; by `_on(keys, periods)` whether nodes are awake in
-    their periods, where period 0 contains time 0; and by `_length` the awake part of a period in s.
+    Phases are uniform on [0, T), or 0 for all nodes. A subclass gives the `_law` of `kernels.sleeping`: T, the awake
+    part in s, the probability of being awake in a period, and whether nodes have phases of their own.
     """
 
     always_listening: ClassVar[bool] = False
@@ -81,25 +82,15 @@ class _PeriodicSchedule:
 
     def state(self, keys: Keys, time: float) -> tuple[Bools, Floats, Floats]:
         """Which nodes are awake (n,), and the part of a period that contains the time: from (n,), until (n,)."""
-        phases = self._phases(keys)
-        periods = self._number(phases, time)
-        starts, following = self._start(phases, periods), self._start(phases, periods + 1)
-        on = self._on(keys, periods)
-        if not self._sleeps_within:
-            return on, starts, following
-        ends = starts + self._length
-        late = time >= ends
-        return on & ~late, np.where(late, ends, starts), np.where(late, following, ends)
+        awake, begins, ends = np.empty(keys.size, dtype=np.bool_), np.empty(keys.size), np.empty(keys.size)
+        period_spans(keys, float(time), self._law, awake, begins, ends)
+        return awake, begins, ends
 
     def tally(self, keys: Keys, since: Floats, until: Floats | float) -> tuple[Floats, Floats]:
         """(n,) seconds awake in [since, until), and changes in (since, until]."""
-        seconds, changes, count = np.zeros(len(keys)), np.zeros(len(keys)), len(keys)
-        until = np.broadcast_to(np.asarray(until, dtype=np.float64), (count,))
-        for nodes, starts, on, before in self._history(keys, since, until):
-            spell = np.minimum(starts + self._length, until[nodes]) - np.maximum(starts, since[nodes])
-            seconds += np.bincount(nodes[on], np.maximum(spell[on], 0.0), count)
-            for who, times in self._changes(nodes, starts, on, before):
-                changes += np.bincount(who[(times > since[who]) & (times <= until[who])], minlength=count)
+        seconds, changes, ends = np.empty(keys.size), np.empty(keys.size), np.empty(keys.size)
+        ends[:] = until
+        period_sums(keys, np.asarray(since, dtype=np.float64), ends, self._law, seconds, changes)
         return seconds, changes
 
     def profile(self, keys: Keys, times: Floats) -> tuple[Floats, Floats]:
@@ -118,7 +109,7 @@ class _PeriodicSchedule:
             spells, into = _prefixes(on), _prefixes((starts - starts[0]) * on)
             under_way = spells[begun] - spells[over]
             awake += spells[over] * self._length + under_way * (asked - starts[0]) - (into[begun] - into[over])
-            switches += spells[begun] + spells[over] if self._sleeps_within else _prefixes(on != before)[begun]
+            switches += spells[begun] + spells[over] if self._length < self.period else _prefixes(on != before)[begun]
         return awake[1:] - awake[0], switches[1:] - switches[0]
 
     def check(self, setup: Setup) -> Iterator[Issue]:
@@ -141,36 +132,6 @@ class _PeriodicSchedule:
                 f"longest frames ({1000 * frame:.3g} ms)",
             )
 
-    def _start(self, phases: Floats, periods: Ints) -> Floats:
-        """When periods begin. All comparisons use this one formula, so that rounding is the same everywhere."""
-        starts: Floats = phases + (periods - 1) * self.period
-        return starts
-
-    def _number(self, phases: Floats, time: Floats | float) -> Ints:
-        """The number of each node's period at a time: a quotient, corrected where rounding crossed a beginning."""
-        periods = np.floor((time - phases) / self.period).astype(np.int64) + 1
-        periods -= self._start(phases, periods) > time
-        periods += self._start(phases, periods + 1) <= time
-        return periods
-
-    def _history(self, keys: Keys, since: Floats, until: Floats) -> Iterator[tuple[Ints, Floats, Bools, Bools]]:
-        """The periods of all nodes that overlap [since, until], node by node, in chunks.
-
-        Each chunk is (nodes, beginnings, awake in the period, awake in the period before), (M,) each.
-        """
-        phases = self._phases(keys)
-        first = self._number(phases, since)
-        owners, first, counts = _pieces(first, np.maximum(self._number(phases, until) - first + 1, 0))
-        for chunk in _chunks(counts):
-            begins = np.cumsum(counts[chunk]) - counts[chunk]
-            nodes = np.repeat(owners[chunk], counts[chunk])
-            periods = np.arange(nodes.size) + np.repeat(first[chunk] - begins, counts[chunk])
-            on = self._on(keys[nodes], periods)
-            before = np.concatenate((on[:1], on[:-1]))
-            leading = begins[counts[chunk] > 0]
-            before[leading] = self._on(keys[nodes[leading]], periods[leading] - 1)
-            yield nodes, self._start(phases[nodes], periods), on, before
-
     def _in_order(self, keys: Keys, until: float) -> Iterator[tuple[Floats, Bools, Bools]]:
         """The periods of all nodes that begin before `until`, in the order in which they begin, in chunks.
 
@@ -188,30 +149,25 @@ class _PeriodicSchedule:
             periods = np.arange(begin, min(begin + together, rounds))[:, None]
             on = np.concatenate((last, self._on(keys, periods)))
             last = on[-1:]
-            yield self._start(phases, periods).ravel(), on[1:].ravel(), on[:-1].ravel()
-
-    def _changes(self, nodes: Ints, starts: Floats, on: Bools, before: Bools) -> Iterator[tuple[Ints, Floats]]:
-        """(nodes, times) of the changes: nodes fall asleep or wake."""
-        if self._sleeps_within:
-            yield nodes[on], starts[on]
-            yield nodes[on], starts[on] + self._length
-        else:
-            yield nodes[on != before], starts[on != before]
+            yield (phases + (periods - 1) * self.period).ravel(), on[1:].ravel(), on[:-1].ravel()
 
     def _phases(self, keys: Keys) -> Floats:
-        raise NotImplementedError
+        period, _, _, staggered = self._law
+        return period * uniforms(keys, 0) if staggered else np.zeros(len(keys))
 
     def _on(self, keys: Keys, periods: Ints) -> Bools:
+        """Whether nodes are awake in their periods, of which number 0 contains time 0."""
+        on: Bools = uniforms(derive_each(keys, (periods + 1).astype(np.uint64)), 0) < self._law[2]
+        return on
+
+    @property
+    def _law(self) -> Law:
         raise NotImplementedError
 
     @property
     def _length(self) -> float:
-        raise NotImplementedError
-
-    @property
-    def _sleeps_within(self) -> bool:
-        """Whether a node falls asleep before the end of a period in which it is awake."""
-        return self._length < self.period
+        """The awake part of a period in s."""
+        return self._law[1]
 
 
 @part
@@ -226,16 +182,9 @@ class RandomIndependent(_PeriodicSchedule):
     period: Annotated[float, PERIOD, "T_RIS: the time for which a node decides at once"] = 10.0
     probability: Annotated[float, Quantity("", ge=0.0, le=1.0), "p: of being awake in a period"] = 0.3
 
-    def _phases(self, keys: Keys) -> Floats:
-        return self.period * uniforms(keys, 0)
-
-    def _on(self, keys: Keys, periods: Ints) -> Bools:
-        on: Bools = uniforms(derive_each(keys, (periods + 1).astype(np.uint64)), 0) < self.probability
-        return on
-
     @property
-    def _length(self) -> float:
-        return self.period
+    def _law(self) -> Law:
+        return self.period, self.period, self.probability, True
 
 
 @part
@@ -249,15 +198,9 @@ class DutyCycle(_PeriodicSchedule):
     awake_share: Annotated[float, Quantity("", gt=0.0, le=1.0), "share of the period that a node is awake"] = 0.3
     phases: Annotated[Literal["synchronous", "staggered"], "whether all nodes wake at the same time"] = "staggered"
 
-    def _phases(self, keys: Keys) -> Floats:
-        return np.zeros(len(keys)) if self.phases == "synchronous" else self.period * uniforms(keys, 0)
-
-    def _on(self, keys: Keys, periods: Ints) -> Bools:
-        return np.ones(np.broadcast_shapes(keys.shape, periods.shape), dtype=np.bool_)
-
     @property
-    def _length(self) -> float:
-        return self.period * self.awake_share
+    def _law(self) -> Law:
+        return self.period, self.period * self.awake_share, 1.0, self.phases == "staggered"
 
 
 def _prefixes(values: Floats | Bools) -> Floats:
@@ -265,25 +208,3 @@ def _prefixes(values: Floats | Bools) -> Floats:
     sums = np.zeros(values.size + 1)
     np.cumsum(values, out=sums[1:])
     return sums
-
-
-def _pieces(first: Ints, counts: Ints) -> tuple[Ints, Ints, Ints]:
-    """(owners, first, counts) of runs of numbers; runs longer than a chunk are split."""
-    owners = np.arange(counts.size)
-    if counts.max(initial=0) <= CHUNK:
-        return owners, first, counts
-    pieces = -(-counts // CHUNK)
-    owners = np.repeat(owners, pieces)
-    skipped = CHUNK * (np.arange(owners.size) - np.repeat(np.cumsum(pieces) - pieces, pieces))
-    return owners, first[owners] + skipped, np.minimum(counts[owners] - skipped, CHUNK)
-
-
-def _chunks(counts: Ints) -> Iterator[slice]:
-    """Slices of runs whose counts add up to at most one chunk."""
-    ends = np.cumsum(counts)
-    begin = 0
-    while begin < counts.size:
-        done = ends[begin - 1] if begin else 0
-        end = max(int(np.searchsorted(ends, done + CHUNK, side="right")), begin + 1)
-        yield slice(begin, end)
-        begin = end
