@@ -1,1 +1,1 @@
-"""Everything that happens in simulated time. SimPy and networkx live here."""
+"""Everything that happens in simulated time. SimPy lives here."""

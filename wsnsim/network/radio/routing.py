@@ -1,10 +1,10 @@
-"""Routing: the path of a datagram, whether its destination is a neighbour or not. networkx is used here only.
+"""Routing: the path of a datagram, whether its destination is a neighbour or not.
 
     Router(radio, weight, longest).path(source, to) -> [source, ..., to], or None without a path
 
-In a small network one networkx graph holds every usable link; it is built on first use. In a large one the graph holds
-a corridor: the nodes in an ellipse around both ends, wide enough that no path outside can be cheaper. networkx and
-SciPy's graphs are imported at the first search: a short run may need none.
+In a small network one graph holds every usable link; it is built on first use. In a large one the graph holds a
+corridor: the nodes in an ellipse around both ends, wide enough that no path outside can be cheaper. SciPy's graphs are
+imported where a corridor holds many nodes: most runs need none.
 
 Proof. A path over a node v is at least |source - v| + |v - to| long, so a path that leaves the ellipse of string length
 s is longer than s. Let u be the least cost of a metre, over all lengths of a hop. A path outside then costs more than
@@ -17,21 +17,21 @@ neighbours know each other's schedules is our choice: they exchange a seed once.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from wsnsim.base.arrays import Floats, Ints, scalars
 from wsnsim.base.cell_grid import CellGrid
 from wsnsim.base.requests import PACKET_BITS
+from wsnsim.network.radio.link_graph import LinkGraph, Links
 from wsnsim.network.radio.radio_services import RadioServices
 
 if TYPE_CHECKING:
-    import networkx as nx
     from scipy.sparse import csr_array
 
 SMALL: Final = 2000
-"""Nodes up to which networkx is used; the graph of more is a sparse matrix, which needs a tenth of the memory."""
+"""Nodes up to which a `LinkGraph` is searched; the graph of more is a sparse matrix, which needs less memory."""
 WIDEST: Final = 2.0
 """The second search is left out if its corridor would be longer by more than this factor (our choice). This happens
 with the fewest hops over random links, where one strong link in thousands spans several ranges, and where electronics
@@ -40,15 +40,6 @@ cost almost nothing.
 LENGTHS: Final = 1000
 """Lengths of a hop at which the cost of a metre is computed."""
 ROUNDING: Final = 1e-9
-
-
-class Links(NamedTuple):
-    """Usable links among `nodes` (ids, ascending). `sources` and `ends` are indices into `nodes`."""
-
-    nodes: Ints
-    sources: Ints
-    ends: Ints
-    costs: Floats
 
 
 class Router:
@@ -71,7 +62,7 @@ class Router:
         self._energy = radio.energy
         self._weight = weight
         self._longest = longest
-        self._graph: nx.DiGraph | None = None
+        self._graph: LinkGraph | None = None
         self._paths: dict[tuple[int, int], list[int] | None] = {}
         self._least_per_metre: float | None = None
 
@@ -87,8 +78,8 @@ class Router:
     def remove(self, node: int) -> None:
         """Remove a node that died or crashed."""
         self._paths.clear()
-        if self._graph is not None and node in self._graph:
-            self._graph.remove_node(node)
+        if self._graph is not None:
+            self._graph.remove(node)
 
     def restore(self) -> None:
         """Forget all paths, because a node came back."""
@@ -105,8 +96,8 @@ class Router:
         if self._nodes.size > SMALL or self._nodes.follows_schedules:
             return self._through_corridor(source, to)
         if self._graph is None:
-            self._graph = _graph(self._links(np.flatnonzero(self._nodes.living)))
-        found = _cheapest(self._graph, source, to)
+            self._graph = LinkGraph(self._links(np.flatnonzero(self._nodes.living)))
+        found = self._graph.cheapest(source, to)
         return None if found is None else found[1]
 
     def _greedy(self, source: int, to: int) -> list[int] | None:
@@ -188,9 +179,9 @@ class Router:
         if self._weight == "hop":
             return Links(nodes, sources, ends, np.ones(sources.size))
         positions = self._nodes.positions[nodes]
-        lengths = np.linalg.norm(positions[sources] - positions[ends], axis=1)
+        lengths, which = np.unique(np.linalg.norm(positions[sources] - positions[ends], axis=1), return_inverse=True)
         costs = np.fromiter(map(self._joules, scalars(lengths)), np.float64, lengths.size)
-        return Links(nodes, sources, ends, costs / probabilities)
+        return Links(nodes, sources, ends, costs[which] / probabilities)
 
     def _disk_links(self, nodes: Ints) -> tuple[Ints, Ints, Floats | float]:
         """The links between nodes within range of each other, with probability 1."""
@@ -230,16 +221,6 @@ class Router:
         return self._least_per_metre
 
 
-def _graph(links: Links) -> nx.DiGraph:
-    import networkx as nx
-
-    graph = nx.DiGraph()
-    graph.add_nodes_from(links.nodes.tolist())
-    sources, ends = links.nodes[links.sources].tolist(), links.nodes[links.ends].tolist()
-    graph.add_weighted_edges_from(zip(sources, ends, links.costs.tolist(), strict=True), weight="cost")
-    return graph
-
-
 def _matrix(links: Links) -> csr_array:
     """The costs as a sparse matrix. A zero would mean no link there, so that costs are at least the smallest float."""
     from scipy.sparse import csr_array
@@ -248,21 +229,10 @@ def _matrix(links: Links) -> csr_array:
     return csr_array((costs, (links.sources, links.ends)), shape=(links.nodes.size, links.nodes.size))
 
 
-def _cheapest(graph: nx.DiGraph, source: int, to: int) -> tuple[float, list[int]] | None:
-    """(cost, path), or None without a path."""
-    import networkx as nx
-
-    try:
-        cost, path = nx.bidirectional_dijkstra(graph, source, to, weight="cost")
-    except nx.NetworkXNoPath:
-        return None
-    return float(cost), list(path)
-
-
 def _cheapest_of(links: Links, source: int, to: int) -> tuple[float, list[int]] | None:
     """(cost, path) over links that are used for one search only, or None without a path."""
     if links.nodes.size <= SMALL:
-        return _cheapest(_graph(links), source, to)
+        return LinkGraph(links).cheapest(source, to)
     from scipy.sparse.csgraph import dijkstra
 
     first, last = np.searchsorted(links.nodes, (source, to)).tolist()
