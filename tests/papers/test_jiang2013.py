@@ -1,12 +1,9 @@
 import pytest
 
 from wsnsim import scenario
-from wsnsim.papers.paper import paper
-from wsnsim.papers.published import published
+from wsnsim.papers.published import published, set_ups
 
-SET_UP = {
-    key: value for key, value in paper("jiang2013").set_ups[0].equal.items() if value is not None and key != "until"
-}
+SET_UP = {key: value for key, value in set_ups()[0].equal.items() if value is not None and key != "until"}
 
 
 def figures(name: str, *overrides: str) -> dict[str, float]:

@@ -90,19 +90,6 @@ class ExperimentTemplate(DocumentModel):
     literal: bool = True
 
 
-class SetUp(DocumentModel):
-    """A simulation set-up of the paper, and the published values of the tracker that runs in it.
-
-    `values` names, for each value, a table of `published` by the tracker's kind, and by its number of particles where
-    that matters. `equal` is what a resolved scenario has to have (null: nothing). `default` is what it has to have
-    wherever it says anything.
-    """
-
-    values: dict[str, str]
-    equal: dict[str, Any]
-    default: dict[str, Any]
-
-
 class PaperDocument(DocumentModel):
     """A paper: what it prints, what is run for it, and what is claimed about the results.
 
@@ -119,4 +106,3 @@ class PaperDocument(DocumentModel):
     shared: dict[str, list[ClaimTemplate]] | None = None
     experiments: list[ExperimentTemplate]
     main: tuple[dict[str, dict[str, Any]], ...] = ()
-    set_ups: tuple[SetUp, ...] = ()

@@ -14,7 +14,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any, Final, final
 
 from wsnsim.base.errors import Issue, ScenarioError, UsageError, did_you_mean
-from wsnsim.papers.document import PaperDocument, SetUp
+from wsnsim.papers.document import PaperDocument
 from wsnsim.papers.reasons import problems
 from wsnsim.papers.reproduction import Claim, Experiment
 from wsnsim.papers.templates import PlacedClaim, experiment_of
@@ -51,7 +51,6 @@ class Paper:
         self.name = name
         self.source = document.content.source
         self.published: Mapping[str, Any] = document.content.published
-        self.set_ups: tuple[SetUp, ...] = document.content.set_ups
         self._document = document
 
     @functools.cached_property

@@ -8,27 +8,55 @@ square error of a state column. A paper's set-up matches whatever the variant of
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any, Final
 
-from wsnsim.papers.document import SetUp
-from wsnsim.papers.paper import paper
+from wsnsim.scenario.documents import DocumentModel, read_document
 
-WITH_SET_UPS: Final = ("jiang2013", "wei2022", "ruan2020")
+SET_UPS: Final = Path(__file__).parent / "set_ups.yaml"
+
+
+class SetUp(DocumentModel):
+    """A simulation set-up of a paper, and the published values of the tracker that runs in it.
+
+    `values` names, for each value, a table of the paper's `published` by the tracker's kind, and by its number of
+    particles where that matters. `equal` is what a resolved scenario has to have (null: nothing). `default` is what it
+    has to have wherever it says anything.
+    """
+
+    paper: str
+    values: dict[str, str]
+    equal: dict[str, Any]
+    default: dict[str, Any]
+
+
+class SetUps(DocumentModel):
+    """The set-ups of all papers."""
+
+    set_ups: tuple[SetUp, ...]
+
+
+@functools.cache
+def set_ups() -> tuple[SetUp, ...]:
+    """The set-ups of all papers, in the order in which they are looked at."""
+    return read_document(SET_UPS, SetUps).content.set_ups
 
 
 def published(resolved: Mapping[str, Any]) -> tuple[dict[str, float], str]:
     """The published values for a resolved scenario, and the paper; ({}, '') for a set-up that is in no paper."""
-    for name in WITH_SET_UPS:
-        for set_up in paper(name).set_ups:
-            if values := _values(resolved, set_up, paper(name).published):
-                return values, paper(name).source
+    for set_up in set_ups():
+        if _fits(resolved, set_up.equal) and _fits(resolved, set_up.default, lenient=True):
+            from wsnsim.papers.paper import paper  # takes long to import and to read
+
+            found = paper(set_up.paper)
+            if values := _values(resolved, set_up, found.published):
+                return values, found.source
     return {}, ""
 
 
 def _values(resolved: Mapping[str, Any], set_up: SetUp, tables: Mapping[str, Any]) -> dict[str, float]:
-    if not _fits(resolved, set_up.equal) or not _fits(resolved, set_up.default, lenient=True):
-        return {}
     tracker = resolved.get("tracker") or {}
     keys = [str(tracker.get(key)) for key in ("kind", "particles")]
     found = {name: _entry(tables[table], keys) for name, table in set_up.values.items()}
