@@ -32,7 +32,10 @@ from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 from wsnsim.base.part import Quantity
 from wsnsim.scenario.units import UnitError, shown, si, wanted
 
-FROZEN: Final = ConfigDict(extra="forbid", frozen=True, validate_default=True, protected_namespaces=())
+FROZEN: Final = ConfigDict(
+    extra="forbid", frozen=True, validate_default=True, protected_namespaces=(), defer_build=True
+)
+"""A model is built at its first use: most are only parts of a scenario's model, which is built as a whole."""
 
 
 class PartError(TypeError):

@@ -46,7 +46,8 @@ def find(role: str, kind: str) -> Kind:
     """
     if ":" in kind:
         return Kind(kind, kind, "")
-    known = kinds(role)
+    own = {info.kind: info for info in ROLES[role].kinds}
+    known = own if kind in own else kinds(role)  # only the latter reads what is installed
     if kind not in known:
         raise LookupError(f"unknown {role} '{kind}' ({did_you_mean(kind, known)})")
     return known[kind]

@@ -105,7 +105,7 @@ class TrackerModel(PartModel):
     """The model of a tracker, with the assumptions of its filter; short forms are merged into `assumes`."""
 
     assumes: Assumes = Field(
-        Assumes.model_validate({}), description="what the filter assumes about the models of the ground truth"
+        Assumes.model_construct(), description="what the filter assumes about the models of the ground truth"
     )
     gains: Literal["known", "unknown"] | None = Field(None, exclude=True, description="short for assumes.gains")
     inflate: _Flag | None = Field(None, exclude=True, description="short for assumes.inflate")
@@ -170,9 +170,9 @@ class Scenario(BaseModel):  # noqa: PLW1641 - pydantic gives frozen models their
     network: Literal["none"] | None = Field(
         None, description="none: the tracker runs offline, without a network; roles of the network are not used"
     )
-    lost: Lost = Field(Lost.model_validate({}), description="when a track counts as lost")
+    lost: Lost = Field(Lost.model_construct(), description="when a track counts as lost")
     until: Until | None = Field(None, description="a condition that ends a run before its duration")
-    record: Record = Field(Record(), description="which tables are recorded")  # type: ignore[valid-type]
+    record: Record = Field(Record.model_construct(), description="which tables are recorded")  # type: ignore[valid-type]
 
     _tree: LocatedValue = PrivateAttr()
     _source: tuple[str, str] = PrivateAttr(("", ""))
