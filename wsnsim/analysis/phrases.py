@@ -7,9 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
-from wsnsim.analysis.event_groups import LoggedEvent
+if TYPE_CHECKING:
+    from wsnsim.analysis.event_groups import LoggedEvent
 
 MOST_NODES: Final = 24
 """Maximum number of nodes that a sentence lists (our choice)."""

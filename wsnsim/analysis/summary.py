@@ -121,7 +121,7 @@ def bounds_of_report(report: Report) -> RunBounds:
     kind = "per_trajectory"
     readings = READINGS[:1] if without_network(report) else READINGS
     replicates = [summary.run["replicate"] for summary in report.summaries]
-    found, *of_members = bounds_of_run(report.out, readings, kind, replicates=replicates)
+    found, *of_members = bounds_of_run(report.out, readings, kind, replicates=replicates, scenario=report.scenario)
     if found.reason:
         return RunBounds(reason=found.reason)
     errors = _errors(report, found.each.shape[-1])

@@ -187,13 +187,14 @@ def bounds_of_run(
     kind: str = "per_trajectory",
     gains: str | None = None,
     replicates: Sequence[int] | None = None,
+    scenario: Any = None,
 ) -> list[Bound]:
     """The bounds for several kinds of readings of recorded runs, in the order given; otherwise as `bound_of_run`.
 
-    The trajectories are sampled once for all of them. `replicates` are the runs in the file; without it, the table
-    `runs` says which they are.
+    The trajectories are sampled once for all of them. `replicates` are the runs in the file, and `scenario` is its
+    Scenario; without them, the file says which they are.
     """
-    loaded = load(rerun_source(Path(path)))
+    loaded = load(rerun_source(Path(path)) if scenario is None else scenario)
     setup = build(loaded)
     if replicates is None:
         replicates = read_table(path, "runs", ["replicate"])["replicate"].tolist()

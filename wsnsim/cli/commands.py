@@ -64,7 +64,6 @@ def run(
     path = writable(out, Path("results") / f"{scenario.name}.h5")
     page = _page_path(path) if with_page else None
     import wsnsim.experiment as experiment
-    from wsnsim.papers.published import published
 
     talks = not quiet and progress not in ("json", "none")
     with contextlib.closing(display("none" if quiet else progress, RUN)) as shown:
@@ -77,6 +76,7 @@ def run(
     echo_answer(_summary(report, scenario, as_json))
     if page:
         import wsnsim.report as pages
+        from wsnsim.papers.published import published
 
         written = pages.write([path], page, published=published)
         if not quiet:
@@ -89,12 +89,14 @@ def _say_compiling() -> None:
 
 def _summary(report: Report, scenario: Scenario, as_json: bool) -> str | dict[str, Any]:
     """The summary of a run, with the values that its paper publishes."""
-    from wsnsim.analysis import beaconing, summary, summary_text
+    if not report.states:
+        from wsnsim.analysis import beaconing
+
+        return beaconing.as_json(report) if as_json else beaconing.text(report)
+    from wsnsim.analysis import summary, summary_text
     from wsnsim.papers.published import published
     from wsnsim.scenario import resolved
 
-    if not report.states:
-        return beaconing.as_json(report) if as_json else beaconing.text(report)
     values, paper = published(resolved(scenario))
     limit = summary.bounds_of_report(report)
     return summary.as_json(report, values, limit) if as_json else summary_text.text(report, values, paper, limit)
