@@ -5,10 +5,11 @@ from __future__ import annotations
 import functools
 import os
 import platform
+import re
 import subprocess
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 from typing import Any, Final
 
@@ -52,10 +53,13 @@ def cpu_features() -> tuple[str, ...]:
 
 @functools.cache
 def _version(package: str) -> str | None:
+    """The version of an installed package. The rest of its metadata is not parsed: a run would notice the time."""
     try:
-        return version(package)
+        installed = distribution(package)
     except PackageNotFoundError:
         return None
+    line = re.search(r"^Version:[ \t]*(\S+)", installed.read_text("METADATA") or "", re.MULTILINE)
+    return line[1] if line else installed.version
 
 
 @functools.cache
