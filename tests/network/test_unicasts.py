@@ -20,6 +20,14 @@ from wsnsim.network.radio.unicasts import Unicasts
 POSITIONS = [(0.0, 0.0), (10.0, 0.0), (20.0, 7.0), (3.0, 30.0), (500.0, 500.0)]
 
 
+FORM = Parcel(None, 1, PACKET_BITS, "reading")
+
+
+def to_head(*nodes: int) -> Unicasts:
+    """Readings on their way to node 0."""
+    return Unicasts(list(nodes), [0] * len(nodes), [FORM] * len(nodes), 0)
+
+
 def network(battery: float = 2.0, rate: float | None = None) -> RadioNetwork:
     return RadioNetwork(POSITIONS, mac=IdealMac(rate=rate), energy=FirstOrder(battery=battery))
 
@@ -62,18 +70,19 @@ def test_nothing_is_split_while_everything_arrives(monkeypatch):
 
 def test_a_gathering_says_from_whom_something_arrived():
     net = network()
-    sent = net.transport.gather([1, 2], 0, Parcel(None, 1, PACKET_BITS, "reading"), 0, one_hop=True)
-    assert sent is not None
+    unicasts = to_head(1, 2)
+    event = net.transport.at_once(unicasts, one_hop=True)
+    assert event is not None
     net.nodes.crash(2)
-    net.env.run(until=sent[0])
-    assert sent[1].arrived() == {1} and sent[1].bits == PACKET_BITS
+    net.env.run(until=event)
+    arrived, lost = unicasts.masks()
+    assert arrived is not None and arrived.all() and lost is None and unicasts.bits == PACKET_BITS
     assert sorted(books(net.nodes)) == [0, 1]
 
 
 def test_what_takes_time_or_several_hops_needs_datagrams():
-    form = Parcel(None, 1, PACKET_BITS, "reading")
-    assert network(rate=9600.0).transport.gather([1, 2], 0, form, 0, one_hop=True) is None
-    assert network().transport.gather([1, 4], 0, form, 0, one_hop=True) is None
+    assert network(rate=9600.0).transport.at_once(to_head(1, 2), one_hop=True) is None
+    assert network().transport.at_once(to_head(1, 4), one_hop=True) is None
 
 
 class Listed(IdealMechanism):
@@ -105,9 +114,8 @@ def test_a_mac_with_a_way_of_its_own_to_send_gets_every_burst(inherits):
         net.mac.__class__ = Listed
     mac = net.mac if inherits else Passing(net.mac)
     net.transport = Transport(net.radio, mac, net.router)
-    form = Parcel(None, 1, PACKET_BITS, "reading")
-    assert net.transport.gather([1, 2], 0, form, 0, one_hop=True) is None
-    net.carry(Datagram(1, 0, form), Datagram(2, 0, form))
+    assert net.transport.at_once(to_head(1, 2), one_hop=True) is None
+    net.carry(Datagram(1, 0, FORM), Datagram(2, 0, FORM))
     assert [burst.source for burst in mac.sent] == [1, 2]
 
 

@@ -3,9 +3,10 @@
     log.add(event(time, step, target, node, kind, ...))                one event
     log.add_all(event(time, step, target, EACH, kind, ...), nodes)     the same event at each of several nodes
 
-`event` composes every row; `add` is the append method of a list, since it is called about 100 000 times a second. The
-fingerprint is the sum over all events of a 64-bit hash of (time, node, kind, peer, bits). It therefore depends neither
-on the order of events at equal times nor on whether events are recorded.
+`event` composes a row; where many are made at once, they are written as tuples. `add` is the append method of a list,
+since it is called about 100 000 times a second. The fingerprint is the sum over all events of a 64-bit hash of (time,
+node, kind, peer, bits). It therefore depends neither on the order of events at equal times nor on whether events are
+recorded.
 """
 
 from __future__ import annotations

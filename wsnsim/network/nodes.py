@@ -197,14 +197,14 @@ class Nodes:
     def all_outlast(self, nodes: list[int], joules: float) -> bool:
         """Whether all nodes are up, and none could run out if it spent this much in addition."""
         limit, alive, spent = self.battery * BELOW_BATTERY - joules - self._tight, self.alive, self._spent
-        return not [node for node in nodes if not alive[node] or spent[node] >= limit]
+        below = self.all_listen and self.ledger.ceiling < limit
+        return below or not [node for node in nodes if not alive[node] or spent[node] >= limit]
 
     def can_all_receive(self, nodes: Ints, joules: float) -> bool:
         """Whether none of the nodes (n,) could die of a reception: `receive_all` may book it."""
         limit = self.battery * BELOW_BATTERY - joules - self._reserve
-        ledger = self.ledger
-        below = ledger.ceiling < limit or ledger.lower_ceiling(self.living) < limit
-        return below or ledger.all_below(limit, nodes)
+        below = self.ledger.ceiling < limit or self.ledger.lower_ceiling(self.living) < limit
+        return below or self.ledger.all_below(limit, nodes)
 
     def receive_all(self, nodes: Ints, joules: float, cause: int, seconds: float) -> None:
         """Book a reception that kills none of the different nodes (n,)."""

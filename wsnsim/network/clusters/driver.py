@@ -7,8 +7,9 @@ If the head dies during a flow, the flow is closed and its belief is lost.
 
 from __future__ import annotations
 
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import compress
 from typing import Any, Final
 
 import numpy as np
@@ -29,10 +30,12 @@ from wsnsim.base.requests import (
     Parcel,
     Scatter,
     Send,
+    all_arrived,
 )
 from wsnsim.network.clusters.processors import Processors
 from wsnsim.network.nodes import Nodes
 from wsnsim.network.radio.transport import Datagram, Transport
+from wsnsim.network.radio.unicasts import Unicasts
 from wsnsim.network.step_clock import ProtocolLog
 
 Performance = Generator[simpy.Event, Any, Any]
@@ -160,18 +163,22 @@ class Driver:
         return self._services.processors.compute(node, operations, self._target)
 
     def _gather(self, request: Gather) -> Generator[simpy.Event, Any, dict[int, tuple[Any, Bools]]]:
-        datagrams = []
+        nodes: list[int] = []
+        parcels: list[Parcel] = []
         readings: dict[int, tuple[float, int]] = {}
         for member in self._addressed(request.who):
             parcel = request.parcel_of(member)
             if parcel is not None:
-                datagrams.append(Datagram(member.id, self._head, parcel))
+                nodes.append(member.id)
+                parcels.append(parcel)
                 if count := parcel.readings_of(member):
                     assert member.reading is not None, "only a member with a reading sends one"
                     readings[member.id] = member.reading, count
-        yield from self.collect(datagrams)
+        masks = yield from self._collect(nodes, parcels)
         answer = {
-            datagram.source: (datagram.parcel.payload, datagram.mask) for datagram in datagrams if datagram.arrived
+            node: (parcel.payload, mask)
+            for node, parcel, mask in zip(nodes, parcels, masks, strict=True)
+            if mask is not None
         }
         if readings:
             arrived = sorted(readings.keys() & answer.keys())
@@ -181,26 +188,43 @@ class Driver:
 
     def _gather_readings(self, request: GatherReadings) -> Generator[simpy.Event, Any, GatheredReadings]:
         readings = request.readings_of(self._addressed(request.who))
-        arrived = yield from self._collect_same(list(readings), Parcel(None, 1, request.packet_bits, request.what))
+        form = Parcel(None, 1, request.packet_bits, request.what)
+        masks = yield from self._collect(list(readings), [form] * len(readings))
+        arrived = [node for node, mask in zip(readings, masks, strict=True) if mask is not None]
         if readings:
             self.heard = {node: readings[node] for node in sorted(arrived)}
             self.readings = len(arrived)
         return GatheredReadings(tuple(arrived), np.array([readings[node] for node in arrived], dtype=np.float64))
 
-    def _collect_same(self, nodes: list[int], parcel: Parcel) -> Generator[simpy.Event, Any, list[int]]:
-        """Send a parcel of this form from each node to the head; return the nodes from which it arrived, in order."""
-        head, others = self._head, [node for node in nodes if node != self._head]
-        if self._window is None and others:
-            sent = self._services.transport.gather(others, head, parcel, self._target, self._one_hop)
-            if sent is not None:
-                event, unicasts = sent
-                yield event
-                self.bits += unicasts.bits
-                arrived = unicasts.arrived()
-                return [node for node in nodes if node == head or node in arrived]
-        datagrams = [Datagram(node, head, parcel) for node in nodes]
+    def _collect(self, nodes: list[int], parcels: list[Parcel]) -> Generator[simpy.Event, Any, list[Bools | None]]:
+        """Send a parcel from each node to the head; return which packets of each arrived, None where nothing did."""
+        destinations = [self._head] * len(nodes)
+        if self._window is None:
+            return (yield from self._exchange(nodes, destinations, parcels))
+        datagrams = list(map(Datagram, nodes, destinations, parcels))
         yield from self.collect(datagrams)
-        return [datagram.source for datagram in datagrams if datagram.arrived]
+        return [datagram.mask if datagram.arrived else None for datagram in datagrams]
+
+    def _exchange(
+        self, sources: list[int], destinations: list[int], parcels: list[Parcel]
+    ) -> Generator[simpy.Event, Any, list[Bools | None]]:
+        """Send parcels between the head and members; as `_collect`. What a node sends itself is there."""
+        away = [source != to for source, to in zip(sources, destinations, strict=True)]
+        arrived: Iterator[Bools | None] = iter(())
+        if any(away):
+            unicasts = Unicasts(*_chosen(away, sources, destinations, parcels), self._target)
+            event = self._services.transport.at_once(unicasts, self._one_hop)
+            if event is None:
+                datagrams = list(map(Datagram, sources, destinations, parcels))
+                yield from self._carry(datagrams, self._head)
+                return [datagram.mask if datagram.arrived else None for datagram in datagrams]
+            yield event
+            self.bits += unicasts.bits
+            arrived = iter(unicasts.masks())
+        return [
+            next(arrived) if outside else all_arrived(parcel.packets)
+            for outside, parcel in zip(away, parcels, strict=True)
+        ]
 
     def collect(self, datagrams: list[Datagram]) -> Generator[simpy.Event, Any, None]:
         """Send datagrams to the head and wait until all have ended, or for the window; later ones are ignored."""
@@ -226,15 +250,16 @@ class Driver:
         self.bits += sum(datagram.bits for datagram in datagrams)
 
     def _scatter(self, request: Scatter) -> Generator[simpy.Event, Any, dict[int, Bools]]:
-        datagrams = [
-            Datagram(self._head, node, parcel) for node, parcel in request.parcels.items() if node in self._members
-        ]
-        packets = sum(datagram.parcel.packets for datagram in datagrams if datagram.to != self._head)
-        what = datagrams[0].parcel.what if datagrams else ""
-        self._services.log.add("allocate", self._target, self._head, what, packets=packets)
-        yield from self._carry(datagrams, self._head)
-        arrived = [datagram for datagram in datagrams if datagram.arrived and datagram.to in self._members]
-        return {datagram.to: self._deliver(datagram.to, datagram.parcel, datagram.mask) for datagram in arrived}
+        head, parcels = self._head, {node: each for node, each in request.parcels.items() if node in self._members}
+        packets = sum([parcel.packets for node, parcel in parcels.items() if node != head])
+        what = next(iter(parcels.values())).what if parcels else ""
+        self._services.log.add("allocate", self._target, head, what, packets=packets)
+        masks = yield from self._exchange([head] * len(parcels), list(parcels), list(parcels.values()))
+        return {
+            node: self._deliver(node, parcel, mask)
+            for (node, parcel), mask in zip(parcels.items(), masks, strict=True)
+            if mask is not None and node in self._members
+        }
 
     def _broadcast(self, request: Broadcast) -> Generator[simpy.Event, Any, dict[int, Bools]]:
         event, (burst,) = self._services.transport.broadcast([self._head], [request.parcel], self._target)
@@ -263,3 +288,10 @@ class Driver:
     def _deliver(self, node: int, parcel: Parcel, mask: Bools) -> Bools:
         self._members[node].inbox.append(Delivery(parcel.what, parcel.payload, mask))
         return mask
+
+
+def _chosen(
+    which: list[bool], sources: list[int], destinations: list[int], parcels: list[Parcel]
+) -> tuple[list[int], list[int], list[Parcel]]:
+    """Those of the parcels, with their ends, that `which` names."""
+    return list(compress(sources, which)), list(compress(destinations, which)), list(compress(parcels, which))

@@ -29,21 +29,22 @@ class Processors:
 
     def compute_all(self, nodes: list[int], operations: Sequence[float], target: int) -> float:
         """Book a computation at each of several nodes; return the simulated seconds of the longest, 0 for none."""
-        cycles = [each * self._cpu.cycles_per_flop for each in operations]
-        joules = [self._energy.compute(each) for each in cycles]
-        if not nodes or min(joules) <= 0 or not self._nodes.all_outlast(nodes, sum(joules)):
+        cycles = {each: each * self._cpu.cycles_per_flop for each in set(operations)}
+        joules = {each: self._energy.compute(count) for each, count in cycles.items()}
+        spent = [joules[each] for each in operations]
+        if not nodes or min(spent) <= 0 or not self._nodes.all_outlast(nodes, sum(spent)):
             seconds = [self.compute(node, each, target) for node, each in zip(nodes, operations, strict=True)]
             return max(seconds, default=0.0)
-        for node, each, count in zip(nodes, cycles, operations, strict=True):
+        for count in operations:
             self.operations += count
-            self._nodes.consumption.mark_computing(node, each)
-        self._nodes.ledger.book_cause(nodes, CPU_CAUSE, joules)
+        self._nodes.consumption.mark_all_computing(nodes, [cycles[each] for each in operations])
+        self._nodes.ledger.book_cause(nodes, CPU_CAUSE, spent)
         now, step = self._clock.env.now, self._clock.step
         self._event_log.extend(
-            [event(now, step, target, node, COMPUTE, 0, 0, 0, -1, 0, 0, spent, CPU_EVENT_CAUSE)
-             for node, spent in zip(nodes, joules, strict=True)]
+            [(now, step, target, node, COMPUTE, 0, 0, 0, -1, 0, 0, each, CPU_EVENT_CAUSE)
+             for node, each in zip(nodes, spent, strict=True)]
         )  # fmt: skip
-        return max([self._cpu.seconds(each) for each in cycles], default=0.0)
+        return max([self._cpu.seconds(count) for count in cycles.values()])
 
     def compute(self, node: int, operations: float, target: int) -> float:
         """Book a computation and return the simulated seconds that it takes; free computations are not logged."""

@@ -12,7 +12,7 @@ it out, as if no node ever left its schedule: `scheduled_totals` computes it for
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Final, TypeVar
 
 import numpy as np
@@ -202,6 +202,11 @@ class BackgroundConsumption(Consumption):
         mode = self._mode[node]
         self._grand[self._processor_cause[mode]] -= self._processor[mode] * seconds
         self._computed_of[node] += seconds
+
+    def mark_all_computing(self, nodes: Sequence[int], cycles: Sequence[float]) -> None:
+        """`mark_computing` for several nodes in turn, each for cycles of its own."""
+        for node, count in zip(nodes, cycles, strict=True):
+            self.mark_computing(node, count)
 
     def sleep_radio(self, node: int, seconds: float) -> Charges:
         """Return the charges of a radio that sleeps for this time, which the caller has marked as busy."""

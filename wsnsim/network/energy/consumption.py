@@ -6,7 +6,7 @@ they look for targets. It knows neither the nodes nor their ledger: `Nodes` requ
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
@@ -56,6 +56,9 @@ class Consumption:
 
     def mark_computing(self, node: int, cycles: float) -> None:
         """The processor of a node computes for a number of cycles."""
+
+    def mark_all_computing(self, nodes: Sequence[int], cycles: Sequence[float]) -> None:
+        """`mark_computing` for several nodes in turn, each for cycles of its own."""
 
     def sleep_radio(self, node: int, seconds: float) -> Charges:
         """Return the charges of a radio that sleeps for this time, which the caller has marked as busy."""

@@ -69,20 +69,20 @@ class IdealMedium:
             for burst in unicasts.split():
                 self.carry(burst)
             return
-        counters, log, energy_ledger = self._counters, self._log, self._nodes.ledger
-        energy_ledger.book_unicasts(unicasts.sources, unicasts.destinations, costs)
+        counters, log = self._counters, self._log
+        self._nodes.ledger.book_unicasts(unicasts.sources, unicasts.destinations, costs)
         now, step, target, number = self._env.now, log.step, unicasts.target, counters.frames_sent
         rows: list[Event] = []
         what, code = None, 0
-        for source, to, parcel, cost in zip(
+        for source, to, parcel, (bits, _, _, sent, rx) in zip(
             unicasts.sources, unicasts.destinations, unicasts.parcels, costs, strict=True
         ):
             number += 1
-            packets, bits = parcel.packets, cost.bits
+            packets = parcel.packets
             if parcel.what is not what:
                 what, code = parcel.what, log.code(parcel.what)
-            rows.append(event(now, step, target, source, SEND, code, number, number, to, packets, bits, cost.sent, TX))
-            rows.append(event(now, step, target, to, RECEIVE, code, number, number, source, packets, bits, cost.rx, RX))
+            rows.append((now, step, target, source, SEND, code, number, number, to, packets, bits, sent, TX))
+            rows.append((now, step, target, to, RECEIVE, code, number, number, source, packets, bits, rx, RX))
             counters.packets_sent += packets
         log.extend(rows)
         counters.frames_sent = number
@@ -96,14 +96,16 @@ class IdealMedium:
             return None
         if nodes.follows_schedules and not all(map(nodes.is_awake, unicasts.destinations)):
             return None
-        known = self._hop_costs
-        costs = [
-            known.get((source, to, bits := parcel.packets * parcel.packet_bits)) or self._hop_cost(source, to, bits)
-            for source, to, parcel in zip(unicasts.sources, unicasts.destinations, unicasts.parcels, strict=True)
-        ]
-        joules = sum([cost.sent + cost.rx for cost in costs])
+        known, costs, joules = self._hop_costs, [], 0.0
+        for source, to, parcel in zip(unicasts.sources, unicasts.destinations, unicasts.parcels, strict=True):
+            bits = parcel.packets * parcel.packet_bits
+            cost = known.get((source, to, bits)) or self._hop_cost(source, to, bits)
+            costs.append(cost)
+            joules += cost.sent + cost.rx
+            if not bits:
+                return None
         outlast = nodes.all_outlast(unicasts.sources, joules) and nodes.all_outlast(unicasts.destinations, joules)
-        return costs if outlast and not [cost for cost in costs if not cost.bits] else None
+        return costs if outlast else None
 
     def _hop_cost(self, source: int, to: int, bits: int) -> HopCost:
         """What it costs to send and to receive some bits; kept, since nodes stand still."""

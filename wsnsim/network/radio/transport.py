@@ -107,27 +107,24 @@ class Transport:
             events.append(self._one_hop(direct, target, head))
         return events[0] if len(events) == 1 else self._env.all_of(events)
 
-    def gather(
-        self, nodes: list[int], head: int, parcel: Parcel, target: int, one_hop: bool
-    ) -> tuple[simpy.Event, Unicasts] | None:
-        """Send parcels of one form from nodes to another one, each over one hop and without a datagram.
+    def at_once(self, unicasts: Unicasts, one_hop: bool) -> simpy.Event | None:
+        """Send parcels over one hop each and without a datagram.
 
         Args:
-            nodes: The senders.
-            head: The destination, which is none of them.
-            parcel: The form: what is sent differs in its payload alone, which no node on the way reads.
-            target: The target that they are about.
+            unicasts: The parcels, none of them from a node to itself; afterwards with what arrived.
             one_hop: As for `carry`.
 
         Returns:
-            An event that fires when the last has ended, and what then says which arrived. None, and nothing is sent,
-            where they need a datagram each: the MAC takes time, or some node is several hops away.
+            An event that fires when the last has ended. None, and nothing is sent, where they need a datagram each: the
+            MAC takes time, or some node is several hops away.
         """
-        if not all(self._goes_directly(node, head, one_hop) for node in nodes):
+        if self._send_unicasts is _send_no_unicasts:
             return None
-        unicasts = Unicasts(nodes, [head] * len(nodes), [parcel] * len(nodes), target)
-        event = self._send_unicasts(unicasts)
-        return None if event is None else (event, unicasts)
+        ends = [*zip(unicasts.sources, unicasts.destinations, strict=True)]
+        near = one_hop and self.wake_neighbour is None and self._pairs.issuperset(ends)
+        if not near and not all(self._goes_directly(source, to, one_hop) for source, to in ends):
+            return None
+        return self._send_unicasts(unicasts)
 
     def broadcast(
         self, sources: Sequence[int], parcels: Sequence[Parcel], target: int, sequence: int = 0, relayed: bool = False

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from wsnsim.base.arrays import Bools
 from wsnsim.base.frames import Burst, full_burst
-from wsnsim.base.requests import Parcel
+from wsnsim.base.requests import Parcel, all_arrived
 
 
 @dataclass(slots=True)
@@ -37,8 +38,8 @@ class Unicasts:
             return sum(burst.sent for burst in self.bursts)
         return sum(parcel.packets * parcel.packet_bits for parcel in self.parcels)
 
-    def arrived(self) -> set[int]:
-        """The sources of which any packet arrived."""
+    def masks(self) -> list[Bools | None]:
+        """Which packets of each parcel arrived, (packets,); None where nothing did."""
         if self.bursts is None:
-            return set(self.sources)
-        return {burst.source for burst in self.bursts if burst.packets}
+            return [all_arrived(parcel.packets) for parcel in self.parcels]
+        return [burst.mask if burst.packets else None for burst in self.bursts]
