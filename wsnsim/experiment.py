@@ -142,7 +142,7 @@ def _final_coverage(nodes: Nodes, setup: NetworkSetup) -> float:
 def run(
     scenario: Source,
     *,
-    replicates: int | range | None = None,
+    replicates: int | Sequence[int] | None = None,
     out: Path,
     command_line: str = "",
     progress: Callable[[Progress], None] | None = None,
@@ -181,7 +181,7 @@ def run(
         file.set_text("scenario/source_yaml", loaded.source_yaml)
         resolved = {**scenarios.resolved(loaded), "replicates": len(chosen)}
         file.set_text("scenario/resolved_json", json.dumps(resolved))
-        made_by = provenance(command_line, setup.seed, scenarios.plugins(loaded))
+        made_by = provenance(command_line, setup.seed, scenarios.plugins(loaded), loaded.overrides)
         file.set_text("provenance_json", json.dumps({**made_by, "engine": "composed"}))
         batches = (
             Batches(setup, file, time_without_compilation)

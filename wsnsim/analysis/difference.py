@@ -5,7 +5,7 @@ differ(a, b) -> ResultDifference;   as_json(difference)
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -16,6 +16,7 @@ import wsnsim.recording as recording
 from wsnsim.analysis.event_groups import BLOCK, layout_or_empty, ranges, rows_in
 from wsnsim.analysis.phrases import row_in_words
 from wsnsim.analysis.plot_data import stored_json
+from wsnsim.base.leaves import differing_leaves
 
 OF_THE_DAY: Final = ("start", "end")
 """Provenance entries that differ between any two runs."""
@@ -23,7 +24,6 @@ NOT_COMPARED: Final = {"runs": ("cpu_seconds",)}
 """Columns that do not depend on the simulation alone."""
 OF_NETWORK: Final = ("node", "x", "y", "gain", "energy_initial")
 """Columns of `nodes` that are constant in a run."""
-ABSENT: Final = "(absent)"
 Pair = tuple[Any, Any]
 
 
@@ -209,22 +209,7 @@ def _figures(paths: tuple[str, str], rows: tuple[slice, slice]) -> dict[str, Pai
 
 def _differing(paths: tuple[str, str], name: str, but: Sequence[str] = ()) -> dict[str, Pair]:
     """{dotted key: (A, B)} of what differs in a JSON text of the two."""
-    sides = [dict(_leaves(stored_json(path, name))) for path in paths]
-    keys = [*sides[0], *(key for key in sides[1] if key not in sides[0])]
-    pairs = {key: (sides[0].get(key, ABSENT), sides[1].get(key, ABSENT)) for key in keys if key not in but}
-    return {key: pair for key, pair in pairs.items() if pair[0] != pair[1]}
-
-
-def _leaves(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
-    """(dotted key, value) of every value that is not a mapping."""
-    if isinstance(value, dict) and value:
-        for key, inner in value.items():
-            yield from _leaves(inner, f"{path}.{key}" if path else str(key))
-    elif isinstance(value, list) and any(isinstance(inner, dict) for inner in value):
-        for number, inner in enumerate(value):
-            yield from _leaves(inner, f"{path}.{number}")
-    else:
-        yield path, value
+    return differing_leaves(stored_json(paths[0], name), stored_json(paths[1], name), but)
 
 
 def _lacking(what: str, a: Any, b: Any) -> list[str]:

@@ -11,8 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from wsnsim.analysis.difference import ABSENT, Pair, ReplicateDifference, ResultDifference
+from wsnsim.analysis.difference import Pair, ReplicateDifference, ResultDifference
 from wsnsim.analysis.phrases import aligned
+from wsnsim.base.leaves import ABSENT
 
 
 def text(found: ResultDifference) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -203,11 +204,11 @@ def info(source: str, as_json: bool) -> None:
 @result_argument
 @json_option
 def verify(result: Path, as_json: bool) -> int:
-    """Run a result's scenario again and compare fingerprints, estimates and energy."""
+    """Run a result's scenario again and compare every table, the fingerprints and the source text."""
     import wsnsim.verification as verification
 
     answer = verification.verify(result)
-    echo_answer({"ok": answer.ok, "rows": answer.rows} if as_json else answer.text)
+    echo_answer({key: value for key, value in asdict(answer).items() if key != "text"} if as_json else answer.text)
     return 0 if answer.ok else 1
 
 

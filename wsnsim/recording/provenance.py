@@ -21,18 +21,21 @@ PACKAGES: Final = (
 )  # fmt: skip
 
 
-def provenance(command_line: str, seed: int, plugins: Sequence[str] = ()) -> dict[str, Any]:
+def provenance(
+    command_line: str, seed: int, plugins: Sequence[str] = (), overrides: Sequence[str] = ()
+) -> dict[str, Any]:
     """The provenance as a dict that can be written as JSON.
 
-    It holds versions, the git commit if wsnsim runs from a checkout, seed, command line, plug-ins, platform and start
-    time (UTC). `cpu_features` are the instruction sets that NumPy found: its log and exp differ in the last bit between
-    processors, so equal bits are guaranteed for equal features only. No path, user or host name is stored, except those
-    in the command line.
+    It holds versions, the git commit if wsnsim runs from a checkout, seed, command line, plug-ins, the assignments that
+    changed the scenario's text, platform and start time (UTC). `cpu_features` are the instruction sets that NumPy
+    found: its log and exp differ in the last bit between processors, so equal bits are guaranteed for equal features
+    only. No path, user or host name is stored, except those in the command line and in the assignments.
     """
     return {
         "command_line": command_line,
         "seed": seed,
         "plugins": list(plugins),
+        "overrides": list(overrides),
         "python": platform.python_version(),
         "packages": {name: _version(name) for name in PACKAGES} | {"hdf5": h5py.version.hdf5_version},
         "git": _own_checkout(),

@@ -41,8 +41,11 @@ def load(source: str | Path | Mapping[str, Any] | Scenario, overrides: Iterable[
     text = read_scenario(source)
     if text.tree is None:
         raise ScenarioError(text.issues)
-    assignments, issues = assignments_of(overrides)
-    return validated(text, assignments, issues)
+    written = tuple(overrides)
+    assignments, issues = assignments_of(written)
+    scenario = validated(text, assignments, issues)
+    scenario._overrides = written
+    return scenario
 
 
 class ScenarioText(NamedTuple):
@@ -87,6 +90,12 @@ def assignments_of(overrides: Iterable[str]) -> tuple[list[Assignment], list[Iss
     read = [_assignment(override) for override in overrides]
     assignments = [(keys, node) for keys, node, _ in read if node is not None]
     return assignments, [issue for *_, issues in read for issue in issues]
+
+
+def tree_of(path: Path) -> tuple[LocatedValue | None, list[Issue]]:
+    """Return the values of a scenario's file merged with what it extends, unchecked; None if it cannot be read."""
+    content, issues = content_of(path)
+    return (None, issues) if content is None else _tree_of(path, content, ())
 
 
 def keys_of(written: str) -> Keys:

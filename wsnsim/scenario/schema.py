@@ -176,6 +176,7 @@ class Scenario(BaseModel):  # noqa: PLW1641 - pydantic gives frozen models their
 
     _tree: LocatedValue = PrivateAttr()
     _source: tuple[str, str] = PrivateAttr(("", ""))
+    _overrides: tuple[str, ...] = PrivateAttr(())
 
     @field_validator("duration")
     @classmethod
@@ -217,6 +218,11 @@ class Scenario(BaseModel):  # noqa: PLW1641 - pydantic gives frozen models their
     def source_yaml(self) -> str:
         """The text that the scenario was read from, unchanged."""
         return self._source[1]
+
+    @property
+    def overrides(self) -> tuple[str, ...]:
+        """The assignments that changed values of the text, such as 'link.reach=80 m'."""
+        return self._overrides
 
     @property
     def file(self) -> str:

@@ -1,0 +1,209 @@
+"""Whether a result is reproducible: its scenario is run again, and everything that it holds is compared.
+
+verify(path) -> Verification
+"""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from wsnsim import experiment
+from wsnsim.base.errors import ResultError
+from wsnsim.recording import attributes, provenance, read_table, read_text, tables
+from wsnsim.recording.layout import PARTIAL
+from wsnsim.scenario import load
+from wsnsim.verification import stored_source
+from wsnsim.verification.repetition import DIGESTS, NOT_REPEATED, RepeatedTable, Repetition, compare
+
+LAST_REPLICATE: Final = 2**31
+OVERRIDES: Final = "overrides"
+"""Entry of the provenance that files of earlier versions lack."""
+MOST_SHOWN: Final = 6
+"""Columns of a run that are named."""
+UNCHECKED: Final = ("the provenance's command line, commit, machine and times",)
+"""What no run repeats."""
+LEAST_LEFT: Final = len(UNCHECKED) + sum(map(len, NOT_REPEATED.values()))
+"""Entries of `left` of a file that was compared as a whole."""
+
+
+@dataclass(frozen=True)
+class Verification:
+    """Whether a result is reproducible.
+
+    Attributes:
+        ok: whether it is.
+        text: the answer in words.
+        rows: one per run: `replicate`, `fingerprint` and `again` (stored and repeated), `equal` (bit by bit), `close`
+            (up to rounding), `differing` (the columns that are not equal).
+        faults: what is wrong with the file as a whole, as sentences.
+        compared: {table: its number of rows in the result}.
+        left: what could not be compared.
+    """
+
+    ok: bool
+    text: str
+    rows: tuple[Mapping[str, Any], ...]
+    faults: tuple[str, ...] = ()
+    compared: Mapping[str, int] | None = None
+    left: tuple[str, ...] = ()
+
+
+def verify(path: str | Path) -> Verification:
+    """Run a result's scenario again, and compare every table, the fingerprints, and the source text.
+
+    With the same CPU features and package versions all bits must be equal. Otherwise floating-point values may differ
+    by rounding, and the text says so: NumPy's logarithm and exponential differ in the last bit between CPUs. A
+    fingerprint follows from the values: if they are equal bit by bit, so must it be. Only a file of an earlier version
+    of wsnsim may lack columns.
+
+    Raises:
+        ResultError: the file cannot be read, or holds rows of no possible run.
+        ScenarioError: its scenario is invalid.
+        RunError: a run failed.
+    """
+    path = Path(path)
+    resolved, stored = experiment.rerun_source(path), json.loads(read_text(path, "provenance_json"))
+    scenario = load(resolved)
+    partial, older = attributes(path)["status"] == PARTIAL, OVERRIDES not in stored
+    here = provenance("", scenario.seed)
+    replicates, faults = _replicates(path, scenario.replicates, partial)
+    with tempfile.TemporaryDirectory(prefix="wsnsim-verify-") as folder:
+        again = Path(folder) / "again.h5"
+        experiment.run(scenario, replicates=replicates, out=again, batch=False)
+        found = compare(path, again, partial)
+        rows = [_row(path, again, replicate, own, older) for replicate, own in found.runs.items()]
+    faults += [*found.faults, *_absent(found, older)]
+    differing_source, unknown = _source(path, stored, resolved, older)
+    faults += differing_source
+    excuses = _differing(stored, here)
+    ok = not faults and all(row["equal"] or (bool(excuses) and row["close"]) for row in rows)
+    compared = {name: size.rows for name, size in tables(path).items()}
+    left = (*_left(found, partial), *unknown)
+    text = _text(path, ok, rows, faults, [*_commits(stored, here), *_excused(excuses)], compared, left)
+    return Verification(ok, text, tuple(rows), tuple(faults), compared, left)
+
+
+def _replicates(path: Path, wanted: int, partial: bool) -> tuple[list[int], list[str]]:
+    """The numbers of the runs in a result, and what is wrong with them."""
+    numbers = read_table(path, "runs", ["replicate"])["replicate"].tolist()
+    faults = []
+    if not partial and len(numbers) != wanted:
+        faults.append(f"table runs has {len(numbers)} rows, its scenario asks for {wanted} runs")
+    if len(set(numbers)) != len(numbers):
+        faults.append("table runs has several rows of one run")
+    if not numbers:
+        for name in (name for name, size in tables(path).items() if "replicate" in size.columns):
+            numbers += read_table(path, name, ["replicate"])["replicate"].tolist()
+    chosen = sorted(set(numbers)) or [0]
+    if chosen[0] < 0 or chosen[-1] > LAST_REPLICATE:
+        raise ResultError(f"{path}: has a run with the number {chosen[0] if chosen[0] < 0 else chosen[-1]}")
+    return chosen, faults
+
+
+def _row(path: Path, again: Path, replicate: int, own: Sequence[RepeatedTable], older: bool) -> dict[str, Any]:
+    """What is said of one run."""
+    stored, repeated, digests_agree = _fingerprints(path, again, replicate, older)
+    columns = [f"{table.table}.{name}" for table in own for name in table.differing]
+    values = [name for name in columns if name.removeprefix("runs.") not in DIGESTS]
+    lengths = [f"{t.table} ({t.rows[0]} rows, not {t.rows[1]})" for t in own if t.rows[0] != t.rows[1]]
+    same_values = not values and not lengths
+    return {
+        "replicate": replicate,
+        "fingerprint": stored,
+        "again": repeated,
+        "equal": same_values and digests_agree,
+        "close": all(table.close for table in own) and (digests_agree or not same_values),
+        "differing": [*lengths, *values, *([] if digests_agree or not same_values else ["runs.fingerprint"])],
+    }
+
+
+def _fingerprints(path: Path, again: Path, replicate: int, older: bool) -> tuple[int, int, bool]:
+    """(stored, repeated, whether all digests agree); 0 for a run that the result's table `runs` has not.
+
+    In a file of version 0.1, which has no `event_fingerprint`, the fingerprint was that of the events.
+    """
+    stored, repeated = _digests(path, replicate), _digests(again, replicate)
+    if not stored:
+        return 0, repeated["fingerprint"], False
+    if older and "event_fingerprint" not in stored:
+        repeated = {"fingerprint": repeated["event_fingerprint"]}
+    return stored["fingerprint"], repeated["fingerprint"], stored == repeated
+
+
+def _digests(path: Path, replicate: int) -> dict[str, int]:
+    """The digests of one run."""
+    runs = read_table(path, "runs")
+    rows = (runs["replicate"] == replicate).nonzero()[0]
+    return {name: int(runs[name][rows[0]]) for name in DIGESTS if name in runs and rows.size}
+
+
+def _source(
+    path: Path, stored: Mapping[str, Any], resolved: Mapping[str, Any], older: bool
+) -> tuple[list[str], list[str]]:
+    """What the source text says otherwise than the stored scenario, and what of it could not be compared."""
+    if older:
+        return [], ["the source text, since the file does not say with which overrides it was read"]
+    return stored_source.compare(read_text(path, "scenario/source_yaml"), stored[OVERRIDES], resolved)
+
+
+def _absent(found: Repetition, older: bool) -> list[str]:
+    return [] if older else [f"has no column {name}" for name in found.absent]
+
+
+def _left(found: Repetition, partial: bool) -> tuple[str, ...]:
+    """What could not be compared of the tables."""
+    columns = [f"{table}.{name}" for table, names in NOT_REPEATED.items() for name in names]
+    missing = [f"{', '.join(found.absent)}, which a file of an earlier version lacks"] if found.absent else []
+    rows = ["the rows that were not recovered"] if partial else []
+    return (*columns, *missing, *rows, *UNCHECKED)
+
+
+def _differing(stored: Mapping[str, Any], here: Mapping[str, Any]) -> list[str]:
+    """Names of what differs between the origin of a result and this one, and can change the last bit."""
+    names = {"python": "Python", "packages": "packages", "cpu_features": "CPU features"}
+    found = [word for name, word in names.items() if stored.get(name) != here.get(name)]
+    if stored.get("engine") == "batch" and any(kind.startswith("tracker ") for kind in stored.get("plugins", ())):
+        found.append("engine")  # the whole runs of a plug-in are close to composed runs, not equal
+    return found
+
+
+def _excused(excuses: Sequence[str]) -> list[str]:
+    """A line on what excuses rounding."""
+    return [f"origin with other {' and '.join(excuses)}: values may differ by rounding"] if excuses else []
+
+
+def _commits(stored: Mapping[str, Any], here: Mapping[str, Any]) -> list[str]:
+    """A line with both commits if another commit made the result; it does not excuse a difference."""
+    before, now = ((origin.get("git") or {}).get("commit", "no checkout")[:12] for origin in (stored, here))
+    return [f"made by commit {before}, run again by {now}"] if before != now else []
+
+
+def _text(
+    path: Path,
+    ok: bool,
+    rows: Sequence[Mapping[str, Any]],
+    faults: Sequence[str],
+    origins: Sequence[str],
+    compared: Mapping[str, int],
+    left: Sequence[str],
+) -> str:
+    """The answer in words."""
+    answer = "repeats" if len(left) <= LEAST_LEFT else "repeats as far as it could be compared"
+    lines = [f"{path}: " + (answer if ok else "DOES NOT REPEAT"), *(f"  {line}" for line in origins)]
+    lines += [f"  {fault}" for fault in faults] + list(map("  {}".format, _row_texts(rows)))
+    lines.append(f"  compared: {', '.join(f'{name} ({count} rows)' for name, count in compared.items())}")
+    return "\n".join([*lines, f"  not compared: {'; '.join(left)}"])
+
+
+def _row_texts(rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    for row in rows:
+        verdict = "equal" if row["equal"] else "close" if row["close"] else "different"
+        shown = [*row["differing"][:MOST_SHOWN], *(["..."] if len(row["differing"]) > MOST_SHOWN else [])]
+        where = f" in {', '.join(shown)}" if shown else ""
+        prints = f"{row['fingerprint']:016x} / {row['again']:016x}"
+        yield f"replicate {row['replicate']}: {verdict}{where}, fingerprint {prints}"
