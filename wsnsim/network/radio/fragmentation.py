@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
+from typing import TypeAlias
 
 import numpy as np
 
-from wsnsim.base.arrays import Bools
+from wsnsim.base.arrays import Bools, Ints
 from wsnsim.base.frames import EVERYONE, SEND, Burst, MacFrame, Received
 from wsnsim.base.medium_access import FramedMac, Packing
 from wsnsim.base.tables import KIND
 from wsnsim.network.event_log import EventLog
 
 RELAY = KIND["relay"]
+Span: TypeAlias = tuple[int, int, int, int]
+"""First packet, last packet + 1, number of packets, and bits on the air of one fragment."""
 
 
 class Fragment(MacFrame):
@@ -37,21 +40,21 @@ class Fragment(MacFrame):
 class _Reassembly:
     """A burst whose fragments are on their way: how many are missing, and what was received so far."""
 
-    def __init__(self, burst: Burst, spans: Sequence[tuple[int, int]], on_end: Callable[[], None]) -> None:
+    def __init__(self, burst: Burst, spans: list[Span], on_end: Callable[[], None]) -> None:
         self.burst = burst
         self._missing = len(spans)
         self._spans = spans
         self._on_end = on_end
-        self._lost = np.zeros(burst.mask.size, dtype=np.bool_)
-        self._received: dict[int, list[tuple[int, int]]] = {}
+        self._lost: list[Fragment] = []
+        self._received: list[tuple[Fragment, Ints]] = []
 
     def add(self, fragment: Fragment, received: Received | None) -> None:
         """Note the result of one fragment; after the last one, complete the burst."""
         if self.burst.to == EVERYONE:
-            for node in () if received is None else received.tolist():
-                self._received.setdefault(node, []).append((fragment.first, fragment.last))
+            if received is not None:
+                self._received.append((fragment, received))
         elif not received:
-            self._lost[fragment.first : fragment.last] = True
+            self._lost.append(fragment)
         self._missing -= 1
         if self._missing == 0:
             self._complete()
@@ -59,20 +62,33 @@ class _Reassembly:
     def _complete(self) -> None:
         burst = self.burst
         if burst.to == EVERYONE:
-            burst.received = {node: self._mask_of(spans) for node, spans in sorted(self._received.items())}
-        else:
-            mask = burst.mask & ~self._lost
-            burst.mask, burst.packets = mask, int(mask.sum())
+            burst.received = self._masks()
+        elif self._lost:
+            burst.mask = burst.mask.copy()
+            for fragment in self._lost:
+                burst.mask[fragment.first : fragment.last] = False
+            burst.packets = int(burst.mask.sum())
         self._on_end()
 
-    def _mask_of(self, received: Sequence[tuple[int, int]]) -> Bools:
+    def _masks(self) -> dict[int, Bools]:
+        """{node: which packets of a broadcast it received}, ascending."""
+        if len(self._spans) == len(self._received) == 1:
+            return dict.fromkeys(sorted(self._received[0][1].tolist()), self.burst.mask)
+        found: dict[int, list[Fragment]] = {}
+        for fragment, received in self._received:
+            for node in received.tolist():
+                found.setdefault(node, []).append(fragment)
+        return {node: self._mask_of(fragments) for node, fragments in sorted(found.items())}
+
+    def _mask_of(self, received: list[Fragment]) -> Bools:
         """Which packets of a broadcast are complete at a node that received these fragments."""
         if len(received) == len(self._spans):
             return self.burst.mask
         arrived, sent = (np.zeros(self.burst.mask.size, dtype=np.int64) for _ in range(2))
-        for counts, spans in ((arrived, received), (sent, self._spans)):
-            for first, last in spans:
-                counts[first:last] += 1
+        for fragment in received:
+            arrived[fragment.first : fragment.last] += 1
+        for first, last, *_ in self._spans:
+            sent[first:last] += 1
         result: Bools = self.burst.mask & (arrived == sent)
         return result
 
@@ -85,6 +101,8 @@ class Fragmentation:
         self._packing = packing
         self._log = log
         self._sequence = 0
+        self._whole: dict[tuple[int, int], list[Span]] = {}
+        """{(packets, bits of a packet): spans of a burst with all packets of its parcel}"""
 
     def split(self, burst: Burst, on_end: Callable[[], None]) -> list[MacFrame]:
         """Return the fragments of a burst, in order; none for a burst without packets.
@@ -98,20 +116,26 @@ class Fragmentation:
             self._sequence += 1
             burst.sequence = self._sequence
         spans = self._spans(burst)
-        reassembly = _Reassembly(burst, [(first, last) for first, last, _, _ in spans], on_end)
+        reassembly = _Reassembly(burst, spans, on_end)
         code = self._log.code(burst.parcel.what)
-        return [
-            Fragment(reassembly, first, last, packets, self._mac.bits(bits), code)
-            for first, last, packets, bits in spans
-        ]
+        return [Fragment(reassembly, *span, code) for span in spans]
 
-    def _spans(self, burst: Burst) -> list[tuple[int, int, int, int]]:
-        """(first, last, packets, payload bits) of each fragment."""
-        size, capacity = burst.parcel.packet_bits, self._mac.payload_bits
-        present = [int(i) for i in np.flatnonzero(burst.mask)]
+    def _spans(self, burst: Burst) -> list[Span]:
+        """The span of each fragment; remembered for bursts that carry their whole parcel."""
+        size, count = burst.parcel.packet_bits, burst.mask.size
+        if burst.packets < count:
+            return self._divided(np.flatnonzero(burst.mask).tolist(), size)
+        spans = self._whole.get((count, size))
+        if spans is None:
+            spans = self._whole[count, size] = self._divided(list(range(count)), size)
+        return spans
+
+    def _divided(self, present: list[int], size: int) -> list[Span]:
+        """The spans of packets of `size` bits, of which these are present."""
+        bits_of, capacity = self._mac.bits, self._mac.payload_bits
         if size > capacity:
             sizes = [capacity] * (size // capacity) + ([size % capacity] if size % capacity else [])
-            return [(i, i + 1, 1, bits) for i in present for bits in sizes]
+            return [(i, i + 1, 1, bits_of(bits)) for i in present for bits in sizes]
         per_frame = max(self._packing.packets(size, capacity), 1)
         groups = [present[i : i + per_frame] for i in range(0, len(present), per_frame)]
-        return [(group[0], group[-1] + 1, len(group), len(group) * size) for group in groups]
+        return [(group[0], group[-1] + 1, len(group), bits_of(len(group) * size)) for group in groups]
