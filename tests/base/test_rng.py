@@ -32,6 +32,13 @@ def test_the_hash_in_kernels_equals_its_numpy_twin_bit_for_bit(key, tag, draw):
     assert uniforms_in_a_kernel(keys, draw).tolist() == rng.uniforms(keys, draw).tolist()
 
 
+@given(KEYS, st.lists(st.integers(-1, 2**31), min_size=4, max_size=4))
+def test_the_sum_of_keys_is_that_of_keys_derived_one_by_one(key, numbers):
+    columns = [np.array([n, n + 1], dtype=np.int64) for n in numbers]
+    expected = rng.derive(key, *numbers) + rng.derive(key ^ 1, *[n + 1 for n in numbers])
+    assert int(noise.sum_of_keys(np.array([key, key ^ 1], dtype=np.uint64), *columns)) == expected % 2**64
+
+
 @given(KEYS, st.lists(st.integers(-1, 2**31), min_size=1, max_size=4))
 def test_deriving_one_by_one_and_all_at_once_agree(key, numbers):
     assert rng.derive_all(key, np.array(numbers)).tolist() == [rng.derive(key, n) for n in numbers]

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from tests.bench.frames import busy, charge, frame, interferer, other_frame, rivals, schedules, sleepers, spells
+from tests.bench.frames import busy, charge, frame, interferer, links, other_frame, rivals, schedules, sleepers, spells
 from wsnsim.base.rng import derive_all
 
 Arguments = tuple[Any, ...]
@@ -180,11 +180,6 @@ def _greedy(count: int) -> Arguments:
     return cloud, fitness, proposal, new_fitness
 
 
-def _gains(count: int) -> Arguments:
-    before, after = _rng().normal(size=(2, count))
-    return before, after
-
-
 def _masses(count: int) -> Arguments:
     rng = _rng()
     points, velocities = rng.normal(size=(2, 4, count))
@@ -228,6 +223,9 @@ def _kalman(count: int) -> Arguments:
 
 ENTRIES: tuple[Entry, ...] = (
     Entry("noise.particle_keys", "bench.twins:particle_keys", lambda n: (_keys(SEGMENTS), _offsets(n), 1)),
+    Entry(
+        "noise.sum_of_keys", "bench.twins:sum_of_keys", lambda n: (_keys(n), *np.arange(-1, 4 * n - 1).reshape(4, n))
+    ),
     Entry("motion.advance", "bench.twins:advance", lambda n: (_states(n), DRIFT)),
     Entry("motion.transitions", "bench.twins:transitions", lambda n: (_states(n), DRIFT)),
     Entry("motion.propagate", "bench.twins:propagate", lambda n: (_states(n), _keys(n), DRIFT, ROOT)),
@@ -278,7 +276,11 @@ ENTRIES: tuple[Entry, ...] = (
     Entry("cuckoo.fly_cuckoos", "kernels.test_cuckoo:fly_cuckoos_twin", _cuckoos),
     Entry("cuckoo.replace_nests", "kernels.test_cuckoo:replace_nests_twin", _nests),
     Entry("cuckoo.accept_greedy", "kernels.test_cuckoo:accept_greedy_twin", _greedy),
-    Entry("cuckoo.relative_changes", "kernels.test_cuckoo:relative_changes_twin", _gains),
+    Entry(
+        "cuckoo.relative_changes",
+        "kernels.test_cuckoo:relative_changes_twin",
+        lambda n: tuple(_rng().normal(size=(2, n))),
+    ),
     Entry("cuckoo.accept_chains", "kernels.test_cuckoo:accept_chains_twin", _chains),
     Entry("gravity.attract", "kernels.test_gravity:attract_twin", _masses),
     Entry("grid.spread", "kernels.test_grid:spread_twin", _cells, each="cell"),
@@ -287,6 +289,7 @@ ENTRIES: tuple[Entry, ...] = (
     Entry("relay.filter_each", "kernels.test_relay:filter_each_twin", _bank_step, FEW, "sensor"),
     Entry("relay.kalman", "kernels.test_relay:kalman_twin", _kalman, FEW, "sensor"),
     Entry("reception.outcomes", "kernels.test_reception:outcomes_twin", frame, NEIGHBOURS, "neighbour"),
+    Entry("reception.find_links", "kernels.test_reception:find_links_twin", links, NEIGHBOURS, "link"),
     Entry("reception.overlap", "kernels.test_reception:overlap_twin", other_frame, NEIGHBOURS, "neighbour"),
     Entry("reception.add_common", "kernels.test_reception:add_common_twin", interferer, NEIGHBOURS, "neighbour"),
     Entry("reception.take_over", "kernels.test_reception:take_over_twin", rivals, NEIGHBOURS, "neighbour"),

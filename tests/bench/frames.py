@@ -70,4 +70,13 @@ def charge(count: int) -> tuple[Any, ...]:
 def busy(count: int) -> tuple[Any, ...]:
     """The arguments of `mark_busy` for every second of many nodes."""
     modes = (np.arange(2 * count) % 5).astype(np.int8)
-    return np.arange(0, 2 * count, 2), 0.5, np.zeros(2 * count), modes, np.zeros(5, np.int64)
+    law = np.linspace(0.1, 0.3, 5), np.arange(5) % 2, np.zeros(2)
+    return np.arange(0, 2 * count, 2), 0.5, np.zeros(2 * count), modes, np.zeros(5, np.int64), *law
+
+
+def links(count: int) -> tuple[Any, ...]:
+    """The arguments of `find_links` from one node to many others, and back from some of them."""
+    positions = np.random.default_rng(count).uniform(0.0, 99.0, (count + 1, 2))
+    sources, ids = np.full(count, count // 2), np.arange(1, count + 1)
+    keys = (np.zeros(count, dtype=np.uint64) for _ in range(2))
+    return positions, sources, ids, np.uint64(3), np.uint64(5), np.zeros(count), *keys

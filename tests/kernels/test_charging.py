@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from wsnsim.base.radio import Mode
 from wsnsim.kernels.charging import book, mark_busy
@@ -16,10 +17,12 @@ def book_twin(nodes, joules, spent, spent_on):
     spent_on[nodes] += joules
 
 
-def mark_busy_twin(nodes, seconds, busy, modes, counts):
+def mark_busy_twin(nodes, seconds, busy, modes, counts, powers, causes, totals):
     """`mark_busy` in array operations."""
     busy[nodes] += seconds
     counts[:] = np.bincount(modes[nodes], minlength=counts.size)
+    for mode, count in enumerate(counts.tolist()):
+        totals[causes[mode]] -= powers[mode] * seconds * count
 
 
 def test_a_charge_is_added_to_the_chosen_nodes_on_both_accounts():
@@ -29,11 +32,15 @@ def test_a_charge_is_added_to_the_chosen_nodes_on_both_accounts():
     assert np.array_equal(mine, twins) and mine[0].tolist() == [1.0, 1.1, 1.0, 1.0, 1.1, 1.1]
 
 
-def test_busy_seconds_are_added_and_the_modes_counted():
-    modes = np.array([0, 1, 2, 3, 4, 4], dtype=np.int8)
-    busy, counts = np.zeros(6), np.full(len(Mode), 9)
-    mark_busy(NODES, 0.5, busy, modes, counts)
-    assert busy.tolist() == [0.0, 0.5, 0.0, 0.0, 0.5, 0.5] and counts.tolist() == [0, 1, 0, 0, 2]
-    twins = np.zeros(6), np.full(len(Mode), 9)
-    mark_busy_twin(NODES, 0.5, twins[0], modes, twins[1])
-    assert np.array_equal(busy, twins[0]) and np.array_equal(counts, twins[1])
+def test_busy_seconds_are_added_and_what_they_would_have_cost_is_subtracted():
+    modes, powers, causes = (
+        np.array([0, 1, 2, 3, 4, 4], dtype=np.int8),
+        np.linspace(0.1, 0.3, 5),
+        np.array([2, 1, 1, 0, 1]),
+    )
+    mine, twins = ((np.zeros(6), modes, np.full(len(Mode), 9), powers, causes, np.full(3, 1.0)) for _ in range(2))
+    mark_busy(NODES, 0.5, *mine)
+    mark_busy_twin(NODES, 0.5, *twins)
+    assert mine[0].tolist() == [0.0, 0.5, 0.0, 0.0, 0.5, 0.5] and mine[2].tolist() == [0, 1, 0, 0, 2]
+    assert mine[-1].tolist() == twins[-1].tolist() == pytest.approx([1.0, 1.0 - 0.15 * 0.5 - 0.3 * 0.5 * 2, 1.0])
+    assert np.array_equal(mine[0], twins[0]) and np.array_equal(mine[2], twins[2])

@@ -5,9 +5,30 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.bench.frames import frame, interferer, other_frame, rivals
-from wsnsim.base.rng import derive, derive_all, uniforms
-from wsnsim.kernels.reception import COLLIDED, FOREIGN, HIT, LOST, RECEIVED, add_common, outcomes, overlap, take_over
+from tests.bench.frames import frame, interferer, links, other_frame, rivals
+from wsnsim.base.rng import derive, derive_all, derive_each, uniforms
+from wsnsim.kernels.reception import (
+    COLLIDED,
+    FOREIGN,
+    HIT,
+    LOST,
+    RECEIVED,
+    add_common,
+    find_links,
+    outcomes,
+    overlap,
+    take_over,
+)
+
+
+def find_links_twin(positions, sources, ids, pair_key, direction_key, distances, pairs, directions):
+    """`find_links` in array operations."""
+    apart = positions[sources] - positions[ids]
+    distances[:] = np.sqrt(apart[:, 0] ** 2 + apart[:, 1] ** 2)
+    low, high = np.minimum(sources, ids), np.maximum(sources, ids)
+    pairs[:] = derive_each(derive_all(int(pair_key), low), high.astype(np.uint64))
+    links = derive_each(derive_all(int(direction_key), low), high.astype(np.uint64))
+    directions[:] = np.where(sources == low, links, ~links)
 
 
 def overlap_twin(ids, others, source, mark, paid, end, marks, until):
@@ -107,3 +128,22 @@ def test_interference_and_capture_are_those_of_the_twins(kernel, twin, maker, co
     kernel(*mine)
     twin(*twins)
     assert all(np.array_equal(a, b) for a, b in zip(mine, twins, strict=True))
+
+
+@pytest.mark.parametrize("count", [1, 8, 300])
+def test_lengths_and_keys_of_links_have_the_bits_of_array_operations(count):
+    mine, twins = links(count), links(count)
+    find_links(*mine)
+    find_links_twin(*twins)
+    for got, wanted in zip(mine[-3:], twins[-3:], strict=True):
+        assert np.array_equal(got, wanted)
+
+
+def test_the_keys_of_the_two_directions_of_a_link_are_equal_and_complements():
+    positions, sources, ids, *keys = links(8)[:5]
+    there, back = ((np.zeros(8), np.zeros(8, np.uint64), np.zeros(8, np.uint64)) for _ in range(2))
+    find_links(positions, sources, ids, *keys, *there)
+    find_links(positions, ids, sources, *keys, *back)
+    assert np.array_equal(there[0], back[0]) and np.array_equal(there[1], back[1])
+    apart = sources != ids
+    assert np.array_equal(there[2][apart], ~back[2][apart])

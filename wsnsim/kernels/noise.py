@@ -2,6 +2,7 @@
 
 uniform(key, draw) -> float, normal(key, draw) -> float      inlined into the kernels that sample
 particle_keys(keys, offsets, tag) -> (N,) uint64             one key per particle, from one key per member
+sum_of_keys(keys, a, b, c, d) -> uint64                      the sum of derive(key, a, b, c, d)
 """
 
 from __future__ import annotations
@@ -55,3 +56,15 @@ def particle_keys(keys: Keys, offsets: Ints, tag: int) -> Keys:
         for j in range(offsets[m], offsets[m + 1]):
             result[j] = mix(base + (np.uint64(j - offsets[m]) + ONE) * GOLDEN)
     return result
+
+
+@kernel
+def sum_of_keys(keys: Keys, a: Ints, b: Ints, c: Ints, d: Ints) -> np.uint64:
+    """The sum modulo 2**64 of derive(keys[i], a[i], b[i], c[i], d[i]) over all i; all are (n,)."""
+    total = np.uint64(0)
+    for i in range(keys.size):
+        key = mix(keys[i] + (np.uint64(a[i]) + ONE) * GOLDEN)
+        key = mix(key + (np.uint64(b[i]) + ONE) * GOLDEN)
+        key = mix(key + (np.uint64(c[i]) + ONE) * GOLDEN)
+        total += mix(key + (np.uint64(d[i]) + ONE) * GOLDEN)
+    return total

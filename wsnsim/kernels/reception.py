@@ -1,5 +1,6 @@
 """What a frame does at the neighbours of its sender, in one pass over them.
 
+    find_links(positions, sources, ids, ...)      the lengths and the keys of links
     overlap(ids, others, ..., marks, until)       another frame is heard meanwhile
     outcomes(key, ..., ids, ..., order, groups)   received, collided, overheard or lost
     add_common(ids, others, values, sums)         interference
@@ -13,14 +14,42 @@ from __future__ import annotations
 
 import numpy as np
 
-from wsnsim.kernels.arrays import Bools, Floats, Ints
-from wsnsim.kernels.compilation import inlined, kernel
+from wsnsim.kernels.arrays import Bools, Floats, Ints, Keys
+from wsnsim.kernels.compilation import exact_kernel, inlined, kernel
 from wsnsim.kernels.noise import GOLDEN, ONE, mix, uniform
 
 RECEIVED, COLLIDED, FOREIGN, LOST = 1, 2, 3, 4
 """The outcomes of a frame at one node, in the order of the groups. FOREIGN: it was for another node."""
 HEARD_OTHER, HIT = 1, 2
 """Marks: another frame was heard meanwhile; the frame is lost."""
+
+
+@exact_kernel
+def find_links(
+    positions: Floats, sources: Ints, ids: Ints, pair_key: np.uint64, direction_key: np.uint64,
+    distances: Floats, pairs: Keys, directions: Keys,
+) -> None:  # fmt: skip
+    """Find the length of each link, and the keys of its random part: `base.rng.derive(key, lower, higher)`.
+
+    Args:
+        positions: (N, 2) of all nodes in m.
+        sources: (n,) the senders.
+        ids: (n,) the receivers.
+        pair_key: The key of what is the same in both directions.
+        direction_key: The key of what is not.
+        distances: (n,) in which the lengths are written, in m.
+        pairs: (n,) in which the keys are written that are equal for both directions.
+        directions: (n,) in which the keys are written of which those of the two directions are complements.
+    """
+    for i in range(ids.size):
+        dx = positions[sources[i], 0] - positions[ids[i], 0]
+        dy = positions[sources[i], 1] - positions[ids[i], 1]
+        distances[i] = np.sqrt(dx * dx + dy * dy)
+        low, high = np.uint64(min(sources[i], ids[i])), np.uint64(max(sources[i], ids[i]))
+        pairs[i] = mix(mix(pair_key + (low + ONE) * GOLDEN) + (high + ONE) * GOLDEN)
+        directions[i] = mix(mix(direction_key + (low + ONE) * GOLDEN) + (high + ONE) * GOLDEN)
+        if sources[i] > ids[i]:
+            directions[i] = ~directions[i]
 
 
 @kernel

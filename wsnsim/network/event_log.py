@@ -12,19 +12,22 @@ recorded.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from operator import itemgetter
 from typing import Any, Final
 
 import numpy as np
 
 from wsnsim.base.arrays import Floats, Ints
 from wsnsim.base.ports import Recorder
-from wsnsim.base.rng import derive_each
 from wsnsim.base.tables import EVENT_CAUSE, TABLES
+from wsnsim.kernels.noise import sum_of_keys
 
 TYPES: Final = {column.name: np.dtype(column.dtype) for column in TABLES["events"] if column.name != "replicate"}
 NAMES: Final = tuple(TYPES)
-NODE: Final = NAMES.index("node")
+HASHED: Final = ("time", "node", "kind", "peer", "bits")
+"""The columns of which the fingerprint is made: the others are not needed where events are not recorded."""
+CHOOSE_HASHED: Final = itemgetter(*map(NAMES.index, HASHED))
 CHUNK: Final = 8192
 """Rows after which the log is written to the recorder."""
 EACH: Final = -2
@@ -80,19 +83,21 @@ class EventLog:
         """Write the events to the recorder if they fill a chunk, or in any case with `everything`."""
         if len(self._rows) < CHUNK and not (everything and self._rows):
             return
-        flat = np.fromiter(itertools.chain.from_iterable(self._rows), np.float64, len(self._rows) * len(NAMES))
+        names = NAMES if self._wanted else HASHED
+        rows = self._rows if self._wanted else map(CHOOSE_HASHED, self._rows)
+        flat = np.fromiter(itertools.chain.from_iterable(rows), np.float64, len(self._rows) * len(names))
         self._rows.clear()
-        columns = self._columns(flat.reshape(-1, len(NAMES)))
+        columns = self._columns(names, flat.reshape(-1, len(names)))
         self._sum = (self._sum + _digest(columns)) & 0xFFFF_FFFF_FFFF_FFFF
         if self._wanted:
             self._recorder.write("events", {"replicate": self._replicate, **columns})
 
-    def _columns(self, rows: Floats) -> dict[str, np.ndarray[Any, Any]]:
+    def _columns(self, names: Sequence[str], rows: Floats) -> dict[str, np.ndarray[Any, Any]]:
         """Typed columns of events; an event that several nodes share becomes one row for each of them."""
-        columns = {name: _typed(rows[:, i], dtype) for i, (name, dtype) in enumerate(TYPES.items())}
+        columns = {name: _typed(rows[:, i], TYPES[name]) for i, name in enumerate(names)}
         if not self._shared_nodes:
             return columns
-        shared = rows[:, NODE] == EACH
+        shared = rows[:, names.index("node")] == EACH
         repeats = np.ones(len(rows), dtype=np.int64)
         repeats[shared] = [nodes.size for nodes in self._shared_nodes]
         columns = {name: np.repeat(values, repeats) for name, values in columns.items()}
@@ -115,6 +120,5 @@ def _typed(values: Floats, dtype: np.dtype[Any]) -> np.ndarray[Any, Any]:
 
 
 def _digest(columns: Mapping[str, np.ndarray[Any, Any]]) -> int:
-    times = columns["time"].view(np.uint64)
-    others = [columns[name].astype(np.int64).view(np.uint64) for name in ("node", "kind", "peer", "bits")]
-    return int(np.sum(derive_each(times, *others), dtype=np.uint64))
+    times, *others = (columns[name] for name in HASHED)
+    return int(sum_of_keys(times.view(np.uint64), *(values.astype(np.int64) for values in others)))

@@ -88,7 +88,9 @@ class BackgroundConsumption(Consumption):
         self._counts = np.zeros(len(Mode), dtype=np.int64)
         self._mode, self._since = scalars(self._modes), scalars(self._settled_at)
         self._radio_busy_of, self._computed_of = scalars(self._radio_busy), scalars(self._computed)
-        self._grand: dict[int, float] = dict.fromkeys(OVER_TIME, 0.0)
+        self._radio_law = np.array(self._radio), np.array(self._radio_cause, dtype=np.int64)
+        self._grand_totals = np.zeros(len(CAUSES))
+        self._grand = scalars(self._grand_totals)
         self._power: dict[int, float] = dict.fromkeys(OVER_TIME, 0.0)
         self._booked: dict[int, float] = {SENSE: 0.0, SWITCH: 0.0}
         if rest is not Mode.SCHEDULED:
@@ -191,10 +193,7 @@ class BackgroundConsumption(Consumption):
 
     def mark_radios_busy(self, nodes: Ints, seconds: float) -> None:
         """`mark_radio_busy` for different nodes (n,)."""
-        mark_busy(nodes, seconds, self._radio_busy, self._modes, self._counts)
-        for index, count in enumerate(self._counts.tolist()):
-            if count:
-                self._grand[self._radio_cause[index]] -= self._radio[index] * seconds * count
+        mark_busy(nodes, seconds, self._radio_busy, self._modes, self._counts, *self._radio_law, self._grand_totals)
 
     def mark_computing(self, node: int, cycles: float) -> None:
         """The processor of a node computes for a number of cycles."""

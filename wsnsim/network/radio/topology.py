@@ -15,7 +15,8 @@ import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats, Ints
 from wsnsim.base.radio import LinkModel
-from wsnsim.base.rng import derive, derive_all, derive_each
+from wsnsim.base.rng import derive
+from wsnsim.kernels.reception import find_links
 from wsnsim.network.nodes import Nodes
 
 USABLE: Final = 0.5
@@ -104,8 +105,7 @@ class Topology:
 
     def __init__(self, nodes: Nodes, link: LinkModel, key: int, packet_bits: int) -> None:
         self._nodes = nodes
-        self._pairs = derive(key, PAIR)
-        self._directions = derive(key, DIRECTION)
+        self._keys = np.uint64(derive(key, PAIR)), np.uint64(derive(key, DIRECTION))
         self._packet_bits = packet_bits
         self._neighbours: dict[int, Neighbours] = {}
         self._usable = USABLE * float(link.reception(np.array([BEST]), packet_bits, 0.0)[0])
@@ -186,11 +186,6 @@ class Topology:
         return Neighbours(ids[heard], powers[heard], self.link.senses(powers[heard]))
 
     def _powers(self, sources: Ints, ids: Ints) -> Floats:
-        positions = self._nodes.positions
-        apart = positions[sources] - positions[ids]
-        distances = np.sqrt(apart[:, 0] ** 2 + apart[:, 1] ** 2)
-        low, high = np.minimum(sources, ids), np.maximum(sources, ids)
-        pairs = derive_each(derive_all(self._pairs, low), high.astype(np.uint64))
-        links = derive_each(derive_all(self._directions, low), high.astype(np.uint64))
-        directions = np.where(sources == low, links, ~links)
+        distances, pairs, directions = np.empty(ids.size), *(np.empty(ids.size, dtype=np.uint64) for _ in range(2))
+        find_links(self._nodes.positions, sources, ids, *self._keys, distances, pairs, directions)
         return self.link.powers(distances, pairs, directions)
