@@ -277,9 +277,7 @@ ENTRIES: tuple[Entry, ...] = (
     Entry("cuckoo.replace_nests", "kernels.test_cuckoo:replace_nests_twin", _nests),
     Entry("cuckoo.accept_greedy", "kernels.test_cuckoo:accept_greedy_twin", _greedy),
     Entry(
-        "cuckoo.relative_changes",
-        "kernels.test_cuckoo:relative_changes_twin",
-        lambda n: tuple(_rng().normal(size=(2, n))),
+        "cuckoo.relative_changes", "kernels.test_cuckoo:relative_changes_twin", lambda n: (np.ones(n), _log_weights(n))
     ),
     Entry("cuckoo.accept_chains", "kernels.test_cuckoo:accept_chains_twin", _chains),
     Entry("gravity.attract", "kernels.test_gravity:attract_twin", _masses),
