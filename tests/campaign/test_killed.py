@@ -5,6 +5,7 @@ WSNSIM_KILLS=50 pytest tests/campaign/test_killed.py      fifty campaigns instea
 
 from __future__ import annotations
 
+import multiprocessing
 import os
 import random
 import signal
@@ -89,7 +90,7 @@ def test_a_campaign_whose_worker_is_killed_is_completed_all_the_same(
 
     def watch(progress: CampaignProgress) -> None:
         """Kill one worker, once, when enough is done."""
-        workers = [pid for pid in children(os.getpid()) if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()]
+        workers = [process.pid for process in multiprocessing.active_children() if process.pid]
         if not killed and progress.done >= wanted and time.monotonic() > later and workers:
             killed.append(chance.choice(workers))
             time.sleep(chance.uniform(0.0, 0.1))

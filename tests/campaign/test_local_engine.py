@@ -8,11 +8,15 @@ import multiprocessing
 import os
 import pickle
 import signal
+import subprocess
+import sys
+import threading
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from wsnsim.base.progress import watching
 from wsnsim.campaign import Shard, collect, local_engine, prepare, run_campaign
 from wsnsim.campaign.engines import FinishedTask
 from wsnsim.campaign.local_engine import LocalEngine
@@ -24,7 +28,7 @@ from wsnsim.scenario.sweep import load_sweep
 from .campaign_files import assert_same, tables_of
 from .inline_engine import InlineEngine
 from .moody_tracker import sweep_of
-from .processes import lives, wait_for
+from .processes import environment, lives, wait_for
 
 
 def first_task(folder: Folder, **said: Any) -> Task:
@@ -113,6 +117,32 @@ def test_a_pool_that_broke_while_nobody_looked_gives_its_tasks_back_and_is_made_
     pool.submit(Task(str(folder.path), point, 0, 1, "s", "0.1.0"))
     assert all_ended(pool, 1)[0].outcome.status == "done"
     pool.close()
+
+
+@pytest.mark.parametrize(("copied", "process"), [(True, "ForkProcess"), (False, "SpawnProcess")])
+def test_workers_are_copies_where_that_is_safe_and_report_to_nobody_who_watches_the_campaign(
+    lab: Path, copied: bool, process: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(local_engine, "_can_be_copied", lambda: copied)
+    moody = importlib.import_module("moody")
+    pool = LocalEngine(1, moody.describe_process)
+    with watching(moody.REPORTED.append):
+        pool.submit(Task("", "", 0, 0, "s", "0.1.0"))
+    (ended,) = all_ended(pool, 1)
+    pool.close()
+    assert ended.outcome == TaskOutcome("done", f"{process}, 0 reported")
+
+
+def test_a_process_with_another_thread_is_not_copied() -> None:
+    end = threading.Event()
+    thread = threading.Thread(target=end.wait)
+    thread.start()
+    assert not local_engine._can_be_copied()
+    end.set()
+    thread.join()
+    alone = "from wsnsim.campaign.local_engine import _can_be_copied; print(_can_be_copied())"
+    said = subprocess.run([sys.executable, "-c", alone], env=environment(), capture_output=True, text=True, check=True)
+    assert said.stdout.strip() == str(sys.platform == "linux")
 
 
 # a task by itself

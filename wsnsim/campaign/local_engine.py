@@ -1,17 +1,23 @@
-"""An engine that runs tasks in processes of this machine: a pool of spawned workers, replaced when a worker dies."""
+"""An engine that runs tasks in processes of this machine: a pool of workers, replaced when a worker dies.
+
+Workers are copies of this process where that is safe, which saves each of them the imports. Elsewhere they are spawned.
+"""
 
 from __future__ import annotations
 
 import contextlib
+import contextvars
 import multiprocessing.resource_tracker
 import os
 import signal
+import sys
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from multiprocessing.context import SpawnContext, SpawnProcess
+from multiprocessing.context import BaseContext
 from multiprocessing.process import BaseProcess
-from typing import Any, Final, final
+from pathlib import Path
+from typing import Any, Final, cast, final
 
 from wsnsim.campaign.engines import EngineError, FinishedTask, WorkerLost
 from wsnsim.campaign.task import Task, TaskOutcome, perform, start_worker
@@ -92,11 +98,14 @@ class LocalEngine:
                 os.environ.setdefault(name, "1")  # workers read them before they import NumPy
             # started before the workers, which would otherwise start it and pass Ctrl-C on to it
             multiprocessing.resource_tracker.ensure_running()
-            context = self._context = _RecordingContext()
+            context = self._context = _RecordingContext("fork" if _can_be_copied() else "spawn")
             # RawValue has no lock, which a dying worker could leave locked
             self._started, self._cancelled = context.RawValue("b", 0), context.RawValue("b", 0)
             self._pool = ProcessPoolExecutor(
-                self.workers, mp_context=context, initializer=_start, initargs=(self._started, self._cancelled)
+                self.workers,
+                mp_context=cast(BaseContext, context),
+                initializer=_start,
+                initargs=(self._started, self._cancelled),
             )
         return self._pool
 
@@ -111,18 +120,30 @@ class LocalEngine:
         pool.shutdown(wait=True, cancel_futures=True)
 
 
-class _RecordingContext(SpawnContext):
-    """A spawn context that records its processes, so that no other process is killed."""
+class _RecordingContext:
+    """A context of multiprocessing that records its processes, so that no other process is killed."""
 
-    def __init__(self) -> None:
-        super().__init__()
+    def __init__(self, method: str) -> None:
+        self._context: Any = multiprocessing.get_context(method)
         self.started: list[BaseProcess] = []
 
-    def Process(self, *arguments: Any, **options: Any) -> BaseProcess:  # type: ignore[override]
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._context, name)
+
+    def Process(self, *arguments: Any, **options: Any) -> BaseProcess:
         """A new process, recorded."""
-        process = SpawnProcess(*arguments, **options)
+        process: BaseProcess = self._context.Process(*arguments, **options)
         self.started.append(process)
         return process
+
+
+def _can_be_copied() -> bool:
+    """Whether a copy of this process works: it has no other thread, whose locks nobody would release in the copy.
+
+    Threads that Python does not know, such as those of a linear algebra library, count as well. Linux lists them; on
+    other systems libraries of the system may not survive the copy.
+    """
+    return sys.platform == "linux" and len(list(Path("/proc/self/task").iterdir())) == 1
 
 
 _CANCELLED: list[Any] = []
@@ -135,7 +156,10 @@ def _start(started: Any, cancelled: Any) -> None:
 
 
 def _unless_cancelled(perform: Callable[[Task], TaskOutcome], task: Task) -> TaskOutcome:
-    return TaskOutcome("cancelled") if _CANCELLED and _CANCELLED[0].value else perform(task)
+    """Perform a task unless the campaign stops. Its progress is not for whoever watches that of the copied process."""
+    if _CANCELLED and _CANCELLED[0].value:
+        return TaskOutcome("cancelled")
+    return contextvars.Context().run(perform, task)
 
 
 def available_cores() -> int:
