@@ -6,14 +6,15 @@ import numpy as np
 import pytest
 
 from tests.helpers.linear_cluster import Cluster
-from wsnsim.base.requests import Member
+from wsnsim.base.requests import Delivery, Member
 from wsnsim.kernels.swarm_move import move_own
 from wsnsim.models.motion import BoundedVelocity
 from wsnsim.models.sensing import AcousticEnergy
 from wsnsim.trackers.pso_mhpf import PsoMhpf
 from wsnsim.trackers.shared import swarms
 from wsnsim.trackers.shared.dealing import give
-from wsnsim.trackers.shared.stacks import CLOUD, LOG_WEIGHTS, Shares, keep
+from wsnsim.trackers.shared.parcels import particles_parcel
+from wsnsim.trackers.shared.stacks import CLOUD, LOG_WEIGHTS, Shares, keep, settle
 
 
 class Loud(AcousticEnergy):
@@ -61,6 +62,30 @@ def test_they_are_laid_anew_where_a_member_holds_something_else(change: str) -> 
     assert stack.offsets[-1] == sum(member.memory[LOG_WEIGHTS].size for member in members)
     stack.cloud[:] = 7.0
     assert np.array_equal(before.cloud, kept), "arrays that were given out earlier are not written to"
+
+
+@pytest.mark.parametrize("lost", [0, 2])
+def test_dealt_particles_are_laid_where_their_member_would_have_put_them(lost: int) -> None:
+    """Those that arrived completely are laid beside the member's own at once, others settled first."""
+
+    def dealt() -> list[Member]:
+        members = members_of(3, 0, 2)
+        del members[1].memory[CLOUD], members[1].memory[LOG_WEIGHTS]
+        for member, count in ((members[0], 4), (members[1], 1), (members[0], 2)):
+            rng = np.random.default_rng(count)
+            sent = particles_parcel(rng.normal(size=(4, count)), rng.normal(size=count))
+            mask = np.arange(sent.packets) >= lost
+            member.inbox.append(Delivery(sent.what, sent.payload, mask))
+        return members
+
+    at_once, settled = dealt(), dealt()
+    for member in settled:
+        settle(member)
+    stack, heard = Shares().stacked(at_once, 4)
+    twin, _ = Shares().stacked(settled, 4)
+    assert np.array_equal(stack.cloud, twin.cloud) and np.array_equal(stack.log_weights, twin.log_weights)
+    assert stack.counts.tolist() == twin.counts.tolist() and heard == [[], [], []]
+    assert not any(member.inbox for member in at_once) and stack.counts[0] == (9 if not lost else 5)
 
 
 def test_what_a_member_gave_away_does_not_change_any_more() -> None:

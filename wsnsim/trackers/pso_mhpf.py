@@ -31,14 +31,14 @@ from wsnsim.trackers.shared.dealing import (
 from wsnsim.trackers.shared.likelihoods import likelihood_of
 from wsnsim.trackers.shared.local_estimates import (
     LOCAL,
-    EstimateReport,
     LocalEstimate,
     cycles_of,
     feed_back,
+    local_estimate,
     reported_variances,
 )
 from wsnsim.trackers.shared.moments import forecast, fused_by_variance, noise_issues, symmetric
-from wsnsim.trackers.shared.parcels import is_whole, state_packets
+from wsnsim.trackers.shared.parcels import state_packets
 from wsnsim.trackers.shared.readings import share_readings
 from wsnsim.trackers.shared.spread import Spread, begin, collected, hand_on, look, only_predicted, within_predicted
 from wsnsim.trackers.shared.stacks import LOG_WEIGHTS, Shares, propagated
@@ -143,8 +143,9 @@ class PsoMhpf:
             self._filter(members, belief.shares, scene)
 
         yield Local(lambda member: work_all([member]), cycles_of, work_all)
-        answer = yield Gather(self._reporter(scene.head, belief.mean.size))
-        after = self._fused(belief, deal, scene, answer)
+        own: list[LocalEstimate] = []
+        answer = yield Gather(self._reporter(scene.head, belief.mean.size, own))
+        after = self._fused(belief, deal, scene, answer, own[0] if own else None)
         if self.feedback:
             yield from feed_back(after, scene)
         return after
@@ -178,7 +179,9 @@ class PsoMhpf:
         filtered = filter_swarms(stack, before, likelihood, self._rules(scene.dt), scene)
         shares.store(stack)
         cycles = self._cycles(stack.counts.tolist(), likelihood.sensors, filtered.moving.tolist(), scene.steps)
-        results = map(LocalEstimate, filtered.means, filtered.covs, cycles, filtered.effective.tolist())
+        results = map(
+            local_estimate, zip(filtered.means, filtered.covs, cycles, filtered.effective.tolist(), strict=True)
+        )
         for member, result in zip(members, results, strict=True):
             member.memory[LOCAL] = result
 
@@ -202,46 +205,51 @@ class PsoMhpf:
         move_cycles = fit_cycles + self.iterations * (50.0 + 30.0 * seen) if moves else 0.0
         return PREDICT_CYCLES * steps + 30.0 * seen + move_cycles
 
-    def _reporter(self, head: int, columns: int) -> Callable[[Member], Parcel | None]:
-        """A function that gives a member's report: one packet, and one more for variances if the head uses them."""
-        packets = state_packets(columns)
+    def _reporter(self, head: int, columns: int, own: list[LocalEstimate]) -> Callable[[Member], Parcel | None]:
+        """A function that gives a member's report: one packet, and one more for variances if the head uses them.
+
+        The payload is the mean, followed by the variances. The head's own estimate is put into `own`.
+        """
+        with_variances = self.fusion == "inverse_variance"
+        packets = state_packets(columns) * (2 if with_variances else 1)
 
         def report(member: Member) -> Parcel | None:
             result: LocalEstimate | None = member.memory.get(LOCAL)
             if result is None or not member.memory[LOG_WEIGHTS].size:
                 return None
-            own = result if member.id == head else None
-            if self.fusion == "share":
-                return Parcel(EstimateReport(result.mean, None, own), packets, PACKET_BITS, "estimate")
-            return Parcel(EstimateReport(result.mean, np.diag(result.cov), own), 2 * packets, PACKET_BITS, "estimate")
+            if member.id == head:
+                own.append(result)
+            payload = np.concatenate([result.mean, np.diag(result.cov)]) if with_variances else result.mean
+            return Parcel(payload, packets, PACKET_BITS, "estimate")
 
         return report
 
     def _fused(
-        self, belief: Spread, deal: Deal, scene: Scene, answer: dict[int, tuple[EstimateReport, Bools]]
-    ) -> Spread:
+        self, belief: Spread, deal: Deal, scene: Scene, answer: dict[int, tuple[Floats, Bools]],
+        own: LocalEstimate | None,
+    ) -> Spread:  # fmt: skip
         """Local estimates by their share of the particles, the shares renormalised over those that arrived.
 
         A report of particles that the head does not know of is left out. The covariance is the spread of the local
         means plus that of one cloud: the head's own, or where it has none, the last it had, predicted.
         """
-        packets = state_packets(belief.mean.size)
-        held, whole = deal.held, all_arrived(packets)
-        reports = {
-            node: (report, mask)
-            for node, (report, mask) in answer.items()
-            if held.get(node) and (mask is whole or is_whole(mask) or mask[:packets].all())
-        }
-        if not reports:
+        columns, held, shares, rows, masks = belief.mean.size, deal.held, [], [], []
+        packets = state_packets(columns)
+        whole = all_arrived(packets)
+        for node, (row, mask) in answer.items():
+            if held.get(node) and (mask is whole or mask[:packets].all()):
+                shares.append(held[node])
+                rows.append(row)
+                masks.append(mask)
+        if not rows:
             return only_predicted(belief, deal, scene)
-        means = np.concatenate([report.mean for report, _ in reports.values()]).reshape(len(reports), -1)
+        reports = np.concatenate(rows).reshape(len(rows), -1)
+        means = reports[:, :columns]
         if self.fusion == "inverse_variance":
-            variances = reported_variances(list(reports.values()), packets)
+            variances = reported_variances(reports[:, columns:], masks, packets)
             if variances is not None:
                 mean, spread, within = fused_by_variance(means, variances)
                 return Spread(mean, symmetric(spread + within), within, deal, scene.head, shares=belief.shares)
-        own = answer[scene.head][0].own if scene.head in answer else None
         within = within_predicted(belief, scene) if own is None else own.cov
-        shares = np.array([held[node] for node in reports], dtype=np.float64)
-        mean, cov = fuse(means, shares, within)
+        mean, cov = fuse(np.ascontiguousarray(means), np.array(shares, dtype=np.float64), within)
         return Spread(mean, cov, within, deal, scene.head, own.effective if own else math.nan, belief.shares)

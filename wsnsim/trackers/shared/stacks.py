@@ -120,12 +120,18 @@ class Shares:
 
         Kernels may write into the arrays of the stack.
         """
+        gifts = {row: _gifts(member) for row, member in enumerate(members) if member.inbox and _only_particles(member)}
         heard = [settle(member) if member.inbox else [] for member in members]
         clouds = [member.memory.get(CLOUD) for member in members]
         weights = [member.memory.get(LOG_WEIGHTS) for member in members]
         keys = np.array([member.key for member in members], np.uint64)
-        if not _same(clouds, self._clouds) or not _same(weights, self._weights):
-            self._lay([np.empty((columns, 0)) if cloud is None else cloud for cloud in clouds], weights)
+        if gifts or not _same(clouds, self._clouds) or not _same(weights, self._weights):
+            nothing = np.empty((columns, 0)), np.empty(0)
+            held = zip(clouds, weights, strict=True)
+            self._lay([
+                [nothing if cloud is None or own is None else (cloud, own), *gifts.get(row, ())]
+                for row, (cloud, own) in enumerate(held)
+            ])  # fmt: skip
             self._hand_out(members)
         return Stack(self._cloud, self._log_weights, self._layout, keys), heard
 
@@ -136,11 +142,11 @@ class Shares:
         if stack.log_weights is not self._log_weights:
             self._log_weights[:] = stack.log_weights
 
-    def _lay(self, clouds: list[Floats], weights: list[Floats | None]) -> None:
-        """Copy the members' particles into new arrays."""
-        self._cloud = np.concatenate(clouds, axis=1)
-        self._log_weights = np.concatenate([np.empty(0) if piece is None else piece for piece in weights])
-        self._layout = layout(tuple([cloud.shape[1] for cloud in clouds]))
+    def _lay(self, pieces: list[list[tuple[Floats, Floats]]]) -> None:
+        """Copy the pieces of each member's particles and log-weights into new arrays."""
+        self._cloud = np.concatenate([cloud for own in pieces for cloud, _ in own], axis=1)
+        self._log_weights = np.concatenate([weights for own in pieces for _, weights in own])
+        self._layout = layout(tuple([sum([weights.size for _, weights in own]) for own in pieces]))
 
     def _hand_out(self, members: Sequence[Member]) -> None:
         """Replace what the members hold by views of their columns."""
@@ -154,6 +160,16 @@ class Shares:
 def _same(arrays: Sequence[Floats | None], others: Sequence[Floats]) -> bool:
     """Whether these are the very same arrays."""
     return len(arrays) == len(others) and all(map(is_, arrays, others))
+
+
+def _only_particles(member: Member) -> bool:
+    """Whether the inbox holds nothing but dealt particles that arrived completely."""
+    return all(delivery.what == PARTICLES and is_whole(delivery.mask) for delivery in member.inbox)
+
+
+def _gifts(member: Member) -> list[tuple[Floats, Floats]]:
+    """Take such particles from the inbox; `settle` would put each with those that the member holds."""
+    return [arrived_particles(delivery.payload, delivery.mask) for delivery in member.take_inbox()]
 
 
 def settle(member: Member) -> list[Delivery]:
