@@ -8,18 +8,18 @@
 
 from __future__ import annotations
 
-import gc
 import json
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
 import wsnsim.scenario as scenarios
 from wsnsim.base.errors import UsageError
+from wsnsim.base.garbage import only_own_garbage
 from wsnsim.base.initial_conditions import (
     InitialConditions,
     sample_initial_conditions,
@@ -47,8 +47,6 @@ __all__ = ["Progress", "Report", "Summary", "replicate_of", "rerun_source", "run
 
 Source = Any
 """What `scenario.load` takes, or the Scenario that it gives."""
-LARGE: Final = 100_000
-"""Nodes from which on a network's memory is freed as soon as its run has ended: its parts refer to one another."""
 
 
 @dataclass(frozen=True)
@@ -91,12 +89,14 @@ def replicate_of(setup: Setup, replicate: int, recorder: Recorder, progress: OnT
     """One Monte Carlo run of a scenario that is built."""
     started = time_without_compilation()
     if isinstance(setup, BeaconSetup):
-        result = _without_targets(setup, replicate, recorder, progress)
+        with only_own_garbage():
+            result = _without_targets(setup, replicate, recorder, progress)
         return summarise(setup, replicate, result, (), recorder, started + compilation_seconds())
     assert isinstance(setup, TrackingSetup)
     conditions = sample_initial_conditions(setup, replicate)
     if isinstance(setup, NetworkSetup):
-        result = _in_network(setup, replicate, conditions, recorder, progress)
+        with only_own_garbage():
+            result = _in_network(setup, replicate, conditions, recorder, progress)
     else:
         result = OfflineRun(setup, replicate, conditions, recorder).run(progress)
     return summarise(setup, replicate, result, conditions.truths, recorder, started + compilation_seconds())
@@ -119,12 +119,7 @@ def _in_network(
     targets = Targets(conditions.truths, conditions.priors, paths)
     outcome = World(setup, replicate, sensors, targets, Streams(setup.seed, replicate), recorder).run(progress)
     write_tables(outcome, replicate, setup, recorder)
-    result = network_result(outcome, setup, _final_coverage(outcome.nodes, setup))
-    large = outcome.nodes.size >= LARGE
-    del outcome
-    if large:
-        gc.collect()
-    return result
+    return network_result(outcome, setup, _final_coverage(outcome.nodes, setup))
 
 
 def _final_coverage(nodes: Nodes, setup: NetworkSetup) -> float:

@@ -21,6 +21,7 @@ from typing import Final
 import click
 
 from wsnsim.base.errors import ScenarioError, WsnsimError
+from wsnsim.base.garbage import NEW_OBJECTS
 from wsnsim.base.progress import watching
 from wsnsim.cli import campaigns, commands, plotting, reporting, reproducing
 from wsnsim.cli.interrupts import Interrupts
@@ -30,13 +31,11 @@ from wsnsim.cli.shared import group
 __all__ = ["campaigns", "commands", "main", "plotting", "reporting", "reproducing"]
 
 THREADS: Final = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS")
-COLLECTED_AFTER: Final = 20_000
-"""New objects after which Python looks for garbage: with its default of 700, a tenth of a short run's time is that."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command line and return its exit code. An error prints a traceback only if WSNSIM_TRACEBACK is set."""
-    gc.set_threshold(COLLECTED_AFTER, *gc.get_threshold()[1:])
+    gc.set_threshold(NEW_OBJECTS, *gc.get_threshold()[1:])
     for name in THREADS:
         os.environ.setdefault(name, "1")
     if "" not in sys.path and str(Path.cwd()) not in sys.path:

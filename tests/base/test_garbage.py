@@ -1,0 +1,78 @@
+"""What the garbage collector looks at during a run, and what a run leaves behind."""
+
+from __future__ import annotations
+
+import gc
+import weakref
+from collections.abc import Iterator
+
+import pytest
+
+from wsnsim.base import garbage
+from wsnsim.base.garbage import NEW_OBJECTS, only_own_garbage
+
+
+class Circle:
+    """An object that refers to itself: only a collection frees it."""
+
+    def __init__(self) -> None:
+        self.itself = self
+
+
+@pytest.fixture(autouse=True)
+def as_before() -> Iterator[None]:
+    """Leave the collector as it was."""
+    yield
+    gc.unfreeze()
+    gc.enable()
+
+
+def left() -> weakref.ref[Circle]:
+    """A circle that nobody else refers to."""
+    return weakref.ref(Circle())
+
+
+def test_what_was_there_is_frozen_inside_and_what_is_left_freed_at_the_end() -> None:
+    thresholds = gc.get_threshold()
+    with only_own_garbage():
+        assert gc.get_freeze_count() > 1000 and gc.get_threshold()[0] == NEW_OBJECTS
+        own = left()
+        with only_own_garbage():
+            inner = left()
+        assert gc.get_freeze_count() > 1000, "the outer one is not over"
+    assert own() is None and inner() is None
+    assert gc.get_freeze_count() == 0 and gc.get_threshold() == thresholds
+
+
+def test_an_error_inside_gives_back_what_was_frozen() -> None:
+    with pytest.raises(KeyError), only_own_garbage():
+        raise KeyError
+    assert gc.get_freeze_count() == 0
+
+
+@pytest.mark.parametrize("everything_after", [1, 10**9])
+def test_older_garbage_is_looked_for_now_and_then(everything_after: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(garbage, "EVERYTHING_AFTER", everything_after)
+    older = left()
+    with only_own_garbage():
+        pass
+    assert (older() is None) == (everything_after == 1)
+    gc.collect()
+    assert older() is None
+
+
+def test_a_collector_that_is_off_stays_alone() -> None:
+    gc.disable()
+    with only_own_garbage():
+        assert gc.get_freeze_count() == 0
+        own = left()
+    assert own() is not None
+    gc.enable()
+
+
+def test_what_the_caller_froze_stays_frozen() -> None:
+    gc.freeze()
+    count = gc.get_freeze_count()
+    with only_own_garbage():
+        own = left()
+    assert gc.get_freeze_count() >= 0.9 * count and own() is not None
