@@ -17,7 +17,7 @@ import numpy as np
 
 from wsnsim.analysis.messages import EVERYONE, LoggedBurst, LoggedMessage
 from wsnsim.analysis.plot_data import StateLayout, layout
-from wsnsim.recording import attributes, meanings, read_table, tables
+from wsnsim.recording import attributes, meanings, read_table, row_count
 
 BLOCK: Final = 1 << 22
 """Rows that are read at once in the search for the rows of a step."""
@@ -290,7 +290,7 @@ def _blocks(
     path: str | Path, columns: Sequence[str], table: str = "events"
 ) -> Iterator[tuple[int, dict[str, np.ndarray]]]:
     """(first row, columns) of each block in turn."""
-    count = tables(path)[table].rows
+    count = row_count(path, table)
     for start in range(0, count, BLOCK):
         yield start, read_table(path, table, columns, slice(start, start + BLOCK))
 

@@ -147,7 +147,7 @@ def last_step_with_particles(path: str | Path, replicate: int, target: int) -> i
 
 def nodes_of(path: str | Path, replicate: int) -> Columns:
     """The positions of a run's nodes and their initial energy; empty if not recorded."""
-    if "nodes" not in recording.tables(path):
+    if "nodes" not in recording.table_names(path):
         return {}
     held = recording.read_table(path, "nodes", ["replicate", "node", "x", "y", "energy_initial"])
     return _chosen(held, held["replicate"] == replicate)
@@ -190,7 +190,7 @@ def lost_runs(path: str | Path) -> tuple[int, int] | None:
 def spent(path: str | Path) -> tuple[Floats, Floats, int]:
     """Cumulative energy in J (causes, steps), the mean over runs; the times (steps,); and the number of runs."""
     table = recording.read_table(path, "energy_steps", ["replicate", "step", "time", "cause", "joules"])
-    every = recording.read_table(path, "runs", ["replicate"]) if "runs" in recording.tables(path) else table
+    every = recording.read_table(path, "runs", ["replicate"]) if "runs" in recording.table_names(path) else table
     runs = len(np.unique(every["replicate"]))
     steps, at = np.unique(table["step"], return_inverse=True)
     result, times = np.zeros((len(CAUSES), len(steps))), np.zeros(len(steps))

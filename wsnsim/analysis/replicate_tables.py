@@ -143,7 +143,7 @@ def first_replicate(path: str | Path) -> int:
 
 def check_replicate(path: str | Path, replicate: int) -> None:
     """Raise UsageError if the file holds complete runs, but not this one."""
-    if "runs" not in recording.tables(path):
+    if "runs" not in recording.table_names(path):
         return
     held = recording.read_table(path, "runs", ["replicate"])["replicate"]
     if held.size and replicate not in held:

@@ -19,7 +19,7 @@ from wsnsim.analysis.phrases import Sentence, StepContext, counted, energy_in_wo
 from wsnsim.analysis.plot_data import number_span
 from wsnsim.analysis.step_text import describe
 from wsnsim.base.errors import ResultError, UsageError
-from wsnsim.recording import attributes, meanings, read_table, read_text, tables
+from wsnsim.recording import attributes, meanings, read_table, read_text, table_names
 
 Record = Mapping[str, Any]
 
@@ -146,7 +146,7 @@ def _check(path: str | Path, replicate: int, step: int) -> None:
 
 def _demand_events(path: str | Path) -> None:
     """Raise ResultError unless events were recorded."""
-    if "events" not in tables(path):
+    if "events" not in table_names(path):
         raise ResultError(
             f"{path}: events were not recorded, so no step can be described; record them with: "
             f"wsnsim run {path} --set record.events=true --out FILE.h5"
@@ -155,7 +155,7 @@ def _demand_events(path: str | Path) -> None:
 
 def _of_run(path: str | Path, table: str, replicate: int) -> list[dict[str, Any]]:
     """The rows of one run as mappings; empty if the table was not recorded."""
-    if table not in tables(path):
+    if table not in table_names(path):
         return []
     columns = read_table(path, table)
     rows = columns["replicate"] == replicate
@@ -198,7 +198,7 @@ def _unit(path: str | Path) -> str:
 
 def _spent(path: str | Path, replicate: int, step: int) -> dict[str, float] | None:
     """The energy that the network spent in the step, by cause; None if not recorded."""
-    if "energy_steps" not in tables(path):
+    if "energy_steps" not in table_names(path):
         return None
     table = read_table(path, "energy_steps", ["replicate", "step", "cause", "joules"])
     words = meanings(path, "energy_steps", "cause")

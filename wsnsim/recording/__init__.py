@@ -18,6 +18,7 @@ from wsnsim.recording.reader import (
     read_table,
     read_text,
     read_with_meanings,
+    row_count,
     table_names,
     tables,
 )
@@ -38,6 +39,7 @@ __all__ = [
     "read_text",
     "read_with_meanings",
     "recover",
+    "row_count",
     "table_names",
     "tables",
 ]
