@@ -28,7 +28,7 @@ CHOSEN      = $(if $(REPLICATES),--replicates $(REPLICATES)) $(ARGS)
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help run test documentation cluster browser wheel matrix check interpreted format lint types imports bench sweep compare reproduce figures readme lock clean moved asked
+.PHONY: help run test thorough documentation cluster browser wheel matrix check interpreted format lint types imports bench sweep compare reproduce figures readme lock clean moved asked
 .DELETE_ON_ERROR:
 
 help:  ## list the targets
@@ -40,7 +40,10 @@ run: $(READY)  ## run a scenario: summary, result file and HTML page; SCENARIO=.
 	@$(PY) -m wsnsim run "$(SCENARIO)" --report $(ARGS)
 
 test: $(READY)  ## run the test suite; ARGS='-k handover'
-	@$(PY) -m pytest -n 2 --dist worksteal $(APART:%=--ignore=tests/%) $(ARGS)
+	@$(PY) -m pytest -n 2 --dist worksteal -m "not thorough" $(APART:%=--ignore=tests/%) $(ARGS)
+
+thorough: $(READY)  ## test the same with more seeds, examples and combinations
+	@WSNSIM_THOROUGH=1 $(PY) -m pytest -n 2 --dist worksteal -m "thorough or hypothesis" $(APART:%=--ignore=tests/%) $(ARGS)
 
 documentation: $(READY)  ## test that the documents say what is so and that their examples run
 	@$(PY) -m pytest -n 2 --dist worksteal tests/documentation $(ARGS)
@@ -57,7 +60,7 @@ wheel: $(READY)  ## install the wheel into an empty environment and run a scenar
 matrix: $(READY)  ## the same with every supported Python that is installed
 	@$(PY) -m tests.packaging.wheel python3.11 python3.12 python3.13
 
-check: format lint types imports test documentation cluster browser interpreted  ## check format, lint, types, import contracts, all tests
+check: format lint types imports test thorough documentation cluster browser interpreted  ## check format, lint, types, import contracts, all tests
 
 interpreted: $(READY)  ## run the kernels' tests without compilation, for debugging and coverage
 	@NUMBA_DISABLE_JIT=1 $(PY) -m pytest -n 2 -W ignore::RuntimeWarning tests/kernels $(ARGS)

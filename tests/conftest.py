@@ -1,36 +1,68 @@
-"""Fixtures of all tests: a fresh cache for compiled kernels, one thread per numerical library, random rows."""
+"""Fixtures of all tests: a cache for compiled kernels, one thread per numerical library, random rows."""
 
 from __future__ import annotations
 
+import gc
 import os
 import shutil
-import tempfile
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Generator
 from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import settings
 
+from tests.helpers.kernel_cache import kernel_cache
+from tests.helpers.thorough import THOROUGH
 from wsnsim.base.tables import columns_of
 
-_WORKER = "PYTEST_XDIST_WORKER" in os.environ
-if not _WORKER:  # the workers of one session share its cache: a kernel is compiled once
-    os.environ["NUMBA_CACHE_DIR"] = tempfile.mkdtemp(prefix="wsnsim-numba-")
+_NAME = os.environ.get("PYTEST_XDIST_WORKER", "")
+_WORKER = bool(_NAME)
+if not _WORKER:  # the workers of one session share its cache
+    os.environ["NUMBA_CACHE_DIR"] = str(kernel_cache(Path(__file__).parents[1], Path(sys.prefix)))
 for _library in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_library, "1")
 
-settings.register_profile("wsnsim", deadline=None, database=None, derandomize=bool(os.environ.get("CI")))
+settings.register_profile(
+    "wsnsim",
+    deadline=None,
+    database=None,
+    derandomize=bool(os.environ.get("CI")),
+    max_examples=100 if THOROUGH else 40,
+)
 settings.load_profile("wsnsim")
 
 STATES = (("px", "m"), ("vx", "m/s"), ("py", "m"), ("vy", "m/s"))
 Rows = dict[str, np.ndarray]
 
 
+@pytest.hookimpl(wrapper=True)
+def pytest_make_collect_report(
+    collector: pytest.Collector,
+) -> Generator[None, pytest.CollectReport, pytest.CollectReport]:
+    """Let every other worker read the modules backwards: what one has rewritten and compiled is there for the other."""
+    report = yield
+    if isinstance(collector, pytest.Directory) and _NAME[2:].isdigit() and int(_NAME[2:]) % 2:
+        report.result.reverse()
+    return report
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """All workers have the same order, that of the paths."""
+    items.sort(key=lambda item: item.path.parts)
+
+
+def pytest_collection_finish() -> None:
+    """What was imported lives as long as the session: the garbage collector need not go through it again and again."""
+    gc.freeze()
+
+
 def pytest_unconfigure() -> None:
-    """Remove the session's cache of compiled kernels."""
-    if not _WORKER:
-        shutil.rmtree(os.environ["NUMBA_CACHE_DIR"], ignore_errors=True)
+    """Remove a temporary cache of compiled kernels."""
+    folder = Path(os.environ["NUMBA_CACHE_DIR"])
+    if not _WORKER and not folder.is_relative_to(sys.prefix):
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 @pytest.fixture

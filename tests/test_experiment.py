@@ -242,6 +242,7 @@ def test_a_killed_run_leaves_no_file_under_the_final_name(tmp_path):
     assert len(list(tmp_path.glob("*.tmp"))) == 1
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_an_interrupted_run_leaves_nothing_behind_and_no_traceback(tmp_path, number):
     out = tmp_path / "x.h5"

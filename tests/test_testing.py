@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.helpers.thorough import thorough
 from wsnsim.base.ports import Estimate
 from wsnsim.base.requests import PACKET_BITS, Broadcast, Compute, Gather, Local, Member, Parcel, Send
 from wsnsim.models.linear import ConstantAcceleration, ConstantVelocity
@@ -24,25 +25,27 @@ from wsnsim.trackers.pso_mhpf import PsoMhpf
 
 SHIPPED = [
     PsoMhpf(particles=40),
-    PsoMhpf(particles=3),
-    PsoMhpf(particles=40, measurements="all", estimate_when="before"),
     PsoMhpf(particles=40, fusion="inverse_variance", feedback=True),
     PsoMhpf(particles=40, acceptance="transition", resample_first=True, handover="gaussian"),
+    InformationPf(particles=40),
+    InformationPf(particles=40, proposal="cloud", handover="gaussian"),
+    ParallelPf(particles=40),
+    CentralPf(particles=40),
+]
+VARIANTS = [
+    PsoMhpf(particles=3),
+    PsoMhpf(particles=40, measurements="all", estimate_when="before"),
     PsoMhpf(particles=40, acceptance="likelihood", random_factors=False, resample_always=True),
     PsoMhpf(particles=40, step_length="dt", iterations=20),
     PsoMhpf(particles=40, iterations=0, threshold=1.0),
-    InformationPf(particles=40),
     InformationPf(particles=40, proposal="local"),
-    InformationPf(particles=40, proposal="cloud", handover="gaussian"),
-    ParallelPf(particles=40),
     ParallelPf(particles=3, threshold=1.0),
     ParallelPf(particles=40, measurements="own", handover="gaussian"),
-    CentralPf(particles=40),
     CentralPf(particles=1, handover="gaussian"),
 ]
 
 
-@pytest.mark.parametrize("tracker", SHIPPED, ids=lambda tracker: type(tracker).__name__)
+@pytest.mark.parametrize("tracker", [*SHIPPED, *thorough(VARIANTS)], ids=lambda tracker: type(tracker).__name__)
 def test_every_shipped_tracker_and_variant_keeps_the_rules(tracker: Any) -> None:
     check_tracker(tracker)
 
@@ -62,8 +65,16 @@ CANNOT = {
 }
 
 
-@pytest.mark.parametrize("setting", SETTINGS)
-@pytest.mark.parametrize("row", ROLES["tracker"].kinds, ids=lambda row: row.kind)
+def _pairs_of_tracker_and_setting():
+    """All pairs; each tracker's first setting, and those that it refuses, are tested by `make test`."""
+    for row in ROLES["tracker"].kinds:
+        usable = [name for name in SETTINGS if (row.kind, name) not in CANNOT]
+        for name in SETTINGS:
+            marks = () if name not in usable[1:] else pytest.mark.thorough
+            yield pytest.param(row, name, id=f"{row.kind}-{name}", marks=marks)
+
+
+@pytest.mark.parametrize(("row", "setting"), list(_pairs_of_tracker_and_setting()))
 def test_every_tracker_of_the_catalogue_keeps_the_rules_with_every_model_it_can_use(row: Kind, setting: str) -> None:
     part = load_class(row)
     fewer = {"particles": 20, "cells": 300}

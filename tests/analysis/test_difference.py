@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 
 import numpy as np
 import pytest
 
+from tests.helpers.thorough import thorough
 from wsnsim.analysis import difference
 from wsnsim.analysis.difference import as_json, differ
 from wsnsim.analysis.difference_text import text
@@ -76,9 +78,13 @@ def test_the_last_bit_counts(made):
     assert text(found).splitlines()[0].endswith("differ")
 
 
-@pytest.mark.parametrize("block", [1, 260, 1 << 22])
-@pytest.mark.parametrize("row", [0, 13, 39])
-def test_events_part_at_the_first_that_differs_whatever_the_blocks(made, monkeypatch, row, block):
+PAIRS = [(0, 1 << 22), (13, 1), (39, 260)]
+OTHERS = [pair for pair in itertools.product((0, 13, 39), (1, 260, 1 << 22)) if pair not in PAIRS]
+
+
+@pytest.mark.parametrize("pair", [*PAIRS, *thorough(OTHERS)])
+def test_events_part_at_the_first_that_differs_whatever_the_blocks(made, monkeypatch, pair):
+    row, block = pair
     monkeypatch.setattr(difference, "BLOCK", block)
 
     def change(tables):

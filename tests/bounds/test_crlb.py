@@ -7,6 +7,7 @@ import sys
 import numpy as np
 import pytest
 
+from tests.helpers.thorough import thorough
 from wsnsim import read
 from wsnsim.base.errors import ResultError, UsageError
 from wsnsim.base.initial_conditions import sample_initial_conditions
@@ -207,7 +208,10 @@ def squares(scenario, count):
     return np.array([np.nanmean(simulate(scenario, replicate).errors ** 2) for replicate in range(count)])
 
 
-@pytest.mark.parametrize("name", SHIPPED)
+LONGEST = ("central_pf", "pso_mhpf", "pso_mhpf_packed")
+
+
+@pytest.mark.parametrize("name", [*thorough(LONGEST), *(name for name in SHIPPED if name not in LONGEST)])
 def test_no_tracker_is_significantly_better_than_the_unconditional_bound(name):
     duration, tracker = SHIPPED[name]
     scenario = {"extends": f"scenarios/{name}.yaml", "duration": duration, "tracker": tracker}

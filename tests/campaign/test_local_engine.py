@@ -16,6 +16,7 @@ from typing import Any
 
 import pytest
 
+from tests.helpers.thorough import thorough
 from wsnsim.base.progress import watching
 from wsnsim.campaign import Shard, collect, local_engine, prepare, run_campaign
 from wsnsim.campaign.engines import FinishedTask
@@ -44,8 +45,8 @@ def all_ended(pool: LocalEngine, count: int) -> list[FinishedTask]:
 
 def test_the_tables_do_not_depend_on_workers_or_shards(lab: Path) -> None:
     plan = load_sweep(sweep_of([{"pause": pause} for pause in (0.0, 0.001, 0.002)], 5))
-    for workers in (1, 2):
-        assert run_campaign(prepare(plan, lab / f"{workers}"), LocalEngine(workers)).complete
+    for name, engine in (("1", InlineEngine()), ("2", LocalEngine(2))):
+        assert run_campaign(prepare(plan, lab / name), engine).complete
     for number in (1, 2):
         assert run_campaign(prepare(plan, lab / f"part{number}"), InlineEngine(), Shard(number, 2)).complete
     collect([Folder(lab / "part1"), Folder(lab / "part2")], Folder(lab / "all"))
@@ -55,15 +56,24 @@ def test_the_tables_do_not_depend_on_workers_or_shards(lab: Path) -> None:
     assert_same(one, tables_of(lab / "all"))
 
 
-def test_tasks_that_raise_exit_crash_or_never_end_are_named_and_the_rest_is_done(lab: Path) -> None:
-    moods = {"raises": 0, "exits": 1, "killed": 2, "crashes": 0, "hangs": 1, "sleeps": 2}
+@pytest.mark.parametrize(
+    "moods",
+    [
+        {"raises": 0, "exits": 1, "killed": 2, "hangs": 1},
+        *thorough([{"raises": 0, "exits": 1, "killed": 2, "crashes": 0, "hangs": 1, "sleeps": 2}]),
+    ],
+    ids=len,
+)
+def test_tasks_that_raise_exit_crash_or_never_end_are_named_and_the_rest_is_done(
+    lab: Path, moods: dict[str, int]
+) -> None:
     sweep = sweep_of([{"mood": "calm"}, *({"mood": m, "at": at} for m, at in moods.items())], 3, block=1, timeout=3)
     folder = prepare(load_sweep(sweep), lab / "c")
     ended = run_campaign(folder, LocalEngine(1))
     ids = {point.settings["tracker.mood"]: point.id for point in folder.manifest().points}
     assert ended.missing == {ids[mood]: [at] for mood, at in moods.items()}
     words = {mood: ended.failed[f"{ids[mood]}.r{at:05d}-{at:05d}"] for mood, at in moods.items()}
-    assert words == {
+    expected = {
         "raises": "the run failed at 1 s of simulated time (seed 20220101, replicate 0): ValueError: out of sorts",
         "exits": "SystemExit: 7",
         "killed": "killed its worker twice (killed from outside, perhaps out of memory)",
@@ -71,6 +81,7 @@ def test_tasks_that_raise_exit_crash_or_never_end_are_named_and_the_rest_is_done
         "hangs": "took more than 3 s",
         "sleeps": "took more than 3 s",
     }
+    assert words == {mood: expected[mood] for mood in moods}
     said = folder.failures()[f"{ids['hangs']}.r00001-00001"]
     assert "tracker.mood = hangs" in said and "in misbehave" in said
     assert not list(folder.path.rglob("*.tmp")) and not list(folder.path.glob("running/*"))

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from scipy.spatial import KDTree
 
 import wsnsim.models.coverage as sensing_coverage
+from tests.helpers.thorough import thorough
 from wsnsim.models.coverage import TOLERANCE, coverage, covers, nodes_needed
 
 
@@ -35,7 +36,7 @@ def test_covering_agrees_with_dense_sampling(nodes, width, height, factor, seed)
     assert covers(positions, reach, width, height) == (reach > needed)
 
 
-@pytest.mark.parametrize("count", [300, 1500])
+@pytest.mark.parametrize("count", [300, *thorough([1500])])
 def test_one_hole_among_many_nodes_is_found(count):
     """More nodes than the neighbours tried first, all around a hole of 10 m."""
     draw = np.random.default_rng(count)

@@ -10,6 +10,7 @@ import simpy
 
 from tests.helpers.centroid_network import Centroid, Run, network_setup, passing, standing
 from tests.helpers.random_setups import DT, scenario
+from tests.helpers.thorough import thorough
 from tests.network.ledgers import SPENT, books
 from wsnsim.base.errors import RunError
 from wsnsim.base.tables import CAUSE, CAUSES, EVENT_CAUSE, KIND, KINDS, Memory
@@ -437,7 +438,7 @@ def test_a_drained_head_dies_and_the_leak_is_in_the_ledger_and_in_the_log():
     assert fault["joules"] == struck.outcome.nodes.ledger.totals[CAUSE["leak"]] > 1.9
 
 
-@pytest.mark.parametrize("block", range(10))
+@pytest.mark.parametrize("block", [0, 1, *thorough(range(2, 10))])
 def test_of_random_scenarios_full_of_faults_every_one_ends_and_its_books_close(block):
     for number in range(30 * block, 30 * block + 30):
         made, positions, truths = scenario(number)

@@ -62,8 +62,8 @@ def test_the_fingerprint_depends_neither_on_the_log_nor_on_workers_nor_on_readin
     assert int(simulated(name, *changes, wanted={})[0].run["fingerprint"]) == plain
     assert int(simulated(name, *changes, wanted={"events": True, "links": True})[0].run["fingerprint"]) == plain
     context = multiprocessing.get_context("spawn")
-    with concurrent.futures.ProcessPoolExecutor(2, mp_context=context) as pool:
-        assert set(pool.map(fingerprint, [name] * 2, [changes] * 2)) == {plain}
+    with concurrent.futures.ProcessPoolExecutor(1, mp_context=context) as pool:
+        assert pool.submit(fingerprint, name, changes).result() == plain
     made = radio_stack.make_nodes
     looked = []
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from tests.helpers.sleeping_networks import PAIRS, Run, scenario
+from tests.helpers.thorough import thorough
 from wsnsim import experiment
 from wsnsim import scenario as scenarios
 from wsnsim.base.rng import Streams, derive_all
@@ -96,8 +97,19 @@ SCHEDULES = (
 )
 
 
-@pytest.mark.parametrize("sleep", SCHEDULES, ids=lambda sleep: sleep.get("phases", sleep["kind"]))
-@pytest.mark.parametrize("tracker", ["gmtt", "tsstp", "cluster", "ris", "ekf", "pf"])
+TRACKERS = ("gmtt", "tsstp", "cluster", "ris", "ekf", "pf")
+
+
+def _pairs_of_tracker_and_schedule():
+    """All pairs; without those that only `make thorough` tests, each tracker and each schedule stands once or twice."""
+    for i, tracker in enumerate(TRACKERS):
+        for k, sleep in enumerate(SCHEDULES):
+            name = f"{tracker}-{sleep.get('phases', sleep['kind'])}"
+            marks = () if i % len(SCHEDULES) == k else pytest.mark.thorough
+            yield pytest.param(tracker, sleep, id=name, marks=marks)
+
+
+@pytest.mark.parametrize(("tracker", "sleep"), list(_pairs_of_tracker_and_schedule()))
 def test_every_schedule_goes_with_every_wake_up_and_tracker(tracker, sleep):
     for wakeup, main in dict.fromkeys(PAIRS.values()):
         said = scenario(
@@ -266,14 +278,14 @@ def test_a_message_that_expires_on_the_way_is_dropped_and_counted():
     assert {(row["node"], row["time"]) for row in dropped} <= called
 
 
-def test_a_run_continues_after_a_moving_head_crashes_at_any_time():
-    for at in (10.0, 10.001, 10.004, 10.01, 10.02, 10.03, 10.05, 11.0, 11.999):
-        run = Run(scenario(duration=40.0, sleep={"kind": "ris", "probability": 0.7},
-                           faults=[{"kind": "crash", "at": at, "head": 0, "duration": 5.0}]))  # fmt: skip
-        run.books()
-        assert run.events("crash")
-        later = run.table("estimates")["issued"]
-        assert np.nanmax(later) > 20.0
+@pytest.mark.parametrize("at", [10.0, 10.01, 11.0, *thorough((10.001, 10.004, 10.02, 10.03, 10.05, 11.999))])
+def test_a_run_continues_after_a_moving_head_crashes_at_any_time(at):
+    run = Run(scenario(duration=40.0, sleep={"kind": "ris", "probability": 0.7},
+                       faults=[{"kind": "crash", "at": at, "head": 0, "duration": 5.0}]))  # fmt: skip
+    run.books()
+    assert run.events("crash")
+    later = run.table("estimates")["issued"]
+    assert np.nanmax(later) > 20.0
 
 
 def test_nodes_that_run_out_of_charge_die_while_asleep_and_the_ledger_closes():

@@ -5,6 +5,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from tests.campaign.inline_engine import InlineEngine
+from tests.helpers.thorough import thorough
 from wsnsim.papers import reproduce
 from wsnsim.papers.li2012 import measures as li2012_measures
 from wsnsim.papers.paper import paper
@@ -13,7 +15,7 @@ EXPERIMENTS = {experiment.name: experiment for experiment in paper("li2012").exp
 CLAIMS = [(experiment, claim) for experiment in EXPERIMENTS.values() for claim in experiment.claims if claim.shown]
 
 
-@pytest.mark.parametrize("full", [False, True])
+@pytest.mark.parametrize("full", [False, *thorough([True])])
 @pytest.mark.parametrize("name", EXPERIMENTS)
 def test_every_experiment_is_a_campaign_of_scenarios_that_load(name, full):
     experiment = EXPERIMENTS[name]
@@ -199,7 +201,8 @@ def test_no_least_squares_fix_is_better_than_that_on_average():
     assert li2012_measures.efficient_errors(data, "")[0] == pytest.approx(median, rel=0.1)
 
 
-def test_a_tiny_run_gives_rows_and_pictures_and_is_not_run_again(tmp_path):
+def test_a_tiny_run_gives_rows_and_pictures_and_is_not_run_again(tmp_path, monkeypatch):
+    monkeypatch.setattr(reproduce, "LocalEngine", InlineEngine)
     whole = EXPERIMENTS["figures_3_6"]
     names = ("gmtt, literal, 300", "gmtt, repaired, 300", "tsstp, 300", "cluster, 300")
     shown = [dataclasses.replace(claim, reason="") for claim in whole.claims if claim.shown]

@@ -11,6 +11,7 @@ from types import SimpleNamespace
 import pandas as pd
 import pytest
 
+from tests.helpers.thorough import thorough
 from wsnsim import scenario
 from wsnsim.base.errors import ScenarioError
 from wsnsim.papers import paper as papers
@@ -44,7 +45,7 @@ def named(pair):
     return f"{pair[0]} {pair[1].name}"
 
 
-@pytest.mark.parametrize("full", [False, True])
+@pytest.mark.parametrize("full", [False, *thorough([True])])
 @pytest.mark.parametrize("pair", EXPERIMENTS, ids=named)
 def test_every_experiment_is_a_campaign_of_scenarios_that_load(pair, full):
     name, experiment = pair

@@ -222,6 +222,7 @@ def test_a_run_that_fails_leaves_its_experiment_out_and_the_exit_code_says_so(pa
     assert "bad is incomplete" in said.err and "out of sorts" in said.err
 
 
+@pytest.mark.thorough
 def test_when_it_is_stopped_the_same_command_goes_on(tmp_path):
     command = [sys.executable, "-m", "wsnsim", "reproduce", "liu2012", "--only", "readings", "-j", "1", "-q", "--json"]
     process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)

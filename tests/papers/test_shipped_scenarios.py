@@ -41,6 +41,7 @@ def data(tmp_path_factory):
     return measures.Data(reproduce.Folder(reproduce.folder_of(where, "shipped", experiment)))
 
 
+@pytest.mark.thorough
 def test_no_shipped_tracker_is_significantly_below_the_unconditional_bound_of_its_scenario(data):
     seen = {}
     for name in data.variants:

@@ -6,10 +6,11 @@ import math
 from collections.abc import Iterator
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.helpers.scenario_components import base_scenario, faults_of
+from tests.helpers.thorough import THOROUGH
 from wsnsim.scenario.fields import fields_of, nested_of
 from wsnsim.scenario.registry import ROLES, load_class
 
@@ -74,6 +75,7 @@ EXTREMES = [1e300, 1e200, 1e100, 1e30, 5e-324, 1e-300, 1e-100, -1e-300, -1e300, 
 
 
 @pytest.mark.parametrize(("role", "kind", "name"), list(_numbers()))
+@settings(max_examples=len(EXTREMES) if THOROUGH else 4)
 @given(st.sampled_from(EXTREMES))
 def test_no_number_of_a_model_ends_as_an_internal_error(role: str, kind: str, name: str, value: float) -> None:
     """With any one number of any kind at an extreme, a scenario is refused in words or is built."""

@@ -303,12 +303,17 @@ def test_metropolis_refuses_a_process_noise_without_a_density() -> None:
         (100, {"variant": "literal", "move": "all"}),
         (100, {"variant": "resample_first", "fitness": "absolute", "move": "position"}),
         (100, {"variant": "metropolis", "handover": "gaussian"}),
-        (1, {"variant": "literal", "generations": 1}),
         (1, {"variant": "metropolis"}),
-        (2, {"variant": "metropolis", "move": "position"}),
-        (3, {"variant": "metropolis"}),
-        (3, {"variant": "resample_first"}),
-        (2, {"variant": "literal", "fitness": "absolute"}),
+        *(
+            pytest.param(particles, fields, marks=pytest.mark.thorough)
+            for particles, fields in (
+                (1, {"variant": "literal", "generations": 1}),
+                (2, {"variant": "metropolis", "move": "position"}),
+                (3, {"variant": "metropolis"}),
+                (3, {"variant": "resample_first"}),
+                (2, {"variant": "literal", "fitness": "absolute"}),
+            )
+        ),
     ],
 )
 def test_it_keeps_the_rules_of_the_seam(kind, particles, fields) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from tests.helpers.linear_cluster import Cluster, LinearMotion, LinearSensor, against_kalman, kalman, sent
+from tests.helpers.thorough import thorough
 from tests.kernels.test_gravity import attract_twin
 from wsnsim.base.rng import uniforms
 from wsnsim.models.linear import ConstantAcceleration, ConstantVelocity
@@ -267,7 +268,7 @@ def test_a_covariance_without_full_rank_is_drawn_from_all_the_same(kind, given, 
 
 
 @EVERY
-@pytest.mark.parametrize("particles", [1, 2, 3, 25])
+@pytest.mark.parametrize("particles", [1, 25, *thorough((2, 3))])
 def test_the_rules_of_the_seam_are_kept(kind, given, particles) -> None:
     check_tracker(kind(particles=particles, **given))
 

@@ -340,6 +340,7 @@ def position_errors(tracker: PsoMhpf, seed: int, steps: int = 120) -> np.ndarray
     return np.array(errors[-50:])
 
 
+@pytest.mark.thorough
 def test_the_defaults_track_and_the_literal_move_and_the_bare_likelihood_visibly_fail() -> None:
     def mean_error(tracker: PsoMhpf) -> float:
         return float(np.mean([position_errors(tracker, seed) for seed in range(3)]))

@@ -1,0 +1,29 @@
+"""Where compiled kernels are kept while tests run, and from one run of the tests to the next."""
+
+from __future__ import annotations
+
+import hashlib
+import shutil
+import sys
+import tempfile
+from importlib.metadata import version
+from pathlib import Path
+
+
+def kernel_cache(root: Path, environment: Path) -> Path:
+    """The folder for compiled kernels: one of the sources in the clone's own virtual environment, else a temporary one.
+
+    Numba compiles a kernel again when its file changes, but not when a function that it inlines changes in another
+    file. Therefore each state of all kernels has a folder of its own, and those of former states are removed.
+    """
+    if not environment.is_relative_to(root):
+        return Path(tempfile.mkdtemp(prefix="wsnsim-numba-"))
+    digest = hashlib.sha256(f"{sys.version} {version('numba')} {version('numpy')}".encode())
+    for source in sorted((root / "wsnsim" / "kernels").glob("*.py")):
+        digest.update(source.read_bytes())
+    folder = environment / "kernels-of-tests" / digest.hexdigest()[:16]
+    for former in folder.parent.glob("*"):
+        if former != folder:
+            shutil.rmtree(former, ignore_errors=True)
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder
