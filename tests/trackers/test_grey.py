@@ -93,7 +93,8 @@ def test_on_noisy_straight_motion_the_line_predicts_best_and_the_grey_model_as_p
         ("repaired", GreyTracking()),
         ("literal", GreyTracking(shift=0.0, correction="literal")),
     ):
-        axes = [[tracker._extrapolated(50.0, times[:5], axis) for axis in points.T] for points in fixes]
+        at = tuple(times[:5].tolist())
+        axes = [[tracker._extrapolated(50.0, at, tuple(axis)) for axis in points.T.tolist()] for points in fixes]
         errors[name] = np.hypot(*(np.array(axes) - truth[:, 5]).T).mean()
     assert errors["line"] == pytest.approx(1.5 * np.sqrt(1.1 * np.pi / 2.0), rel=0.1), "the closed form"
     assert 1.5 * errors["line"] < errors["repaired"] < 0.2 * errors["literal"], errors

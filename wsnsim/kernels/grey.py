@@ -74,7 +74,10 @@ def forecast(x: Series, ahead: float = 1.0, shift: float = 0.0, correction: Corr
     `literal`: GM(1,1) of all residuals, of which the first is 0 and the signs are mixed: as good as none. `tail`, our
     repair: of the residuals 2..n, shifted until they are positive.
     """
-    given = _series(x)
+    return _forecast(_series(x), ahead, shift, correction)
+
+
+def _forecast(given: list[float], ahead: float, shift: float, correction: Correction) -> float:
     index = len(given) - 1 + ahead
     if not (index >= 0.0 and math.isfinite(index) and math.isfinite(shift)):
         raise ValueError(f"a finite shift and an index from the first value on are needed, got {shift} and {index}")
@@ -106,7 +109,10 @@ def forecast_at(
 ) -> float:
     """The forecast for a time, from values at unequal times that increase: Ψ, then the index h = (time - t_1) / Δ."""
     spacing = (times[-1] - times[0]) / (len(times) - 1)
-    return forecast(_interpolated(times, x), (time - times[-1]) / spacing, shift, correction)
+    values = _interpolated(times, x)
+    if not all(map(math.isfinite, values)):
+        values = _series(values)
+    return _forecast(values, (time - times[-1]) / spacing, shift, correction)
 
 
 def _interpolated(times: Sequence[float], x: Sequence[float]) -> list[float]:

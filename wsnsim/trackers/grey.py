@@ -7,7 +7,7 @@ Requests of a step:
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from functools import lru_cache
 from typing import Annotated, ClassVar, Final, Literal
 
 import numpy as np
@@ -25,6 +25,8 @@ POSITION_BITS: Final = 32
 """4 bytes."""
 HEADER_BITS: Final = 104
 """13 bytes: sequence 1, sender 2, target 2, predicted position 4, expiry 4."""
+_forecast_at = lru_cache(maxsize=64)(forecast_at)
+"""A prediction is asked for twice: to wake nodes for a step, and in the step."""
 
 
 @part
@@ -96,16 +98,16 @@ class GreyTracking(RangeFix):
         """(2,) the model's position at a time after the last fix, in the field."""
         if not self.foresees(belief) or time <= belief.times[-1]:
             return np.array(belief.points[-1])
-        found = np.array([self._extrapolated(time, belief.times, axis) for axis in zip(*belief.points, strict=True)])
-        half = np.array([scene.field.width, scene.field.height]) / 2.0
-        centre = np.array(scene.field.centre)
-        inside: Floats = np.minimum(np.maximum(found, centre - half), centre + half)
-        return inside
+        halves, found = (scene.field.width / 2.0, scene.field.height / 2.0), []
+        for axis, centre, half in zip(zip(*belief.points, strict=True), scene.field.centre, halves, strict=True):
+            value = self._extrapolated(time, belief.times, axis)
+            found.append(min(max(value, centre - half), centre + half))
+        return np.array(found)
 
-    def _extrapolated(self, time: float, times: Sequence[float], axis: Sequence[float]) -> float:
+    def _extrapolated(self, time: float, times: tuple[float, ...], axis: tuple[float, ...]) -> float:
         if self.predictor == "linear":
             return line_at(time, times, axis)
-        return forecast_at(time, times, axis, self.shift, self.correction)
+        return _forecast_at(time, times, axis, self.shift, self.correction)
 
 
 def line_cycles(fixes: int) -> float:

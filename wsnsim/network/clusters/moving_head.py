@@ -42,6 +42,7 @@ class MovingHeadProtocol:
         self._log = services.network.log
         self._policy = cast(MovingPolicy, self._setup.clusters)
         self._succession = make_succession(services.network, self._policy.main)
+        self._message_carries_belief = self._setup.wakeup.carries_belief and isinstance(self._setup.tracker, Portable)
 
     def fill_vacancy(self, track: Track, poll: int) -> Handover | None:
         """Name the awake node that detects the target first."""
@@ -188,7 +189,7 @@ class MovingHeadProtocol:
         successor = self._succession.head_at_step(lead)
         if successor == lead.head:
             return None
-        if not (self._setup.wakeup.carries_belief and isinstance(self._setup.tracker, Portable)):
+        if not self._message_carries_belief:
             return (yield from self._hand_over(lead, successor, wakes_nodes=False))
         assert lead.track.round is not None, "only a node that was woken takes over at the step"
         self._log.add("handover", lead.track.target, lead.head, "message", peer=successor)

@@ -51,6 +51,9 @@ class WakeAhead:
         self._network = network
         self._service = service
         self._sequence = 0
+        tracker = network.setup.tracker  # asked once: to check a protocol takes longer than to plan
+        self._foresees = tracker.foresees if isinstance(tracker, Foresees) else _foresees_always
+        self._belief_bits = tracker.belief_bits if isinstance(tracker, Portable) else _no_bits
 
     def wake(self, track: Track, head: int, belief: Any, scene: Scene, last_sensed: float) -> None:
         """Have nodes woken for the next step, if there is one; see `WakesAhead`."""
@@ -64,10 +67,9 @@ class WakeAhead:
 
     def _plan(self, target: int, head: int, belief: Any, scene: Scene, last_sensed: float) -> WakeUpPlan:
         network, setup, nodes = self._network, self._network.setup, self._network.nodes
-        tracker, motion = setup.tracker, setup.filter_motions[target]
-        mean = tracker.estimate(belief).mean
+        motion = setup.filter_motions[target]
+        mean = setup.tracker.estimate(belief).mean
         due = network.clock.next_step
-        foreseen = tracker.foresees(belief) if isinstance(tracker, Foresees) else True
         return WakeUpPlan(
             target=target,
             step=network.clock.step + 1,
@@ -77,13 +79,23 @@ class WakeAhead:
             fix=_point(planar(mean[list(motion.position)])),
             heading=_heading(mean, motion.columns),
             prediction=_point(network.predicted_position(target, belief, scene)),
-            foreseen=foreseen,
+            foreseen=self._foresees(belief),
             due=due,
             ahead=due - last_sensed,
             sensing=setup.sensor.reach,
             reach=nodes.reach,
-            payload_bits=tracker.belief_bits(belief) if isinstance(tracker, Portable) else 0,
+            payload_bits=self._belief_bits(belief),
         )
+
+
+def _foresees_always(belief: Any) -> bool:
+    """True: a tracker that does not say whether it can predict can."""
+    return True
+
+
+def _no_bits(belief: Any) -> int:
+    """0: the belief cannot be carried by a message."""
+    return 0
 
 
 def _heading(mean: Floats, columns: tuple[str, ...]) -> Point:

@@ -14,7 +14,7 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 
-from wsnsim.base.arrays import Floats, Ints
+from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import Issue
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Estimate, Scene
@@ -62,10 +62,12 @@ class RangeFix(HeadFilter):
 
     def start(self, prior: Estimate, scene: Scene) -> Flow[Fixes]:
         """The prior, whose position is the first fix."""
-        place = list(scene.motion.position)
+        place = _both(*scene.motion.position)
         x, y = prior.mean[place].tolist()
         unknown = np.diag(prior.cov) + prior.mean**2
-        return Fixes((scene.time,), ((x, y),), prior.mean, prior.cov, scene.head, prior.cov[_block(place)], unknown)
+        return Fixes(
+            (scene.time,), ((x, y),), prior.mean, prior.cov, scene.head, prior.cov[place, place].copy(), unknown
+        )
         yield  # a flow without requests
 
     def step(self, belief: Fixes, scene: Scene) -> Flow[Fixes]:
@@ -127,17 +129,17 @@ class RangeFix(HeadFilter):
 
         No farther than the longest range says.
         """
-        place = list(scene.motion.position)
-        off = math.sqrt(float(np.trace(expected.cov[_block(place)])))
-        return expected.mean[place], min(off, float(ranged.ranges.max()))
+        x, y = scene.motion.position
+        off = math.sqrt(float(expected.cov[x, x] + expected.cov[y, y]))
+        return expected.mean[_both(x, y)], min(off, float(ranged.ranges.max()))
 
     def _placed(self, moved: Estimate, belief: Fixes, time: float, scene: Scene) -> Estimate:
         """The motion model's prediction, moved to the expected position; the difference is added to the covariance."""
-        place = list(scene.motion.position)
+        place = _both(*scene.motion.position)
         mean, cov = moved.mean.copy(), moved.cov.copy()
         mean[place] = self._at(belief, time, scene)
         off = moved.mean[place] - mean[place]
-        cov[_block(place)] += off[:, None] * off
+        cov[place, place] += off[:, None] * off
         return Estimate(mean, cov)
 
     def _with(self, belief: Fixes, fix: Fix, expected: Estimate, scene: Scene) -> Fixes:
@@ -151,22 +153,25 @@ class RangeFix(HeadFilter):
         return Fixes(times, points, mean, cov, scene.head, fix.cov, belief.unknown, foretold)
 
 
-def _block(rows: list[int], columns: list[int] | None = None) -> tuple[Ints, Ints]:
-    """The index of a block of a matrix; its columns are its rows by default."""
-    return np.array(rows)[:, None], np.array(rows if columns is None else columns)
+def _both(first: int, second: int) -> slice:
+    """The slice of two rows, in this order: a view, which an index by a list is not."""
+    step = second - first
+    stop = second + (1 if step > 0 else -1)
+    return slice(first, stop if stop >= 0 else None, step)
 
 
 def _state(
     times: tuple[float, ...], points: tuple[Point, ...], covs: tuple[Floats, Floats], unknown: Floats, scene: Scene
 ) -> tuple[Floats, Floats]:
     """Mean (D,) and covariance (D, D) of the state that two independent fixes tell, `covs` their covariances."""
-    columns, place = scene.motion.columns, list(scene.motion.position)
+    columns, place = scene.motion.columns, _both(*scene.motion.position)
     mean, cov = np.zeros(len(columns)), np.diag(unknown)
     mean[place] = points[-1]
-    cov[_block(place)] = covs[1]
+    cov[place, place] = covs[1]
     if len(times) > 1 and "vx" in columns and "vy" in columns:
-        moving, passed = [columns.index("vx"), columns.index("vy")], times[-1] - times[-2]
-        mean[moving] = (np.array(points[-1]) - np.array(points[-2])) / passed
-        cov[_block(moving)] = (covs[0] + covs[1]) / passed**2
-        cov[_block(place, moving)] = cov[_block(moving, place)] = covs[1] / passed
+        moving, passed = _both(columns.index("vx"), columns.index("vy")), times[-1] - times[-2]
+        (x, y), (last_x, last_y) = points[-1], points[-2]
+        mean[moving] = (x - last_x) / passed, (y - last_y) / passed
+        cov[moving, moving] = (covs[0] + covs[1]) / passed**2
+        cov[place, moving] = cov[moving, place] = covs[1] / passed
     return mean, cov

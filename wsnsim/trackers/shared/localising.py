@@ -179,4 +179,5 @@ def _descend(circles: Sequence[Circle], x: float, y: float) -> tuple[Floats, int
 
 
 def _cost(circles: Sequence[Circle], x: float, y: float) -> float:
-    return sum((math.hypot(x - cx, y - cy) - radius) ** 2 for cx, cy, radius in circles)
+    hypot = math.hypot
+    return sum([(hypot(x - cx, y - cy) - radius) ** 2 for cx, cy, radius in circles])
