@@ -45,7 +45,7 @@ def sleepers(count: int) -> tuple[Any, ...]:
     """The arguments of `listening` for every second of many nodes."""
     rng, size = np.random.default_rng(count), 2 * count
     begins, since = rng.uniform(0.0, 1.2, size), rng.uniform(0.0, 2.0, size)
-    living, awake, held = (rng.random(n) < share for n, share in ((count, 0.9), (size, 0.4), (size, 0.3)))
+    living, awake, held = (rng.random(size) < share for share in (0.9, 0.4, 0.3))
     return np.arange(0, size, 2), 1.0, living, awake, begins, begins + 0.9, held, since, np.zeros(count, dtype=np.bool_)
 
 

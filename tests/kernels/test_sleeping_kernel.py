@@ -15,7 +15,7 @@ laws = pytest.mark.parametrize("law", LAWS, ids=repr)
 
 def listening_twin(nodes, time, living, awake, begins, ends, held, since, result):
     """`listening` by masks."""
-    result[:] = living & (awake[nodes] | (held[nodes] & (since[nodes] <= time)))
+    result[:] = living[nodes] & (awake[nodes] | (held[nodes] & (since[nodes] <= time)))
     return int((~((begins[nodes] <= time) & (time < ends[nodes]))).sum())
 
 

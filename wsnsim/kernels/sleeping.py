@@ -31,7 +31,7 @@ def listening(
     Args:
         nodes: (n,) the nodes.
         time: The time in s.
-        living: (n,) which of them are up.
+        living: (N,) which nodes are up.
         awake: (N,) what the schedules last said.
         begins: (N,) from when on they said so, in s.
         ends: (N,) until when, in s.
@@ -47,7 +47,7 @@ def listening(
         node = nodes[i]
         if not begins[node] <= time < ends[node]:
             unknown += 1
-        result[i] = living[i] and (awake[node] or (held[node] and since[node] <= time))
+        result[i] = living[node] and (awake[node] or (held[node] and since[node] <= time))
     return unknown
 
 

@@ -25,7 +25,11 @@ class LinearProcess(NamedTuple):
 
     def matrices(self, count: int) -> tuple[Floats, Floats]:
         """F (count, D, D), one read-only matrix repeated, and a copy of Q (D, D)."""
-        return np.broadcast_to(self.transition, (count, *self.transition.shape)), self.covariance.copy()
+        if count != 1:
+            return np.broadcast_to(self.transition, (count, *self.transition.shape)), self.covariance.copy()
+        once = self.transition[None]  # a tenth of the time
+        once.flags.writeable = False
+        return once, self.covariance.copy()
 
 
 @functools.lru_cache(maxsize=64)

@@ -73,7 +73,7 @@ class Nodes:
 
     def hears(self, ids: Ints, since: float) -> Bools:
         """(n,) which nodes are up and have been listening since a time that is not in the future."""
-        return self.duty_cycles.hears(ids, since, self.living[ids])
+        return self.duty_cycles.hears(ids, since, self.living)
 
     def is_awake(self, node: int) -> bool:
         """Whether a node is up and listens now."""

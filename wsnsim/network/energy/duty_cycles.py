@@ -32,8 +32,9 @@ class DutyCycles:
         self.rest = rest
 
     def hears(self, ids: Ints, since: float, living: Bools) -> Bools:
-        """(n,) which of the nodes are living (n,) and have been listening since a time that is not in the future."""
-        return living
+        """(n,) which of the nodes are living (N,) and have been listening since a time that is not in the future."""
+        found: Bools = living[ids]
+        return found
 
     def is_awake(self, node: int) -> bool:
         """Whether a living node is awake now."""
@@ -108,7 +109,7 @@ class ScheduledDutyCycles(DutyCycles):
         self._sending: set[int] = set()
 
     def hears(self, ids: Ints, since: float, living: Bools) -> Bools:
-        """(n,) the living nodes that were awake by schedule then, or have been held awake since before.
+        """(n,) which nodes are living (N,), and were awake by schedule then or have been held awake since before.
 
         A radio that is receiving when its schedule ends receives the frame to its end.
         """

@@ -75,7 +75,9 @@ class Channel:
         since = now - self._assessment
         for cell in self._cells_around.get(node) or self._find_cells(node):
             for other in cell:
-                if other.end > since and (other.source == node or (other.start < now and _senses(node, other))):
+                if other.end <= since:
+                    continue
+                if other.source == node or (other.start < now and node in other.neighbours.sensing):
                     return True
         return False
 
@@ -195,9 +197,3 @@ class Channel:
         if self._turnaround_joules and nodes.alive[source]:
             nodes.spend(source, SWITCH, self._turnaround_joules)
         return sent == frame.bits and bool(nodes.alive[source])
-
-
-def _senses(node: int, transmission: Transmission) -> bool:
-    """Whether a node takes the channel for busy during a transmission."""
-    at = transmission.neighbours.index(node)
-    return at >= 0 and bool(transmission.neighbours.senses[at])

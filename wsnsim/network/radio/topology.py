@@ -44,7 +44,17 @@ class Neighbours:
         thresholds: {bits: (n,) one less that, and (n,) whether the link is usable}, filled on demand.
     """
 
-    __slots__ = ("_id_list", "_members", "_milliwatts", "ids", "powers", "probabilities", "senses", "thresholds")
+    __slots__ = (
+        "_id_list",
+        "_members",
+        "_milliwatts",
+        "_sensing",
+        "ids",
+        "powers",
+        "probabilities",
+        "senses",
+        "thresholds",
+    )
 
     def __init__(self, ids: Ints, powers: Floats, senses: Bools) -> None:
         self.ids = ids
@@ -54,6 +64,7 @@ class Neighbours:
         self.thresholds: dict[int, tuple[Floats, Bools]] = {}
         self._id_list: list[int] | None = None
         self._members: frozenset[int] | None = None
+        self._sensing: frozenset[int] | None = None
         self._milliwatts: Floats | None = None
 
     @property
@@ -69,6 +80,13 @@ class Neighbours:
         if self._members is None:
             self._members = frozenset(self.id_list)
         return self._members
+
+    @property
+    def sensing(self) -> frozenset[int]:
+        """The nodes that take the channel for busy, as a set."""
+        if self._sensing is None:
+            self._sensing = self.members if self.senses.all() else frozenset(self.ids[self.senses].tolist())
+        return self._sensing
 
     @property
     def milliwatts(self) -> Floats:
