@@ -304,6 +304,18 @@ def test_a_reader_of_progress_that_goes_away_is_no_error(sweep: str) -> None:
     assert done.returncode == 141 and not done.stdout
 
 
+def test_a_sweep_does_nothing_that_starts_a_thread_before_its_workers(sweep: str) -> None:
+    """pandas may do so, by way of pyarrow: workers would then be spawned, and each would import everything."""
+    script = (
+        "import sys; from wsnsim.campaign import local_engine as local; copied = local._can_be_copied;"
+        "local._can_be_copied = lambda: print('pandas' in sys.modules, copied()) or copied();"
+        "from wsnsim.cli import main; sys.exit(main(sys.argv[1:]))"
+    )
+    command = [sys.executable, "-c", script, "sweep", sweep, "--quiet", "--replicates", "1"]
+    done = subprocess.run(command, env=environment(), text=True, check=True, stdout=subprocess.PIPE)
+    assert done.stdout.startswith(f"False {sys.platform == 'linux'}\n")
+
+
 # disks
 
 

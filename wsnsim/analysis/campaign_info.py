@@ -8,7 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, Final
 
-from wsnsim.analysis.comparison import label
+from wsnsim.analysis.baselines import label
 from wsnsim.analysis.stopping import ReplicateCounts
 from wsnsim.recording.folder import Folder
 

@@ -9,15 +9,16 @@ have the same ground truth and the same readings in the same run, so a run's dif
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 import pandas as pd
 
 from wsnsim.analysis import campaigns, statistics
+from wsnsim.analysis.baselines import baseline_point, keys_by_default, label
 from wsnsim.analysis.conclusions import PairWords, sentence
 from wsnsim.analysis.network_hints import hint, traffic
 from wsnsim.analysis.pairs import pair_columns, with_pairs
@@ -26,11 +27,6 @@ from wsnsim.base.tables import METRICS, MORE_IS_BETTER, ONE_IS_BEST, TABLES
 from wsnsim.recording import attributes
 from wsnsim.recording.folder import Folder, Manifest
 
-if TYPE_CHECKING:
-    from wsnsim.scenario.sweep_schema import Plan
-
-SCENARIO: Final = "scenario"
-"""The swept key of a sweep over several scenarios."""
 ENERGY: Final = "energy"
 MEASURED: Final = ("replicate", "lost", "losses", "tracked", ENERGY)
 YOUNGER: Final = ("losses",)
@@ -105,7 +101,7 @@ def compare(
     groups = _groups(manifest, table, chosen)
     sign = -1.0 if metric in MORE_IS_BETTER else 1.0
     table["front"] = False if metric in ONE_IS_BEST else _fronts(table, groups, sign)
-    baseline = _baseline(manifest, chosen, baseline or (manifest.baseline if by is None else None))
+    baseline = baseline_point(manifest, chosen, baseline or (manifest.baseline if by is None else None))
     first = _baselines(manifest, table, groups, chosen, baseline)
     unit, unpaired = _unit(folder, manifest, metric), ""
     if chosen:
@@ -152,14 +148,9 @@ def conclusions_of(found: Comparison) -> list[str]:
     return [f"{sentence} (hint: {hint})" if hint else sentence for sentence, hint in pairs if sentence]
 
 
-def label(values: Iterable[Any]) -> str:
-    """Values of settings as a short text."""
-    return ", ".join(f"{value:g}" if isinstance(value, float) else str(value) for value in values)
-
-
 def _chosen(manifest: Manifest, by: Sequence[str] | None) -> tuple[str, ...]:
     if by is None:
-        return manifest.by or _by_default(manifest.keys)
+        return manifest.by or keys_by_default(manifest.keys)
     for key in by:
         if key not in manifest.keys:
             raise UsageError(f"{manifest.name} does not vary '{key}' ({did_you_mean(key, manifest.keys)})")
@@ -224,32 +215,6 @@ def _baselines(
     names = [label(point.settings.get(key) for key in by) for point in manifest.points]
     number = table[campaigns.POINT]
     return [(row, rows) for rows in groups.values() for row in rows if names[number.iloc[row]] == baseline]
-
-
-def _baseline(manifest: Plan | Manifest, by: Sequence[str], wanted: str | None) -> str | None:
-    """The wanted baseline, or else the campaign's first point; None if nothing is compared.
-
-    Raises:
-        UsageError: there is no such point, or a baseline is wanted and nothing is compared.
-    """
-    names = [label(point.settings.get(key) for key in by) for point in manifest.points]
-    if wanted is None:
-        return names[0] if by else None
-    if not by:
-        raise UsageError(f"a baseline requires a key to compare by: --by {' or '.join(manifest.keys)}")
-    if wanted not in names:
-        raise UsageError(f"{manifest.name} has no point '{wanted}' ({did_you_mean(wanted, set(names))})")
-    return wanted
-
-
-def demand_baseline(plan: Plan | Manifest, by: Sequence[str], wanted: str | None) -> None:
-    """Raise UsageError unless the campaign can be compared with this baseline."""
-    _baseline(plan, tuple(by) or _by_default(plan.keys), wanted)
-
-
-def _by_default(keys: Sequence[str]) -> tuple[str, ...]:
-    """The keys compared by default: the scenarios if there are several, or else the only swept key."""
-    return (SCENARIO,) if SCENARIO in keys else tuple(keys) if len(keys) == 1 else ()
 
 
 def _paired(

@@ -11,7 +11,8 @@ from typing import Any, Final
 
 import pandas as pd
 
-from wsnsim.analysis.comparison import Comparison, label
+from wsnsim.analysis.baselines import label
+from wsnsim.analysis.comparison import Comparison
 from wsnsim.analysis.pairs import ERRORS
 from wsnsim.analysis.phrases import aligned, counted
 from wsnsim.analysis.plot_data import bracketed

@@ -166,7 +166,7 @@ def print_comparison(folder: Folder, options: ComparisonOptions) -> int:
 
 def _check_comparison(options: ComparisonOptions, plan: Plan | Manifest, by: Sequence[str]) -> None:
     """Raise UsageError, before anything runs, if the comparison would fail or could not be written."""
-    from wsnsim.analysis import comparison
+    from wsnsim.analysis import baselines  # not comparison: pandas may start a thread, and workers would be spawned
     from wsnsim.base.errors import did_you_mean
     from wsnsim.base.tables import METRICS
 
@@ -176,7 +176,7 @@ def _check_comparison(options: ComparisonOptions, plan: Plan | Manifest, by: Seq
     for key in options.by:
         if key not in plan.keys:
             raise UsageError(f"--by: the campaign does not vary '{key}' ({did_you_mean(key, plan.keys)})")
-    comparison.demand_baseline(plan, by, options.baseline)
+    baselines.demand_baseline(plan, by, options.baseline)
     if options.csv and options.csv.is_dir():
         raise UsageError(f"--csv {options.csv} is a folder, not a file")
     if options.csv and not options.csv.parent.is_dir():
