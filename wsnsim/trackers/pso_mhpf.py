@@ -220,7 +220,7 @@ class PsoMhpf:
             if member.id == head:
                 own.append(result)
             payload = np.concatenate([result.mean, np.diag(result.cov)]) if with_variances else result.mean
-            return Parcel(payload, packets, PACKET_BITS, "estimate")
+            return Parcel(payload, packets, PACKET_BITS, "estimate", 0)
 
         return report
 

@@ -74,7 +74,8 @@ class Cluster:
         network, setup = self._network, self._network.setup
         step, readings = network.clock.step, network.readings[self._target]
         roster = self.roster()
-        for node, key in zip(roster, self._keys_of(roster), strict=True):
+        *keys, head_key = self._keys_of(roster)
+        for node, key in zip(roster, keys, strict=True):
             member = self.members[node]
             member.reading, member.key = readings.get(node), key
         joined, left = self._update_active(tuple([node for node in roster if node in readings]))
@@ -94,7 +95,7 @@ class Cluster:
             field=setup.deploy.field,
             motion=setup.filter_motions[self._target],
             sensor=setup.filter_sensor,
-            key=derive(self._track_key, step, HEAD_KEY),
+            key=head_key,
         )
 
     def _update_active(self, ids: tuple[int, ...]) -> tuple[tuple[int, ...], tuple[int, ...]]:
@@ -110,12 +111,12 @@ class Cluster:
         return tuple([node for node in ids if node not in before]), tuple([node for node in gone if nodes.alive[node]])
 
     def _keys_of(self, roster: tuple[int, ...]) -> list[int]:
-        """The members' keys of this step: derive(tracker key, target, step, node)."""
+        """The members' keys of this step, derive(tracker key, target, step, node), and then the head's."""
         keyed, first = self._keyed
         step = self._network.clock.step
         if keyed != roster or not first <= step < first + self._keys_ahead:
             bases = derive_all(self._track_key, np.arange(step, step + self._keys_ahead))
-            nodes = np.array(roster, dtype=np.int64).astype(np.uint64)
+            nodes = np.array([*roster, HEAD_KEY], dtype=np.int64).astype(np.uint64)
             self._keys = derive_each(bases[:, None], nodes[None, :]).tolist()
             self._keyed, first = (roster, step), step
         return self._keys[step - first]

@@ -171,7 +171,7 @@ class Driver:
             if parcel is not None:
                 nodes.append(member.id)
                 parcels.append(parcel)
-                if count := parcel.readings_of(member):
+                if parcel.readings != 0 and (count := parcel.readings_of(member)):
                     assert member.reading is not None, "only a member with a reading sends one"
                     readings[member.id] = member.reading, count
         masks = yield from self._collect(nodes, parcels)

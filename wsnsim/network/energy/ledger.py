@@ -95,7 +95,7 @@ class EnergyLedger:
             amplified += amplifier
             received += rx
         totals[ELECTRONICS], totals[AMPLIFIER], totals[RECEIVED] = electronic, amplified, received
-        self.ceiling = max(self.ceiling, *[spent[node] for node in sources], *[spent[to] for to in destinations])
+        self.ceiling = max(self.ceiling, *[spent[node] for node in {*sources, *destinations}])
 
     def book_charges(self, node: int, charges: Charges) -> None:
         """Book joules on several causes of one node."""

@@ -73,7 +73,7 @@ class IdealMedium:
         self._nodes.ledger.book_unicasts(unicasts.sources, unicasts.destinations, costs)
         now, step, target, number = self._env.now, log.step, unicasts.target, counters.frames_sent
         rows: list[Event] = []
-        what, code = None, 0
+        what, code, sent_packets = None, 0, 0
         for source, to, parcel, (bits, _, _, sent, rx) in zip(
             unicasts.sources, unicasts.destinations, unicasts.parcels, costs, strict=True
         ):
@@ -83,8 +83,9 @@ class IdealMedium:
                 what, code = parcel.what, log.code(parcel.what)
             rows.append((now, step, target, source, SEND, code, number, number, to, packets, bits, sent, TX))
             rows.append((now, step, target, to, RECEIVE, code, number, number, source, packets, bits, rx, RX))
-            counters.packets_sent += packets
+            sent_packets += packets
         log.extend(rows)
+        counters.packets_sent += sent_packets
         counters.frames_sent = number
         counters.in_range += len(costs)
         counters.delivered += len(costs)

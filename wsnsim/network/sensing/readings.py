@@ -59,17 +59,23 @@ class Readings:
 
     def appeared(self, step: int) -> list[int]:
         """Nodes that measure the target at this step but did not at the previous one, ascending."""
-        before = set(self._ids_at(step - 1)) if step else set()
-        return [node for node in self._ids_at(step) if node not in before]
+        return _without(self._ids_at(step), self._ids_at(step - 1) if step else [])
 
     def vanished(self, step: int) -> list[int]:
         """Nodes that measured the target at the previous step but do not at this one, ascending."""
-        now = set(self._ids_at(step))
-        return [node for node in self._ids_at(step - 1) if node not in now] if step else []
+        return _without(self._ids_at(step - 1), self._ids_at(step)) if step else []
 
     def _ids_at(self, step: int) -> Iterable[int]:
         """The nodes that measure the target at a step, ascending."""
         return self.ids[step]
+
+
+def _without(ids: Iterable[int], others: Iterable[int]) -> list[int]:
+    """Those of the nodes that are not among the others. Mostly they are the same as in the step before."""
+    if ids == others:
+        return []
+    known = set(others)
+    return [node for node in ids if node not in known]
 
 
 def _detected(model: Detects, points: Floats, positions: Floats, steps: Ints, nodes: Ints) -> Bools:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from itertools import accumulate, pairwise
 
 import numpy as np
 
@@ -185,9 +186,10 @@ def redeal(deal: Deal, scene: Scene, common: float | None = None) -> Flow[Deal]:
 
 def _portions(pool: Pool, wanted: Mapping[int, int], common: float | None) -> dict[int, Parcel]:
     """Divide the pool in proportion to the numbers wanted; each member gets its number if no particle was lost."""
-    edges = np.concatenate([[0], np.cumsum(list(wanted.values()))]) * pool.log_weights.size // sum(wanted.values())
+    count, total = pool.log_weights.size, sum(wanted.values())
+    edges = pairwise([edge * count // total for edge in accumulate(wanted.values(), initial=0)])
     parcels = {}
-    for node, first, last in zip(wanted, edges[:-1].tolist(), edges[1:].tolist(), strict=True):
+    for node, (first, last) in zip(wanted, edges, strict=True):
         if last > first:
             cloud = np.ascontiguousarray(pool.cloud[:, first:last])
             parcels[node] = particles_parcel(cloud, pool.log_weights[first:last] if common is None else common)
