@@ -238,7 +238,7 @@ def test_a_result_that_is_missing_or_something_else_is_one_message(
         ("nowhere/x.h5", "--out nowhere/x.h5: folder does not exist: nowhere"),
         ("folder", "--out folder is a folder; give a file such as folder/pso_mhpf.h5"),
         ("file/x.h5", "cannot write file/x.h5: Not a directory"),
-        ("/dev/null", "--out /dev/null is not a regular file"),
+        ("/dev/null", "--out /dev/null is a device, not a regular file"),
     ],
 )
 def test_an_output_that_cannot_be_written_is_refused_before_anything_runs(

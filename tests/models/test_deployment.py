@@ -149,7 +149,7 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path):
     binary.write_bytes(b"\xff\xfe\x00\x01")
     endless = Path("/dev/zero")
     for path, said in (
-        (tmp_path / "none.csv", "No such file"), (tmp_path, "directory"), (binary, "not a CSV text"),
+        (tmp_path / "none.csv", "No such file"), (tmp_path, "is a folder"), (binary, "not a CSV text"),
         (endless, "not a regular file"),
     ):  # fmt: skip
         with pytest.raises(RunError, match="cannot be read") as caught:

@@ -10,7 +10,6 @@ import dataclasses
 import hashlib
 import json
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -19,6 +18,7 @@ from wsnsim.analysis import campaigns
 from wsnsim.analysis.comparison import Comparison
 from wsnsim.base.errors import WsnsimError
 from wsnsim.base.progress import tracked
+from wsnsim.base.regular_files import read_regular
 from wsnsim.bounds import bound
 from wsnsim.recording.folder import Folder
 from wsnsim.recording.kept_answers import KEPT, KeptAnswers
@@ -91,7 +91,7 @@ def _digests(scenario: Any) -> dict[str, str]:
         found |= _digests(value)
         if key == "path" and isinstance(value, str):
             try:
-                found[value] = hashlib.sha256(Path(value).read_bytes()).hexdigest()
+                found[value] = hashlib.sha256(read_regular(value)).hexdigest()
             except OSError:
                 found[value] = ""
     return found

@@ -14,6 +14,12 @@ import difflib
 import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Final
+
+MOST_PRINTED: Final = 50
+"""Issues of one scenario or sweep that a message names."""
+LONGEST_PATH: Final = 200
+"""Characters of a path of keys in a message."""
 
 
 class WsnsimError(Exception):
@@ -46,18 +52,21 @@ class Issue:
 
     def __str__(self) -> str:
         dotted = ".".join(str(key) for key in self.path)
+        dotted = dotted if len(dotted) <= LONGEST_PATH else f"{dotted[:LONGEST_PATH]}…"
         head = ": ".join(piece for piece in (self.place, "error", dotted) if piece)
         return f"{head}: {self.message}" + (f"\n{self.excerpt}" if self.excerpt else "")
 
 
 class ScenarioError(WsnsimError):
-    """A scenario is invalid. `issues` holds everything that is wrong with it."""
+    """A scenario is invalid. `issues` holds everything that is wrong with it; the message names the first 50."""
 
     exit_code = 2
 
     def __init__(self, issues: Iterable[Issue]) -> None:
         self.issues = tuple(issues)
-        super().__init__("\n".join(str(issue) for issue in self.issues))
+        more = len(self.issues) - MOST_PRINTED
+        rest = [f"and {more} more error{'s' * (more > 1)}"] if more > 0 else []
+        super().__init__("\n".join([*(str(issue) for issue in self.issues[:MOST_PRINTED]), *rest]))
 
     @property
     def faults(self) -> tuple[Issue, ...]:

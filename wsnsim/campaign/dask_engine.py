@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any, Final, final
 
 from wsnsim.base.errors import UsageError
+from wsnsim.base.regular_files import read_regular
 from wsnsim.base.version import __version__
 from wsnsim.campaign.dask_worker import WorkerRequirements, installed_version, perform_on_worker, unmet_requirement
 from wsnsim.campaign.engines import EngineError, FinishedTask, WorkerLost
@@ -283,7 +284,7 @@ def _address_in(scheduler_file: Path | None) -> str:
     """The address that a scheduler wrote into its file."""
     assert scheduler_file is not None, "either an address or a scheduler file is given"
     try:
-        return str(json.loads(scheduler_file.read_text(encoding="utf-8"))["address"])
+        return str(json.loads(read_regular(scheduler_file))["address"])
     except FileNotFoundError:
         raise UsageError(f"scheduler file does not exist: {scheduler_file}") from None
     except OSError as error:

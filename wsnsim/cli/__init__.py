@@ -26,7 +26,7 @@ from wsnsim.base.progress import watching
 from wsnsim.cli import campaigns, commands, plotting, reporting, reproducing
 from wsnsim.cli.interrupts import Interrupts
 from wsnsim.cli.progress import WorkBar
-from wsnsim.cli.shared import group
+from wsnsim.cli.shared import echo, group
 
 __all__ = ["campaigns", "commands", "main", "plotting", "reporting", "reproducing"]
 
@@ -95,7 +95,7 @@ def _report(raised: BaseException) -> int:
 
 def _print_error(message: str, code: int, prefix: str = "wsnsim: error: ") -> int:
     try:
-        click.echo(f"{prefix}{message}", err=True)
+        echo(f"{prefix}{message}", err=True)
     except BrokenPipeError:
         return _close_stdout()
     return code

@@ -8,12 +8,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-import click
-
 from wsnsim.base.errors import UsageError
+from wsnsim.base.printable import printable
+from wsnsim.base.regular_files import why_not_regular
 from wsnsim.cli.interrupts import Interrupts
 from wsnsim.cli.progress import CAMPAIGN, display, duration
-from wsnsim.cli.shared import command_line, echo_json
+from wsnsim.cli.shared import command_line, echo, echo_json
 
 if TYPE_CHECKING:
     from wsnsim.campaign import CampaignOutcome, Shard
@@ -160,7 +160,7 @@ def print_comparison(folder: Folder, options: ComparisonOptions) -> int:
     if options.as_json:
         echo_json({**comparison.as_json(found), "folder": str(folder.path)})
     else:
-        click.echo(comparison_text.text(found))
+        echo(comparison_text.text(found))
     return 0
 
 
@@ -179,15 +179,23 @@ def _check_comparison(options: ComparisonOptions, plan: Plan | Manifest, by: Seq
     baselines.demand_baseline(plan, by, options.baseline)
     if options.csv and options.csv.is_dir():
         raise UsageError(f"--csv {options.csv} is a folder, not a file")
+    if options.csv and (reason := why_not_regular(options.csv)):
+        raise UsageError(f"--csv {options.csv} {reason}")
     if options.csv and not options.csv.parent.is_dir():
         raise UsageError(f"--csv {options.csv}: folder does not exist: {options.csv.parent}")
 
 
 def _write_csv(table: Any, path: Path) -> None:
+    unsafe = [name for name in table if any(printable(value) != value for value in _texts(table[name]))]
+    escaped = {name: [printable(str(value)) for value in table[name]] for name in unsafe}
     try:
-        table.to_csv(path, index=False)
+        table.assign(**escaped).to_csv(path, index=False)
     except OSError as error:
         raise UsageError(f"cannot write {path}: {error.strerror or error}") from None
+
+
+def _texts(values: Any) -> list[str]:
+    return [value for value in values if isinstance(value, str)]
 
 
 def _report_outcome(
@@ -258,7 +266,7 @@ def _resume_command(folder: Folder, shard: Shard, options: SessionOptions) -> st
 def echo_lines(lines: Sequence[str]) -> None:
     """Print lines on stderr."""
     for line in lines:
-        click.echo(line, err=True)
+        echo(line, err=True)
 
 
 def _shard(text: str | None) -> Shard:
@@ -281,8 +289,8 @@ def _print_estimate(name: str, estimate: CostEstimate, options: SessionOptions) 
         echo_json({"name": name, **dataclasses.asdict(estimate)})
         return
     size = "unknown" if math.isnan(estimate.size) else f"{estimate.size / 1e6:.1f} MB"
-    click.echo(f"{name}: {estimate.points} points, {estimate.replicates} runs, {estimate.done} of them done")
-    click.echo(f"  missing  {estimate.left} runs in {estimate.tasks} tasks")
-    click.echo(f"  time     {duration(estimate.wall_seconds)} ({duration(estimate.cpu_seconds)} of CPU time)")
-    click.echo(f"  size     {size}")
-    click.echo(f"  estimated from {estimate.source}")
+    echo(f"{name}: {estimate.points} points, {estimate.replicates} runs, {estimate.done} of them done")
+    echo(f"  missing  {estimate.left} runs in {estimate.tasks} tasks")
+    echo(f"  time     {duration(estimate.wall_seconds)} ({duration(estimate.cpu_seconds)} of CPU time)")
+    echo(f"  size     {size}")
+    echo(f"  estimated from {estimate.source}")

@@ -23,6 +23,7 @@ from wsnsim.cli.interrupts import Interrupts
 from wsnsim.cli.shared import (
     PATH,
     batch_option,
+    echo,
     group,
     is_campaign,
     jobs_option,
@@ -151,7 +152,7 @@ def export(result: Path, folder: Path, tables: tuple[str, ...]) -> None:
     from wsnsim.analysis import parquet
 
     for file, rows in parquet.export(result, folder, tables):
-        click.echo(f"{file}: {rows:,} rows")
+        echo(f"{file}: {rows:,} rows")
 
 
 def _why_no_sweep(source: str) -> str:

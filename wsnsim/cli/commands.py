@@ -17,7 +17,9 @@ from wsnsim.cli.shared import (
     PATH,
     batch_option,
     command_line,
+    echo,
     echo_answer,
+    echo_json_text,
     group,
     is_campaign,
     json_option,
@@ -73,7 +75,7 @@ def run(
             on_compile=_say_compiling if talks else None, batch=batch,
         )  # fmt: skip
     if talks and report.compiled:
-        click.echo(f"wsnsim: compiling kernels, once: {report.compiled:.1f} s, no part of the CPU time", err=True)
+        echo(f"wsnsim: compiling kernels, once: {report.compiled:.1f} s, no part of the CPU time", err=True)
     echo_answer(_summary(report, scenario, as_json))
     if page:
         import wsnsim.report as pages
@@ -81,11 +83,11 @@ def run(
 
         written = pages.write([path], page, published=published)
         if not quiet:
-            click.echo(f"wsnsim: {written.path}: {written.size / 1e6:.2f} MB; open it in a browser", err=True)
+            echo(f"wsnsim: {written.path}: {written.size / 1e6:.2f} MB; open it in a browser", err=True)
 
 
 def _say_compiling() -> None:
-    click.echo("wsnsim: compiling kernels, once ...", err=True)
+    echo("wsnsim: compiling kernels, once ...", err=True)
 
 
 def _summary(report: Report, scenario: Scenario, as_json: bool) -> str | dict[str, Any]:
@@ -132,11 +134,11 @@ def check(sources: tuple[str, ...], overrides: tuple[str, ...]) -> int:
             setup = scenario.build(_loaded(source, overrides))
         except ScenarioError as error:
             invalid = True
-            click.echo(str(error), err=True)
+            echo(str(error), err=True)
         else:
-            click.echo(f"{source}: ok")
+            echo(f"{source}: ok")
             for note in notes.of_setup(setup):
-                click.echo(f"  note: {note}")
+                echo(f"  note: {note}")
     return 2 if invalid else 0
 
 
@@ -155,7 +157,7 @@ def schema() -> None:
     """Print the JSON Schema of scenarios, including installed plug-ins."""
     from wsnsim.scenario.json_schema import json_schema
 
-    click.echo(json.dumps(json_schema(), indent=2, ensure_ascii=False))
+    echo_json_text(json.dumps(json_schema(), indent=2, ensure_ascii=False))
 
 
 @group.command()
@@ -163,12 +165,12 @@ def schema() -> None:
 @click.option("--bench", is_flag=True, help="A standalone filter, without a network.")
 def new(name: str, bench: bool) -> None:
     """Write NAME.yaml, a commented scenario as a starting point."""
-    from wsnsim.scenario.schema import is_safe_name
+    from wsnsim.scenario.schema import unsafe_name
     from wsnsim.scenario.template import template
 
     stem = name.removesuffix(".yaml")
-    if not is_safe_name(stem):
-        raise UsageError(f"'{name}' is not a valid name: start with a letter or digit, then also '_', '-' and '.'")
+    if reason := unsafe_name(stem, "a file"):
+        raise UsageError(f"'{name}' {reason}")
     path = Path(f"{stem}.yaml")
     try:
         with path.open("x", encoding="utf-8") as file:
@@ -177,7 +179,7 @@ def new(name: str, bench: bool) -> None:
         raise UsageError(f"file exists: {path}") from None
     except OSError as error:
         raise UsageError(f"cannot write {path}: {error.strerror}") from None
-    click.echo(f"{path}: written; run it with: wsnsim run {path}")
+    echo(f"{path}: written; run it with: wsnsim run {path}")
 
 
 @group.command()
@@ -257,7 +259,7 @@ def recover(unfinished: Path, out: Path | None) -> None:
     """Recover the rows in the temporary file of a killed run."""
     import wsnsim.recording as recording
 
-    click.echo(f"{recording.recover(unfinished, out)}: recovered, with the status partial")
+    echo(f"{recording.recover(unfinished, out)}: recovered, with the status partial")
 
 
 def _loaded(source: str, overrides: Sequence[str]) -> Scenario:
@@ -272,8 +274,9 @@ def _loaded(source: str, overrides: Sequence[str]) -> Scenario:
 
 
 def _is_result(source: str) -> bool:
+    from wsnsim.base.regular_files import read_regular
+
     try:
-        with Path(source).open("rb") as file:
-            return file.read(len(HDF5_SIGNATURE)) == HDF5_SIGNATURE
+        return read_regular(source, len(HDF5_SIGNATURE)) == HDF5_SIGNATURE
     except (OSError, ValueError):
         return source.endswith(".h5")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 import click
 
 from wsnsim.base.errors import UsageError
-from wsnsim.cli.shared import PATH, group, not_the_result, writable
+from wsnsim.cli.shared import PATH, echo, group, not_the_result, writable
 
 if TYPE_CHECKING:
     from wsnsim.analysis.figures import WrittenFigure
@@ -73,6 +73,6 @@ def _plot_path(path: Path) -> Path:
 
 
 def _print_plotted(plotted: WrittenFigure) -> None:
-    click.echo(f"{plotted.out}: {', '.join(plotted.shown)}")
+    echo(f"{plotted.out}: {', '.join(plotted.shown)}")
     for name, reason in plotted.left_out.items():
-        click.echo(f"  without {name}: {reason}")
+        echo(f"  without {name}: {reason}")

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from wsnsim.cli.shared import PATH, group, not_the_result, writable
+from wsnsim.cli.shared import PATH, echo, group, not_the_result, writable
 
 
 @group.command()
@@ -34,6 +34,6 @@ def report(results: tuple[Path, ...], out: Path | None, replicate: int | None, m
     for result in results:
         not_the_result(path, result, "page")
     written = pages.write(results, path, replicate, int(1e6 * megabytes), published)
-    click.echo(f"{written.path}: {written.size / 1e6:.2f} MB; open it in a browser")
+    echo(f"{written.path}: {written.size / 1e6:.2f} MB; open it in a browser")
     for note in written.notes:
-        click.echo(f"  {note}")
+        echo(f"  {note}")

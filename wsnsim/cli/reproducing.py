@@ -19,6 +19,7 @@ from wsnsim.cli.progress import CAMPAIGN, display
 from wsnsim.cli.shared import (
     PATH,
     batch_option,
+    echo,
     echo_json,
     group,
     jobs_option,
@@ -100,10 +101,10 @@ class _ReproductionSession:
             for number, (paper, experiment) in enumerate(chosen, 1):
                 if not self.quiet and self.progress != "json":
                     name = f"{paper}, {experiment.name}: {experiment.title}"
-                    click.echo(f"wsnsim: {number} of {len(chosen)}: {name}", err=True)
+                    echo(f"wsnsim: {number} of {len(chosen)}: {name}", err=True)
                 outcome = self.run(paper, experiment, should_stop)
                 if interrupts.number:
-                    click.echo(f"wsnsim: {interrupts.reason}; repeat the command to resume", err=True)
+                    echo(f"wsnsim: {interrupts.reason}; repeat the command to resume", err=True)
                     return interrupts.code
                 if outcome.complete and not outcome.stopped:
                     self.evaluate(paper, experiment, should_stop)
@@ -131,7 +132,7 @@ class _ReproductionSession:
         except ResultError:
             damaged = reproducing.set_aside(folder)
             for path in damaged:
-                click.echo(f"wsnsim: {path}: is damaged and was set aside; its runs are repeated", err=True)
+                echo(f"wsnsim: {path}: is damaged and was set aside; its runs are repeated", err=True)
             if not damaged or not self.run(paper, experiment, should_stop).complete:
                 raise
             rows, lines = reproducing.evaluated(paper, experiment, folder)
@@ -139,7 +140,7 @@ class _ReproductionSession:
         self.lines.extend(lines)
         if self.figures:
             for figure in reproducing.draw(paper, experiment, folder, self.figures):
-                click.echo(f"wsnsim: {figure}", err=True)
+                echo(f"wsnsim: {figure}", err=True)
 
     def print_answer(self, as_json: bool, markdown: bool) -> None:
         """Print the rows and lines of all experiments."""
@@ -149,9 +150,9 @@ class _ReproductionSession:
         if as_json:
             echo_json({"schema_version": 1, "rows": reproducing.as_json(self.rows), "lines": self.lines})
         elif markdown:
-            click.echo(digest.markdown(self.rows, self.lines))
+            echo(digest.markdown(self.rows, self.lines))
         else:
-            click.echo("\n\n".join(filter(None, [table.text(self.rows), "\n".join(self.lines)])))
+            echo("\n\n".join(filter(None, [table.text(self.rows), "\n".join(self.lines)])))
 
 
 def _check_folder(path: Path) -> None:
@@ -166,6 +167,6 @@ def _check_folder(path: Path) -> None:
 
 def _print_incomplete(folder: Path, outcome: CampaignOutcome) -> None:
     count = sum(map(len, outcome.missing.values()))
-    click.echo(f"wsnsim: {folder} is incomplete, runs missing: {count}; repeat the command to resume", err=True)
+    echo(f"wsnsim: {folder} is incomplete, runs missing: {count}; repeat the command to resume", err=True)
     for reason in list(dict.fromkeys(filter(None, [outcome.stopped, *outcome.failed.values()])))[:MAX_REASONS]:
-        click.echo(f"wsnsim: {reason}", err=True)
+        echo(f"wsnsim: {reason}", err=True)

@@ -10,6 +10,8 @@ from typing import Any, Final
 import click
 
 from wsnsim.base.errors import UsageError, did_you_mean
+from wsnsim.base.printable import printable, printable_json, shortened
+from wsnsim.base.regular_files import LARGEST_NAME, LONGEST_ADDITION, is_too_long, why_not_regular
 from wsnsim.base.version import __version__
 from wsnsim.cli.progress import MODES
 
@@ -28,7 +30,7 @@ class _CommandGroup(click.Group):
 
 def _print_version(ctx: click.Context, option: click.Parameter, wanted: bool) -> None:
     if wanted:
-        click.echo(f"wsnsim {__version__}")
+        echo(f"wsnsim {__version__}")
         ctx.exit()
 
 
@@ -89,8 +91,11 @@ def writable(out: Path | None, default: Path) -> Path:
             path.parent.mkdir(parents=True, exist_ok=True)
         if path.is_dir():
             raise UsageError(f"--out {path} is a folder; give a file such as {path / default.name}")
-        if path.exists() and not path.is_file():
-            raise UsageError(f"--out {path} is not a regular file")
+        if reason := why_not_regular(path):
+            raise UsageError(f"--out {path} {reason}")
+        if is_too_long(path.name):
+            most = LARGEST_NAME - LONGEST_ADDITION
+            raise UsageError(f"--out {shortened(path.name)}: the name of a file has at most {most} bytes")
         if not path.parent.exists():
             raise UsageError(f"--out {path}: folder does not exist: {path.parent}")
         with tempfile.TemporaryFile(dir=path.parent):
@@ -111,17 +116,28 @@ def not_the_result(path: Path, result: Path, content: str) -> Path:
     return path
 
 
+def echo(text: str, err: bool = False) -> None:
+    """Print a text, on stderr if `err`. Control characters are shown as escapes: names and files may hold them."""
+    click.echo(printable(text), err=err)
+
+
 def echo_answer(answer: str | dict[str, Any]) -> None:
     """Print an answer on stdout: a text, or a mapping as JSON."""
     if isinstance(answer, dict):
         echo_json(answer)
     else:
-        click.echo(answer)
+        echo(answer)
 
 
 def echo_json(answer: dict[str, Any]) -> None:
     """Print one JSON object on stdout."""
-    click.echo(json.dumps(_finite({"schema_version": SCHEMA_VERSION} | answer), ensure_ascii=False, allow_nan=False))
+    finite = _finite({"schema_version": SCHEMA_VERSION} | answer)
+    echo_json_text(json.dumps(finite, ensure_ascii=False, allow_nan=False))
+
+
+def echo_json_text(text: str) -> None:
+    """Print a JSON text on stdout; control characters in its strings become JSON escapes."""
+    click.echo(printable_json(text))
 
 
 def _finite(value: Any) -> Any:

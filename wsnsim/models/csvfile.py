@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from wsnsim.base.errors import RunError
+from wsnsim.base.regular_files import why_not_regular
 
 Row = tuple[str, tuple[float, ...]]
 
@@ -22,12 +23,12 @@ def read_columns(path: str, names: tuple[str, ...], what: str) -> list[Row]:
         RunError: the file cannot be read, lacks a column or is empty, or a cell is not a number. The message names
             file and line.
     """
-    if Path(path).exists() and not (Path(path).is_file() or Path(path).is_dir()):
-        raise RunError(f"{path}: cannot be read: it is a device or a pipe, not a regular file")
+    if irregular := why_not_regular(path):
+        raise RunError(f"{path}: cannot be read: {irregular}")
     try:
         with Path(path).open(newline="", encoding="utf-8-sig") as file:
             found = list(_rows(path, csv.reader(file), names))
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
+    except (OSError, ValueError, csv.Error) as error:
         reason = error.strerror if isinstance(error, OSError) else f"not a CSV text ({error})"
         raise RunError(f"{path}: cannot be read: {reason}") from error
     if not found:

@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple, final
 
 from wsnsim.base.errors import ResultError
+from wsnsim.base.regular_files import read_regular
 from wsnsim.recording.atomic_files import TEMPORARY, host, write_atomically, write_text_atomically
 from wsnsim.recording.layout import reason
 from wsnsim.recording.reader import read_table, tables
@@ -31,7 +32,10 @@ from wsnsim.recording.reader import read_table, tables
 MANIFEST: Final = "campaign.json"
 SCENARIO: Final = "scenario.json"
 SCHEMA_VERSION: Final = 1
-BATCH: Final = re.compile(r"r(\d{5,})-(\d{5,})\.h5")
+BATCH: Final = re.compile(r"r([0-9]{5,7})-([0-9]{5,7})\.h5")
+POINT_ID: Final = re.compile(r"\w[\w.\-]*")
+MOST_NUMBERED: Final = 10_000_000
+"""Replicates of a point: a larger number in a manifest is not believed."""
 
 
 @dataclass(frozen=True)
@@ -103,20 +107,23 @@ class Folder:
         """
         place = self.path / MANIFEST
         try:
-            content = json.loads(place.read_text(encoding="utf-8"))
+            content = json.loads(read_regular(place))
             version = content.pop("schema_version")
             if version > SCHEMA_VERSION:
                 raise ResultError(f"{place}: was written by a newer wsnsim ({content.get('wsnsim_version')})")
             points = tuple(PointOnDisk(**point) for point in content.pop("points"))
             keys, by = (tuple(content.pop(name, ())) for name in ("keys", "by"))
-            if min(content["block"], *(point.replicates for point in points)) < 1:
-                raise ValueError("block and replicates are at least 1")
+            counts = (content["block"], *(point.replicates for point in points))
+            if not all(isinstance(count, int) and 1 <= count <= MOST_NUMBERED for count in counts):
+                raise ValueError(f"block and replicates are at least 1 and at most {MOST_NUMBERED}")
+            if not all(POINT_ID.fullmatch(point.id) for point in points):
+                raise ValueError("the id of a point is no name of a folder")
             return Manifest(points=points, keys=keys, by=by, **content)
         except FileNotFoundError:
             raise ResultError(f"{self.path}: holds no campaign (no {MANIFEST})") from None
         except OSError as error:
             raise ResultError(f"{place}: cannot be read: {reason(error)}") from error
-        except (ValueError, KeyError, TypeError, AttributeError) as error:
+        except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
             raise ResultError(f"{place}: is damaged: {type(error).__name__}: {error}") from error
 
     def write_manifest(self, manifest: Manifest) -> None:
@@ -128,7 +135,7 @@ class Folder:
         """Write a point's scenario if it is missing or damaged. The point's id is a digest of this text."""
         place = self.path / point / SCENARIO
         try:
-            intact = place.read_bytes() == resolved.encode()
+            intact = read_regular(place) == resolved.encode()
         except OSError:
             intact = False
         if not intact:
@@ -138,7 +145,9 @@ class Folder:
         """A point's scenario, as JSON."""
         place = self.path / point / SCENARIO
         try:
-            return place.read_text(encoding="utf-8")
+            return read_regular(place).decode("utf-8")
+        except UnicodeDecodeError as error:
+            raise ResultError(f"{place}: is damaged: it is not UTF-8") from error
         except OSError as error:
             raise ResultError(f"{place}: cannot be read: {reason(error)}") from error
 
@@ -152,9 +161,9 @@ class Folder:
             names = [place.name for place in (self.path / point).iterdir()]
         except FileNotFoundError:
             return []
-        found = [(name, BATCH.fullmatch(name)) for name in names]
+        found = [(name, match) for name in names if (match := BATCH.fullmatch(name))]
         return sorted(
-            (Batch(self.path / point / name, int(match[1]), int(match[2])) for name, match in found if match),
+            (Batch(self.path / point / name, int(match[1]), int(match[2])) for name, match in found),
             key=lambda batch: (batch.first, batch.last),
         )
 
@@ -208,7 +217,8 @@ class Folder:
 
     def failures(self) -> dict[str, str]:
         """The reports of failed tasks, by task."""
-        return {place.stem: place.read_text(encoding="utf-8") for place in sorted(self.path.glob("failed/*.txt"))}
+        places = sorted(place for place in self.path.glob("failed/*.txt") if place.is_file())
+        return {place.stem: place.read_text(encoding="utf-8", errors="replace") for place in places}
 
     def forget_failure(self, task: str) -> None:
         """Delete the report of a task that succeeded in the end."""
@@ -226,8 +236,8 @@ class Folder:
         """The texts of a task's markers."""
         found = []
         for place in self.markers(session, task):
-            with contextlib.suppress(FileNotFoundError):  # its worker has just finished
-                found.append(place.read_text(encoding="utf-8", errors="replace"))
+            with contextlib.suppress(OSError):  # its worker has just finished
+                found.append(read_regular(place).decode("utf-8", errors="replace"))
         return found
 
     def remove_markers(self, session: str, task: str) -> None:

@@ -21,6 +21,7 @@ import numpy as np
 import scipy
 
 from wsnsim.base.errors import StorageError
+from wsnsim.base.regular_files import read_regular
 from wsnsim.recording.atomic_files import write_text_atomically
 
 KEPT: Final = "kept"
@@ -69,10 +70,10 @@ def code_digest() -> str:
 def _load(place: Path) -> dict[str, Any]:
     """The answers in the file; none if it is missing, damaged, or of other code."""
     try:
-        content = json.loads(place.read_text(encoding="utf-8"))
+        content = json.loads(read_regular(place))
         answers: dict[str, Any] = content["answers"]
         return answers if (content["code"], content["digest"]) == (code_digest(), _digest(answers)) else {}
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return {}
 
 

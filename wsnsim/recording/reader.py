@@ -16,6 +16,7 @@ import h5py
 import numpy as np
 
 from wsnsim.base.errors import ResultError, did_you_mean
+from wsnsim.base.regular_files import why_not_regular
 from wsnsim.base.tables import TABLES
 from wsnsim.recording.layout import SCHEMA_VERSION, TEXTS, WRITING, reason
 from wsnsim.recording.packed_rows import PackedRows, packed_rows
@@ -121,9 +122,8 @@ def opened(path: str | Path, unfinished: bool = False) -> Iterator[h5py.File]:
     """Open a result for reading, checked to be one. Damage that is found later also raises ResultError."""
     path = Path(path)
     if not path.is_file():
-        raise ResultError(
-            f"{path}: {'is a folder, not a result' if path.is_dir() else 'no such file' + _nearest(path)}"
-        )
+        irregular = "is a folder, not a result" if path.is_dir() else why_not_regular(path)
+        raise ResultError(f"{path}: {irregular or 'no such file' + _nearest(path)}")
     try:
         with h5py.File(path, "r") as file:
             _check(file, path, unfinished)

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Final
 
 from wsnsim.base.errors import Issue
+from wsnsim.base.regular_files import read_regular, why_not_regular
 
 LARGEST_FILE: Final = 10_000_000
 SUFFIXES: Final = (".yaml", ".yml")
@@ -74,11 +75,12 @@ def find_sweep(source: str | Path) -> Path | None:
 
 def content_of(path: Path) -> tuple[str | None, list[Issue]]:
     """Return the text of a file, or None and an issue if it cannot be read as text."""
-    try:
-        with path.open("rb") as file:
-            raw = file.read(LARGEST_FILE + 1)
-    except IsADirectoryError:
+    if path.is_dir():
         return None, [Issue((), "is a folder, expected a scenario file", str(path))]
+    if reason := why_not_regular(path):
+        return None, [Issue((), reason, str(path))]
+    try:
+        raw = read_regular(path, LARGEST_FILE + 1)
     except OSError as error:
         return None, [Issue((), f"cannot be read: {error.strerror}", str(path))]
     if len(raw) > LARGEST_FILE:
@@ -106,7 +108,7 @@ def sheets(of: str) -> dict[str, Path]:
 
 def _first_file(paths: tuple[Path, ...]) -> Path | None:
     try:
-        return next((path for path in paths if path.is_file()), None)
+        return next((path for path in paths if path.exists() and not path.is_dir()), None)
     except (OSError, ValueError):  # a name that no file can have
         return None
 

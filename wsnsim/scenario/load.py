@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias
 
 from wsnsim.base.errors import Issue, ScenarioError, did_you_mean
 from wsnsim.scenario.build import resolved
@@ -18,6 +18,9 @@ from wsnsim.scenario.files import content_of, find_or_none, shipped
 if TYPE_CHECKING:
     from wsnsim.scenario.located_values import LocatedValue
     from wsnsim.scenario.schema import Scenario
+
+MOST_EXTENDED: Final = 16
+"""Files that may extend each other in a row. Our choice."""
 
 Keys: TypeAlias = tuple[str | int, ...]
 Assignment: TypeAlias = "tuple[Keys, LocatedValue]"
@@ -160,6 +163,8 @@ def _extended(
         return own, [*issues, node.spot.issue(("extends",), f"{problem} ({_nearest(str(node.value))})")]
     if path.resolve() in extending:
         return own, [*issues, node.spot.issue(("extends",), f"{path} extends itself")]
+    if len(extending) > MOST_EXTENDED:
+        raise ScenarioError([node.spot.issue(("extends",), f"more than {MOST_EXTENDED} files extend each other")])
     content, unreadable = content_of(path)
     base, found = (None, unreadable) if content is None else _tree_of(path, content, extending)
     return (own if base is None else merged(base, own)), [*issues, *found]

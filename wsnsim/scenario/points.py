@@ -9,10 +9,10 @@ import contextlib
 import hashlib
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from wsnsim.base.errors import Issue, ScenarioError
+from wsnsim.base.regular_files import read_regular
 from wsnsim.scenario.axes import Settings
 from wsnsim.scenario.build import build, resolved
 from wsnsim.scenario.load import Assignment, ScenarioText, validated
@@ -160,5 +160,5 @@ def _by_content(value: Any, key: str = "") -> Any:
         return [_by_content(item) for item in value]
     if isinstance(value, str) and (key == "path" or key.endswith("_path")):
         with contextlib.suppress(OSError):
-            return hashlib.blake2b(Path(value).read_bytes(), digest_size=16).hexdigest()
+            return hashlib.blake2b(read_regular(value), digest_size=16).hexdigest()
     return value

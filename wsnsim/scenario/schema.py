@@ -23,6 +23,7 @@ from pydantic import (
 
 from wsnsim.base import metrics
 from wsnsim.base.part import Quantity
+from wsnsim.base.regular_files import LARGEST_NAME, LONGEST_ADDITION, is_too_long
 from wsnsim.base.tables import RECORDED_BY_DEFAULT
 from wsnsim.scenario.conformance import demand_port
 from wsnsim.scenario.fields import (
@@ -44,7 +45,9 @@ from wsnsim.scenario.units import shown
 
 MOST_STEPS: Final = 10_000_000
 SHORT_FORMS: Final = {"gains": "gains", "inflate": "inflate", "filter_noise_scale": "noise_scale"}
-SAFE_NAME: Final = re.compile(r"\w[\w.\-]{0,99}")
+SAFE_CHARACTERS: Final = re.compile(r"\w[\w.\-]*")
+MOST_CHARACTERS: Final = 100
+"""Characters of a name; the limit in bytes follows from temporary names."""
 BEACONS: Final = "beacons"
 """The kind of the built-in workload without targets."""
 TRACKING: Final = "tracking"
@@ -55,13 +58,23 @@ _Scale = Annotated[float, Number(Quantity("", ge=1e-9, le=1e9))]
 
 
 def is_safe_name(name: str) -> bool:
-    """Return whether a name is a valid file name on every system."""
-    return SAFE_NAME.fullmatch(name) is not None
+    """Return whether a name is a valid file name on every system, with a suffix and as a temporary name."""
+    return len(name) <= MOST_CHARACTERS and SAFE_CHARACTERS.fullmatch(name) is not None and not is_too_long(name)
+
+
+def unsafe_name(name: str, what: str) -> str:
+    """Return why a name cannot be that of `what` ('a file'), and what is allowed; '' if it can."""
+    if is_safe_name(name):
+        return ""
+    if SAFE_CHARACTERS.fullmatch(name):
+        most = LARGEST_NAME - LONGEST_ADDITION
+        return f"is too long to name {what}: at most {MOST_CHARACTERS} characters and {most} bytes are allowed"
+    return f"cannot name {what}: use letters and digits, then also '_', '-' and '.'"
 
 
 def _safe_name(name: str) -> str:
-    if not is_safe_name(name):
-        raise refusal(f"{shown(name)} cannot name a file: use letters and digits, then also '_', '-' and '.'")
+    if reason := unsafe_name(name, "a file"):
+        raise refusal(f"{shown(name)} {reason}")
     return name
 
 

@@ -17,7 +17,7 @@ from wsnsim.base.part import Quantity
 from wsnsim.base.tables import METRICS
 from wsnsim.scenario.axes import MOST_POINTS
 from wsnsim.scenario.fields import FROZEN, Number, Strict, refusal
-from wsnsim.scenario.schema import is_safe_name
+from wsnsim.scenario.schema import unsafe_name
 from wsnsim.scenario.units import shown
 
 BLOCK: Final = 5
@@ -34,8 +34,8 @@ def _known_metric(name: str) -> str:
 
 
 def _safe_name(name: str) -> str:
-    if not is_safe_name(name):
-        raise refusal(f"{shown(name)} cannot name a folder: use letters and digits, then also '_', '-' and '.'")
+    if reason := unsafe_name(name, "a folder"):
+        raise refusal(f"{shown(name)} {reason}")
     return name
 
 
