@@ -13,6 +13,7 @@ from typing import Any
 
 import pytest
 
+from tests.helpers.thorough import thorough
 from wsnsim.cli import main
 from wsnsim.cli.progress import MODES, RUN, display
 from wsnsim.experiment import Progress
@@ -177,7 +178,7 @@ def test_a_run_writes_its_result_and_prints_its_summary(result: Path, capsys: py
     assert "100 %" in said.err
 
 
-@pytest.mark.parametrize("scenario", ["pso_mhpf", "beacons"])
+@pytest.mark.parametrize("scenario", ["pso_mhpf", *thorough(["beacons"])])
 def test_a_run_writes_its_page_too_where_it_is_asked_for(scenario: str, capsys: pytest.CaptureFixture[str]) -> None:
     short = QUICK if scenario == "pso_mhpf" else ("--set", "duration=2 s")
     assert main(["run", scenario, *short, "--report", "--json", "--progress", "none", "-o", "x.h5"]) == 0

@@ -30,7 +30,7 @@ from __future__ import annotations
 
 import heapq
 from functools import cache
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 import pytest
@@ -46,7 +46,8 @@ from wsnsim.models.energy import FirstOrder, States
 SLOT, CCA, TURNAROUND, ACK, SIFS, LIFS = 320e-6, 128e-6, 192e-6, 88 / 250e3, 192e-6, 640e-6
 STAGES = (8, 16, 32, 32, 32)
 SECONDS = {2: 30, 5: 20, 10: 12, 20: 8}
-CELLS = [(nodes, payload) for payload in (12, 100) for nodes in SECONDS]
+FEW = [(2, 12), (10, 12), (5, 100), (20, 100)]
+CELLS = [pytest.param(*cell, marks=() if cell in FEW else pytest.mark.thorough) for cell in product(SECONDS, (12, 100))]
 PAIR = [(0, 0), (50, 0)]
 AT_ONCE = Csma(min_be=0, max_be=0)
 CC2420 = RadioSheet(

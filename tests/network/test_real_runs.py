@@ -31,8 +31,14 @@ def fingerprint(name, overrides):
     return int(simulate(scenario.load(name, overrides)).run["fingerprint"])
 
 
-@pytest.mark.parametrize("mac", ["ideal", "csma", "tdma"])
-@pytest.mark.parametrize("energy", ["first_order", "first_order_2002", "states"])
+FEW = [("ideal", "first_order"), ("csma", "states"), ("tdma", "first_order_2002")]
+EVERY = list(itertools.product(("ideal", "csma", "tdma"), ("first_order", "first_order_2002", "states")))
+
+
+@pytest.mark.parametrize(
+    ("mac", "energy"),
+    [*FEW, *(pytest.param(*pair, marks=pytest.mark.thorough) for pair in EVERY if pair not in FEW)],
+)
 def test_the_ledger_closes_and_equals_the_events_for_every_mac_and_energy_model(mac, energy):
     changes = [*FAULTY, f"mac.kind={mac}", "packing.kind=none"]
     if energy != "states":

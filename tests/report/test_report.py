@@ -79,18 +79,20 @@ def test_every_text_of_a_scenario_is_escaped(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("told", "word"),
+    ("told", "drawn", "word"),
     [
-        ({**ON_A_LINE, "estimates": False}, "No estimates are drawn: table estimates has no rows"),
-        ({**ON_A_LINE, "without": ("events",)}, "table events was not recorded (record.events=true)"),
-        ({**ON_A_LINE, "without": ("nodes",)}, "No nodes are drawn"),
-        ({"status": "partial", "without": ("runs", "estimates")}, "the simulation did not finish"),
-        ({**ON_A_LINE, "without": ("estimates",)}, "No estimates are drawn: table estimates was not recorded"),
-        ({"without": tuple(name for name in TABLES if name != "runs")}, "There is nothing to replay"),
-        ({"states": (), "place": None, "events": True}, "bursts sent"),
+        ({**ON_A_LINE, "estimates": False}, False, "No estimates are drawn: table estimates has no rows"),
+        ({**ON_A_LINE, "without": ("events",)}, False, "table events was not recorded (record.events=true)"),
+        ({**ON_A_LINE, "without": ("nodes",)}, True, "No nodes are drawn"),
+        ({"status": "partial", "without": ("runs", "estimates")}, True, "the simulation did not finish"),
+        ({**ON_A_LINE, "without": ("estimates",)}, False, "No estimates are drawn: table estimates was not recorded"),
+        ({"without": tuple(name for name in TABLES if name != "runs")}, True, "There is nothing to replay"),
+        ({"states": (), "place": None, "events": True}, True, "bursts sent"),
     ],
 )
-def test_a_result_that_lacks_something_still_gives_a_sound_page(tmp_path, told, word):
+def test_a_result_that_lacks_something_still_gives_a_sound_page(tmp_path, monkeypatch, told, drawn, word):
+    if not drawn:
+        monkeypatch.setattr(html_page, "svg_figures", no_figures)
     path = write_result(tmp_path / "x.h5", **told)
     html_page.write([path], tmp_path / "x.html")
     text = (tmp_path / "x.html").read_text(encoding="utf-8")

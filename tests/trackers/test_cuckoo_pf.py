@@ -162,7 +162,7 @@ PLANS = {
 }
 
 
-@pytest.mark.parametrize(("particles", "clouds"), [(20_000, 1), (5, 1500)])
+@pytest.mark.parametrize(("particles", "clouds"), [(5, 1500), pytest.param(20_000, 1, marks=pytest.mark.thorough)])
 @pytest.mark.parametrize("plan", PLANS.values(), ids=PLANS)
 def test_the_walk_leaves_the_product_of_the_targets_as_it_is(plan: Search, particles: int, clouds: int) -> None:
     """Seven p-values, the least of them: below 1e-3 in seven of a thousand seeds at most, and this is one seed."""
