@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from tests.bench.frames import busy, charge, frame, interferer, links, other_frame, rivals, schedules, sleepers, spells
+from tests.bench import frames
 from wsnsim.base.rng import derive_all
 
 Arguments = tuple[Any, ...]
@@ -26,7 +26,7 @@ RANGE, GROWTH = (0.0, 1.0, 0.0, 4.0, np.inf, False), (1.2, 1.5)
 SINGLE = np.array([0, 2])
 FEW = (24, 8)
 """Sizes of what is as small as a cluster of sensors."""
-NEIGHBOURS = (40, 10)
+NEAR = (40, 10)
 
 
 @dataclass(frozen=True)
@@ -286,14 +286,15 @@ ENTRIES: tuple[Entry, ...] = (
     Entry("relay.mix", "kernels.test_relay:mix_twin", _mixing, FEW, "sensor"),
     Entry("relay.filter_each", "kernels.test_relay:filter_each_twin", _bank_step, FEW, "sensor"),
     Entry("relay.kalman", "kernels.test_relay:kalman_twin", _kalman, FEW, "sensor"),
-    Entry("reception.outcomes", "kernels.test_reception:outcomes_twin", frame, NEIGHBOURS, "neighbour"),
-    Entry("reception.find_links", "kernels.test_reception:find_links_twin", links, NEIGHBOURS, "link"),
-    Entry("reception.overlap", "kernels.test_reception:overlap_twin", other_frame, NEIGHBOURS, "neighbour"),
-    Entry("reception.add_common", "kernels.test_reception:add_common_twin", interferer, NEIGHBOURS, "neighbour"),
-    Entry("reception.take_over", "kernels.test_reception:take_over_twin", rivals, NEIGHBOURS, "neighbour"),
-    Entry("sleeping.listening", "kernels.test_sleeping_kernel:listening_twin", sleepers, NEIGHBOURS, "neighbour"),
-    Entry("sleeping.period_spans", "kernels.test_sleeping_kernel:period_spans_twin", schedules, NEIGHBOURS, "node"),
-    Entry("sleeping.period_sums", "kernels.test_sleeping_kernel:period_sums_twin", spells, NEIGHBOURS, "node"),
-    Entry("charging.book", "kernels.test_charging:book_twin", charge, NEIGHBOURS, "neighbour"),
-    Entry("charging.mark_busy", "kernels.test_charging:mark_busy_twin", busy, NEIGHBOURS, "neighbour"),
+    Entry("reception.outcomes", "kernels.test_reception:outcomes_twin", frames.frame, NEAR, "neighbour"),
+    Entry("reception.find_links", "kernels.test_reception:find_links_twin", frames.links, NEAR, "link"),
+    Entry("reception.overlap", "kernels.test_reception:overlap_twin", frames.other_frame, NEAR, "neighbour"),
+    Entry("reception.add_common", "kernels.test_reception:add_common_twin", frames.interferer, NEAR, "neighbour"),
+    Entry("reception.unlock", "kernels.test_reception:unlock_twin", frames.sending, NEAR, "neighbour"),
+    Entry("reception.take_over", "kernels.test_reception:take_over_twin", frames.rivals, NEAR, "neighbour"),
+    Entry("sleeping.listening", "kernels.test_sleeping_kernel:listening_twin", frames.sleepers, NEAR, "neighbour"),
+    Entry("sleeping.period_spans", "kernels.test_sleeping_kernel:period_spans_twin", frames.schedules, NEAR, "node"),
+    Entry("sleeping.period_sums", "kernels.test_sleeping_kernel:period_sums_twin", frames.spells, NEAR, "node"),
+    Entry("charging.book", "kernels.test_charging:book_twin", frames.charge, NEAR, "neighbour"),
+    Entry("charging.mark_busy", "kernels.test_charging:mark_busy_twin", frames.busy, NEAR, "neighbour"),
 )

@@ -31,7 +31,13 @@ def other_frame(count: int) -> tuple[Any, ...]:
 def interferer(count: int) -> tuple[Any, ...]:
     """The arguments of `add_common` for two frames that many nodes hear."""
     ids, others, *_ = other_frame(count)
-    return ids, others, np.linspace(1.0, 2.0, count), np.full(count, 0.5)
+    return ids, others, np.linspace(1.0, 2.0, count), np.full((3, count), 0.5)
+
+
+def sending(count: int) -> tuple[Any, ...]:
+    """The arguments of `unlock` for a node that begins to send."""
+    ids, *_ = other_frame(count)
+    return ids, np.ones(count, dtype=np.bool_), int(ids[count // 2])
 
 
 def rivals(count: int) -> tuple[Any, ...]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.bench.frames import frame, interferer, links, other_frame, rivals
+from tests.bench.frames import frame, interferer, links, other_frame, rivals, sending
 from wsnsim.base.rng import derive, derive_all, derive_each, uniforms
 from wsnsim.kernels.reception import (
     COLLIDED,
@@ -18,6 +18,7 @@ from wsnsim.kernels.reception import (
     outcomes,
     overlap,
     take_over,
+    unlock,
 )
 
 
@@ -73,6 +74,11 @@ def add_common_twin(ids, others, values, sums):
     sums += [heard.get(node, 0.0) for node in ids.tolist()]
 
 
+def unlock_twin(ids, locks, node):
+    """`unlock` by a mask."""
+    locks[ids == node] = False
+
+
 def take_over_twin(ids, powers, locks, others, other_powers, other_locks, margin):
     """`take_over` by masks."""
     _, here, there = np.intersect1d(ids, others, return_indices=True)
@@ -120,7 +126,8 @@ def test_a_frame_for_which_others_have_paid_longer_already_raises_nothing():
 
 
 @pytest.mark.parametrize(
-    ("kernel", "twin", "maker"), [(add_common, add_common_twin, interferer), (take_over, take_over_twin, rivals)]
+    ("kernel", "twin", "maker"),
+    [(add_common, add_common_twin, interferer), (unlock, unlock_twin, sending), (take_over, take_over_twin, rivals)],
 )
 @pytest.mark.parametrize("count", [1, 6, 50])
 def test_interference_and_capture_are_those_of_the_twins(kernel, twin, maker, count):

@@ -4,7 +4,7 @@
     overlap(ids, others, ..., marks, until)       another frame is heard meanwhile
     outcomes(key, ..., ids, ..., order, groups)   received, collided, overheard or lost
     add_common(ids, others, values, sums)         interference
-    take_over(ids, ..., others, ..., margin)      capture
+    unlock(ids, locks, node), take_over(...)      capture
 
 Nodes are given by their numbers, ascending. The random numbers are those of `base.rng`, so that the general path of
 `network.radio.reception` gives the same result.
@@ -52,6 +52,26 @@ def find_links(
             directions[i] = ~directions[i]
 
 
+@inlined
+def _next_common(ids: Ints, others: Ints, i: int, j: int) -> tuple[int, int]:
+    """From places i and j on, those of the next common number of two ascending lists; their ends if there is none."""
+    while i < ids.size and j < others.size:
+        if ids[i] < others[j]:
+            i += 1
+        elif ids[i] > others[j]:
+            j += 1
+        else:
+            return i, j
+    return ids.size, others.size
+
+
+@inlined
+def _place(ids: Ints, node: int) -> int:
+    """The place of a node in an ascending list; -1 if it is not in it."""
+    at: int = np.searchsorted(ids, node)  # type: ignore[assignment]
+    return at if at < ids.size and ids[at] == node else -1
+
+
 @kernel
 def overlap(
     ids: Ints, others: Ints, source: int, mark: int, paid: float, end: float, marks: Ints, until: Floats
@@ -68,20 +88,14 @@ def overlap(
         marks: (n,) in which `mark` is set, and HIT at the sender.
         until: (n,) time in s until which each radio pays for other frames or sends itself; raised.
     """
-    i, j = 0, 0
-    while i < ids.size and j < others.size:
-        if ids[i] < others[j]:
-            i += 1
-        elif ids[i] > others[j]:
-            j += 1
-        else:
-            marks[i] |= mark
-            if paid > until[i]:
-                until[i] = paid
-            i += 1
-            j += 1
-    at = np.searchsorted(ids, source)
-    if at < ids.size and ids[at] == source:
+    i, j = _next_common(ids, others, 0, 0)
+    while i < ids.size:
+        marks[i] |= mark
+        if paid > until[i]:
+            until[i] = paid
+        i, j = _next_common(ids, others, i + 1, j + 1)
+    at = _place(ids, source)
+    if at >= 0:
         marks[at] |= HIT
         until[at] = end
 
@@ -188,17 +202,20 @@ def outcomes(
 
 @kernel
 def add_common(ids: Ints, others: Ints, values: Floats, sums: Floats) -> None:
-    """Add the values (m,) of other nodes (m,) to the sums (n,) of those of the nodes (n,) that are among them."""
-    i, j = 0, 0
-    while i < ids.size and j < others.size:
-        if ids[i] < others[j]:
-            i += 1
-        elif ids[i] > others[j]:
-            j += 1
-        else:
-            sums[i] += values[j]
-            i += 1
-            j += 1
+    """Add the values (m,) of other nodes (m,) to all sums (k, n) of those of the nodes (n,) that are among them."""
+    i, j = _next_common(ids, others, 0, 0)
+    while i < ids.size:
+        for row in range(len(sums)):
+            sums[row, i] += values[j]
+        i, j = _next_common(ids, others, i + 1, j + 1)
+
+
+@kernel
+def unlock(ids: Ints, locks: Bools, node: int) -> None:
+    """A node sends, and is not locked on a frame that the nodes (n,) hear: clear its lock, if it is one of them."""
+    at = _place(ids, node)
+    if at >= 0:
+        locks[at] = False
 
 
 @kernel
@@ -216,17 +233,11 @@ def take_over(
         other_locks: (m,) which nodes are locked on it; changed.
         margin: By how many dB the later frame must be stronger to take a receiver over.
     """
-    i, j = 0, 0
-    while i < ids.size and j < others.size:
-        if ids[i] < others[j]:
-            i += 1
-        elif ids[i] > others[j]:
-            j += 1
-        else:
-            if other_locks[j]:
-                if locks[i] and powers[i] >= other_powers[j] + margin:
-                    other_locks[j] = False
-                else:
-                    locks[i] = False
-            i += 1
-            j += 1
+    i, j = _next_common(ids, others, 0, 0)
+    while i < ids.size:
+        if other_locks[j]:
+            if locks[i] and powers[i] >= other_powers[j] + margin:
+                other_locks[j] = False
+            else:
+                locks[i] = False
+        i, j = _next_common(ids, others, i + 1, j + 1)

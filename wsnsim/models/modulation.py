@@ -29,10 +29,10 @@ def bit_error(ratio: Floats, modulation: Modulation) -> Floats:
 
     Source: IEEE 802.15.4-2006, E.4.1.8, eq. 7; Proakis, "Digital communications", for FSK.
     """
-    ratio = np.minimum(ratio, _MOST_RATIO)
+    ratio = np.asarray(np.minimum(ratio, _MOST_RATIO))
     if modulation == "ncfsk":
         return 0.5 * np.exp(-0.5 * ratio)
-    wrong = np.exp(np.multiply.outer(ratio, _RATES)) @ _WEIGHTS
+    wrong = np.exp(ratio[..., None] * _RATES) @ _WEIGHTS
     return np.maximum(wrong, 0.0)
 
 

@@ -21,7 +21,7 @@ from typing import Final
 import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats
-from wsnsim.kernels.reception import add_common, take_over
+from wsnsim.kernels.reception import add_common, take_over, unlock
 from wsnsim.network.radio.radio_services import RadioServices
 from wsnsim.network.radio.transmission import Transmission
 
@@ -76,47 +76,44 @@ class CapturingReceivers:
         at = np.flatnonzero(self.locked(sent))
         if not at.size:
             return arrives
-        others = [other for other in sent.overlapping or () if other.end > max(other.start, sent.start)]
-        ends = [min(max(time, sent.start), sent.end) for other in others for time in (other.start, other.end)]
-        pieces = list(itertools.pairwise(sorted({sent.start, sent.end, *ends})))
-        ids, interference = neighbours.ids[at], np.zeros((len(pieces), at.size))
-        for other in others:
-            for piece, (since, until) in enumerate(pieces):
-                if other.start < until and other.end > since:
-                    add_common(ids, other.neighbours.ids, other.neighbours.milliwatts, interference[piece])
-        powers = np.concatenate([neighbours.powers[at]] * len(pieces))
+        start, end = sent.start, sent.end
+        spans = [
+            (min(max(other.start, start), end), min(max(other.end, start), end), other.neighbours)
+            for other in sent.overlapping or ()
+            if other.end > max(other.start, start)
+        ]
+        edges = sorted({start, end, *(span[0] for span in spans), *(span[1] for span in spans)})
+        ids, interference = neighbours.ids[at], np.zeros((len(edges) - 1, at.size))
+        for since, until, others in spans:
+            part = interference[edges.index(since) : edges.index(until)]
+            add_common(ids, others.ids, others.milliwatts, part)
+        powers = np.concatenate([neighbours.powers[at]] * len(interference))
         each = self._link.reception(powers, 1.0, interference.ravel()).reshape(interference.shape)
-        bits = [sent.frame.bits * (until - since) / (sent.end - sent.start) for since, until in pieces]
-        arrives[at] = np.prod(each ** np.array(bits)[:, None], axis=0)
+        bits = [sent.frame.bits * (until - since) / (end - start) for since, until in itertools.pairwise(edges)]
+        arrives[at] = np.multiply.reduce(each ** np.array(bits)[:, None])
         return arrives
 
     def _lock(self, sent: Transmission) -> None:
         """Lock the neighbours that listen, synchronise and are not locked on an earlier frame; take others over."""
         neighbours, on_air = sent.neighbours, [other for other in sent.overlapping or () if _is_earlier(other, sent)]
         locks = self._listening(sent) & self._synchronisable(sent)
-        interference = np.zeros(locks.size)
+        ids, interference = neighbours.ids, np.zeros((1, locks.size))
         for other in on_air:
-            add_common(neighbours.ids, other.neighbours.ids, other.neighbours.milliwatts, interference)
-            at = neighbours.index(other.source)
-            if at >= 0:
-                locks[at] = False
-            self._release(other, sent.source)
-        disturbed = np.flatnonzero(locks & (interference > 0.0))
+            add_common(ids, other.neighbours.ids, other.neighbours.milliwatts, interference)
+            unlock(ids, locks, other.source)
+            unlock(other.neighbours.ids, self.locked(other), sent.source)
+        disturbed = np.flatnonzero(locks & (interference[0] > 0.0))
         if disturbed.size:
-            probability = self._link.reception(neighbours.powers[disturbed], HEADER_BITS, interference[disturbed])
-            locks[disturbed] = probability >= LEAST_SYNCHRONISATION
+            noise = interference[0, disturbed]
+            locks[disturbed] = (
+                self._link.reception(neighbours.powers[disturbed], HEADER_BITS, noise) >= LEAST_SYNCHRONISATION
+            )
         for other in on_air:
             others, margin = other.neighbours, self._margin
             if sent.start >= other.start + self._header:
                 margin = np.inf
-            take_over(neighbours.ids, neighbours.powers, locks, others.ids, others.powers, self.locked(other), margin)
+            take_over(ids, neighbours.powers, locks, others.ids, others.powers, self.locked(other), margin)
         sent.locks = locks
-
-    def _release(self, sent: Transmission, node: int) -> None:
-        """A node begins to send, and is no longer locked on a frame."""
-        at = sent.neighbours.index(node)
-        if at >= 0:
-            self.locked(sent)[at] = False
 
     def _listening(self, sent: Transmission) -> Bools:
         """(n,) which neighbours listened when a frame began."""
