@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import pytest
 
 from wsnsim.base import garbage
-from wsnsim.base.garbage import NEW_OBJECTS, only_own_garbage
+from wsnsim.base.garbage import NEW_OBJECTS, only_own_garbage, put_off
 
 
 class Circle:
@@ -21,10 +21,14 @@ class Circle:
 
 @pytest.fixture(autouse=True)
 def as_before() -> Iterator[None]:
-    """Leave the collector as it was."""
+    """Begin with nothing frozen, and leave the collector as it was: the suite freezes what it has imported."""
+    frozen = gc.get_freeze_count()
+    gc.unfreeze()
     yield
     gc.unfreeze()
     gc.enable()
+    if frozen:
+        gc.freeze()
 
 
 def left() -> weakref.ref[Circle]:
@@ -76,3 +80,12 @@ def test_what_the_caller_froze_stays_frozen() -> None:
     with only_own_garbage():
         own = left()
     assert gc.get_freeze_count() >= 0.9 * count and own() is not None
+
+
+@pytest.mark.parametrize("was_on", [True, False])
+def test_what_is_put_off_goes_on_afterwards_as_it_was_even_after_an_error(was_on: bool) -> None:
+    (gc.enable if was_on else gc.disable)()
+    with pytest.raises(KeyError), put_off():
+        assert not gc.isenabled()
+        raise KeyError
+    assert gc.isenabled() == was_on

@@ -68,3 +68,15 @@ def only_own_garbage() -> Iterator[None]:
         yield
     finally:
         _COLLECTIONS.end()
+
+
+@contextmanager
+def put_off() -> Iterator[None]:
+    """Leave garbage inside until later: imports and scenarios make many objects that stay, and hardly any garbage."""
+    was_on = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_on:
+            gc.enable()

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 import click
 
 from wsnsim.base.errors import ResultError, ScenarioError, UsageError
+from wsnsim.base.garbage import put_off
 from wsnsim.cli.progress import RUN, display
 from wsnsim.cli.shared import (
     PATH,
@@ -66,7 +67,8 @@ def run(
     scenario = _loaded(source, seeded)
     path = writable(out, Path("results") / f"{scenario.name}.h5")
     page = _page_path(path) if with_page else None
-    import wsnsim.experiment as experiment
+    with put_off():
+        import wsnsim.experiment as experiment
 
     talks = not quiet and progress not in ("json", "none")
     with contextlib.closing(display("none" if quiet else progress, RUN)) as shown:
@@ -262,6 +264,7 @@ def recover(unfinished: Path, out: Path | None) -> None:
     echo(f"{recording.recover(unfinished, out)}: recovered, with the status partial")
 
 
+@put_off()
 def _loaded(source: str, overrides: Sequence[str]) -> Scenario:
     """The scenario of a file or name, or the scenario stored in a result."""
     import wsnsim.scenario as scenario
