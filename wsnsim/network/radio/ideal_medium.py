@@ -14,7 +14,7 @@ from wsnsim.base.frames import EVERYONE, SEND, Burst
 from wsnsim.base.rng import derive, derive_all, uniforms
 from wsnsim.base.tables import EVENT_CAUSE, KIND
 from wsnsim.network.energy.ledger import HopCost
-from wsnsim.network.event_log import Event, event
+from wsnsim.network.event_log import UnicastRows, event
 from wsnsim.network.radio.radio_services import RadioServices
 from wsnsim.network.radio.unicasts import Unicasts
 from wsnsim.network.radio.use_counter import UseCounter
@@ -69,24 +69,17 @@ class IdealMedium:
             for burst in unicasts.split():
                 self.carry(burst)
             return
-        counters, log = self._counters, self._log
+        counters, log, parcels = self._counters, self._log, unicasts.parcels
         self._nodes.ledger.book_unicasts(unicasts.sources, unicasts.destinations, costs)
-        now, step, target, number = self._env.now, log.step, unicasts.target, counters.frames_sent
-        rows: list[Event] = []
-        what, code, sent_packets = None, 0, 0
-        for source, to, parcel, (bits, _, _, sent, rx) in zip(
-            unicasts.sources, unicasts.destinations, unicasts.parcels, costs, strict=True
-        ):
-            number += 1
-            packets = parcel.packets
-            if parcel.what is not what:
-                what, code = parcel.what, log.code(parcel.what)
-            rows.append((now, step, target, source, SEND, code, number, number, to, packets, bits, sent, TX))
-            rows.append((now, step, target, to, RECEIVE, code, number, number, source, packets, bits, rx, RX))
-            sent_packets += packets
-        log.extend(rows)
-        counters.packets_sent += sent_packets
-        counters.frames_sent = number
+        packets, codes = [parcel.packets for parcel in parcels], [log.code(parcel.what) for parcel in parcels]
+        log.add_unicasts(
+            UnicastRows(
+                self._env.now, log.step, unicasts.target, counters.frames_sent + 1,
+                unicasts.sources, unicasts.destinations, codes, packets, costs,
+            )
+        )  # fmt: skip
+        counters.packets_sent += sum(packets)
+        counters.frames_sent += len(costs)
         counters.in_range += len(costs)
         counters.delivered += len(costs)
 
