@@ -141,7 +141,7 @@ def test_a_file_that_names_no_scheduler_is_refused(tmp_path: Path, text: str) ->
 def test_an_address_where_no_scheduler_is_is_refused(
     tmp_path: Path, address: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(dask_engine, "CONNECT_TIMEOUT", 0.5)
+    monkeypatch.setattr(dask_engine, "CONNECT_TIMEOUT", 3.0)  # and 1.5 s more for its error to be heard of
     with pytest.raises(UsageError, match=f"cannot connect to the scheduler {address}"):
         DaskEngine(tmp_path, address)
 
