@@ -47,6 +47,8 @@ class CapturingReceivers:
         self._margin = float(getattr(self._link, "capture_margin", MARGIN))
         self._header = header
         self._started: deque[Transmission] = deque()
+        self._synchronise: dict[int, Bools] = {}
+        """{sender: which of its neighbours can receive the header of its frames where nothing interferes}"""
 
     def expect(self, sent: Transmission) -> None:
         """Note a transmission, in the order of their starts."""
@@ -124,9 +126,12 @@ class CapturingReceivers:
         return listening if sent.asleep is None else listening & ~np.isin(ids, sent.asleep)
 
     def _synchronisable(self, sent: Transmission) -> Bools:
-        """(n,) whether the header of a frame can be received where nothing interferes."""
-        probabilities = self._topology.probabilities(sent.neighbours, HEADER_BITS)
-        return np.asarray(probabilities >= LEAST_SYNCHRONISATION)
+        """(n,) whether the header of a frame can be received where nothing interferes. Not to be changed."""
+        found = self._synchronise.get(sent.source)
+        if found is None:
+            probabilities = self._topology.probabilities(sent.neighbours, HEADER_BITS)
+            found = self._synchronise[sent.source] = np.asarray(probabilities >= LEAST_SYNCHRONISATION)
+        return found
 
 
 def _is_earlier(other: Transmission, sent: Transmission) -> bool:

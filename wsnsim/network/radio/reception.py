@@ -100,15 +100,16 @@ class Reception:
         """What overlapping frames do at each neighbour (see `kernels.reception.overlap`); empty if there are none."""
         if sent.overlapping is None:
             return NO_MARKS, NO_TIMES
-        ids, mark = sent.neighbours.ids, HIT if self._receivers is None else HEARD_OTHER
-        marks, until = np.zeros(ids.size, dtype=np.int64), np.empty(ids.size)
+        ids, until = sent.neighbours.ids, np.empty(sent.neighbours.ids.size)
         until.fill(sent.start)
+        if self._receivers is None:
+            marks, mark = np.zeros(ids.size, dtype=np.int64), HIT
+        else:
+            marks, mark = np.where(self._receivers.locked(sent), 0, HIT), HEARD_OTHER
         for other in sent.overlapping:
             if other.end > max(other.start, sent.start):
                 paid = other.end if other.end <= sent.end and not other.cut else sent.start
                 overlap(ids, other.neighbours.ids, other.source, mark, paid, sent.end, marks, until)
-        if self._receivers is not None:
-            marks[~self._receivers.locked(sent)] |= HIT
         return marks, until
 
     def _chances(self, sent: Transmission) -> tuple[Floats, Bools, Numbers]:
