@@ -68,7 +68,7 @@ def test_tasks_that_raise_exit_crash_or_never_end_are_named_and_the_rest_is_done
     lab: Path, moods: dict[str, int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(local_engine, "_can_be_copied", lambda: sys.platform == "linux")  # as in most campaigns
-    sweep = sweep_of([{"mood": "calm"}, *({"mood": m, "at": at} for m, at in moods.items())], 3, block=1, timeout=3)
+    sweep = sweep_of([{"mood": "calm"}, *({"mood": m, "at": at} for m, at in moods.items())], 3, block=1, timeout=8)
     folder = prepare(load_sweep(sweep), lab / "c")
     ended = run_campaign(folder, LocalEngine(1))
     ids = {point.settings["tracker.mood"]: point.id for point in folder.manifest().points}
@@ -79,8 +79,8 @@ def test_tasks_that_raise_exit_crash_or_never_end_are_named_and_the_rest_is_done
         "exits": "SystemExit: 7",
         "killed": "killed its worker twice (killed from outside, perhaps out of memory)",
         "crashes": "killed its worker twice (Segmentation fault)",
-        "hangs": "took more than 3 s",
-        "sleeps": "took more than 3 s",
+        "hangs": "took more than 8 s",
+        "sleeps": "took more than 8 s",
     }
     assert words == {mood: expected[mood] for mood in moods}
     said = folder.failures()[f"{ids['hangs']}.r00001-00001"]
