@@ -112,7 +112,7 @@ def filter_swarms(stack: Stack, before: Floats, likelihood: Likelihood, rules: R
     moving = effective < rules.threshold * stack.counts
     if rules.estimate_when == "before":
         means, covs = moments(stack.cloud, stack.log_weights, stack.offsets)
-    if moving.any():
+    if any(moving.tolist()):
         _move_some(stack, Predicted(before, carried, fitness), moving, likelihood, rules, scene)
     if rules.estimate_when == "after":
         means, covs = moments(stack.cloud, stack.log_weights, stack.offsets)  # eq. 16
