@@ -12,17 +12,28 @@
 Division follows NumPy: the checks that Numba makes by default prevent vectorisation. The fast-math flags keep tests for
 NaN and infinity. Functions that only kernels call have no wrapper for Python: it would take longer to compile than the
 function itself.
+
+Numba keeps compiled kernels beside the sources, or in the user's cache. Where it can write neither, they are kept in a
+private folder of the temporary directory, or not at all. WSNSIM_CACHE names another folder.
 """
 
 from __future__ import annotations
 
+import contextlib
+import functools
+import os
 import sys
 import time
+import warnings
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any, Final, TypeVar, final
 
-from numba import njit
+from numba import config, njit
 from numba.core import event
+from numba.core.caching import FunctionCache
+
+from wsnsim.base.caches import VARIABLE, CacheWarning, private_folder, reason, wished_folder
 
 F = TypeVar("F", bound=Callable[..., Any])
 BLAS: Final = "scipy.linalg.cython_blas"
@@ -45,6 +56,72 @@ def _import_without_scipy() -> None:
 
 
 _import_without_scipy()
+
+
+def _use_wished_folder() -> None:
+    """Keep compiled kernels in the folder that WSNSIM_CACHE names. Say so if it cannot be written."""
+    try:
+        folder = wished_folder()
+    except OSError as error:
+        _warn(f"{VARIABLE}: {reason(error)}; compiled kernels are kept where they are without it")
+    else:
+        if folder:
+            _use(folder)
+
+
+@functools.cache
+def _has_private_folder() -> bool:
+    """Keep compiled kernels in the temporary directory; whether that is possible. It is said once."""
+    try:
+        folder = private_folder()
+    except OSError as error:
+        _warn(
+            f"compiled kernels cannot be kept ({reason(error)}), so that every process compiles them again; set"
+            f" {VARIABLE} to a folder that only you can write to"
+        )
+        return False
+    _use(folder)
+    _warn(
+        f"compiled kernels are kept in {folder}, because neither the installation nor the user's cache can be written;"
+        f" {VARIABLE} names another folder"
+    )
+    return True
+
+
+def _use(folder: Path) -> None:
+    """Let Numba keep compiled code in the folder, in this process and in those that it starts."""
+    os.environ["NUMBA_CACHE_DIR"] = str(folder)
+    config.reload_config()  # type: ignore[no-untyped-call]
+
+
+def _warn(message: str) -> None:
+    """Warn once per command: not in its worker processes."""
+    import multiprocessing
+
+    if multiprocessing.parent_process() is None:
+        warnings.warn(message, CacheWarning, stacklevel=3)
+
+
+_use_wished_folder()
+
+
+@final
+class _ForgivingCache(FunctionCache):
+    """Compiled code on disk, without which a kernel is compiled: a damaged file or a full disk ends no run."""
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """The compiled kernel; None if there is none, or if it cannot be read."""
+        try:
+            return super().load_overload(sig, target_context)  # type: ignore[no-untyped-call]
+        except Exception:  # whatever damaged pickles raise
+            with contextlib.suppress(OSError):
+                self.flush()  # type: ignore[no-untyped-call]
+            return None
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keep the compiled kernel, if it can be written."""
+        with contextlib.suppress(OSError):
+            super().save_overload(sig, data)  # type: ignore[no-untyped-call]
 
 
 @final
@@ -137,5 +214,12 @@ def merged(function: F) -> F:
 
 def _compiled(function: F, options: Mapping[str, Any]) -> F:
     """The function, compiled when it is first called; its signature stays, as Numba's dispatcher has the same call."""
-    compiled: F = njit(**options)(function)
+    compiled: F
+    try:
+        compiled = njit(**options)(function)
+    except RuntimeError:  # Numba has found no folder that can be written
+        compiled = njit(**{**options, "cache": _has_private_folder()})(function)
+    cache = getattr(compiled, "_cache", None)
+    if type(cache) is FunctionCache:
+        cache.__class__ = _ForgivingCache  # making another one would look for the folder a second time
     return compiled
