@@ -368,13 +368,18 @@ def test_a_terminal_without_the_letters_still_gets_its_answer() -> None:
 
 
 def with_ctrl_c() -> None:
-    """Restore the handling of Ctrl-C, which background processes of a script ignore."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    """Restore the handling of signals that background processes of a script, or those under nohup, ignore."""
+    for number in (signal.SIGINT, signal.SIGHUP):
+        signal.signal(number, signal.SIG_DFL)
 
 
 @pytest.mark.parametrize(
     ("number", "code", "message"),
-    [(signal.SIGINT, 130, "wsnsim: error: interrupted"), (signal.SIGTERM, 143, "wsnsim: error: stopped by SIGTERM")],
+    [
+        (signal.SIGINT, 130, "wsnsim: error: interrupted"),
+        (signal.SIGTERM, 143, "wsnsim: error: stopped by SIGTERM"),
+        (signal.SIGHUP, 129, "wsnsim: error: stopped by SIGHUP"),
+    ],
 )
 def test_a_run_that_is_stopped_leaves_nothing_half_written(
     number: signal.Signals, code: int, message: str, result: Path

@@ -220,8 +220,8 @@ def start_worker(started: Any = None) -> None:
     import signal
     import threading
 
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, signal.SIG_IGN)
+    for name in {"SIGINT", "SIGTERM", "SIGHUP"} & set(dir(signal)):
+        signal.signal(getattr(signal, name), signal.SIG_IGN)
     with contextlib.suppress(OSError):
         os.dup2(2, 1)
     if started is not None:

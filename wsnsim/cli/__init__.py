@@ -5,7 +5,7 @@
 
 Only click is imported here. Every command imports what it needs, so that `wsnsim --help` and `wsnsim list` answer at
 once. Results go to stdout, progress and errors to stderr. Exit codes: 0 success; 1 a run failed; 2 wrong usage or
-scenario; 3 a campaign is incomplete; 130 Ctrl-C; 141 broken pipe; 143 SIGTERM.
+scenario; 3 a campaign is incomplete; 129 SIGHUP; 130 Ctrl-C; 141 broken pipe; 143 SIGTERM.
 """
 
 from __future__ import annotations
@@ -14,12 +14,14 @@ import contextlib
 import gc
 import os
 import sys
-from collections.abc import Sequence
+import warnings
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import click
 
+from wsnsim.base.caches import CacheWarning, prepare_matplotlib
 from wsnsim.base.errors import ScenarioError, WsnsimError
 from wsnsim.base.garbage import NEW_OBJECTS
 from wsnsim.base.progress import watching
@@ -27,6 +29,7 @@ from wsnsim.cli import campaigns, commands, plotting, reporting, reproducing
 from wsnsim.cli.interrupts import Interrupts
 from wsnsim.cli.progress import WorkBar
 from wsnsim.cli.shared import echo, group
+from wsnsim.cli.streams import end_stderr, open_streams, redirect_to_nowhere
 
 __all__ = ["campaigns", "commands", "main", "plotting", "reporting", "reproducing"]
 
@@ -36,6 +39,8 @@ THREADS: Final = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command line and return its exit code. An error prints a traceback only if WSNSIM_TRACEBACK is set."""
     gc.set_threshold(NEW_OBJECTS, *gc.get_threshold()[1:])
+    open_streams()
+    prepare_matplotlib()
     for name in THREADS:
         os.environ.setdefault(name, "1")
     if "" not in sys.path and str(Path.cwd()) not in sys.path:
@@ -45,10 +50,32 @@ def main(arguments: Sequence[str] | None = None) -> int:
             stream.reconfigure(errors="replace")  # for terminals whose encoding lacks ×
     interrupts = Interrupts()
     try:
-        with interrupts.raising():
+        with interrupts.raising(), _notes_on_caches():
             return _perform(list(sys.argv[1:] if arguments is None else arguments), interrupts)
     except KeyboardInterrupt:  # while results were printed
         return interrupts.code
+    finally:
+        end_stderr()
+
+
+@contextlib.contextmanager
+def _notes_on_caches() -> Iterator[None]:
+    """Print where kernels are kept as a note, if it is not the usual place, and not with --quiet."""
+    before = warnings.showwarning
+
+    def show(message: Warning | str, category: type[Warning], *where: Any, **more: Any) -> None:
+        if not issubclass(category, CacheWarning):
+            before(message, category, *where, **more)
+            return
+        context = click.get_current_context(silent=True)
+        if context is None or not context.params.get("quiet"):
+            echo(f"wsnsim: {message}", err=True)
+
+    warnings.showwarning = show
+    try:
+        yield
+    finally:
+        warnings.showwarning = before
 
 
 def _perform(arguments: list[str], interrupts: Interrupts) -> int:
@@ -94,10 +121,7 @@ def _report(raised: BaseException) -> int:
 
 
 def _print_error(message: str, code: int, prefix: str = "wsnsim: error: ") -> int:
-    try:
-        echo(f"{prefix}{message}", err=True)
-    except BrokenPipeError:
-        return _close_stdout()
+    echo(f"{prefix}{message}", err=True)
     return code
 
 
@@ -108,9 +132,7 @@ def _hint(error: click.ClickException) -> str:
 
 def _close_stdout() -> int:
     """Redirect stdout to nowhere, so that the interpreter's last flush does not fail. Return the exit code."""
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, 1)
-    os.close(nowhere)
+    redirect_to_nowhere(1)
     return 141
 
 

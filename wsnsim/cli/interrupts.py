@@ -1,8 +1,9 @@
-"""Ctrl-C and SIGTERM, and how they end a run or a campaign.
+"""Ctrl-C, SIGTERM and SIGHUP, and how they end a run or a campaign.
 
 A run is interrupted by an exception from the signal handler. Compiled code may swallow the exception or turn it into
 another error, so the signal is stored, and the exception is raised again until the run ends. A campaign is not
-interrupted: the handler only stores the signal, and the runner asks for it.
+interrupted: the handler only stores the signal, and the runner asks for it. A terminal that closes sends SIGHUP; nohup
+lets the command ignore it, and so it stays.
 """
 
 from __future__ import annotations
@@ -17,7 +18,6 @@ from typing import Final, final
 
 AGAIN: Final = 2.0
 """Seconds after which the exception is raised again if the run has not ended; cleaning up takes far less."""
-SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
 Handler = Callable[[int, FrameType | None], None]
 
 
@@ -36,7 +36,7 @@ class Interrupts:
     @property
     def reason(self) -> str:
         """Why the process ended."""
-        return "interrupted" if self.number == signal.SIGINT else "stopped by SIGTERM"
+        return "interrupted" if self.number == signal.SIGINT else f"stopped by {signal.Signals(self.number).name}"
 
     @contextlib.contextmanager
     def raising(self) -> Iterator[None]:
@@ -44,7 +44,7 @@ class Interrupts:
         if threading.current_thread() is not threading.main_thread():
             yield
             return
-        handlers: dict[int, Handler] = dict.fromkeys(SIGNALS, self._raise)
+        handlers: dict[int, Handler] = dict.fromkeys(_signals(), self._raise)
         if hasattr(signal, "setitimer"):
             handlers[signal.SIGALRM] = self._raise_again
         with _handled(handlers), _swallowed_interrupts_unreported():
@@ -59,7 +59,7 @@ class Interrupts:
         if threading.current_thread() is not threading.main_thread():
             yield lambda: False
             return
-        with _handled(dict.fromkeys(SIGNALS, self._note)):
+        with _handled(dict.fromkeys(_signals(), self._note)):
             yield lambda: self.number != 0
 
     def _note(self, number: int, frame: FrameType | None) -> None:
@@ -81,6 +81,12 @@ class Interrupts:
     def _stop_timer() -> None:
         if hasattr(signal, "setitimer"):
             signal.setitimer(signal.ITIMER_REAL, 0.0)
+
+
+def _signals() -> list[signal.Signals]:
+    """The signals that end a command: SIGHUP only if the process did not ignore it when it started."""
+    hangs_up = hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN
+    return [signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if hangs_up else [])]
 
 
 @contextlib.contextmanager

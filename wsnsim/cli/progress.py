@@ -3,10 +3,12 @@
 `display(mode, of)` gives an object with `step(progress)` and `close()`. The progress of a run has `replicate` (from
 0), `replicates`, `time` and `duration` (simulated, s) and `wall` (s since the start). The progress of a campaign has
 `done`, `failed` and `total` (runs), `wall` and `left` (estimated s until the end, or None). Other work has a `WorkBar`.
+Progress that cannot be shown, because stderr is full or closed, is left out.
 """
 
 from __future__ import annotations
 
+import contextlib
 import json
 import sys
 from collections.abc import Callable
@@ -14,6 +16,8 @@ from dataclasses import dataclass
 from typing import Any, Final, Protocol, final
 
 import click
+
+from wsnsim.cli.streams import ENDED, tell
 
 MODES: Final = ("auto", "bar", "plain", "json", "none")
 INTERVAL: Final = 30.0
@@ -71,6 +75,10 @@ class _ProgressBar:
         self._bar: Any = None
 
     def step(self, progress: Any) -> None:
+        with contextlib.suppress(*ENDED):
+            self._draw(progress)
+
+    def _draw(self, progress: Any) -> None:
         from tqdm import tqdm
 
         total = self._form.total(progress)
@@ -82,7 +90,8 @@ class _ProgressBar:
 
     def close(self) -> None:
         if self._bar is not None:
-            self._bar.close()
+            with contextlib.suppress(*ENDED):
+                self._bar.close()
 
 
 @final
@@ -100,7 +109,7 @@ class _ProgressLines:
         tenths = int(10 * self._form.share(progress) + 1e-9)
         if self._every or tenths > self._tenths or progress.wall - self._wall >= INTERVAL:
             self._tenths, self._wall = tenths, progress.wall
-            click.echo(self._line(progress), err=True)
+            tell(self._line(progress))
 
     def close(self) -> None:
         """Nothing to remove."""

@@ -14,6 +14,7 @@ from wsnsim.base.printable import printable, printable_json, shortened
 from wsnsim.base.regular_files import LARGEST_NAME, LONGEST_ADDITION, is_too_long, why_not_regular
 from wsnsim.base.version import __version__
 from wsnsim.cli.progress import MODES
+from wsnsim.cli.streams import tell
 
 SCHEMA_VERSION: Final = 1
 PATH: Final = click.Path(path_type=Path)
@@ -117,8 +118,14 @@ def not_the_result(path: Path, result: Path, content: str) -> Path:
 
 
 def echo(text: str, err: bool = False) -> None:
-    """Print a text, on stderr if `err`. Control characters are shown as escapes: names and files may hold them."""
-    click.echo(printable(text), err=err)
+    """Print a text, on stderr if `err`. Control characters are shown as escapes: names and files may hold them.
+
+    What cannot be printed on stderr is left out: notes and progress never end a command.
+    """
+    if err:
+        tell(printable(text))
+    else:
+        click.echo(printable(text))
 
 
 def echo_answer(answer: str | dict[str, Any]) -> None:
