@@ -21,6 +21,7 @@ from typing import Any, Final, Literal, TextIO
 
 from wsnsim.base.errors import StorageError, WsnsimError
 from wsnsim.base.version import __version__
+from wsnsim.campaign.orphans import end_with_parent
 from wsnsim.recording.folder import Folder
 from wsnsim.recording.layout import cannot_write
 
@@ -216,9 +217,7 @@ def start_worker(started: Any = None) -> None:
 
     Output of a plug-in goes to stderr, because stdout carries the answer of the command.
     """
-    import multiprocessing
     import signal
-    import threading
 
     for name in {"SIGINT", "SIGTERM", "SIGHUP"} & set(dir(signal)):
         signal.signal(getattr(signal, name), signal.SIG_IGN)
@@ -226,11 +225,4 @@ def start_worker(started: Any = None) -> None:
         os.dup2(2, 1)
     if started is not None:
         started.value = 1
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        threading.Thread(target=_exit_after, args=(parent,), daemon=True).start()
-
-
-def _exit_after(parent: Any) -> None:
-    parent.join()
-    os._exit(1)
+    end_with_parent()
