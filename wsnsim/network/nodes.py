@@ -17,7 +17,7 @@ from wsnsim.base.tables import CAUSE
 from wsnsim.network.energy.battery_timers import EVERYBODY
 from wsnsim.network.energy.consumption import Consumption
 from wsnsim.network.energy.duty_cycles import DutyCycles
-from wsnsim.network.energy.ledger import AMPLIFIER, ELECTRONICS, IDLE, Charges, EnergyLedger
+from wsnsim.network.energy.ledger import AMPLIFIER, ELECTRONICS, IDLE, Charges, EnergyLedger, affordable
 from wsnsim.network.places import Places
 
 RECEIVE, SWITCH = CAUSE["rx"], CAUSE["switch"]
@@ -216,7 +216,11 @@ class Nodes:
         chosen = nodes[self.living[nodes]]
         self.consumption.mark_radios_busy(chosen, seconds)
         for node in chosen.tolist():
-            self._book_consumed(node, self.consumption.sleep_radio(node, seconds))
+            tight = self.battery - self._spent[node] <= self._tight
+            if not tight or self._settle(node):
+                self._book_consumed(node, self.consumption.sleep_radio(node, seconds))
+            if tight and self.alive[node]:
+                self._watch(node)
 
     def close(self) -> None:
         """Settle all nodes: the end of a run, after which nothing is consumed."""
@@ -241,10 +245,10 @@ class Nodes:
         if joules < left:
             self.ledger.book_charges(node, charges)
             return
-        share = left / joules if joules else 0.0
-        self._die(node, tuple((cause, amount * share) for cause, amount in charges))
-        for cause, amount in charges:
-            self.consumption.correct(cause, -(amount * (1.0 - share)))
+        paid = affordable(charges, left)
+        self._die(node, paid)
+        for (cause, amount), (_, part) in zip(charges, paid, strict=True):
+            self.consumption.correct(cause, part - amount)
 
     def _die(self, node: int, charges: Charges) -> None:
         """Book the last charges of a node. What remains, less than the price of a bit, is lost: booked as idle."""

@@ -97,6 +97,8 @@ class BackgroundConsumption(Consumption):
             for cause, power in self._powers(int(rest)):
                 self._power[cause] += size * power
         self.most = max(map(sum, zip(self._radio, self._processor, self._sensor, strict=True))) * horizon
+        self._most_by_schedule = max(map(self._power_of_mode, (AWAKE, ASLEEP))) + self._per_switch / SHORTEST
+        self._changes = 4.0 * self._per_switch  # half of it pays two changes that come at once, however slow
         if self._per_switch:
             self.most += duty_cycles.most_switches(horizon) * self._per_switch
 
@@ -104,11 +106,9 @@ class BackgroundConsumption(Consumption):
         """Begin to watch batteries of a charge; `check(node)` is called when a node may have run out."""
         self.timers = BatteryTimers(self._env, check)
         rest = self._duty_cycles.rest
-        resting = self._power_of_mode(int(rest))
-        if rest is Mode.SCHEDULED:
-            resting = 2.0 * (resting + self._per_switch / SHORTEST)
+        resting = 2.0 * self._most_by_schedule if rest is Mode.SCHEDULED else self._power_of_mode(int(rest))
         if resting > 0 and battery <= self.most:
-            self.timers.set(battery / resting, EVERYBODY)
+            self.timers.set(battery / resting if battery > self._changes else 0.0, EVERYBODY)
 
     def _powers(self, mode: int) -> tuple[tuple[int, float], ...]:
         """(cause, W) of a mode other than SCHEDULED."""
@@ -277,13 +277,13 @@ class BackgroundConsumption(Consumption):
 
     def _watch_schedule(self, node: int, left: float) -> None:
         """Check again when its schedule changes, or earlier if the charge may not last until then."""
-        now, most, power = self._env.now, self._power_of_mode(SCHEDULED), self._power_of(node)
+        now, most, power = self._env.now, self._most_by_schedule, self._power_of(node)
         due = self._duty_cycles.next_change(node)
         lasts = left / power if power > 0 else math.inf
         if now + lasts < due:
             due = now + (lasts if lasts < NEAR else lasts / 2)
-        elif most > 0:
-            due = max(due, now + left / (most + self._per_switch / SHORTEST) / 2)
+        elif most > 0 and left > self._changes:
+            due = max(due, now + left / most / 2)
         if due <= self._horizon and self.timers.due(node) > due:
             self.timers.set(due, node)
 

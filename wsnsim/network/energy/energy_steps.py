@@ -58,9 +58,19 @@ class EnergySteps:
         """Write the table if it is wanted. Rows of zero are left out."""
         if not self._wanted:
             return
-        spent = np.diff(np.array(self._totals), axis=0)
+        spent = np.diff(_rising(np.array(self._totals)), axis=0)
         rows, causes = np.nonzero(spent)
         if rows.size:
             steps = np.array(self._steps)[rows]
             columns = {"step": steps, "time": steps * dt, "cause": causes, "joules": spent[rows, causes]}
             recorder.write("energy_steps", {"replicate": replicate, **columns})
+
+
+def _rising(totals: Floats) -> Floats:
+    """(T, causes) totals that never fall and end as given.
+
+    They fall where a frame under way, during which its radio is not idle, is subtracted before its time has passed, and
+    where rounding does so: the next steps are then less.
+    """
+    rising: Floats = np.minimum(np.maximum.accumulate(totals, axis=0), totals[-1])
+    return rising

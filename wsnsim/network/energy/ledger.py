@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Final, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from wsnsim.base.tables import CAUSE, CAUSES
 from wsnsim.kernels.charging import book
 
 ELECTRONICS, AMPLIFIER, IDLE = CAUSE["tx_electronics"], CAUSE["tx_amplifier"], CAUSE["idle"]
-RECEIVED: Final = CAUSE["rx"]
+RECEIVED, SWITCH = CAUSE["rx"], CAUSE["switch"]
 Charges: TypeAlias = Sequence[tuple[int, float]]
 """Pairs of cause and joules."""
 
@@ -25,6 +25,15 @@ class HopCost(NamedTuple):
     amplifier: float
     sent: float
     rx: float
+
+
+def affordable(charges: Charges, left: float) -> Charges:
+    """Return what `left` joules pay of larger charges: less of a change of mode, which came last, then of all alike."""
+    lasting = sum(amount for cause, amount in charges if cause != SWITCH)
+    switching = sum(amount for cause, amount in charges if cause == SWITCH)
+    of_lasting = min(left / lasting, 1.0) if lasting else 0.0
+    of_switching = min(max(left - lasting, 0.0) / switching, 1.0) if switching else 0.0
+    return tuple((cause, amount * (of_switching if cause == SWITCH else of_lasting)) for cause, amount in charges)
 
 
 class EnergyLedger:
