@@ -11,7 +11,9 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import io
 import json
+import math
 import time
 import zipfile
 from collections.abc import Mapping, Sequence
@@ -81,14 +83,44 @@ def _stamp(files: Sequence[Path]) -> tuple[str, bool]:
 def _load(kept: Path, stamp: str) -> ConsolidatedTable | None:
     """What is kept, None if it is missing, outdated or damaged."""
     try:
-        with kept.open("rb") as file, np.load(file, allow_pickle=False) as held:
-            if str(held["stamp"]) != stamp:
+        if not kept.is_file():
+            return None
+        with zipfile.ZipFile(kept) as held:
+            if str(_array(held, "stamp")) != stamp:
                 return None
-            words = {name: tuple(some) for name, some in json.loads(str(held["words"])).items()}
-            columns = {name: held[f"column {name}"] for name in json.loads(str(held["names"]))}
-            return ConsolidatedTable(columns, words, held["counts"])
-    except (OSError, ValueError, KeyError, EOFError, RuntimeError, MemoryError, zipfile.BadZipFile):
+            words = {name: tuple(some) for name, some in json.loads(str(_array(held, "words"))).items()}
+            columns = {name: _array(held, f"column {name}") for name in json.loads(str(_array(held, "names")))}
+            counts = _array(held, "counts")
+    except (
+        OSError,
+        ValueError,
+        KeyError,
+        EOFError,
+        RuntimeError,
+        TypeError,
+        AttributeError,
+        MemoryError,
+        zipfile.BadZipFile,
+    ):
         return None
+    rows = counts.sum() if counts.ndim == 1 and counts.dtype.kind == "i" else -1
+    return ConsolidatedTable(columns, words, counts) if all(c.shape == (rows,) for c in columns.values()) else None
+
+
+def _array(held: zipfile.ZipFile, name: str) -> np.ndarray:
+    """An array of the archive. Raises ValueError if it is compressed, or states another size than it has."""
+    about = held.getinfo(f"{name}.npy")
+    if about.compress_type != zipfile.ZIP_STORED or about.file_size > about.compress_size:
+        raise ValueError(f"{name} is compressed")
+    raw = held.read(about)
+    content = io.BytesIO(raw)
+    if np.lib.format.read_magic(content) != (1, 0):
+        raise ValueError(f"{name} is of another version")
+    shape, by_column, dtype = np.lib.format.read_array_header_1_0(content)
+    begin = content.tell()
+    if by_column or dtype.hasobject or begin + math.prod(shape) * dtype.itemsize != len(raw):
+        raise ValueError(f"{name} states another size than it has")
+    return np.frombuffer(raw, dtype, offset=begin).reshape(shape).copy()
 
 
 def _save(tmp: Path, table: ConsolidatedTable, stamp: str) -> None:

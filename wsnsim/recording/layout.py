@@ -13,7 +13,10 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Final
 
+import numpy as np
+
 from wsnsim.base.errors import StorageError
+from wsnsim.base.tables import TABLES
 
 SCHEMA_VERSION: Final = 1
 CHUNK: Final = 65_536
@@ -22,6 +25,8 @@ COMPACT: Final = 2_048
 """Bytes of a column up to which it is stored with its description: the index of its chunks would be as long."""
 FLUSH_EVERY: Final = 30.0
 """Seconds between two flushes."""
+KINDS: Final = {table: {column.name: np.dtype(column.dtype).kind for column in TABLES[table]} for table in TABLES}
+"""Whether the values of a column are signed, unsigned or real: the number of a run or step is never negative."""
 TEXTS: Final = ("scenario/source_yaml", "scenario/resolved_json", "provenance_json")
 WRITING: Final = "writing"
 COMPLETE: Final = "complete"

@@ -7,19 +7,29 @@ result, is unfinished or damaged, or does not contain what is asked for.
 from __future__ import annotations
 
 import difflib
+import json
+import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import h5py
 import numpy as np
+from h5py import h5d, h5f, h5g, h5p
 
 from wsnsim.base.errors import ResultError, did_you_mean
 from wsnsim.base.regular_files import why_not_regular
 from wsnsim.base.tables import TABLES
-from wsnsim.recording.layout import SCHEMA_VERSION, TEXTS, WRITING, reason
+from wsnsim.recording.contents import Content, StoredColumn
+from wsnsim.recording.layout import KINDS, SCHEMA_VERSION, TEXTS, WRITING, reason
+from wsnsim.recording.object_headers import DamagedContent
 from wsnsim.recording.packed_rows import PackedRows, packed_rows
+
+DAMAGED: Final = (
+    OSError, RuntimeError, KeyError, ValueError, TypeError, IndexError, OverflowError, MemoryError, SystemError
+)  # fmt: skip
+"""What HDF5 and h5py raise where a file is damaged."""
 
 
 class TableSize(NamedTuple):
@@ -41,10 +51,11 @@ def read_table(
         columns: columns to read, in this order; all by default.
         rows: rows to read; only their chunks are read.
     """
-    with opened(path) as file:
-        group = _group(file, path, table)
-        names = column_names(group) if columns is None else columns
-        return {name: _column(group, path, name)[... if rows is None else rows] for name in names}
+    with opened(path) as content:
+        group = _group(content, path, table)
+        found = _columns(content, group, path, columns)
+        wanted = slice(None) if rows is None else rows
+        return {name: column.values(wanted) for name, column in found.items()}
 
 
 def read_with_meanings(
@@ -54,161 +65,204 @@ def read_with_meanings(
 
     The rows of short tables are read in one piece, see `packed_rows`.
     """
-    with opened(path) as file:
-        group = _group(file, path, table)
-        if (packed := packed_rows(group.id)) is not None:
-            return _unpacked(packed, columns, group, path)
-        datasets = {name: _column(group, path, name) for name in (column_names(group) if columns is None else columns)}
-        words = {name: words_of(dataset) for name, dataset in datasets.items()}
-        return {name: dataset[...] for name, dataset in datasets.items()}, {n: w for n, w in words.items() if w}
+    with opened(path) as content:
+        group = _group(content, path, table)
+        if (packed := packed_rows(group, table)) is not None:
+            return _unpacked(packed, columns, content, group, path)
+        found = _columns(content, group, path, columns)
+        words = {name: words_of(content, column) for name, column in found.items()}
+        return {name: column.values() for name, column in found.items()}, {n: w for n, w in words.items() if w}
 
 
 def tables(path: str | Path) -> dict[str, TableSize]:
     """The tables in the file and their sizes. No values are read."""
-    with opened(path) as file:
-        return {name: _size(file[name]) for name in TABLES if name in file}
+    with opened(path) as content:
+        return {name: _size(content, path, name) for name in TABLES if name in content.names}
 
 
 def row_count(path: str | Path, table: str) -> int:
     """The number of rows of a table."""
-    with opened(path) as file:
-        group = _group(file, path, table)
-        return int(_dataset(group, column_names(group)[0]).shape[0])
+    with opened(path) as content:
+        group = _group(content, path, table)
+        return content.column(group, column_names(content, group)[0]).rows
 
 
 def table_names(path: str | Path) -> list[str]:
     """The names of the tables in the file."""
-    with opened(path) as file:
-        return [name for name in TABLES if name in file]
+    with opened(path) as content:
+        return [name for name in TABLES if name in content.names]
 
 
 def meanings(path: str | Path, table: str, column: str) -> tuple[str, ...]:
     """The words of a category column, in the order of its codes; () for other columns."""
-    with opened(path) as file:
-        return words_of(_column(_group(file, path, table), path, column))
+    with opened(path) as content:
+        return words_of(content, _columns(content, _group(content, path, table), path, [column])[column])
 
 
 def all_meanings(path: str | Path, table: str) -> dict[str, tuple[str, ...]]:
     """{column: the words of a category column, in the order of its codes; () for other columns} of a table."""
-    with opened(path) as file:
-        group = _group(file, path, table)
-        return {name: words_of(_dataset(group, name)) for name in column_names(group)}
+    with opened(path) as content:
+        found = _columns(content, _group(content, path, table), path, None)
+        return {name: words_of(content, column) for name, column in found.items()}
 
 
 def read_text(path: str | Path, name: str) -> str:
     """One of the texts `scenario/source_yaml`, `scenario/resolved_json` and `provenance_json`."""
-    with opened(path) as file:
-        held = text_names(file)
+    with opened(path) as content:
+        held = text_names(content)
         if name not in held:
             raise ResultError(f"{path}: has no text '{name}' ({did_you_mean(name, held)})")
-        return str(file[name].asstr()[()])
+        return content.text(name)
+
+
+def read_json(path: str | Path, name: str) -> dict[str, Any]:
+    """One of the JSON texts, `scenario/resolved_json` or `provenance_json`, as a dict."""
+    text = read_text(path, name)
+    try:
+        values = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise ResultError(f"{path}: the text '{name}' is not JSON: {error}") from error
+    if not isinstance(values, dict):
+        raise ResultError(f"{path}: the text '{name}' holds no keys")
+    return values
 
 
 def attributes(path: str | Path) -> dict[str, Any]:
     """The root's attributes: status, schema_version, wsnsim_version, states (name, unit) and position (indices)."""
-    with opened(path) as file:
-        root = file.attrs
+    with opened(path) as content:
         return {
-            "status": str(root["status"]),
-            "schema_version": int(root["schema_version"]),
-            "wsnsim_version": str(root["wsnsim_version"]),
-            "states": states_of(file),
-            "position": position_of(file),
+            "status": str(content.attribute(content.root, "status")),
+            "schema_version": int(content.attribute(content.root, "schema_version")),
+            "wsnsim_version": str(content.attribute(content.root, "wsnsim_version")),
+            "states": states_of(content),
+            "position": position_of(content),
         }
 
 
 @contextmanager
-def opened(path: str | Path, unfinished: bool = False) -> Iterator[h5py.File]:
+def opened(path: str | Path, unfinished: bool = False) -> Iterator[Content]:
     """Open a result for reading, checked to be one. Damage that is found later also raises ResultError."""
     path = Path(path)
     if not path.is_file():
         irregular = "is a folder, not a result" if path.is_dir() else why_not_regular(path)
         raise ResultError(f"{path}: {irregular or 'no such file' + _nearest(path)}")
     try:
-        with h5py.File(path, "r") as file:
-            _check(file, path, unfinished)
-            yield file
+        file = h5f.open(os.fsencode(path), h5f.ACC_RDONLY, _access())
+        try:
+            content = Content(file)
+            _check(content, path, unfinished)
+            yield content
+        finally:
+            file.close()
     except BlockingIOError as error:
         raise ResultError(f"{path}: is still being written") from error
-    except (OSError, RuntimeError, KeyError, ValueError) as error:
+    except DamagedContent as error:
+        raise ResultError(f"{path}: cannot be read: {error}") from error
+    except DAMAGED as error:
         what = "cannot be read" if _is_hdf5(path) else "is not a wsnsim result"
         raise ResultError(f"{path}: {what}: {reason(error)}") from error
 
 
-def column_names(group: h5py.Group) -> tuple[str, ...]:
+def column_names(content: Content, group: h5g.GroupID) -> list[str]:
     """The names of a table's columns, in order."""
-    return tuple(str(name) for name in group.attrs["columns"])
+    names = content.attribute(group, "columns")
+    if not isinstance(names, list) or not names or len(set(names)) != len(names) or not isinstance(names[0], str):
+        raise DamagedContent(f"table {content.name_of(group)} does not say what columns it has")
+    return names
 
 
-def words_of(dataset: h5py.Dataset) -> tuple[str, ...]:
+def words_of(content: Content, column: StoredColumn) -> tuple[str, ...]:
     """The words of a category column, in the order of its codes; () for other columns."""
-    return tuple(str(dataset.attrs.get("flag_meanings", "")).split())
+    words = tuple(str(content.attribute(column.dataset, "flag_meanings") or "").split())
+    if words and (column.dtype.kind != "u" or column.dtype.itemsize > 2):
+        raise DamagedContent(f"{column.name}: its values are no codes of words")
+    return words
 
 
-def text_names(file: h5py.File) -> list[str]:
+def text_names(content: Content) -> list[str]:
     """The names of the texts in the file."""
-    return [name for name in TEXTS if name in file]
+    return [name for name in TEXTS if content.holds(name)]
 
 
-def states_of(file: h5py.File) -> tuple[tuple[str, str], ...]:
+def states_of(content: Content) -> tuple[tuple[str, str], ...]:
     """(name, unit) of each state column."""
-    names, units = file.attrs["states"], file.attrs["state_units"]
+    names, units = (content.attribute(content.root, name) for name in ("states", "state_units"))
     return tuple((str(name), str(unit)) for name, unit in zip(names, units, strict=True))
 
 
-def position_of(file: h5py.File) -> tuple[int, ...] | None:
+def position_of(content: Content) -> tuple[int, ...] | None:
     """The indices of the position among the state columns, None if the file does not say."""
-    return tuple(int(i) for i in file.attrs["position"]) if "position" in file.attrs else None
+    indices = content.attribute(content.root, "position")
+    if indices is None:
+        return None
+    if not all(isinstance(i, int) and 0 <= i < len(states_of(content)) for i in indices):
+        raise DamagedContent("the position is not among the state columns")
+    return tuple(indices)
 
 
-def _check(file: h5py.File, path: Path, unfinished: bool) -> None:
-    found = file.attrs.get("schema_version")
-    if found is None or "status" not in file.attrs:
+def _access() -> h5p.PropFAID:
+    access = h5p.create(h5p.FILE_ACCESS)
+    access.set_fclose_degree(h5f.CLOSE_STRONG)
+    return access
+
+
+def _check(content: Content, path: Path, unfinished: bool) -> None:
+    found, status = (content.attribute(content.root, name) for name in ("schema_version", "status"))
+    if found is None or status is None:
         raise ResultError(f"{path}: is an HDF5 file, but not a wsnsim result")
     if found > SCHEMA_VERSION:
-        raise ResultError(f"{path}: was written by a newer wsnsim ({file.attrs.get('wsnsim_version')}): schema {found}")
-    if file.attrs["status"] == WRITING and not unfinished:
+        version = content.attribute(content.root, "wsnsim_version")
+        raise ResultError(f"{path}: was written by a newer wsnsim ({version}): schema {found}")
+    if status == WRITING and not unfinished:
         raise ResultError(f"{path}: is the file of an unfinished run; `wsnsim recover` recovers its rows")
 
 
-def _group(file: h5py.File, path: str | Path, table: str) -> h5py.Group:
-    if table not in TABLES or table not in file:
-        held = [name for name in file if name in TABLES]
+def _group(content: Content, path: str | Path, table: str) -> h5g.GroupID:
+    if table not in TABLES or table not in content.names:
+        held = [name for name in content.names if name in TABLES]
         raise ResultError(f"{path}: has no table '{table}' ({did_you_mean(table, held)})")
-    return file[table]
+    return content.group(table)
 
 
-def _column(group: h5py.Group, path: str | Path, name: str) -> h5py.Dataset:
-    return _dataset(group, _checked(name, group, path))
-
-
-def _dataset(group: h5py.Group, name: str) -> h5py.Dataset:
-    """A column of the table. `group[name]` takes three times as long, and most tables are short."""
-    return h5py.Dataset(h5py.h5d.open(group.id, name.encode()), readonly=True)
+def _columns(
+    content: Content, group: h5g.GroupID, path: str | Path, wanted: Sequence[str] | None
+) -> dict[str, StoredColumn]:
+    """The columns of a table that are wanted, all if None, checked and equally long."""
+    names = column_names(content, group) if wanted is None else [_checked(n, content, group, path) for n in wanted]
+    found = dict(zip(names, content.columns(group, names), strict=True))
+    kinds = KINDS[content.name_of(group)]
+    for name, column in found.items():
+        if column.dtype.kind != kinds.get(name, column.dtype.kind):
+            raise DamagedContent(f"{column.name}: its values are of the type {column.dtype}")
+    return found
 
 
 def _unpacked(
-    packed: PackedRows, columns: Sequence[str] | None, group: h5py.Group, path: str | Path
+    packed: PackedRows, columns: Sequence[str] | None, content: Content, group: h5g.GroupID, path: str | Path
 ) -> tuple[dict[str, np.ndarray], dict[str, tuple[str, ...]]]:
     """(columns, words) of packed rows."""
     held = packed.records.dtype.names or ()
-    names = held if columns is None else [name if name in held else _checked(name, group, path) for name in columns]
+    names = held if columns is None else [n if n in held else _checked(n, content, group, path) for n in columns]
     found = {name: np.ascontiguousarray(packed.records[name]) for name in names}
     return found, {name: words for name, words in packed.words.items() if name in found}
 
 
-def _checked(name: str, group: h5py.Group, path: str | Path) -> str:
+def _checked(name: str, content: Content, group: h5g.GroupID, path: str | Path) -> str:
     """The name of a column that the table has. Raises ResultError."""
-    if name not in group:
-        held = column_names(group)
-        raise ResultError(f"{path}: table {group.name[1:]} has no column '{name}' ({did_you_mean(name, held)})")
+    held = column_names(content, group)
+    if name not in held:
+        table = content.name_of(group)
+        raise ResultError(f"{path}: table {table} has no column '{name}' ({did_you_mean(name, held)})")
     return name
 
 
-def _size(group: h5py.Group) -> TableSize:
-    names = column_names(group)
-    opened = [h5py.h5d.open(group.id, name.encode()) for name in names]
-    return TableSize(opened[0].shape[0], names, sum(each.get_storage_size() for each in opened))
+def _size(content: Content, path: str | Path, table: str) -> TableSize:
+    """The size of a table. Only the first column is checked: the others are when they are read."""
+    group = _group(content, path, table)
+    names = column_names(content, group)
+    first = content.column(group, names[0])
+    stored = [h5d.open(group, name.encode()).get_storage_size() for name in names[1:]]
+    return TableSize(first.rows, tuple(names), first.stored + sum(stored))
 
 
 def _is_hdf5(path: Path) -> bool:

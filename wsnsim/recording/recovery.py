@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
-import h5py
 import numpy as np
+from h5py import h5g
 
 from wsnsim.base.errors import ResultError
 from wsnsim.base.tables import TABLES, Words
-from wsnsim.recording.layout import CHUNK, PARTIAL, TEXTS
-from wsnsim.recording.reader import column_names, opened, position_of, states_of, words_of
+from wsnsim.recording.contents import Content, StoredColumn
+from wsnsim.recording.layout import CHUNK, PARTIAL, WRITING
+from wsnsim.recording.object_headers import DamagedContent
+from wsnsim.recording.reader import column_names, opened, position_of, states_of, text_names, words_of
 from wsnsim.recording.writer import ResultFile
 
 
@@ -32,32 +34,38 @@ def recover(tmp: str | Path, out: str | Path | None = None) -> Path:
     final = Path(out) if out is not None else _final_name(tmp)
     if out is None and final.exists():
         raise ResultError(f"{final}: exists; give another file with --out")
-    with opened(tmp, unfinished=True) as file:
-        if file.attrs["status"] != "writing":
+    with opened(tmp, unfinished=True) as content:
+        if content.attribute(content.root, "status") != WRITING:
             raise ResultError(f"{tmp}: is a complete result; there is nothing to recover")
-        _copy(file, tmp, final)
+        _copy(content, tmp, final)
     return final
 
 
-def _copy(file: h5py.File, tmp: Path, final: Path) -> None:
-    held, copied = [table for table in TABLES if table in file], 0
+def _copy(content: Content, tmp: Path, final: Path) -> None:
+    held, copied = {table: content.group(table) for table in TABLES if table in content.names}, 0
     wanted = dict.fromkeys(held, True)
-    with ResultFile(final, states_of(file), wanted, position=position_of(file), status=PARTIAL) as result:
-        if "events/what" in file:
-            result.words = Words(words_of(file["events/what"]))
-        if "tracker_state/name" in file:
-            result.state_names = Words(words_of(file["tracker_state/name"]))
-        for name in TEXTS:
-            if name in file:
-                result.set_text(name, file[name].asstr()[()])
-        for table in held:
-            for chunk in _whole_chunks(file[table]):
+    with ResultFile(final, states_of(content), wanted, position=position_of(content), status=PARTIAL) as result:
+        if words := _words(content, held, "events", "what"):
+            result.words = words
+        if words := _words(content, held, "tracker_state", "name"):
+            result.state_names = words
+        for name in text_names(content):
+            result.set_text(name, content.text(name))
+        for table, group in held.items():
+            for chunk in _whole_chunks(content, group):
                 result.write(table, chunk)
                 copied += 1
         if not copied:
             raise ResultError(
                 f"{tmp}: has no complete chunk of {CHUNK} rows that can be read; there is nothing to recover"
             )
+
+
+def _words(content: Content, held: Mapping[str, h5g.GroupID], table: str, name: str) -> Words | None:
+    """The words of a category column that had been written; None if the column does not exist yet."""
+    if table not in held or name not in content.links(held[table]):
+        return None
+    return Words(words_of(content, content.column(held[table], name, complete=False)))
 
 
 def _final_name(tmp: Path) -> Path:
@@ -69,20 +77,29 @@ def _final_name(tmp: Path) -> Path:
     return tmp.with_name(f"{parsed[1]}.h5")
 
 
-def _whole_rows(group: h5py.Group) -> int:
-    """Number of rows whose chunks are in the file for every column. A missing chunk would read as zeros."""
-    columns = [group.get(name) for name in column_names(group)]
-    if any(column is None for column in columns):
+def _whole_rows(columns: Iterable[StoredColumn]) -> int:
+    """Number of rows whose chunks are in the file for every column."""
+    return CHUNK * min(_whole_chunks_of(column) for column in columns)
+
+
+def _whole_chunks_of(column: StoredColumn) -> int:
+    """Number of chunks from the first on that are in the file and within the column."""
+    if column.chunk != CHUNK:
         return 0
-    return CHUNK * min(int(min(column.shape[0] // CHUNK, column.id.get_num_chunks())) for column in columns)
+    expected = range(0, column.rows - CHUNK + 1, CHUNK)
+    return next((i for i, (a, b) in enumerate(zip(expected, column.chunks, strict=False)) if a != b),
+                min(len(expected), len(column.chunks)))  # fmt: skip
 
 
-def _whole_chunks(group: h5py.Group) -> Iterator[dict[str, np.ndarray]]:
+def _whole_chunks(content: Content, group: h5g.GroupID) -> Iterator[dict[str, np.ndarray]]:
     """The chunks of a table, up to the first that cannot be read."""
-    names = column_names(group)
-    for start in range(0, _whole_rows(group), CHUNK):
+    names = column_names(content, group)
+    if not set(names) <= set(content.links(group)):
+        return
+    columns = dict(zip(names, content.columns(group, names, complete=False), strict=True))
+    for start in range(0, _whole_rows(columns.values()), CHUNK):
         try:
-            chunk = {name: group[name][start : start + CHUNK] for name in names}
-        except OSError:
+            chunk = {name: column.values(slice(start, start + CHUNK)) for name, column in columns.items()}
+        except (OSError, DamagedContent):
             return
         yield chunk

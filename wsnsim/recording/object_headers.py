@@ -1,0 +1,99 @@
+"""The lengths of texts in attributes, read from the file before HDF5 believes them.
+
+check_attributes(read, address, most)
+
+A text of variable length is stored as its length and the place of its bytes. HDF5 allocates the length that is stated,
+up to 4 GB, before it looks at the place, and its interface does not give the stated length. It is therefore read from
+the object header, whose two versions are described in the HDF5 File Format Specification 3.0, IV.A.1 and IV.A.2.m.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable, Iterator
+from typing import Final
+
+Read = Callable[[int, int], bytes]
+"""read(address, count) -> that many bytes of the file, or ValueError."""
+
+ATTRIBUTE, CONTINUATION, ATTRIBUTE_INFO = 0x0C, 0x10, 0x15
+VARIABLE_LENGTH: Final = 9
+REFERENCE: Final = 16
+"""Bytes of the length and the place of a text."""
+MOST_BLOCKS: Final = 64
+NOWHERE: Final = 0xFFFF_FFFF_FFFF_FFFF
+
+
+class DamagedContent(ValueError):
+    """Something in a file that no wsnsim writes. The text says what, without the name of the file."""
+
+
+def check_attributes(read: Read, address: int, most: int) -> None:
+    """Check that no attribute of the object at this address states texts of more than `most` bytes together.
+
+    Raises:
+        DamagedContent: one does, or the header is damaged.
+    """
+    try:
+        for kind, flags, data in _messages(read, address):
+            if kind == ATTRIBUTE_INFO and _is_dense(data):
+                raise DamagedContent("attributes are not stored where wsnsim stores them")
+            if kind == ATTRIBUTE:
+                if flags & 2:
+                    raise DamagedContent("an attribute is shared")
+                _check_attribute(data, most)
+    except (struct.error, IndexError) as error:
+        raise DamagedContent("the header of an object is damaged") from error
+
+
+def _messages(read: Read, address: int) -> Iterator[tuple[int, int, bytes]]:
+    """(kind, flags, data) of each message in the header of an object, continuations included."""
+    head = read(address, 16)
+    if head[:4] == b"OHDR":
+        at = address + 6 + (16 if head[5] & 0x20 else 0) + (4 if head[5] & 0x10 else 0)
+        width = 1 << (head[5] & 3)
+        blocks = [(at + width, int.from_bytes(read(at, width), "little"))]
+        before, after, form = 4, 4, struct.Struct("<BHBH" if head[5] & 4 else "<BHB")
+    else:
+        blocks = [(address + 16, struct.unpack_from("<I", head, 8)[0])]
+        before, after, form = 0, 0, struct.Struct("<HHB3x")
+    for number in range(MOST_BLOCKS):
+        if number == len(blocks):
+            return
+        block, at = read(*blocks[number]), 0
+        while at + form.size <= len(block):
+            kind, size, flags = form.unpack_from(block, at)[:3]
+            data = block[at + form.size : at + form.size + size]
+            if len(data) != size:
+                raise DamagedContent("the header of an object is damaged")
+            if kind == CONTINUATION:
+                place, length = struct.unpack_from("<QQ", data)
+                blocks.append((place + before, length - before - after))
+            else:
+                yield kind, flags, data
+            at += form.size + size
+    raise DamagedContent("the header of an object has too many pieces")
+
+
+def _is_dense(data: bytes) -> bool:
+    """Whether an attribute info message says that attributes are stored outside of the header."""
+    (heap,) = struct.unpack_from("<Q", data, 4 if data[1] & 1 else 2)
+    return bool(heap != NOWHERE)
+
+
+def _check_attribute(data: bytes, most: int) -> None:
+    version, flags = data[0], data[1]
+    sizes = struct.unpack_from("<HHH", data, 2)
+    if version == 1:
+        starts, sizes = 8, tuple(-(-size // 8) * 8 for size in sizes)
+    else:
+        starts = 8 if version == 2 else 9
+        if flags & 3:
+            raise DamagedContent("the type of an attribute is shared")
+    name, datatype, dataspace = sizes
+    kind = data[starts + name] & 0x0F
+    values = data[starts + name + datatype + dataspace :]
+    if kind == VARIABLE_LENGTH:
+        stated = sum(struct.unpack_from("<I", values, at)[0] for at in range(0, len(values) - 3, REFERENCE))
+        if stated > most:
+            raise DamagedContent(f"an attribute states a text of {stated} bytes")
