@@ -405,7 +405,8 @@ def test_points_without_number_are_refused_before_memory_is_taken() -> None:
     tracemalloc.start()
     try:
         assert faults_of(sweep(grid=axes)) == [
-            "grid.tracker.a0: error: makes 1.00e+18 points; at most 20,000 are allowed"
+            "grid.tracker.a0: error: makes 1,000,000,000 points; at most 20,000 are allowed",
+            "grid.tracker.a1: error: makes 1,000,000,000 points; at most 20,000 are allowed",
         ]
         assert tracemalloc.get_traced_memory()[1] < 50_000_000, "of 16 GB"
     finally:
@@ -470,6 +471,25 @@ def test_every_fault_of_the_points_is_told_once_and_in_order() -> None:
         "s.yaml:4:23: error: tracker.particles: must be at least 1, is 0",
         "s.yaml:4:29: error: tracker.particles: expected a pure number, got the text 'x'",
     ]
+
+
+def test_the_faults_of_all_parts_of_a_sweep_come_at_once() -> None:
+    content = """scenario: [small, smal]
+replicates: 0
+gird: {seed: [1]}
+set: {name: x, link.raech: 3}
+grid: {seed: [], step: [1, 1], a=b: [1], tracker.particles: [1, 0]}
+zip: {tracker.iterations: [2, 3], link.reach: [80 m]}
+points: [{replicates: 2}, {}]
+random: {points: 2, over: {duration: {range: [1 s, 9 m]}}}
+"""
+    found = faults_of(write_yaml("s.yaml", content))
+    heads = [one.partition(": error: ")[2].partition(": ")[0] for one in found]
+    assert heads == [
+        "scenario", "replicates", "gird", "set.name", "link.raech", "grid.seed", "grid.step.1", "grid.a=b",
+        "zip.tracker.iterations", "points.0.replicates", "random.over.duration.range",
+    ]  # fmt: skip
+    assert [int(one.split(":")[1]) for one in found] == [1, 2, 3, 4, 4, 5, 5, 5, 6, 7, 8]
 
 
 def test_of_a_thousand_faults_a_few_are_told() -> None:

@@ -18,9 +18,7 @@ All blocks are combined with each other. A campaign records the tables `runs` an
 
 from __future__ import annotations
 
-import itertools
 import json
-import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -31,7 +29,7 @@ from pydantic import ValidationError
 from wsnsim.base.errors import ScenarioError
 from wsnsim.base.tables import TABLES
 from wsnsim.scenario import axes as shapes
-from wsnsim.scenario.axes import InvalidAxis, Sampling, Settings
+from wsnsim.scenario.axes import demand_few
 from wsnsim.scenario.files import content_of, find_or_none, find_sweep
 from wsnsim.scenario.load import (
     Assignment,
@@ -42,12 +40,9 @@ from wsnsim.scenario.load import (
 )
 from wsnsim.scenario.located_values import (
     Entry,
-    Keys,
     LocatedValue,
     Origin,
     Spot,
-    assigned,
-    at,
     child,
     dotted,
     in_order,
@@ -56,15 +51,14 @@ from wsnsim.scenario.located_values import (
     sequence,
 )
 from wsnsim.scenario.messages import issues_of
-from wsnsim.scenario.points import LEFT_OUT, SCENARIO, demand_no_axis, keys_of_points, points_of, reals_of
+from wsnsim.scenario.points import PointName, demand_no_axis, keys_of_points, points_of
 from wsnsim.scenario.reader import of_dict, origin_of, read
+from wsnsim.scenario.sweep_blocks import BLOCKS, Findings, assignments_in, combined, with_reals
 from wsnsim.scenario.sweep_schema import Plan, SweepText
 from wsnsim.scenario.tracker_choices import tracker_choices, with_trackers
 
 KEPT: Final = ("runs", "tracks")
 """The tables that a campaign records by default."""
-BLOCKS: Final = (("grid",), ("zip",), ("random", "over"), ("latin_hypercube", "over"))
-"""The blocks of a sweep that hold axes."""
 SIGNS: Final = ("scenario", "points", *(block[0] for block in BLOCKS))
 """Keys of a sweep that no scenario has."""
 MOST_RUNS: Final = 2_000_000
@@ -106,24 +100,23 @@ def load_sweep(
         ScenarioError: with the issues of the sweep, or of its points.
     """
     tree, name, text = _read(source)
-    tree = _with_given(_with_vary(tree, vary), given, name)
-    try:
-        written = SweepText.model_validate(plain(tree))
-    except ValidationError as error:
-        raise ScenarioError(issues_of(error, SweepText, tree)) from None
+    found = Findings(_with_given(_with_vary(tree, vary), given, name))
+    written = _checked(found)
+    tree = found.tree
     assignments, wrong = assignments_of(overrides)
-    if wrong:
-        raise ScenarioError(wrong)
-    bases = _bases(tree)
-    try:
-        common = [*_record(tree.spot), *_assigned(child(tree, "set")), *assignments]
-        tree = _with_reals(tree, bases, common)
-        settings, names = with_trackers(tracker_choices(trackers) if trackers else [], _combined(tree, written))
-        shapes.demand_few(len(bases) * len(settings), tree)
-    except InvalidAxis as refused:
-        raise ScenarioError([refused.within(tree)]) from None
-    demand_no_axis(assignments, settings)
-    points = points_of(bases, common, settings, names)
+    found.add(wrong)
+    bases = _bases(tree, found)
+    common = [*_record(tree.spot), *assignments_in(child(tree, "set"), found), *assignments]
+    found.tree = tree = with_reals(tree, bases, common)
+    settings = combined(tree, written, found)
+    names: list[PointName] | None = None
+    with found.collected():
+        settings, names = with_trackers(tracker_choices(trackers) if trackers else [], settings)
+        demand_few(len(bases) * len(settings), tree)
+        demand_no_axis(assignments, settings)
+        points = points_of(bases, common, settings, names)
+    found.demand_none()
+    assert written is not None, "a sweep without findings is valid"
     most = written.until.at_most if written.until else written.replicates
     if most is None:
         most = max(json.loads(point.resolved)["replicates"] for point in points)
@@ -140,22 +133,43 @@ def load_sweep(
     )
 
 
-def _bases(tree: LocatedValue) -> list[ScenarioText]:
-    """Return the scenarios that the sweep names: files of its folder, or shipped ones."""
-    node = tree.value["scenario"].node
+def _checked(found: Findings) -> SweepText | None:
+    """Return the checked keys of a sweep. Keys that are invalid are left out of `found.tree`; None if others need them.
+
+    What depends on a key that is left out cannot be checked; the rest can.
+    """
+    tree = found.tree
+    try:
+        return SweepText.model_validate(plain(tree))
+    except ValidationError as error:
+        issues = issues_of(error, SweepText, tree)
+    found.add(issues)
+    wrong = {issue.path[0] for issue in issues if issue.path}
+    found.tree = mapping({key: entry for key, entry in tree.value.items() if key not in wrong}, tree.spot)
+    try:
+        return SweepText.model_validate(plain(found.tree))
+    except ValidationError:
+        return None
+
+
+def _bases(tree: LocatedValue, found: Findings) -> list[ScenarioText]:
+    """Return the scenarios that the sweep names and that can be read: files of its folder, or shipped ones."""
+    node = child(tree, "scenario")
+    if node is None:
+        return []
     if node.value == []:
-        raise ScenarioError([node.spot.issue(("scenario",), "is an empty list: a sweep needs a scenario")])
-    found = []
+        found.add([node.spot.issue(("scenario",), "is an empty list: a sweep needs a scenario")])
+    bases = []
     for item in node.value if isinstance(node.value, list) else [node]:
         path = find_or_none(item.value, item.spot.origin.folder)
         text = read_scenario(path or item.value)
-        if text.tree is None:
-            place = item.spot.origin.lines and path is None
-            raise ScenarioError(
-                [item.spot.issue(("scenario",), issue.message) for issue in text.issues] if place else text.issues
-            )
-        found.append(text)
-    return found
+        if text.tree is not None:
+            bases.append(text)
+        elif item.spot.origin.lines and path is None:
+            found.add(item.spot.issue(("scenario",), issue.message) for issue in text.issues)
+        else:
+            found.add(text.issues)
+    return bases
 
 
 def _read(source: str | Path | Mapping[str, Any] | Sequence[str]) -> tuple[LocatedValue, str, str]:
@@ -219,63 +233,6 @@ def _with_given(tree: LocatedValue, given: Mapping[str, Any], name: str) -> Loca
 
 def _record(spot: Spot) -> list[Assignment]:
     return [(("record", table), LocatedValue(table in KEPT, spot)) for table in TABLES]
-
-
-def _assigned(node: LocatedValue | None) -> list[Assignment]:
-    """Return the assignments of a mapping of dotted keys."""
-    if node is None:
-        return []
-    return [(_keys(key, entry), entry.node) for key, entry in node.value.items()]
-
-
-def _keys(key: str, entry: Entry) -> Keys:
-    keys = keys_of(key)
-    if not keys or keys[0] in ("extends", SCENARIO, *LEFT_OUT) or "=" in key:
-        raise InvalidAxis(entry.node, f"'{key}' is not a key of a scenario that can be varied")
-    return keys
-
-
-def _axes(node: LocatedValue) -> shapes.Axes:
-    """Return the axes of a block, each by its path."""
-    axes: dict[Keys, LocatedValue] = {}
-    for keys, values in _assigned(node):
-        if keys in axes:
-            raise InvalidAxis(values, f"'{dotted(keys)}' is an axis twice")
-        axes[keys] = values
-    return axes
-
-
-def _with_reals(tree: LocatedValue, bases: Iterable[ScenarioText], common: Sequence[Assignment]) -> LocatedValue:
-    """Return the tree with ranges of real numbers wherever the scenarios have a real number at the key."""
-    is_real = reals_of(bases, common)
-    for block in BLOCKS:
-        axes = at(tree, block)
-        for key, entry in axes.value.items() if axes is not None else ():
-            if is_real(keys_of(key)):
-                tree = assigned(tree, (*block, key), shapes.of_reals(entry.node))
-    return tree
-
-
-def _combined(tree: LocatedValue, written: SweepText) -> list[Settings]:
-    """Return the settings of every point: all combinations of the blocks."""
-    blocks: list[list[Settings]] = []
-    for name in ("grid", "zip"):
-        node = child(tree, name)
-        if node is not None and node.value:
-            blocks.append(getattr(shapes, "grid" if name == "grid" else "zipped")(_axes(node)))
-    several = child(tree, "points")
-    if several is not None:
-        if not several.value:
-            raise InvalidAxis(several, "is an empty list: a sweep needs a point")
-        blocks.append([tuple(_axes(item).items()) for item in several.value])
-    for name, place in (("random", shapes.random), ("latin_hypercube", shapes.latin_hypercube)):
-        drawn, over = getattr(written, name), at(tree, (name, "over"))
-        if drawn is not None and over is not None:
-            if not over.value:
-                raise InvalidAxis(over, "is empty: name the axes of the random points")
-            blocks.append(place(Sampling(drawn.points, drawn.seed, _axes(over))))
-    shapes.demand_few(math.prod(len(block) for block in blocks), tree)
-    return [shapes.joined(chosen) for chosen in itertools.product(*blocks)]
 
 
 def _demand_few_runs(tree: LocatedValue, runs: int) -> None:
