@@ -12,10 +12,11 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 import wsnsim.scenario as scenarios
-from wsnsim.base.arrays import planar
+from wsnsim.analysis import connectivity
+from wsnsim.base.arrays import Floats, planar
 from wsnsim.base.errors import RunError
-from wsnsim.base.initial_conditions import InitialConditions, sample_initial_conditions
-from wsnsim.base.setups import Setup, TrackingSetup
+from wsnsim.base.initial_conditions import InitialConditions, sample_initial_conditions, sample_positions
+from wsnsim.base.setups import BeaconSetup, NetworkSetup, Setup, TrackingSetup
 from wsnsim.experiment import Report
 
 NO_ESTIMATE: Final = "no step has an estimate"
@@ -66,13 +67,16 @@ class _Visibility(NamedTuple):
 
 def of_setup(setup: Setup, replicate: int = 0) -> list[str]:
     """What makes a valid scenario hopeless or harder than it looks, seen in the initial conditions of one run."""
-    if not isinstance(setup, TrackingSetup):
-        return []
     try:
+        if isinstance(setup, BeaconSetup):
+            return _parted(setup, sample_positions(setup, setup.link.reach, replicate), replicate)
+        if not isinstance(setup, TrackingSetup):
+            return []
         conditions = sample_initial_conditions(setup, replicate)
     except RunError as error:
         return [f"run {replicate} cannot start: {error}"]
-    return _visibility_notes(setup, [_visibilities(setup, conditions, setup.steps)], f"run {replicate}")
+    unseen = _visibility_notes(setup, [_visibilities(setup, conditions, setup.steps)], f"run {replicate}")
+    return unseen + (_parted(setup, conditions.positions, replicate) if isinstance(setup, NetworkSetup) else [])
 
 
 def of_report(report: Report, figures: Mapping[str, Any]) -> list[str]:
@@ -96,6 +100,12 @@ def of_report(report: Report, figures: Mapping[str, Any]) -> list[str]:
         f"run {poor[0].run['replicate']}" if len(poor) == 1 else f"mean of the {len(poor)} runs with steps not tracked"
     )
     return notes + _visibility_notes(setup, seen, when)
+
+
+def _parted(setup: BeaconSetup | NetworkSetup, positions: Floats, replicate: int) -> list[str]:
+    """The note on a network that falls into parts."""
+    said = connectivity.note(setup, positions)
+    return [f"run {replicate}: {said}"] if said else []
 
 
 def reasons(report: Report, figures: Mapping[str, Any]) -> dict[str, str]:

@@ -17,7 +17,7 @@ import h5py
 import numpy as np
 
 PACKAGES: Final = (
-    "wsnsim", "numpy", "scipy", "numba", "llvmlite", "simpy", "h5py", "pandas", "pydantic", "pyyaml",
+    "wsnsim", "numpy", "scipy", "numba", "llvmlite", "simpy", "networkx", "h5py", "pandas", "pydantic", "pyyaml",
 )  # fmt: skip
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from wsnsim import experiment
+import wsnsim.experiment as experiment
 from wsnsim.base.errors import ResultError
 from wsnsim.recording import attributes, provenance, read_table, read_text, tables
 from wsnsim.recording.layout import PARTIAL

@@ -1,0 +1,52 @@
+"""Whether a network is in one piece: parts of a deployment that no link joins.
+
+    parts(positions, reach) -> [node numbers of each part], the largest first       note(setup, positions) -> a sentence
+
+A disk of the communication range stands for the links, lossy ones included: beyond it no frame is received.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from wsnsim.base.arrays import Floats, Ints
+from wsnsim.base.setups import BeaconSetup, NetworkSetup
+
+MOST: Final = 20_000
+"""Nodes above which nothing is said: a graph of more takes seconds [our choice]."""
+SHOWN: Final = 4
+"""Parts whose sizes are given."""
+
+
+def parts(positions: Floats, reach: float) -> list[Ints]:
+    """The nodes of each connected part of a network, the largest first.
+
+    Args:
+        positions: (N, 2) positions in m.
+        reach: communication range in m.
+    """
+    import networkx as nx  # slow to import, as SciPy's trees; for `wsnsim check` alone
+    from scipy.spatial import KDTree
+
+    graph = nx.empty_graph(len(positions))
+    graph.add_edges_from(KDTree(positions).query_pairs(reach))
+    found = sorted(nx.connected_components(graph), key=lambda part: (-len(part), min(part)))
+    return [np.array(sorted(part)) for part in found]
+
+
+def note(setup: NetworkSetup | BeaconSetup, positions: Floats) -> str:
+    """A sentence on the parts of a network, '' if it is in one piece or too large to be looked at."""
+    reach = setup.link.reach
+    if not 1 < len(positions) <= MOST or not np.isfinite(reach):
+        return ""
+    found = parts(positions, reach)
+    if len(found) == 1:
+        return ""
+    sizes = ", ".join(str(len(part)) for part in found[:SHOWN]) + (", ..." if len(found) > SHOWN else "")
+    alone = sum(len(part) == 1 for part in found)
+    if alone == len(positions):
+        return f"no node is within the communication range of {reach:g} m of another: no frame can be received"
+    lonely = f"; {alone} nodes have no neighbour" if alone else ""
+    return f"the network is in {len(found)} parts, of {sizes} nodes, that no link of {reach:g} m joins{lonely}"
