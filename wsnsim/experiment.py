@@ -134,7 +134,7 @@ def _final_coverage(nodes: Nodes, setup: NetworkSetup) -> float:
     return coverage(living - np.array(field.centre), reach, field.width, field.height)
 
 
-def run(
+def run(  # noqa: PLR0913
     scenario: Source,
     *,
     replicates: int | Sequence[int] | None = None,
@@ -143,6 +143,7 @@ def run(
     progress: Callable[[Progress], None] | None = None,
     batch: bool = True,
     on_compile: Callable[[], None] | None = None,
+    code: str = "",
 ) -> Report:
     """Run a scenario several times, into one HDF5 file that gets its name only once it is complete.
 
@@ -154,6 +155,7 @@ def run(
         progress: Called at most ten times a second.
         batch: Whether standalone runs are made many at once where the tracker offers it. The tables are the same.
         on_compile: Called when the first kernel is compiled, if one is: kernels are cached once on a machine.
+        code: Digest of the code, which is stored in the file's provenance; a campaign gives it.
 
     Raises:
         ScenarioError: The scenario is invalid.
@@ -177,6 +179,7 @@ def run(
         resolved = {**scenarios.resolved(loaded), "replicates": len(chosen)}
         file.set_text("scenario/resolved_json", json.dumps(resolved))
         made_by = provenance(command_line, setup.seed, scenarios.plugins(loaded), loaded.overrides)
+        made_by |= {"code": code} if code else {}
         file.set_text("provenance_json", json.dumps({**made_by, "engine": "composed"}))
         batches = (
             Batches(setup, file, time_without_compilation)

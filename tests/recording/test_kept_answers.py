@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from wsnsim.base.errors import StorageError
-from wsnsim.recording import kept_answers
+from wsnsim.recording import code_digests, kept_answers
 from wsnsim.recording.kept_answers import KeptAnswers
 
 
@@ -62,11 +62,11 @@ def test_errors_are_not_kept_and_a_folder_may_be_read_only(place, monkeypatch):
 def test_the_digest_is_that_of_every_source_file(tmp_path, monkeypatch):
     package = tmp_path / "package"
     (package / "inner").mkdir(parents=True)
-    monkeypatch.setattr(kept_answers, "__file__", str(package / "inner" / "x.py"))
+    monkeypatch.setattr(code_digests, "__file__", str(package / "inner" / "x.py"))
     seen = set()
     for name, content in (("a.py", "1"), ("a.py", "2"), ("inner/b.yaml", ""), ("c.txt", "no code")):
         (package / name).write_text(content)
-        kept_answers.code_digest.cache_clear()
-        seen.add(kept_answers.code_digest())
-    kept_answers.code_digest.cache_clear()
+        code_digests.code_digest.cache_clear()
+        seen.add(code_digests.code_digest())
+    code_digests.code_digest.cache_clear()
     assert len(seen) == 3

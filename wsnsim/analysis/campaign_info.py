@@ -8,6 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, Final
 
+from wsnsim.analysis import code_origin
 from wsnsim.analysis.baselines import label
 from wsnsim.analysis.stopping import ReplicateCounts
 from wsnsim.recording.folder import Folder
@@ -20,7 +21,8 @@ def info(path: str | Path) -> dict[str, Any]:
     """The progress and settings of a campaign as plain values.
 
     Keys: folder, name, keys, by, points (settings, id, replicates, done), replicates, done, failed ({task: why}),
-    files, bytes, block, until, timeout, wsnsim_version, provenance.
+    files, bytes, block, until, timeout, wsnsim_version, provenance; after an accepted change of the code, code_changes
+    and runs_by_code.
     """
     folder = Folder(path)
     manifest = folder.manifest()
@@ -49,6 +51,7 @@ def info(path: str | Path) -> dict[str, Any]:
         "timeout": manifest.timeout,
         "wsnsim_version": manifest.wsnsim_version,
         "provenance": dict(manifest.provenance),
+        **code_origin.as_json(folder),
     }
 
 
@@ -64,6 +67,7 @@ def info_text(path: str | Path) -> str:
         f"axes         {', '.join(about['keys']) or 'none'}",
         f"made by      wsnsim {about['wsnsim_version']}, Python {provenance.get('python')}",
         f"command      {provenance.get('command_line')}",
+        *code_origin.lines(Folder(path)),
         "",
     ]
     lines += [_point_line(point) for point in points[:MAX_LINES]]

@@ -7,6 +7,7 @@
 The folder holds all that a campaign needs to resume after any of its processes died; see `recording.folder`.
 """
 
+from wsnsim.campaign.code_changes import differing_code
 from wsnsim.campaign.folders import collect, describe_missing, existing_manifest, missing, prepare, reopen
 from wsnsim.campaign.runner import run_campaign
 from wsnsim.campaign.status import WHOLE, CampaignOutcome, CampaignProgress, Shard
@@ -19,6 +20,7 @@ __all__ = [
     "Shard",
     "collect",
     "describe_missing",
+    "differing_code",
     "existing_manifest",
     "missing",
     "prepare",

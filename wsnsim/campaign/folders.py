@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import tempfile
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -9,8 +10,18 @@ from pathlib import Path
 from typing import Final
 
 from wsnsim.analysis.stopping import ReplicateCounts
-from wsnsim.base.errors import UsageError
+from wsnsim.base.errors import ResultError, UsageError
 from wsnsim.base.version import __version__
+from wsnsim.campaign.code_changes import (
+    UNKNOWN,
+    changed_files,
+    code_id,
+    code_of_plan,
+    demand_same_code,
+    noted,
+    settled,
+    shortened,
+)
 from wsnsim.recording import provenance
 from wsnsim.recording.folder import Folder, Manifest, PointOnDisk, consecutive
 from wsnsim.recording.layout import reason
@@ -21,7 +32,13 @@ MAX_SHOWN: Final = 56
 
 
 def prepare(
-    plan: Plan, path: str | Path, *, by: Sequence[str] = (), baseline: str | None = None, command_line: str = ""
+    plan: Plan,
+    path: str | Path,
+    *,
+    by: Sequence[str] = (),
+    baseline: str | None = None,
+    command_line: str = "",
+    accept_code_change: bool = False,
 ) -> Folder:
     """Write the manifest and the scenarios of a campaign. Results of the same campaign in the folder are kept.
 
@@ -31,9 +48,11 @@ def prepare(
         by: keys whose values are to be compared.
         baseline: value from which differences are taken.
         command_line: command line, for the provenance.
+        accept_code_change: whether runs may be added to those of other code; the manifest notes it.
 
     Raises:
-        UsageError: the folder cannot be written, holds something else, or belongs to another version of wsnsim.
+        UsageError: the folder cannot be written, holds something else, belongs to another version of wsnsim, or has
+            runs of other code, of wsnsim or of a plug-in.
     """
     folder = Folder(path)
     before = existing_manifest(folder, plan.name)
@@ -51,40 +70,51 @@ def prepare(
         timeout=plan.timeout,
         source=plan.source,
         provenance=provenance(command_line, 0),
+        code=code_of_plan(plan),
     )
+    manifest = settled(folder, manifest, before, accept_code_change)
     for point in plan.points:
         folder.write_scenario(point.id, point.resolved)
     folder.write_manifest(manifest)
     return folder
 
 
-def reopen(path: str | Path) -> Folder:
+def reopen(path: str | Path, accept_code_change: bool = False) -> Folder:
     """The folder of an existing campaign, checked so that the campaign can be resumed.
 
     Raises:
         ResultError: the folder holds no campaign.
-        UsageError: the campaign belongs to another version of wsnsim, or the folder cannot be written.
+        UsageError: the campaign belongs to another version of wsnsim, the folder cannot be written, or runs are missing
+            and the others were made by other code.
     """
     folder = Folder(path)
-    _check_version(folder, folder.manifest())
+    manifest = folder.manifest()
+    _check_version(folder, manifest)
     _check_writable(folder.path)
+    demand_same_code(folder, manifest, lambda: _is_complete(folder), accept_code_change)
     return folder
 
 
-def collect(shards: Sequence[Folder], into: Folder) -> Manifest:
+def collect(shards: Sequence[Folder], into: Folder, accept_code_change: bool = False) -> Manifest:
     """Merge the results of several folders of one campaign. Existing results in `into` are kept.
+
+    Args:
+        shards: the folders.
+        into: where the results are put together.
+        accept_code_change: whether runs of different code may be put together; the manifest notes it.
 
     Returns:
         The manifest of the merged campaign.
 
     Raises:
-        UsageError: a folder holds another campaign, or results of another version of wsnsim.
+        UsageError: a folder holds another campaign, or results of another version of wsnsim or of other code.
         StorageError: the results cannot be written.
     """
     manifests = [shard.manifest() for shard in shards]
     first = into.manifest() if into.holds_campaign() else manifests[0]
     for shard, manifest in zip(shards, manifests, strict=True):
         _check_same_campaign(first, manifest, shard.path)
+        _check_same_code(first, manifest, shard.path, accept_code_change)
     if not into.holds_campaign():
         _check_free(into)
     _check_writable(into.path)
@@ -93,7 +123,7 @@ def collect(shards: Sequence[Folder], into: Folder) -> Manifest:
         for point in first.points:
             _copy_point(shard, into, point.id)
     points = tuple(replace(point, replicates=most[point.id]) for point in first.points)
-    merged = replace(first, points=points)
+    merged = _with_changes(replace(first, points=points), manifests)
     into.write_manifest(merged)
     return merged
 
@@ -180,6 +210,33 @@ def _check_same_campaign(one: Manifest, other: Manifest, path: Path) -> None:
             raise UsageError(
                 f"{path} holds another campaign: {what} differs ({_short(found)} instead of {_short(expected)})"
             )
+
+
+def _check_same_code(one: Manifest, other: Manifest, path: Path, accept: bool) -> None:
+    if not accept and code_id(one.code) != code_id(other.code):
+        what = shortened(changed_files(one.code, other.code)) if one.code and other.code else "one has no digests"
+        raise UsageError(
+            f"{path}: its runs were made by other code than those of the other folders ({what}): accept it with"
+            " --accept-code-change (in Python: accept_code_change=True), for example if only comments or texts differ"
+        )
+
+
+def _with_changes(merged: Manifest, shards: Sequence[Manifest]) -> Manifest:
+    """The merged manifest with the accepted changes of all shards, and with those between them."""
+    changes = {json.dumps(change): change for shard in [merged, *shards] for change in shard.code_changes}
+    merged = replace(merged, code_changes=tuple(sorted(changes.values(), key=lambda change: str(change.get("time")))))
+    for code in {code_id(shard.code): shard.code for shard in shards}.values():
+        known = {change.get(end) for change in merged.code_changes for end in ("before", "after")}
+        if code_id(code) != code_id(merged.code) and (code_id(code) or UNKNOWN) not in known:
+            merged = noted(merged, code, merged.code)
+    return merged
+
+
+def _is_complete(folder: Folder) -> bool:
+    try:
+        return not missing(folder)
+    except ResultError:  # a damaged file, whose runs will be repeated
+        return False
 
 
 def _short(value: object) -> str:

@@ -16,6 +16,7 @@ from typing import Final, final
 from wsnsim.analysis.stopping import ReplicateCounts
 from wsnsim.base.errors import ResultError
 from wsnsim.base.version import __version__
+from wsnsim.campaign.code_changes import code_id
 from wsnsim.campaign.engines import Engine, EngineError, FinishedTask, WorkerLost
 from wsnsim.campaign.status import WHOLE, CampaignOutcome, CampaignProgress, Shard
 from wsnsim.campaign.task import Task, TaskOutcome, is_timeout
@@ -98,6 +99,7 @@ class _CampaignRunner:
         self.wanted = {point.id: self.rule.first(point) for point in self.manifest.points}
         self.positions = {point.id: i for i, point in enumerate(self.manifest.points)}
         self.failed_before = set(self.folder.failures())
+        self.code = code_id(self.manifest.code)
 
     def run(self, should_stop: Callable[[], bool]) -> None:
         """Run tasks until none is left or the campaign is stopped."""
@@ -143,7 +145,8 @@ class _CampaignRunner:
     def task(self, point: str, first: int, last: int) -> Task:
         """A task of this session."""
         folder = str(self.folder.path.resolve())
-        return Task(folder, point, first, last, self.session, __version__, self.manifest.timeout, self.batch)
+        timeout = self.manifest.timeout
+        return Task(folder, point, first, last, self.session, __version__, timeout, self.batch, self.code)
 
     def submit_pending(self) -> None:
         """Submit as many tasks as the engine takes. A suspect is submitted when nothing else runs."""

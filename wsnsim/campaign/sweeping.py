@@ -25,6 +25,7 @@ def sweep(  # noqa: PLR0913
     scheduler: str | None = None,
     batch: bool = True,
     progress: Callable[[CampaignProgress], None] | None = None,
+    accept_code_change: bool = False,
 ) -> CampaignOutcome:
     """Run a sweep, or resume it.
 
@@ -43,6 +44,7 @@ def sweep(  # noqa: PLR0913
         scheduler: address of a Dask scheduler, on whose workers to run instead.
         batch: whether standalone runs are made many at once where the tracker offers it.
         progress: called with the progress several times a second.
+        accept_code_change: whether runs may be added to those that other code made; the folder's manifest notes it.
 
     Returns:
         What was done, and what failed or is missing.
@@ -59,7 +61,7 @@ def sweep(  # noqa: PLR0913
         raise UsageError("a worker process imports this script: call wsnsim.sweep under if __name__ == '__main__':")
     plan = load_sweep(source, vary, overrides, trackers, replicates=replicates)
     by = [key for key in ("tracker", "tracker.kind") if trackers and key in plan.keys]
-    folder = prepare(plan, out, by=by, command_line="wsnsim.sweep")
+    folder = prepare(plan, out, by=by, command_line="wsnsim.sweep", accept_code_change=accept_code_change)
     return run_campaign(folder, _engine(folder.path, workers, scheduler), on_progress=progress, batch=batch)
 
 

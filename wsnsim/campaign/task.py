@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final, Literal, TextIO
 
-from wsnsim.base.errors import StorageError, WsnsimError
+from wsnsim.base.errors import StorageError, UsageError, WsnsimError
 from wsnsim.base.version import __version__
 from wsnsim.campaign.orphans import end_with_parent
 from wsnsim.recording.folder import Folder
@@ -49,6 +49,7 @@ class Task:
         version: version of wsnsim in that session.
         timeout: seconds after which a replicate fails, None for no limit.
         batch: whether standalone runs may be made many at once.
+        code: digest of the code that is to make the runs, '' if it is unknown.
     """
 
     folder: str
@@ -59,6 +60,7 @@ class Task:
     version: str
     timeout: float | None = None
     batch: bool = True
+    code: str = ""
 
     @property
     def name(self) -> str:
@@ -85,7 +87,7 @@ class TaskOutcome:
         failed: the simulation failed.
         suspect: workers died while they ran this task.
         storage: the file cannot be written, and no other file could be.
-        version: the worker's version of wsnsim differs.
+        version: the worker's version of wsnsim, or its code, differs.
         cancelled: the campaign stops.
     """
 
@@ -93,6 +95,10 @@ class TaskOutcome:
     reason: str = ""
     seconds: float = 0.0
     size: int = 0
+
+
+class OtherCodeError(UsageError):
+    """A worker's code differs from that of the campaign."""
 
 
 def perform(task: Task) -> TaskOutcome:
@@ -115,6 +121,8 @@ def perform(task: Task) -> TaskOutcome:
         return TaskOutcome("done", seconds=time.monotonic() - began, size=path.stat().st_size)
     except StorageError as error:
         return TaskOutcome("storage", describe_error(error))
+    except OtherCodeError as error:
+        return TaskOutcome("version", describe_error(error))
     except BaseException as error:
         return TaskOutcome("failed", describe_error(error), time.monotonic() - began)
 
@@ -139,6 +147,7 @@ def _run(folder: Folder, task: Task, path: Path, marker: TextIO) -> None:
     import wsnsim.experiment as experiment
 
     scenario = _scenario(folder.scenario(task.point))
+    _demand_code(task.folder, task.code)
     current = -1
 
     def restart_timeout(progress: experiment.Progress) -> None:
@@ -155,6 +164,7 @@ def _run(folder: Folder, task: Task, path: Path, marker: TextIO) -> None:
         command_line="a campaign's worker",
         progress=restart_timeout if task.timeout else None,
         batch=task.batch and not 0.0 < (task.timeout or 0.0) < LEAST_TIMEOUT,
+        code=task.code,
     )
 
 
@@ -210,6 +220,21 @@ def _scenario(resolved: str) -> Any:
     loaded = scenario.load(json.loads(resolved))
     scenario.build(loaded)
     return loaded
+
+
+@functools.lru_cache(maxsize=8)
+def _demand_code(folder: str, code: str) -> None:
+    """Raise OtherCodeError if this process has other code than the campaign. One that has the same is checked once."""
+    if not code:
+        return
+    from wsnsim.campaign.code_changes import changed_files, code_id, code_of, shortened
+    from wsnsim.recording.code_digests import PACKAGE
+
+    expected = Folder(folder).manifest().code
+    found = code_of(set(expected) - {PACKAGE}, expected)
+    if code_id(found) != code:
+        files = shortened(changed_files(expected, found)) or "the campaign was prepared again with other code"
+        raise OtherCodeError(f"the code of a worker differs from that with which the campaign was started: {files}")
 
 
 def start_worker(started: Any = None) -> None:

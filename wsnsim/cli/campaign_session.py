@@ -53,6 +53,7 @@ class SessionOptions(NamedTuple):
     batch: bool
     quiet: bool
     progress: str
+    accept_code_change: bool
     comparison: ComparisonOptions
 
 
@@ -72,7 +73,10 @@ def run_plan(plan: Plan, options: SessionOptions, interrupts: Interrupts, by: tu
         estimate = estimate_cost(plan, Folder(path), _workers(options), shard, options.batch)
         _print_estimate(plan.name, estimate, options)
         return 0
-    folder = campaign.prepare(plan, path, by=by, baseline=options.comparison.baseline, command_line=command_line())
+    folder = campaign.prepare(
+        plan, path, by=by, baseline=options.comparison.baseline, command_line=command_line(),
+        accept_code_change=options.accept_code_change,
+    )  # fmt: skip
     return _run(folder, shard, options, interrupts)
 
 
@@ -83,10 +87,12 @@ def resume(source: str, options: SessionOptions, interrupts: Interrupts) -> int:
     if options.dry_run:
         raise UsageError("--dry-run needs a sweep; `wsnsim info DIR` shows the progress of a campaign")
     shard = _shard(options.shard)
-    folder = campaign.reopen(source)
+    folder = campaign.reopen(source, options.accept_code_change)
     _check_engine_options(options)
     manifest = folder.manifest()
     _check_comparison(options.comparison, manifest, options.comparison.by or manifest.by)
+    if (difference := campaign.differing_code(manifest)) and not options.quiet:
+        echo_lines([f"wsnsim: {folder.path} is complete and only shown: {difference}"])
     return _run(folder, shard, options, interrupts)
 
 
@@ -138,7 +144,7 @@ def print_comparison(folder: Folder, options: ComparisonOptions) -> int:
     Returns:
         The exit code: 1 if there are no results, 3 if a damaged file was set aside.
     """
-    from wsnsim.analysis import comparison, comparison_text
+    from wsnsim.analysis import code_origin, comparison, comparison_text
     from wsnsim.base.errors import ResultError
 
     try:
@@ -158,9 +164,9 @@ def print_comparison(folder: Folder, options: ComparisonOptions) -> int:
     if options.csv:
         _write_csv(found.table, options.csv)
     if options.as_json:
-        echo_json({**comparison.as_json(found), "folder": str(folder.path)})
+        echo_json({**comparison.as_json(found), "folder": str(folder.path), **code_origin.as_json(folder)})
     else:
-        echo(comparison_text.text(found))
+        echo("\n".join([comparison_text.text(found), *code_origin.lines(folder)]))
     return 0
 
 

@@ -22,6 +22,7 @@ from wsnsim.cli.campaign_session import (
 from wsnsim.cli.interrupts import Interrupts
 from wsnsim.cli.shared import (
     PATH,
+    accept_code_option,
     batch_option,
     echo,
     group,
@@ -60,6 +61,7 @@ def _session_options(command: Command) -> Command:
         click.option(
             "--bound/--no-bound", default=None, help="Show the CRLB beside the errors; default only in compare."
         ),
+        accept_code_option,
         batch_option,
         json_option,
         quiet_option,
@@ -128,14 +130,15 @@ def compare(
 @click.argument("shards", metavar="DIR...", nargs=-1, required=True, type=PATH)
 @click.option("--out", "-o", type=PATH, metavar="DIR", help="Folder of the merged campaign; default the first DIR.")
 @click.option("--metric", default=METRIC, show_default=True, metavar="NAME", help="Column of runs to compare.")
+@accept_code_option
 @json_option
-def collect(shards: tuple[Path, ...], out: Path | None, metric: str, as_json: bool) -> int:
+def collect(shards: tuple[Path, ...], out: Path | None, metric: str, accept_code_change: bool, as_json: bool) -> int:
     """Merge the shards of a campaign and list the missing runs."""
     import wsnsim.campaign as campaign
     from wsnsim.recording.folder import Folder
 
     into = Folder(out or shards[0])
-    manifest = campaign.collect([Folder(shard) for shard in shards], into)
+    manifest = campaign.collect([Folder(shard) for shard in shards], into, accept_code_change)
     missing = campaign.missing(into)
     code = print_comparison(into, ComparisonOptions(metric, (), None, None, as_json, bound=False))
     if missing:

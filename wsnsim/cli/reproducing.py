@@ -18,6 +18,7 @@ from wsnsim.cli.interrupts import Interrupts
 from wsnsim.cli.progress import CAMPAIGN, display
 from wsnsim.cli.shared import (
     PATH,
+    accept_code_option,
     batch_option,
     echo,
     echo_json,
@@ -47,14 +48,15 @@ MAX_REASONS: Final = 3
 @click.option("--only", metavar="EXPERIMENT", help="Run only this experiment: table_2, figure_3, ...")
 @jobs_option
 @batch_option
+@accept_code_option
 @json_option
 @click.option("--markdown", is_flag=True, help="Print the main rows as a Markdown table.")
 @quiet_option
 @progress_option
 @click.pass_obj
 def reproduce(interrupts: Interrupts, papers: tuple[str, ...], quick: bool, out: Path, figures: Path | None,
-              only: str | None, jobs: int | None, batch: bool, as_json: bool, markdown: bool, quiet: bool,
-              progress: str) -> int:  # fmt: skip
+              only: str | None, jobs: int | None, batch: bool, accept_code_change: bool, as_json: bool,
+              markdown: bool, quiet: bool, progress: str) -> int:  # fmt: skip
     """Reproduce the tables and figures of the papers, with a verdict on each published value.
 
     Each row shows the published value, the measured one and the bound. PAPER is jiang2013, liu2012, wei2022, ruan2020
@@ -70,6 +72,7 @@ def reproduce(interrupts: Interrupts, papers: tuple[str, ...], quick: bool, out:
         _check_folder(figures)
     where = out / ("quick" if quick else "full")
     session = _ReproductionSession(where, jobs, not quick, batch, quiet, progress, figures)
+    session.begin_all(chosen, accept_code_change)
     code = session.run_all(chosen, interrupts)
     if not interrupts.number:
         session.print_answer(as_json, markdown)
@@ -90,12 +93,17 @@ class _ReproductionSession:
     rows: list[ClaimRow] = field(default_factory=list)
     lines: list[str] = field(default_factory=list)
 
+    def begin_all(self, chosen: Sequence[tuple[str, Experiment]], accept_code_change: bool) -> None:
+        """Begin all campaigns before one runs, so that a folder that cannot be used is found at once."""
+        from wsnsim.papers import reproduce as reproducing
+
+        for paper, experiment in chosen:
+            reproducing.begin(paper, experiment, self.where, self.full, accept_code_change)
+
     def run_all(self, chosen: Sequence[tuple[str, Experiment]], interrupts: Interrupts) -> int:
         """Run the experiments one after the other and return the exit code."""
         from wsnsim.papers import reproduce as reproducing
 
-        for paper, experiment in chosen:  # before anything runs, so that a folder that cannot be used is found at once
-            reproducing.begin(paper, experiment, self.where, full=self.full)
         complete = True
         with interrupts.noted() as should_stop:
             for number, (paper, experiment) in enumerate(chosen, 1):

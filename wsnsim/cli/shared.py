@@ -60,6 +60,9 @@ batch_option = click.option(
     "--no-batch", "batch", is_flag=True, flag_value=False, default=True,
     help="Compose each standalone run of requests, instead of many at once.",
 )  # fmt: skip
+accept_code_option = click.option(
+    "--accept-code-change", is_flag=True, help="Add to runs that other code made; the campaign notes which runs."
+)
 json_option = click.option(
     "--json", "as_json", is_flag=True, help="Print one JSON object (SI units; NaN and infinity are null)."
 )

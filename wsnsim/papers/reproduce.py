@@ -78,13 +78,16 @@ def plan(paper: str, experiment: Experiment, full: bool = False) -> Plan:
     )
 
 
-def begin(paper: str, experiment: Experiment, where: Path, full: bool = False) -> Folder:
+def begin(
+    paper: str, experiment: Experiment, where: Path, full: bool = False, accept_code_change: bool = False
+) -> Folder:
     """The campaign of an experiment in the folder WHERE/PAPER/EXPERIMENT: a new one, or the existing one.
 
     Raises:
-        UsageError: the folder was made by another version, or cannot be written.
+        UsageError: the folder was made by another version or by other code, or cannot be written.
     """
-    return campaign.prepare(plan(paper, experiment, full), folder_of(where, paper, experiment), by=(VARIANT,))
+    folder = folder_of(where, paper, experiment)
+    return campaign.prepare(plan(paper, experiment, full), folder, by=(VARIANT,), accept_code_change=accept_code_change)
 
 
 def run(  # noqa: PLR0913

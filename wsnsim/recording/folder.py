@@ -56,6 +56,8 @@ class Manifest:
         block: replicates per task.
         by: keys whose values are compared.
         until: the stopping rule.
+        code: {part: {file: digest}} of the code that makes the runs: of wsnsim, and of each plug-in's module.
+        code_changes: accepted changes of the code, each with `time`, `changed` files, and digests `before` and `after`.
     """
 
     name: str
@@ -69,6 +71,8 @@ class Manifest:
     timeout: float | None = None
     source: str = ""
     provenance: Mapping[str, Any] = field(default_factory=dict)
+    code: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    code_changes: tuple[Mapping[str, Any], ...] = ()
 
     def point(self, name: str) -> PointOnDisk:
         """The point with this id."""
@@ -112,13 +116,15 @@ class Folder:
             if version > SCHEMA_VERSION:
                 raise ResultError(f"{place}: was written by a newer wsnsim ({content.get('wsnsim_version')})")
             points = tuple(PointOnDisk(**point) for point in content.pop("points"))
-            keys, by = (tuple(content.pop(name, ())) for name in ("keys", "by"))
+            keys, by, changes = (tuple(content.pop(name, ())) for name in ("keys", "by", "code_changes"))
             counts = (content["block"], *(point.replicates for point in points))
             if not all(isinstance(count, int) and 1 <= count <= MOST_NUMBERED for count in counts):
                 raise ValueError(f"block and replicates are at least 1 and at most {MOST_NUMBERED}")
             if not all(POINT_ID.fullmatch(point.id) for point in points):
                 raise ValueError("the id of a point is no name of a folder")
-            return Manifest(points=points, keys=keys, by=by, **content)
+            if not all(isinstance(files, dict) for files in [*content.get("code", {}).values(), *changes]):
+                raise ValueError("the digests of the code are no mapping")
+            return Manifest(points=points, keys=keys, by=by, code_changes=changes, **content)
         except FileNotFoundError:
             raise ResultError(f"{self.path}: holds no campaign (no {MANIFEST})") from None
         except OSError as error:
@@ -205,6 +211,10 @@ class Folder:
             for path in (self.path / point.id / SCENARIO, *(batch.path for batch in self.batches(point.id)))
             for about in (path.stat(),)
         ]
+
+    def holds_results(self, manifest: Manifest) -> bool:
+        """Whether a result file of the campaign's points is on disk."""
+        return any(self.batches(point.id) for point in manifest.points)
 
     def copy_in(self, batch: Batch, point: str) -> None:
         """Copy a result file from another folder, as a whole or not at all."""

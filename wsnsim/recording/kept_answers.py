@@ -10,19 +10,16 @@ a file that is damaged, count as missing. In a folder that cannot be written, no
 from __future__ import annotations
 
 import contextlib
-import functools
 import hashlib
 import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final, final
 
-import numpy as np
-import scipy
-
 from wsnsim.base.errors import StorageError
 from wsnsim.base.regular_files import read_regular
 from wsnsim.recording.atomic_files import write_text_atomically
+from wsnsim.recording.code_digests import code_digest
 
 KEPT: Final = "kept"
 """The folder of kept answers in a campaign's folder."""
@@ -54,17 +51,6 @@ class KeptAnswers:
                 content = {"code": code_digest(), "digest": _digest(self._answers), "answers": self._answers}
                 write_text_atomically(self._place, json.dumps(content))
         return self._answers[key]
-
-
-@functools.cache
-def code_digest() -> str:
-    """A digest of the package's code and data, and of the versions of NumPy and SciPy."""
-    digest = hashlib.sha256(f"{np.__version__} {scipy.__version__}".encode())
-    root = Path(__file__).resolve().parents[1]
-    for file in sorted(path for path in root.rglob("*") if path.suffix in (".py", ".yaml")):
-        digest.update(str(file.relative_to(root)).encode())
-        digest.update(file.read_bytes())
-    return digest.hexdigest()
 
 
 def _load(place: Path) -> dict[str, Any]:
