@@ -57,6 +57,34 @@ def test_what_the_dead_left_is_removed_and_what_the_living_and_others_write_is_n
     assert [name for name in (*kept, *gone) if (tmp_path / name).exists()] == kept
 
 
+def test_files_of_other_machines_are_removed_when_they_were_not_written_for_a_day(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By the clock of the disk, whatever the clock of this machine says."""
+    folder = bare_campaign(tmp_path, {"a": 3})
+    (tmp_path / "running").mkdir()
+    names = (
+        "campaign.json.elsewhere.7-1.tmp",
+        "a/r00000-00001.elsewhere.7.tmp",
+        "running/s.a.r00000-00001.other.8.log",
+    )
+    for name in names:
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).touch()
+    written = (tmp_path / names[0]).stat().st_mtime
+    for hours, left in ((23, 3), (25, 0)):
+        monkeypatch.setattr("wsnsim.recording.leftovers._time_of_disk", lambda folder, h=hours: written + 3600.0 * h)
+        folder.remove_leftovers()
+        assert sum((tmp_path / name).exists() for name in names) == left
+    monkeypatch.undo()
+    old = tmp_path / names[2]
+    old.touch()
+    os.utime(old, (1.0, 1.0))
+    monkeypatch.setattr("time.time", lambda: 0.0)
+    folder.remove_leftovers()
+    assert not old.exists() and not list(tmp_path.glob("tmp*"))
+
+
 def test_a_manifest_comes_back_as_it_was_written(tmp_path: Path) -> None:
     folder = prepare(plan(), tmp_path / "c", by=["tracker.particles"], baseline="20")
     manifest = folder.manifest()

@@ -311,13 +311,43 @@ def _drawn(point: str) -> np.ndarray:
 
 
 @functools.cache
-def _enough(point: str) -> int:
+def _enough(point: str, failed: frozenset[int] = frozenset()) -> int:
     """The first look, each of half as many replicates more, at which the interval is narrow; or the last."""
     for look in (5, 7, 10, 15, 22, 33, 49):
-        low, high = statistics.interval_of_median(_drawn(point)[:look])
-        if (high - low) / 2 <= 0.1 * np.median(_drawn(point)[:look]):
+        seen = [value for number, value in enumerate(_drawn(point)[:look]) if number not in failed]
+        low, high = statistics.interval_of_median(np.array(seen))
+        if (high - low) / 2 <= 0.1 * np.median(seen):
             return look
     return 60
+
+
+@pytest.mark.parametrize("block", [1, 3, 7])
+@pytest.mark.parametrize("mood", ["raises", "killed"])
+def test_under_a_rule_a_point_goes_on_with_its_other_runs_after_some_failed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, mood: str, block: int
+) -> None:
+    rule = {"metric": "rmse", "half_width": 0.1, "at_least": 5, "at_most": 60}
+    monkeypatch.setattr(campaigns, "metric", _known)
+    folder = bare_campaign(tmp_path, dict.fromkeys("abc", 5), block, until=rule)
+    failing = frozenset({1, 4, 8})
+    ended = run_campaign(folder, Pool(folder, {("b", number): mood for number in failing}))
+    counts = {point: _enough(point, failing if point == "b" else frozenset()) for point in "abc"}
+    assert counts["b"] > 8 and len(ended.failed) == 3
+    assert missing_of(ended) == {("b", number) for number in failing}
+    assert on_disk(folder) == all_of(counts) - missing_of(ended)
+    points = folder.manifest().points
+    assert {point.id: ReplicateCounts(folder, folder.manifest()).wanted(point) for point in points} == counts
+    again = run_campaign(folder, Pool(folder))
+    assert again.complete and not folder.failures()
+    assert on_disk(folder) >= all_of({point: _enough(point) for point in "abc"})
+
+
+def test_a_point_of_which_most_runs_fail_gets_no_further_ones(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    rule = {"metric": "rmse", "half_width": 0.1, "at_least": 5, "at_most": 60}
+    monkeypatch.setattr(campaigns, "metric", _known)
+    folder = bare_campaign(tmp_path, {"c": 5}, 2, until=rule)
+    ended = run_campaign(folder, Pool(folder, {("c", number): "raises" for number in range(60)}))
+    assert len(ended.failed) == 5 and not on_disk(folder)
 
 
 def test_told_to_stop_it_ends_what_runs_and_begins_nothing(folder: Folder) -> None:

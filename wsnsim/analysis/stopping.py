@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Set
 from typing import Final, final
 
 import numpy as np
@@ -33,14 +34,19 @@ class ReplicateCounts:
     def next(self, point: str, replicates: int) -> int:
         """The number of runs that the point is to have, given that it has `replicates`; the same number is enough.
 
+        Runs that failed do not count. If they are more than half, the number is enough: the rest would fail as well.
+
         Raises:
             ResultError: a run cannot be read.
         """
         if self._rule is None or replicates >= self._rule.at_most:
             return replicates
+        failed = {number for number in self._folder.given_up(point) if number < replicates}
+        if 2 * len(failed) > replicates:
+            return replicates
         from wsnsim.analysis import statistics  # slow to import, and only a rule needs it
 
-        values = self._values(point, replicates)
+        values = self._values(point, replicates, failed)
         middle = float(np.nanmedian(values)) if np.isfinite(values).any() else float("nan")
         low, high = statistics.interval_of_median(values)
         known = 0.5 * (high - low) <= self._rule.half_width * abs(middle)
@@ -49,7 +55,7 @@ class ReplicateCounts:
     def wanted(self, point: PointOnDisk) -> int:
         """The number of runs that the point is to have, as far as the files on disk decide it."""
         target = self.first(point)
-        while not self._folder.missing(point.id, target):
+        while self._folder.given_up(point.id).issuperset(self._folder.missing(point.id, target)):
             more = self.next(point.id, target)
             if more == target:
                 break
@@ -60,16 +66,19 @@ class ReplicateCounts:
         """The numbers of the runs that are missing on disk."""
         return self._folder.missing(point.id, self.wanted(point))
 
-    def _values(self, point: str, replicates: int) -> Floats:
-        """The metric of every run, once all of their files are visible."""
+    def _values(self, point: str, replicates: int, failed: Set[int]) -> Floats:
+        """The metric of every run that did not fail, once all of their files are visible."""
         from wsnsim.analysis import campaigns  # as above
 
         assert self._rule is not None
         until = time.monotonic() + PATIENCE
+        counted = np.array([number not in failed for number in range(replicates)])
         while True:
             values, seen = campaigns.metric(self._folder, point, self._rule.metric, replicates)
-            if seen.all():
-                return values
+            if seen[counted].all():
+                return np.asarray(values[counted])
             if time.monotonic() > until:
-                raise ResultError(f"{self._folder.path / point}: replicate {int(np.argmin(seen))} is missing")
+                raise ResultError(
+                    f"{self._folder.path / point}: replicate {int(np.argmax(counted & ~seen))} is missing"
+                )
             time.sleep(POLL)

@@ -5,10 +5,8 @@ No decision depends on the engine, on the number of workers, or on the order in 
 
 from __future__ import annotations
 
-import os
-import socket
 import time
-from collections import Counter, deque
+from collections import Counter, defaultdict, deque
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Final, final
@@ -19,14 +17,13 @@ from wsnsim.base.version import __version__
 from wsnsim.campaign.code_changes import code_id
 from wsnsim.campaign.engines import Engine, EngineError, FinishedTask, WorkerLost
 from wsnsim.campaign.status import WHOLE, CampaignOutcome, CampaignProgress, Shard
-from wsnsim.campaign.task import Task, TaskOutcome, is_timeout
+from wsnsim.campaign.task import Task, TaskOutcome, cause_of_death, failure_report, is_timeout, session_name
 from wsnsim.recording.folder import Folder, Manifest, consecutive
 
 GRACE: Final = 10.0
 """Seconds that running tasks get to finish after the campaign is stopped."""
 POLL: Final = 0.25
 """Seconds to wait for workers before checking for a stop and reporting progress."""
-MAX_MARKER_TEXT: Final = 4000
 MAX_LOSSES: Final = 20
 """A task fails that was lost with its worker this often without being the cause."""
 LOSSES_BEFORE_ISOLATION: Final = 3
@@ -52,7 +49,9 @@ def run_campaign(
         batch: whether standalone runs may be made many at once.
     """
     try:
-        runner = _CampaignRunner(folder, folder.manifest(), engine, shard, on_progress, batch)
+        runner = _CampaignRunner(
+            folder, folder.manifest(), engine, shard, on_progress or (lambda progress: None), batch
+        )
         runner.run(should_stop)
     finally:
         engine.close()
@@ -70,7 +69,8 @@ class _CampaignRunner:
         suspects: tasks whose worker died, to be run alone.
         running: submitted tasks by name.
         failed: {task: reason}, or {point: reason} if a result file of the point cannot be read.
-        unfinished: number of unfinished replicates by point.
+        unfinished: number of unfinished replicates by point, those that failed included.
+        given_up: the replicates that failed in this session, by point.
         losses: how often a task was lost with its worker without being the cause.
         isolated: name of the task that runs alone, '' if none does.
     """
@@ -79,13 +79,14 @@ class _CampaignRunner:
     manifest: Manifest
     engine: Engine
     shard: Shard
-    on_progress: Callable[[CampaignProgress], None] | None
+    on_progress: Callable[[CampaignProgress], object]
     batch: bool
     pending: deque[Task] = field(default_factory=deque)
     suspects: deque[Task] = field(default_factory=deque)
     running: dict[str, Task] = field(default_factory=dict)
     failed: dict[str, str] = field(default_factory=dict)
     unfinished: Counter[str] = field(default_factory=Counter)
+    given_up: defaultdict[str, set[int]] = field(default_factory=lambda: defaultdict(set))
     losses: Counter[str] = field(default_factory=Counter)
     isolated: str = ""
     stopped: str = ""
@@ -94,7 +95,7 @@ class _CampaignRunner:
 
     def __post_init__(self) -> None:
         self.started_at = time.monotonic()
-        self.session = f"{socket.gethostname().split('.')[0]}-{os.getpid()}-{time.time_ns():x}"
+        self.session = session_name()
         self.rule = ReplicateCounts(self.folder, self.manifest)
         self.wanted = {point.id: self.rule.first(point) for point in self.manifest.points}
         self.positions = {point.id: i for i, point in enumerate(self.manifest.points)}
@@ -205,11 +206,15 @@ class _CampaignRunner:
             if single.name in self.failed_before:
                 self.folder.forget_failure(single.name)
         self.unfinished[task.point] -= task.replicates
-        if not self.unfinished[task.point]:
-            self.extend_point(task.point)
+        self.extend_if_settled(task.point)
+
+    def extend_if_settled(self, point: str) -> None:
+        """Ask the stopping rule whether a point needs more replicates, once each of its tasks is done or has failed."""
+        if self.unfinished[point] == len(self.given_up[point]):
+            self.extend_point(point)
 
     def extend_point(self, point: str) -> None:
-        """Ask the stopping rule whether a point needs more replicates, once all its tasks are done.
+        """Ask the stopping rule whether a point whose tasks are settled needs more replicates, and queue them.
 
         A file that the rule cannot read is set aside, and its replicates are run again.
         """
@@ -219,7 +224,7 @@ class _CampaignRunner:
                 self.wanted[point] = self.rule.next(point, before)
         except ResultError as error:
             if self.folder.set_aside(point):
-                missing = self.folder.missing(point, before)
+                missing = [n for n in self.folder.missing(point, before) if n not in self.given_up[point]]
                 self.found -= len(missing)
                 self.queue(point, missing)
                 if not missing:  # other files hold the same replicates
@@ -236,7 +241,7 @@ class _CampaignRunner:
         for task, markers in found:
             self.folder.remove_markers(self.session, task.name)
             was_isolated = self.end_isolation(task)
-            text = "\n".join(marker[:MAX_MARKER_TEXT] for marker in markers)
+            text = "\n".join(markers)
             if is_timeout(text):
                 self.give_up(task, f"took more than {task.timeout:g} s", text)
             elif not markers or (is_explained and not text):  # it had not started, or another task broke the pool
@@ -244,7 +249,7 @@ class _CampaignRunner:
             elif not was_isolated:
                 self.suspects.append(task)
             else:
-                self.give_up(task, f"killed its worker twice ({_cause(text)})", text, isolate=True)
+                self.give_up(task, f"killed its worker twice ({cause_of_death(text)})", text, isolate=True)
 
     def retry(self, task: Task, was_isolated: bool) -> None:
         """Queue again a task that was lost without being the cause. After many losses it is run alone, or fails."""
@@ -264,11 +269,13 @@ class _CampaignRunner:
             (self.suspects if isolate else self.pending).extend(missing)
             self.done += task.replicates - len(missing)
             self.unfinished[task.point] -= task.replicates - len(missing)
+            self.extend_if_settled(task.point)
             return
         self.failed[task.name] = reason
         settings = self.manifest.point(task.point).settings
-        where = ", ".join([f"replicate {task.first}", *(f"{key} = {value}" for key, value in settings.items())])
-        self.folder.write_failure(task.name, "\n".join([reason, where, details]).strip() + "\n")
+        self.folder.write_failure(task.name, failure_report(task, settings, reason, details))
+        self.given_up[task.point].add(task.first)
+        self.extend_if_settled(task.point)
 
     def wind_up(self) -> None:
         """If the campaign was stopped, start nothing more, and give running tasks some seconds to finish."""
@@ -281,9 +288,7 @@ class _CampaignRunner:
             self.report_progress()
 
     def report_progress(self) -> None:
-        """Report the progress, if there is a callback for it."""
-        if self.on_progress is None:
-            return
+        """Report the progress."""
         wall, unfinished = time.monotonic() - self.started_at, self.unfinished.total()
         total = self.found + self.done + unfinished
         left = wall / self.done * (unfinished - len(self.failed)) if self.done else None
@@ -291,16 +296,8 @@ class _CampaignRunner:
 
     def outcome(self) -> CampaignOutcome:
         """The outcome of the session. The missing replicates are looked up on disk."""
-        missing = {
-            point: [number for number in self.folder.missing(point, count) if self.is_ours(point, number)]
-            for point, count in self.wanted.items()
-        }
-        missing = {point: numbers for point, numbers in missing.items() if numbers}
+        looked_up = ((point, self.folder.missing(point, count)) for point, count in self.wanted.items())
+        ours = ((point, [number for number in numbers if self.is_ours(point, number)]) for point, numbers in looked_up)
+        missing = {point: numbers for point, numbers in ours if numbers}
         seconds = time.monotonic() - self.started_at
         return CampaignOutcome(self.done, self.found, self.failed, missing, self.stopped, seconds)
-
-
-def _cause(text: str) -> str:
-    """Why a worker died: the first line of its marker, or what an empty marker means."""
-    lines = [line for line in text.splitlines() if line.strip()]
-    return lines[0].removeprefix("Fatal Python error: ") if lines else "killed from outside, perhaps out of memory"

@@ -14,7 +14,7 @@ import json
 import os
 import shutil
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final, Literal, TextIO
@@ -22,12 +22,15 @@ from typing import Any, Final, Literal, TextIO
 from wsnsim.base.errors import StorageError, UsageError, WsnsimError
 from wsnsim.base.version import __version__
 from wsnsim.campaign.orphans import end_with_parent
+from wsnsim.recording.atomic_files import host
 from wsnsim.recording.folder import Folder
 from wsnsim.recording.layout import cannot_write
 
 TaskStatus = Literal["done", "exists", "failed", "suspect", "storage", "version", "cancelled"]
 MAX_MESSAGE: Final = 600
 """Characters of an error message that are kept."""
+MAX_MARKER: Final = 8000
+"""Characters of markers that are kept in the report of a failure."""
 TIMEOUT_MARK: Final = "Timeout ("
 """How the text that faulthandler writes at a timeout begins."""
 IMPORT_TIME: Final = 60.0
@@ -140,6 +143,23 @@ def describe_error(error: BaseException) -> str:
 def is_timeout(marker: str) -> bool:
     """Whether the text of a marker reports a timeout."""
     return TIMEOUT_MARK in marker
+
+
+def session_name() -> str:
+    """A name for a session that this process begins, unlike that of any other."""
+    return f"{host()}-{os.getpid()}-{time.time_ns():x}"
+
+
+def cause_of_death(marker: str) -> str:
+    """Why a worker died: the first line of its marker, or what an empty marker means."""
+    lines = [line for line in marker.splitlines() if line.strip()]
+    return lines[0].removeprefix("Fatal Python error: ") if lines else "killed from outside, perhaps out of memory"
+
+
+def failure_report(task: Task, settings: Mapping[str, Any], reason: str, details: str) -> str:
+    """The text on a failed task of one replicate: the reason, where it failed, and the text of its marker."""
+    where = ", ".join([f"replicate {task.first}", *(f"{key} = {value}" for key, value in settings.items())])
+    return "\n".join([reason, where, details[:MAX_MARKER]]).strip() + "\n"
 
 
 def _run(folder: Folder, task: Task, path: Path, marker: TextIO) -> None:

@@ -27,6 +27,7 @@ from wsnsim.base.errors import ResultError
 from wsnsim.base.regular_files import read_regular
 from wsnsim.recording.atomic_files import TEMPORARY, host, write_atomically, write_text_atomically
 from wsnsim.recording.layout import reason
+from wsnsim.recording.leftovers import remove_leftovers
 from wsnsim.recording.reader import read_table, tables
 
 MANIFEST: Final = "campaign.json"
@@ -230,6 +231,12 @@ class Folder:
         places = sorted(place for place in self.path.glob("failed/*.txt") if place.is_file())
         return {place.stem: place.read_text(encoding="utf-8", errors="replace") for place in places}
 
+    def given_up(self, point: str) -> set[int]:
+        """The replicates of a point that have a report of their failure, and no file."""
+        names = [place.stem.removeprefix(f"{point}.") for place in self.path.glob(f"failed/{point}.r*.txt")]
+        spans = [match for name in names if (match := BATCH.fullmatch(f"{name}.h5"))]
+        return {n for span in spans for n in range(int(span[1]), int(span[2]) + 1)} - self.done(point)
+
     def forget_failure(self, task: str) -> None:
         """Delete the report of a task that succeeded in the end."""
         (self.path / "failed" / f"{task}.txt").unlink(missing_ok=True)
@@ -256,15 +263,8 @@ class Folder:
             place.unlink(missing_ok=True)
 
     def remove_leftovers(self) -> None:
-        """Remove temporary files and markers of killed processes of this machine."""
-        for place in [*self.path.glob("*.tmp"), *self.path.glob("*/*.tmp")]:
-            owner = TEMPORARY.fullmatch(place.name)
-            if owner and owner["host"] == host() and not _is_alive(int(owner["pid"])):
-                place.unlink(missing_ok=True)
-        for place in self.path.glob("running/*.log"):
-            machine, pid = place.name.split(".")[-3:-1]
-            if machine == host() and pid.isdigit() and not _is_alive(int(pid)):
-                place.unlink(missing_ok=True)
+        """Remove temporary files and markers of killed processes; see `leftovers`."""
+        remove_leftovers(self.path)
 
 
 def consecutive(numbers: Sequence[int], block: int) -> Iterator[tuple[int, int]]:
@@ -278,17 +278,3 @@ def consecutive(numbers: Sequence[int], block: int) -> Iterator[tuple[int, int]]
         if ends:
             yield numbers[start], numbers[i - 1]
             start = i
-
-
-def _is_alive(pid: int) -> bool:
-    """Whether a process of this machine runs. A zombie does not."""
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    except OSError:
-        return True
-    try:
-        return Path(f"/proc/{pid}/stat").read_text(errors="replace").rpartition(")")[2].split()[0] != "Z"
-    except (OSError, IndexError):  # not Linux
-        return True

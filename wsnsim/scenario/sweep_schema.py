@@ -43,7 +43,8 @@ class StoppingRule(BaseModel):
     """The rule that ends a point: replicates are added until the median of a metric is known precisely enough.
 
     The rule is evaluated at `at_least` replicates, then whenever their number has grown by half. Its decision depends
-    on the replicates alone, not on who ran them. A point with a failed replicate gets no further ones.
+    on the replicates alone, not on who ran them. Failed replicates do not count; a point of which more than half failed
+    gets no further ones.
     """
 
     model_config = FROZEN
