@@ -1,6 +1,7 @@
 """Whether a network is in one piece: parts of a deployment that no link joins.
 
-    parts(positions, reach) -> [node numbers of each part], the largest first       note(setup, positions) -> a sentence
+    parts(positions, reach) -> [node numbers of each part], the largest first
+    note(setup, positions) -> a sentence        nobody(positions, reach) -> a sentence
 
 A disk of the communication range stands for the links, lossy ones included: beyond it no frame is received.
 """
@@ -41,12 +42,25 @@ def note(setup: NetworkSetup | BeaconSetup, positions: Floats) -> str:
     reach = setup.link.reach
     if not 1 < len(positions) <= MOST or not np.isfinite(reach):
         return ""
+    if said := nobody(positions, reach):
+        return said
     found = parts(positions, reach)
     if len(found) == 1:
         return ""
     sizes = ", ".join(str(len(part)) for part in found[:SHOWN]) + (", ..." if len(found) > SHOWN else "")
     alone = sum(len(part) == 1 for part in found)
-    if alone == len(positions):
-        return f"no node is within the communication range of {reach:g} m of another: no frame can be received"
     lonely = f"; {alone} nodes have no neighbour" if alone else ""
     return f"the network is in {len(found)} parts, of {sizes} nodes, that no link of {reach:g} m joins{lonely}"
+
+
+def nobody(positions: Floats, reach: float) -> str:
+    """A sentence on a network of several nodes of which none is within `reach` m of another, '' for any other."""
+    from scipy.spatial import KDTree
+
+    nearest = float(KDTree(positions).query(positions, k=2)[0][:, 1].min())
+    if nearest <= reach:
+        return ""
+    return (
+        f"no node is within the communication range of {reach:g} m of another: no frame can be received; the two "
+        f"nearest are {nearest:.4g} m apart"
+    )

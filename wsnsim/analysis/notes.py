@@ -13,6 +13,7 @@ import numpy as np
 
 import wsnsim.scenario as scenarios
 from wsnsim.analysis import connectivity
+from wsnsim.analysis.setup_notes import of_values
 from wsnsim.base.arrays import Floats, planar
 from wsnsim.base.errors import RunError
 from wsnsim.base.initial_conditions import InitialConditions, sample_initial_conditions, sample_positions
@@ -66,17 +67,18 @@ class _Visibility(NamedTuple):
 
 
 def of_setup(setup: Setup, replicate: int = 0) -> list[str]:
-    """What makes a valid scenario hopeless or harder than it looks, seen in the initial conditions of one run."""
+    """What makes a valid scenario hopeless or harder than it looks: its values, and the initial conditions of a run."""
+    found = of_values(setup)
     try:
         if isinstance(setup, BeaconSetup):
-            return _parted(setup, sample_positions(setup, setup.link.reach, replicate), replicate)
+            return found + _parted(setup, sample_positions(setup, setup.link.reach, replicate), replicate)
         if not isinstance(setup, TrackingSetup):
-            return []
+            return found
         conditions = sample_initial_conditions(setup, replicate)
     except RunError as error:
-        return [f"run {replicate} cannot start: {error}"]
-    unseen = _visibility_notes(setup, [_visibilities(setup, conditions, setup.steps)], f"run {replicate}")
-    return unseen + (_parted(setup, conditions.positions, replicate) if isinstance(setup, NetworkSetup) else [])
+        return [*found, f"run {replicate} cannot start: {error}"]
+    found += _visibility_notes(setup, [_visibilities(setup, conditions, setup.steps)], f"run {replicate}")
+    return found + (_parted(setup, conditions.positions, replicate) if isinstance(setup, NetworkSetup) else [])
 
 
 def of_report(report: Report, figures: Mapping[str, Any]) -> list[str]:

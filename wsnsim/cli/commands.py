@@ -71,6 +71,8 @@ def run(
         import wsnsim.experiment as experiment
 
     talks = not quiet and progress not in ("json", "none")
+    if talks:
+        _say_notes(scenario)
     with contextlib.closing(display("none" if quiet else progress, RUN)) as shown:
         report = experiment.run(
             scenario, replicates=replicates, out=path, command_line=command_line(), progress=shown.step,
@@ -86,6 +88,15 @@ def run(
         written = pages.write([path], page, published=published)
         if not quiet:
             echo(f"wsnsim: {written.path}: {written.size / 1e6:.2f} MB; open it in a browser", err=True)
+
+
+def _say_notes(scenario: Scenario) -> None:
+    """Print what the values of a scenario make hardly meant, before its runs."""
+    from wsnsim.analysis import setup_notes
+    from wsnsim.scenario import build
+
+    for note in setup_notes.before_a_run(build(scenario)):
+        echo(f"wsnsim: note: {note}", err=True)
 
 
 def _say_compiling() -> None:
@@ -126,7 +137,7 @@ def _page_path(result: Path) -> Path:
 @click.argument("sources", metavar="SCENARIO...", nargs=-1, required=True)
 @overrides_option
 def check(sources: tuple[str, ...], overrides: tuple[str, ...]) -> int:
-    """Check scenarios without running them, and report every error; notes on what no node can measure."""
+    """Check scenarios without running them, and report every error; notes on what is hardly meant."""
     import wsnsim.scenario as scenario
     from wsnsim.analysis import notes
 

@@ -1,0 +1,86 @@
+"""What is valid and hardly meant is said by `check` and before a run; of shipped scenarios there is nothing to say."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from tests.helpers.sleeping_networks import scenario
+from wsnsim import load
+from wsnsim.analysis import setup_notes
+from wsnsim.cli import main
+from wsnsim.scenario import build
+from wsnsim.scenario.files import shipped
+
+SPARSE = "deploy={kind: anchors, places: [[0, 0], [30, 0], [0, 30]], width: 400 m, height: 400 m, centre: [0, 0]}"
+
+
+def notes(name: Any, *overrides: str) -> list[str]:
+    """The notes of a scenario, a file or a plain dict, with overrides."""
+    return setup_notes.before_a_run(build(load(name, list(overrides))))
+
+
+@pytest.mark.parametrize(
+    "name, overrides, starts",
+    [
+        ("gmtt", ["motion.width=900 m"], "motion.width: the target moves up to 200 m beyond the field of 500 m"),
+        ("pso_mhpf", ["motion.bound=500 m"], "motion.bound: the target moves up to 300 m beyond the field of 400 m"),
+        ("gmtt", ["motion.speed=[400, 500]"], "motion: at 500 m/s a target goes 1000 m in a step of 2 s, across all"),
+        ("pso_mhpf", [SPARSE, "link.reach=20 m"], "run 0: no node is within the communication range"),
+        ("beacons", ["link.reach=0.001 m"], "run 0: no node is within the communication range of 0.001 m of another"),
+        ("pso_mhpf", ["sink={kind: node, x: 1000 m}"], "sink: (1000, 0) m is 800 m outside the field"),
+        ("gmtt", ["lost.window=101"], "lost.window: 101 steps are more than the 100 steps of the run"),
+        ("gmtt", ["sleep.period=300 s"], "sleep.period: 300 s is longer than the run of 200 s: no node changes"),
+        ("gmtt", ["sink.every=300 s"], "sink.every: 300 s is longer than the run of 200 s: no report is sent"),
+        ("beacons", ["workload.period=30 s"], "workload.period: 30 s is longer than the run of 20 s: no node sends"),
+    ],
+)  # fmt: skip
+def test_values_that_are_hardly_meant_are_said_with_their_figures(name, overrides, starts):
+    (note,) = notes(name, *overrides)
+    assert note.startswith(starts)
+
+
+@pytest.mark.parametrize(
+    "prices, says",
+    [
+        ({"idle": 0.01, "sleep": 0.05}, "0.05 W asleep; give sleep: {kind: always_on}, or lower prices of sleep"),
+        ({"idle": 0.01, "switch": 0.5}, "0.5 J each; give sleep: {kind: always_on}, or lower prices of changes"),
+    ],
+)
+def test_sleep_that_costs_more_than_it_saves_is_said(prices, says):
+    energy = {"kind": "first_order", **prices}
+    (note,) = notes(scenario(energy=energy))
+    assert note.startswith("sleep: by its schedule a node takes 0.0") and note.endswith(says)
+    assert "and 0.01 W if it never slept" in note
+    assert notes(scenario(energy={**energy, "idle": 5.0})) == []
+
+
+@pytest.mark.parametrize(
+    "name, overrides",
+    [
+        ("gmtt", ["motion.width=560 m"]),
+        ("pso_mhpf", ["sink={kind: node, x: 210 m}"]),
+        ("gmtt", ["lost.window=100"]),
+        ("gmtt", ["motion.speed=[100, 200]"]),
+        ("pso_mhpf", ["duration=0.4 s"]),
+    ],
+)
+def test_what_still_makes_sense_is_not_noted(name, overrides):
+    assert notes(name, *overrides) == []
+
+
+def test_shipped_scenarios_are_meant_as_they_are():
+    assert {name: found for name in shipped() if (found := notes(name))} == {}
+
+
+def test_a_run_says_it_before_it_starts_and_check_says_the_same(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    long = ["--set", "duration=5 s", "--set", "lost.window=50"]
+    assert main(["check", "ungm_pf", *long]) == 0
+    said = [line.removeprefix("  note: ") for line in capsys.readouterr().out.splitlines()[1:]]
+    assert len(said) == 1 and said[0].startswith("lost.window: 50 steps are more than the 5 steps")
+    assert main(["run", "ungm_pf", *long, "--replicates", "1", "--progress", "plain", "-o", "x.h5"]) == 0
+    assert capsys.readouterr().err.splitlines()[0] == f"wsnsim: note: {said[0]}"
+    assert main(["run", "ungm_pf", *long, "--replicates", "1", "--quiet", "-o", "x.h5"]) == 0
+    assert capsys.readouterr().err == ""

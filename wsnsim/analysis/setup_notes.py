@@ -1,0 +1,219 @@
+"""What is valid in a scenario and yet hardly meant: each note says why, with the figures and the nearest remedy.
+
+of_values(setup) -> notes        before_a_run(setup) -> these, and whether links reach anybody
+
+They follow from the values of the scenario. Nodes are placed only where links may be too short.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import Callable, Iterator
+from typing import Any, Final
+
+import numpy as np
+
+from wsnsim.analysis import connectivity
+from wsnsim.base.continuous_power import continuous_power
+from wsnsim.base.errors import RunError
+from wsnsim.base.initial_conditions import sample_positions
+from wsnsim.base.metrics import LOST_WINDOW
+from wsnsim.base.ports import Field
+from wsnsim.base.radio import Mode
+from wsnsim.base.rng import Streams, derive_all
+from wsnsim.base.setups import RadioSetup, Setup, TrackingSetup
+
+SURELY_LINKED: Final = 3.0
+"""With more expected neighbours than this (mean over the field), some nodes are surely within range of another."""
+SAMPLED: Final = 64
+"""Nodes whose sleep schedules are looked at."""
+Box = tuple[float, float, float, float]
+"""xmin, xmax, ymin, ymax in m."""
+
+
+def of_values(setup: Setup) -> list[str]:
+    """What the values of a scenario make hardly meant, a sentence each."""
+    return [note for find in NOTES for note in find(setup)]
+
+
+def before_a_run(setup: Setup) -> list[str]:
+    """`of_values`, and a note if no node can reach another: `check` looks at the whole graph of links."""
+    return [*of_values(setup), *links_that_reach_nobody(setup)]
+
+
+def motions_beyond_the_field(setup: Setup) -> Iterator[str]:
+    """Targets whose area reaches beyond the field by more than the sensing range: there no node can measure them."""
+    if not isinstance(setup, TrackingSetup):
+        return
+    field, reach = setup.deploy.field, setup.sensor.reach
+    for i, motion in enumerate(setup.motions):
+        found = _area(motion)
+        if found is None:
+            continue
+        key, (left, right, bottom, top) = found
+        monitored = _box(field)
+        beyond = max(monitored[0] - left, right - monitored[1], monitored[2] - bottom, top - monitored[3])
+        if beyond > reach:
+            yield (
+                f"{_of_target(setup, i)}.{key}: the target moves up to {beyond:g} m beyond {_named(field)}, out of the "
+                f"sensing range of {reach:g} m of every node; keep it within the field, or enlarge the field"
+            )
+
+
+def steps_across_the_field(setup: Setup) -> Iterator[str]:
+    """Targets that are so fast that one step takes them out of the field."""
+    if not isinstance(setup, TrackingSetup):
+        return
+    field = setup.deploy.field
+    side = max(field.width, field.height) + 2.0 * setup.sensor.reach
+    for i, motion in enumerate(setup.motions):
+        speed = _greatest_speed(motion)
+        if speed * setup.dt > side:
+            yield (
+                f"{_of_target(setup, i)}: at {speed:g} m/s a target goes {speed * setup.dt:g} m in a step of "
+                f"{setup.dt:g} s, across all of {_named(field)} and out of the sensing range of every node; give a "
+                f"step of at most {_rounded_down(side / speed)} s"
+            )
+
+
+def links_that_reach_nobody(setup: Setup) -> Iterator[str]:
+    """A communication range within which no node has another, in the first run; looked for where nodes are sparse."""
+    if not isinstance(setup, RadioSetup):
+        return
+    field, reach = setup.deploy.field, setup.link.reach
+    if getattr(setup.deploy, "nodes", 0) * math.pi * reach**2 > SURELY_LINKED * field.width * field.height:
+        return
+    with contextlib.suppress(RunError):  # `notes.of_setup` says so
+        positions = sample_positions(setup, _covering_range(setup), 0)
+        if len(positions) > 1 and (said := connectivity.nobody(positions, reach)):
+            yield f"run 0: {said}"
+
+
+def sink_outside_the_field(setup: Setup) -> Iterator[str]:
+    """A sink whose point is farther outside the field than a frame reaches: the node nearest to it is at the edge."""
+    point = getattr(getattr(setup, "sink", None), "point", None)
+    if point is None or not isinstance(setup, RadioSetup):
+        return
+    field = setup.deploy.field
+    left, right, bottom, top = _box(field)
+    away = math.hypot(max(left - point[0], point[0] - right, 0.0), max(bottom - point[1], point[1] - top, 0.0))
+    if away > setup.link.reach:
+        nearest = min(max(point[0], left), right), min(max(point[1], bottom), top)
+        yield (
+            f"sink: ({point[0]:g}, {point[1]:g}) m is {away:.4g} m outside {_named(field)}; the sink is the node "
+            f"nearest to it, at the edge: the nearest point of the field is ({nearest[0]:g}, {nearest[1]:g}) m"
+        )
+
+
+def longer_than_the_run(setup: Setup) -> Iterator[str]:
+    """Windows and periods of which the run does not see one whole."""
+    lasts = setup.steps * setup.dt
+    if isinstance(setup, TrackingSetup) and setup.steps < setup.lost_window != LOST_WINDOW:
+        yield (
+            f"lost.window: {setup.lost_window:,} steps are more than the {setup.steps:,} steps of the run, which are "
+            f"then one window; give at most {setup.steps:,}, or a duration of {setup.lost_window * setup.dt:g} s"
+        )
+    effects = {
+        ("sleep", "period"): "no node changes more than twice",
+        ("workload", "period"): "no node sends a second time, and some never",
+        ("sink", "every"): "no report is sent",
+    }
+    for (role, key), effect in effects.items():
+        value = getattr(getattr(setup, role, None), key, None)
+        if isinstance(value, float) and value > lasts:
+            yield (
+                f"{role}.{key}: {value:g} s is longer than the run of {lasts:g} s: {effect}; give a shorter one, or a "
+                f"longer duration"
+            )
+
+
+def sleep_that_costs_more(setup: Setup) -> Iterator[str]:
+    """A sleep schedule with which a node consumes more than without: sleep, or changes of mode, are dear."""
+    model = continuous_power(setup.energy) if isinstance(setup, RadioSetup) else None
+    if model is None or not isinstance(setup, RadioSetup) or setup.sleep.rest is not Mode.SCHEDULED:
+        return
+    awake, asleep = (_power(model, mode) for mode in (Mode.AWAKE, Mode.ASLEEP))
+    change = (model.switching(Mode.AWAKE, Mode.ASLEEP) + model.switching(Mode.ASLEEP, Mode.AWAKE)) / 2.0
+    if asleep <= awake and not change:
+        return
+    lasts = setup.steps * setup.dt
+    keys = derive_all(Streams(setup.seed, 0).key("sleep"), np.arange(SAMPLED))
+    seconds, changes = (float(each[0]) / SAMPLED for each in setup.sleep.profile(keys, np.array([lasts])))
+    mean = (awake * seconds + asleep * (lasts - seconds) + change * changes) / lasts
+    if mean > awake:
+        why = f"{asleep:g} W asleep" if asleep > awake else f"{changes:.4g} changes of {change:g} J each"
+        yield (
+            f"sleep: by its schedule a node takes {mean:.4g} W on average, and {awake:g} W if it never slept: {why}; "
+            f"give sleep: {{kind: always_on}}, or lower prices of {'sleep' if asleep > awake else 'changes'}"
+        )
+
+
+NOTES: Final[tuple[Callable[[Setup], Iterator[str]], ...]] = (
+    motions_beyond_the_field,
+    steps_across_the_field,
+    sink_outside_the_field,
+    longer_than_the_run,
+    sleep_that_costs_more,
+)
+"""One function for each kind of note."""
+
+
+def _area(motion: Any) -> tuple[str, Box] | None:
+    """(key, box) of what bounds a trajectory; None if nothing does."""
+    if getattr(motion, "course", None) == "in_room":
+        return "room", motion.room
+    if getattr(motion, "box", None) is not None:
+        return "box", motion.box
+    bound = getattr(motion, "bound", None)
+    if isinstance(bound, float) and math.isfinite(bound):
+        return "bound", (-bound, bound, -bound, bound)
+    width, height = getattr(motion, "width", None), getattr(motion, "height", None)
+    if isinstance(width, float) and isinstance(height, float):
+        return "width", _box(Field(width, height, getattr(motion, "centre", (0.0, 0.0))))
+    return None
+
+
+def _greatest_speed(motion: Any) -> float:
+    """The greatest speed in m/s that the values of a motion name; 0 if they name none."""
+    if isinstance(speed := getattr(motion, "speed", None), tuple):
+        return float(max(speed))
+    if hasattr(motion, "mean") and hasattr(motion, "sd"):
+        return math.hypot(*motion.mean) + 3.0 * float(motion.sd)
+    start, columns = getattr(motion, "start", ()), motion.columns
+    speeds = [start[columns.index(name)] for name in ("vx", "vy") if name in columns and len(start) == len(columns)]
+    return math.hypot(*speeds) if speeds else 0.0
+
+
+def _covering_range(setup: Setup) -> float:
+    """The range that must cover the field: of the sensors, or of the links of a network without targets."""
+    if isinstance(setup, TrackingSetup):
+        return setup.sensor.reach
+    assert isinstance(setup, RadioSetup)
+    return setup.link.reach
+
+
+def _power(model: Any, mode: Mode) -> float:
+    """Power in W of a node in a mode."""
+    power = model.mode_power(mode)
+    return float(power.radio + power.processor)
+
+
+def _of_target(setup: TrackingSetup, target: int) -> str:
+    """The key of the motion of a target."""
+    return "motion" if len(setup.motions) == 1 else f"targets[{target}]"
+
+
+def _box(field: Field) -> Box:
+    x, y = field.centre
+    return x - field.width / 2, x + field.width / 2, y - field.height / 2, y + field.height / 2
+
+
+def _named(field: Field) -> str:
+    return f"the field of {field.width:g} m by {field.height:g} m around ({field.centre[0]:g}, {field.centre[1]:g})"
+
+
+def _rounded_down(value: float) -> str:
+    """A value with one significant digit, not above it."""
+    unit = 10.0 ** math.floor(math.log10(value))
+    return f"{math.floor(value / unit) * unit:g}"
