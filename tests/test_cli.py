@@ -343,7 +343,7 @@ def test_an_unexpected_error_is_one_line_and_its_traceback_is_for_those_who_ask(
     def breaks(*arguments: Any) -> None:
         raise RuntimeError("two\nlines")
 
-    monkeypatch.setattr("wsnsim.cli.commands._loaded", breaks)
+    monkeypatch.setattr("wsnsim.cli.commands.loaded", breaks)
     assert main(["run", "x"]) == 1
     assert capsys.readouterr().err == (
         "wsnsim: internal error: RuntimeError: two lines (set WSNSIM_TRACEBACK=1 for the traceback)\n"

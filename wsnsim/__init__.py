@@ -34,13 +34,12 @@ if TYPE_CHECKING:
         Send,
     )
     from wsnsim.campaign import sweep
-    from wsnsim.experiment import run, simulate
-    from wsnsim.scenario import load
+    from wsnsim.experiment import load, run, simulate
 
 _HOMES = {
     "run": "wsnsim.experiment",
     "simulate": "wsnsim.experiment",
-    "load": "wsnsim.scenario",
+    "load": "wsnsim.experiment",
     "read": "wsnsim.analysis.frames",
     "sweep": "wsnsim.campaign",
     "compare": "wsnsim.analysis.comparison",

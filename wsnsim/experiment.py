@@ -3,14 +3,14 @@
     simulate(scenario, replicate=0, recorder=None) -> Summary      one run; pure except for what the recorder gets
     run(scenario, replicates=30, out=path) -> Report               many runs in one HDF5 file
 
-`scenario` is what `scenario.load` takes: a file, the name of a shipped scenario, or a plain dict.
+`scenario` is what `load` takes: a file, the name of a shipped scenario, a plain dict, or a result.
 """
 
 from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 import wsnsim.scenario as scenarios
-from wsnsim.base.errors import UsageError
+from wsnsim.base.errors import UsageError, WsnsimError, failed_run
 from wsnsim.base.garbage import only_own_garbage
 from wsnsim.base.initial_conditions import (
     InitialConditions,
@@ -26,6 +26,7 @@ from wsnsim.base.initial_conditions import (
     sample_paths,
     sample_positions,
 )
+from wsnsim.base.plugin_code import plugin_fault
 from wsnsim.base.ports import Recorder
 from wsnsim.base.progress import OnTime, Progress, throttled
 from wsnsim.base.results import RunResult, Summary, summarise
@@ -42,11 +43,13 @@ from wsnsim.network.world import Targets, World
 from wsnsim.offline.batch import Batches, offers_batch
 from wsnsim.offline.offline_run import OfflineRun
 from wsnsim.recording import ResultFile, provenance, read_text
+from wsnsim.scenario import Plugins
+from wsnsim.scenario.files import is_result
 
-__all__ = ["Progress", "Report", "Summary", "replicate_of", "rerun_source", "run", "simulate"]
+__all__ = ["Progress", "Report", "Summary", "load", "replicate_of", "rerun_source", "run", "simulate"]
 
 Source = Any
-"""What `scenario.load` takes, or the Scenario that it gives."""
+"""What `load` takes, or the Scenario that it gives."""
 
 
 @dataclass(frozen=True)
@@ -67,26 +70,66 @@ class Report:
     compiled: float = 0.0
 
 
+def load(source: Source, overrides: Iterable[str] = (), plugins: bool = False) -> Any:
+    """Return the checked Scenario of a file, of a shipped scenario's name, of a dict, or of a result.
+
+    Args:
+        source: what to load.
+        overrides: assignments that replace values, such as 'link.reach=80 m'.
+        plugins: whether a result may name any plug-in. Without it, only those that installed packages offer are
+            imported, since a result may come from others. A scenario of the caller imports what it names.
+
+    Raises:
+        ScenarioError: with every issue found, each at its place in the text.
+        ResultError: the result cannot be read.
+    """
+    if isinstance(source, str | Path) and is_result(source):
+        allowed = Plugins.ANY if plugins else Plugins.INSTALLED
+        return scenarios.load(rerun_source(Path(source)), overrides, allowed)
+    return scenarios.load(source, overrides)
+
+
 def simulate(
-    scenario: Source, replicate: int = 0, recorder: Recorder | None = None, progress: OnTime | None = None
+    scenario: Source,
+    replicate: int = 0,
+    recorder: Recorder | None = None,
+    progress: OnTime | None = None,
+    plugins: bool = False,
 ) -> Summary:
     """One Monte Carlo run of a scenario. The same arguments give the same rows, in any process and in any order.
 
     Args:
-        scenario: What `scenario.load` takes, or a Scenario.
+        scenario: What `load` takes, or a Scenario.
         replicate: Number of the run, from 0.
         recorder: Where the rows go; without one they are dropped.
         progress: Called now and then with the simulated time (s).
+        plugins: Whether a result may name any plug-in, as in `load`.
 
     Raises:
         ScenarioError: The scenario is invalid.
         RunError: The simulation failed.
     """
-    return replicate_of(scenarios.build(scenarios.load(scenario)), replicate, recorder or Memory({}), progress)
+    setup = scenarios.build(load(scenario, plugins=plugins))
+    return replicate_of(setup, replicate, recorder or Memory({}), progress)
 
 
 def replicate_of(setup: Setup, replicate: int, recorder: Recorder, progress: OnTime | None = None) -> Summary:
-    """One Monte Carlo run of a scenario that is built."""
+    """One Monte Carlo run of a scenario that is built.
+
+    Raises:
+        RunError: The simulation failed, or code of a plug-in did before or after it.
+    """
+    try:
+        return _one_run(setup, replicate, recorder, progress)
+    except WsnsimError:
+        raise
+    except (Exception, SystemExit) as reason:
+        if not plugin_fault(reason):
+            raise
+        raise failed_run(0.0, setup.seed, replicate, reason) from reason
+
+
+def _one_run(setup: Setup, replicate: int, recorder: Recorder, progress: OnTime | None) -> Summary:
     started = time_without_compilation()
     if isinstance(setup, BeaconSetup):
         with only_own_garbage():
@@ -144,11 +187,12 @@ def run(  # noqa: PLR0913
     batch: bool = True,
     on_compile: Callable[[], None] | None = None,
     code: str = "",
+    plugins: bool = False,
 ) -> Report:
     """Run a scenario several times, into one HDF5 file that gets its name only once it is complete.
 
     Args:
-        scenario: What `scenario.load` takes, or a Scenario.
+        scenario: What `load` takes, or a Scenario.
         replicates: Number of runs, or the numbers of the runs; by default the number that the scenario says.
         out: Path of the file.
         command_line: The command that is stored in the file's provenance.
@@ -156,6 +200,7 @@ def run(  # noqa: PLR0913
         batch: Whether standalone runs are made many at once where the tracker offers it. The tables are the same.
         on_compile: Called when the first kernel is compiled, if one is: kernels are cached once on a machine.
         code: Digest of the code, which is stored in the file's provenance; a campaign gives it.
+        plugins: Whether a result may name any plug-in, as in `load`.
 
     Raises:
         ScenarioError: The scenario is invalid.
@@ -164,7 +209,7 @@ def run(  # noqa: PLR0913
         UsageError: `replicates` is below 1.
     """
     began, compiled = time.monotonic(), compilation_seconds()
-    loaded = scenarios.load(scenario)
+    loaded = load(scenario, plugins=plugins)
     setup = scenarios.build(loaded)
     wanted = loaded.replicates if replicates is None else replicates
     chosen = range(wanted) if isinstance(wanted, int) else wanted

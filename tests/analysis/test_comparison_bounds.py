@@ -7,7 +7,7 @@ import pytest
 from wsnsim.analysis import comparison_bounds
 from wsnsim.analysis.comparison_bounds import PointBounds
 from wsnsim.recording.kept_answers import KeptAnswers
-from wsnsim.scenario import load, resolved
+from wsnsim.scenario import Plugins, load, resolved
 
 
 @pytest.fixture
@@ -17,7 +17,7 @@ def found(tmp_path, monkeypatch):
 
     def bounds_of(scenario, answer):
         monkeypatch.setattr(comparison_bounds, "_point_bounds", lambda *_: PointBounds(answer, answer, ""))
-        return comparison_bounds._kept_bounds(KeptAnswers(place), scenario, (0, 1)).each
+        return comparison_bounds._kept_bounds(KeptAnswers(place), scenario, (0, 1), Plugins.NONE).each
 
     return bounds_of
 

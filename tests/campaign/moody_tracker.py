@@ -5,7 +5,9 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
+
+from wsnsim.scenario.plugin_access import PluginAccess, Plugins
 
 MODULE = '''
 import ctypes
@@ -88,6 +90,8 @@ def describe_process(task):
 def die_at_once(*arguments):
     os._exit(1)
 '''
+TRUSTED: Final = PluginAccess(Plugins.ANY)
+"""What the drivers of these tests give to their workers."""
 QUICK: Mapping[str, Any] = {"tracker.kind": "moody:Moody", "duration": "3 s"}
 
 

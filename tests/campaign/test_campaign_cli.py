@@ -66,7 +66,7 @@ def test_a_sweep_fills_its_folder_and_prints_a_table_and_again_runs_nothing(
     assert "moods: 2 points, 4 runs each" in first.out and "tracker.pause" in first.out
     assert first.err.splitlines()[-1].startswith("wsnsim: 100 % (8 of 8 runs done, 0 failed")
     assert len(before) == 4
-    for again in (["sweep", sweep], ["sweep", "results/moods"]):
+    for again in (["sweep", sweep], ["sweep", "results/moods", "--plugins"]):
         assert main([*again, "--quiet"]) == 0
         assert capsys.readouterr() == (first.out, "")
         assert files_of(Path("results/moods")) == before
@@ -151,7 +151,7 @@ def test_what_fails_is_named_and_kept_and_the_rest_is_done(poisoned: str, capsys
     assert lines[1:] == [
         "wsnsim: c is incomplete, runs missing: 1",
         "  tracker.mood = raises, tracker.at = 2: replicates 2",
-        "wsnsim: resume with: wsnsim sweep c",
+        "wsnsim: resume with: wsnsim sweep c --plugins",
     ]
     [note] = Path("c/failed").iterdir()
     assert "replicate 2, tracker.mood = raises" in note.read_text()
@@ -213,11 +213,11 @@ def test_a_damaged_manifest_or_result_and_another_version_are_named(
             assert words in said.err and said.out == "" and "internal" not in said.err
     Path("c/campaign.json").write_text(manifest)
     result.write_bytes(result.read_bytes()[:2000])
-    assert main(["sweep", "c", "-q"]) == 3
+    assert main(["sweep", "c", "-q", "--plugins"]) == 3
     said = capsys.readouterr()
     assert said.err.startswith(f"wsnsim: {result}.damaged: is damaged and was set aside") and said.out == ""
-    assert "resume with: wsnsim sweep c" in said.err
-    assert main(["sweep", "c", "-q"]) == 0 and result.is_file()
+    assert "resume with: wsnsim sweep c --plugins" in said.err
+    assert main(["sweep", "c", "-q", "--plugins"]) == 0 and result.is_file()
 
 
 def test_under_a_rule_a_damaged_result_is_run_again_and_counted_once(
@@ -230,7 +230,7 @@ def test_under_a_rule_a_damaged_result_is_run_again_and_counted_once(
     broken = min(Path("c").glob("*/r00000-00000.h5"))
     broken.write_bytes(b"no result")
     capsys.readouterr()
-    assert main(["sweep", "c", "--progress", "json"]) == 0
+    assert main(["sweep", "c", "--plugins", "--progress", "json"]) == 0
     last = json.loads(capsys.readouterr().err.splitlines()[-1])
     assert (last["done"], last["total"], last["failed"]) == (12, 12, 0)
     assert wsnsim.read("c", "runs").drop(columns="cpu_seconds").equals(before)
@@ -269,7 +269,7 @@ def test_a_signal_ends_what_runs_and_prints_the_command_that_goes_on(
     assert said.out == "" and said.err.splitlines()[-1] == words
     monkeypatch.setattr(local_engine, "LocalEngine", InlineEngine)
     command = resume_of(said.err)
-    assert command == ["sweep", "a campaign", "--jobs", "3", "--metric", "median_error", "--json"]
+    assert command == ["sweep", "a campaign", "--jobs", "3", "--metric", "median_error", "--plugins", "--json"]
     before = files_of(Path("a campaign"))
     assert len(before) == 1
     assert main(command) == 0
@@ -287,7 +287,7 @@ def test_ctrl_c_in_a_terminal_lets_workers_end_their_tasks(lab: Path) -> None:
     os.killpg(driver.pid, signal.SIGINT)
     _, said = driver.communicate(timeout=60)
     assert driver.returncode == 130
-    assert "Traceback" not in said and resume_of(said) == ["sweep", "c", "--jobs", "1"]
+    assert "Traceback" not in said and resume_of(said) == ["sweep", "c", "--jobs", "1", "--plugins"]
     assert len(files_of(Path("c"))) > before and not list(Path("c").rglob("*.tmp"))
     wait_for(lambda: not any(map(lives, workers)))
 

@@ -15,7 +15,7 @@ import pandas as pd
 import pytest
 
 import wsnsim
-from tests.campaign_cluster.dask_campaigns import Begun, begun_in, endings_of, marks, rows, task_of
+from tests.campaign_cluster.dask_campaigns import TRUSTED, Begun, begun_in, endings_of, marks, rows, task_of
 from tests.campaign_cluster.dask_processes import ODD, files, until
 from wsnsim import campaign
 from wsnsim.base.errors import UsageError
@@ -69,8 +69,8 @@ def engine_of(address: str) -> Iterator[Callable[[Folder], DaskEngine]]:
 def test_a_campaign_has_the_same_rows_as_on_this_machine(begun: Begun, engine_of: Any) -> None:
     written = {"set": {"duration": "20 s"}, "grid": {"tracker.particles": [20, 40]}, "replicates": 12, "block": 5}
     here, there = (begun(**written, name=name) for name in ("here", "there"))
-    assert campaign.run_campaign(here, InlineEngine()).complete
-    ended = campaign.run_campaign(there, engine_of(there))
+    assert campaign.run_campaign(here, InlineEngine(), access=TRUSTED).complete
+    ended = campaign.run_campaign(there, engine_of(there), access=TRUSTED)
     assert ended.complete and ended.done == 24
     pd.testing.assert_frame_equal(rows(there), rows(here), check_exact=True)
     assert rows(there)["rmse"].nunique() == 24
@@ -90,7 +90,7 @@ def test_a_task_and_its_outcome_are_small_and_nothing_of_them_stays(begun: Begun
     assert sorted(ending.task.first for ending in endings) == list(range(8))
     until(lambda: not engine._client.futures)
     assert not engine._running and engine.finished(0.0) == []
-    assert campaign.run_campaign(folder, engine).found == 8
+    assert campaign.run_campaign(folder, engine, access=TRUSTED).found == 8
     assert not list(folder.path.glob("running/*"))
 
 

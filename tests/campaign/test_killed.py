@@ -24,7 +24,7 @@ from wsnsim.scenario.sweep import load_sweep
 
 from .campaign_files import assert_same, files_of, tables_of
 from .inline_engine import InlineEngine
-from .moody_tracker import sweep_of, write_sweep
+from .moody_tracker import TRUSTED, sweep_of, write_sweep
 from .processes import children, environment, lives, wait_for
 
 KILLS = int(os.environ.get("WSNSIM_KILLS", "2"))
@@ -43,7 +43,7 @@ def sweep(lab: Path) -> str:
 def truth(sweep: str, lab: Path) -> Any:
     """The tables of a campaign that is not killed."""
     folder = prepare(load_sweep(sweep), lab / "truth")
-    assert run_campaign(folder, InlineEngine()).complete
+    assert run_campaign(folder, InlineEngine(), access=TRUSTED).complete
     assert len(files_of(folder.path)) == FILES
     return tables_of(folder.path)
 
@@ -52,7 +52,7 @@ def assert_resumable(sweep: str, place: Path, truth: Any) -> None:
     """The missing tasks are run, existing files stay, and the tables equal those of a campaign that was not killed."""
     before = files_of(place)
     folder = prepare(load_sweep(sweep), place)
-    ended: CampaignOutcome = run_campaign(folder, LocalEngine(WORKERS) if KILLS > 2 else InlineEngine())
+    ended: CampaignOutcome = run_campaign(folder, LocalEngine(WORKERS) if KILLS > 2 else InlineEngine(), access=TRUSTED)
     assert ended.complete and not ended.failed
     after = files_of(place)
     assert {name: after[name] for name in before} == before and len(after) == FILES
@@ -99,7 +99,7 @@ def test_a_campaign_whose_worker_is_killed_is_completed_all_the_same(
             os.kill(killed[0], signal.SIGKILL)
 
     folder = prepare(load_sweep(sweep), lab / "killed")
-    ended = run_campaign(folder, LocalEngine(WORKERS), on_progress=watch)
+    ended = run_campaign(folder, LocalEngine(WORKERS), on_progress=watch, access=TRUSTED)
     assert killed and ended.complete and not ended.failed
     assert_resumable(sweep, folder.path, truth)
 

@@ -28,13 +28,20 @@ from wsnsim.scenario.sweep import load_sweep
 
 from .campaign_files import assert_same, tables_of
 from .inline_engine import InlineEngine
-from .moody_tracker import sweep_of
+from .moody_tracker import TRUSTED, sweep_of
 from .processes import environment, lives, wait_for
+
+RAISES = "moody.py:26: ValueError: out of sorts"
+EXITS = "moody.py:28: SystemExit: 7"
 
 
 def first_task(folder: Folder, **said: Any) -> Task:
     point = folder.manifest().points[0].id
-    return Task(str(folder.path), point, **{"first": 0, "last": 1, "session": "s", "version": "0.1.0", **said})
+    return Task(
+        str(folder.path),
+        point,
+        **{"first": 0, "last": 1, "session": "s", "version": "0.1.0", "access": TRUSTED, **said},
+    )
 
 
 def all_ended(pool: LocalEngine, count: int) -> list[FinishedTask]:
@@ -46,9 +53,11 @@ def all_ended(pool: LocalEngine, count: int) -> list[FinishedTask]:
 def test_the_tables_do_not_depend_on_workers_or_shards(lab: Path) -> None:
     plan = load_sweep(sweep_of([{"pause": pause} for pause in (0.0, 0.001, 0.002)], 5))
     for name, engine in (("1", InlineEngine()), ("2", LocalEngine(2))):
-        assert run_campaign(prepare(plan, lab / name), engine).complete
+        assert run_campaign(prepare(plan, lab / name), engine, access=TRUSTED).complete
     for number in (1, 2):
-        assert run_campaign(prepare(plan, lab / f"part{number}"), InlineEngine(), Shard(number, 2)).complete
+        assert run_campaign(
+            prepare(plan, lab / f"part{number}"), InlineEngine(), Shard(number, 2), access=TRUSTED
+        ).complete
     collect([Folder(lab / "part1"), Folder(lab / "part2")], Folder(lab / "all"))
     one = tables_of(lab / "1")
     assert len(one["runs"]) == 3 * 5 and one["runs"]["rmse"].nunique() == 5
@@ -70,13 +79,13 @@ def test_tasks_that_raise_exit_crash_or_never_end_are_named_and_the_rest_is_done
     monkeypatch.setattr(local_engine, "_can_be_copied", lambda: sys.platform == "linux")  # as in most campaigns
     sweep = sweep_of([{"mood": "calm"}, *({"mood": m, "at": at} for m, at in moods.items())], 3, block=1, timeout=8)
     folder = prepare(load_sweep(sweep), lab / "c")
-    ended = run_campaign(folder, LocalEngine(1))
+    ended = run_campaign(folder, LocalEngine(1), access=TRUSTED)
     ids = {point.settings["tracker.mood"]: point.id for point in folder.manifest().points}
     assert ended.missing == {ids[mood]: [at] for mood, at in moods.items()}
     words = {mood: ended.failed[f"{ids[mood]}.r{at:05d}-{at:05d}"] for mood, at in moods.items()}
     expected = {
-        "raises": "the run failed at 1 s of simulated time (seed 20220101, replicate 0): ValueError: out of sorts",
-        "exits": "SystemExit: 7",
+        "raises": f"the run failed at 1 s of simulated time (seed 20220101, replicate 0): {RAISES}",
+        "exits": f"the run failed at 1 s of simulated time (seed 20220101, replicate 1): {EXITS}",
         "killed": "killed its worker twice (killed from outside, perhaps out of memory)",
         "crashes": "killed its worker twice (Segmentation fault)",
         "hangs": "took more than 8 s",
@@ -92,7 +101,7 @@ def test_a_worker_that_cannot_begin_is_not_the_tasks_fault(lab: Path, monkeypatc
     monkeypatch.setattr(local_engine, "_start", importlib.import_module("moody").die_at_once)
     monkeypatch.setattr(local_engine, "MAX_BROKEN_POOLS", 2)
     folder = prepare(load_sweep(sweep_of([{"mood": "calm"}])), lab / "c")
-    ended = run_campaign(folder, LocalEngine(1))
+    ended = run_campaign(folder, LocalEngine(1), access=TRUSTED)
     assert ended.stopped.startswith("workers died 2 times in a row before they started: is there enough memory?")
     assert not ended.failed and not ended.complete
 
@@ -126,7 +135,7 @@ def test_a_pool_that_broke_while_nobody_looked_gives_its_tasks_back_and_is_made_
     gone = all_ended(pool, 2)
     assert [type(ending.outcome).__name__ for ending in gone] == ["WorkerLost", "WorkerLost"]
     point = folder.manifest().points[1].id
-    pool.submit(Task(str(folder.path), point, 0, 1, "s", "0.1.0"))
+    pool.submit(Task(str(folder.path), point, 0, 1, "s", "0.1.0", access=TRUSTED))
     assert all_ended(pool, 1)[0].outcome.status == "done"
     pool.close()
 
@@ -174,7 +183,7 @@ def test_a_task_leaves_its_file_and_nothing_else(lab: Path) -> None:
     assert perform(first_task(folder)).status == "exists" and place.stat().st_mtime_ns == written
 
 
-@pytest.mark.parametrize(("mood", "words"), [("raises", "ValueError: out of sorts"), ("exits", "SystemExit: 7")])
+@pytest.mark.parametrize(("mood", "words"), [("raises", RAISES), ("exits", EXITS)])
 def test_what_a_tracker_raises_is_the_outcome(lab: Path, mood: str, words: str) -> None:
     folder, outcome = performed(lab, mood)
     assert outcome.status == "failed" and words in outcome.reason

@@ -15,10 +15,13 @@ from wsnsim.campaign.dask_engine import DaskEngine
 from wsnsim.campaign.engines import FinishedTask
 from wsnsim.campaign.task import Task
 from wsnsim.recording.folder import Folder
+from wsnsim.scenario.plugin_access import PluginAccess, Plugins
 from wsnsim.scenario.sweep import load_sweep
 
 from .dask_processes import PATIENCE
 
+TRUSTED = PluginAccess(Plugins.ANY)
+"""What the drivers of these tests give to their workers."""
 ODD = {"tracker": {"kind": "mylab_odd:Odd"}, "duration": "5 s"}
 Begun = Callable[..., Folder]
 
@@ -43,7 +46,8 @@ def marks(folder: Folder) -> int:
 
 
 def task_of(folder: Folder, number: int = 0) -> Task:
-    return Task(str(folder.path), folder.manifest().points[0].id, number, number, "vm-1-abc", wsnsim.__version__)
+    point = folder.manifest().points[0].id
+    return Task(str(folder.path), point, number, number, "vm-1-abc", wsnsim.__version__, access=TRUSTED)
 
 
 def endings_of(engine: DaskEngine, count: int = 1) -> list[FinishedTask]:

@@ -13,7 +13,7 @@ from wsnsim import campaign
 from wsnsim.campaign.dask_engine import DaskEngine
 from wsnsim.recording.folder import Folder
 
-from .dask_campaigns import endings_of, marks, rows, task_of
+from .dask_campaigns import TRUSTED, endings_of, marks, rows, task_of
 from .dask_processes import Lab, files, said, stop, until
 
 Begun = Callable[..., Folder]
@@ -34,7 +34,7 @@ def reasons_of(ended: campaign.CampaignOutcome, folder: Folder) -> list[str]:
 def test_tasks_that_crash_or_raise_are_named_and_the_rest_is_done(begun: Begun, engine_of: Any) -> None:
     points = [{}, {"tracker.crash": 1}, {"tracker.fail": 1}, {"tracker.sleep": 0.1}]
     folder = begun(points=points, replicates=1)
-    ended = campaign.run_campaign(folder, engine_of(folder))
+    ended = campaign.run_campaign(folder, engine_of(folder), access=TRUSTED)
     reasons = reasons_of(ended, folder)
     assert reasons[:2] == ["", "killed 2 workers"] and reasons[3] == ""
     assert reasons[2].endswith("ArithmeticError: told to fail")
@@ -44,10 +44,10 @@ def test_tasks_that_crash_or_raise_are_named_and_the_rest_is_done(begun: Begun, 
 def test_a_task_that_hangs_is_given_up_when_its_time_is_up(begun: Begun, engine_of: Any) -> None:
     warm = begun(name="warm", replicates=4, grid={"tracker.sleep": [0.5]})
     assert campaign.run_campaign(
-        warm, engine_of(warm)
+        warm, engine_of(warm), access=TRUSTED
     ).complete  # to import all that it takes is in a worker's first time
     folder = begun(points=[{}, {"tracker.sleep": 0.1}, {"tracker.sleep": 100}], replicates=1, timeout=3)
-    ended = campaign.run_campaign(folder, engine_of(folder))
+    ended = campaign.run_campaign(folder, engine_of(folder), access=TRUSTED)
     assert reasons_of(ended, folder) == ["", "", "took more than 3 s"]
 
 
@@ -61,7 +61,7 @@ def test_a_worker_that_is_killed_costs_nothing_but_time(begun: Begun, engine_of:
             os.kill(victim, signal.SIGKILL)
             killed.append(victim)
 
-    ended = campaign.run_campaign(folder, engine, on_progress=watch)
+    ended = campaign.run_campaign(folder, engine, on_progress=watch, access=TRUSTED)
     assert killed and ended.complete and not ended.failed and len(rows(folder)) == 20
     assert not list(folder.path.glob("*/*.tmp"))
 

@@ -21,6 +21,7 @@ from wsnsim.campaign.dask_worker import WorkerRequirements
 from wsnsim.campaign.engines import EngineError
 from wsnsim.recording.folder import Folder
 
+from .dask_campaigns import TRUSTED
 from .dask_processes import Lab, files, said, stop, until
 
 HERE = WorkerRequirements(wsnsim.__version__, np.__version__, "")
@@ -43,11 +44,11 @@ def test_a_worker_that_does_not_belong_is_refused_at_the_start_and_later(
     until(lambda: len(engine._client.nthreads()) == 3)
     with pytest.raises(UsageError, match=f"worker tcp://.* {words}"):
         DaskEngine(folder.path, scheduler_file=scheduler)
-    ended = campaign.run_campaign(folder, engine)
+    ended = campaign.run_campaign(folder, engine, access=TRUSTED)
     stop(late)
     assert ended.stopped.startswith("worker tcp://") and ended.stopped.endswith(words)
     assert not ended.complete and not ended.failed
-    again = campaign.run_campaign(folder, engine_of(folder))
+    again = campaign.run_campaign(folder, engine_of(folder), access=TRUSTED)
     assert again.complete and again.found == len(files(folder)) - again.done
 
 

@@ -114,7 +114,7 @@ def test_a_note_on_caches_is_a_line_on_stderr_and_not_with_quiet(
             warnings.warn("kernels are kept in /x", CacheWarning, stacklevel=1)
         raise click.ClickException("enough")
 
-    monkeypatch.setattr("wsnsim.cli.commands._loaded", said)
+    monkeypatch.setattr("wsnsim.cli.commands.loaded", said)
     main(["run", "x"])
     assert "wsnsim: kernels are kept in /x\n" in capsys.readouterr().err
     main(["run", "x", "--quiet"])

@@ -140,7 +140,7 @@ def test_figures_name_their_targets_and_say_whose_are_left_out(tmp_path, monkeyp
 def test_of_several_results_the_least_important_figures_are_left_out_first(tmp_path, monkeypatch):
     sizes = {"x": (40_000, 9_000, 9_000), "y": (20_000, 30_000, 10_000)}
 
-    def drawn(path, replicate):
+    def drawn(path, replicate, plugins):
         return [
             SvgFigure(f"{i}", f"figure {i}", f"<svg>{'x' * size}</svg>") for i, size in enumerate(sizes[path.stem])
         ], []

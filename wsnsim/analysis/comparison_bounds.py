@@ -9,6 +9,7 @@ import contextlib
 import dataclasses
 import hashlib
 import json
+import math
 from collections.abc import Sequence
 from typing import Any, Final, NamedTuple
 
@@ -22,7 +23,8 @@ from wsnsim.base.regular_files import read_regular
 from wsnsim.bounds import bound
 from wsnsim.recording.folder import Folder
 from wsnsim.recording.kept_answers import KEPT, KeptAnswers
-from wsnsim.scenario import load, plugins
+from wsnsim.scenario import Plugins, load, plugins
+from wsnsim.scenario.plugin_access import refused
 
 MOST: Final = 100
 """Runs whose trajectories count at most: more change only the third digit."""
@@ -43,13 +45,14 @@ class PointBounds(NamedTuple):
     reason: str
 
 
-def with_bounds(found: Comparison, folder: Folder) -> Comparison:
+def with_bounds(found: Comparison, folder: Folder, plugins: Plugins | None = None) -> Comparison:
     """The comparison with the bounds for all readings in range, if the metric is the RMSE of a run.
 
     `bound` is the median over runs (100 at most) of the trajectory-conditional CRLB, each a root mean square over all
     steps: tight but not a strict bound, least of all for a run without estimates at its hard steps.
     `bound_unconditional` is the posterior CRLB: strict for the mean over trajectories, and often loose. A point without
     a bound has NaN, and `unbounded` says why. Bounds are kept beside the campaign, see `recording.kept_answers`.
+    `plugins` says which plug-ins the campaign's scenarios may name; by default none.
     """
     if found.metric not in BOUNDED:
         return found
@@ -62,7 +65,7 @@ def with_bounds(found: Comparison, folder: Folder) -> Comparison:
         scenario = json.loads(folder.scenario(point.id))
         key = point.world, there, repr(scenario.get("tracker", {}).get("assumes"))
         if key not in known:
-            known[key] = _kept_bounds(kept, scenario, there)
+            known[key] = _kept_bounds(kept, scenario, there, plugins or Plugins.NONE)
         limits.append(known[key])
     table = found.table.assign(
         bound=np.array([limit.each for limit in limits], dtype=np.float64),
@@ -72,13 +75,17 @@ def with_bounds(found: Comparison, folder: Folder) -> Comparison:
     return dataclasses.replace(found, table=table, unbounded="; ".join(reasons))
 
 
-def _kept_bounds(kept: KeptAnswers, scenario: dict[str, object], replicates: Sequence[int]) -> PointBounds:
+def _kept_bounds(
+    kept: KeptAnswers, scenario: dict[str, object], replicates: Sequence[int], allowed: Plugins
+) -> PointBounds:
     """The bounds of a point, kept beside the campaign unless they depend on code from outside the package."""
+    if why := refused(scenario, allowed):
+        return PointBounds(math.nan, math.nan, f"the bound {why.partition(': ')[2]}")
     with contextlib.suppress(WsnsimError):
-        if not plugins(load(scenario)):
+        if not plugins(load(scenario, plugins=allowed)):
             question = {"scenario": scenario, "replicates": replicates, "files": _digests(scenario)}
-            return PointBounds(*kept.answer(question, lambda: _point_bounds(scenario, replicates)))
-    return _point_bounds(scenario, replicates)
+            return PointBounds(*kept.answer(question, lambda: _point_bounds(scenario, replicates, allowed)))
+    return _point_bounds(scenario, replicates, allowed)
 
 
 def _digests(scenario: Any) -> dict[str, str]:
@@ -97,10 +104,11 @@ def _digests(scenario: Any) -> dict[str, str]:
     return found
 
 
-def _point_bounds(scenario: dict[str, object], replicates: Sequence[int]) -> PointBounds:
-    nothing = float("nan")
+def _point_bounds(scenario: dict[str, object], replicates: Sequence[int], allowed: Plugins) -> PointBounds:
+    nothing = math.nan
     try:
-        each, whole = (bound(scenario, replicates, kind) for kind in ("per_trajectory", "unconditional"))
+        loaded = load(scenario, plugins=allowed)
+        each, whole = (bound(loaded, replicates, kind) for kind in ("per_trajectory", "unconditional"))
     except WsnsimError as error:  # a point that cannot be run has no bound either
         return PointBounds(nothing, nothing, str(error))
     return PointBounds(

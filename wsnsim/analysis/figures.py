@@ -16,7 +16,7 @@ from typing import Final
 
 from matplotlib import style
 
-from wsnsim.analysis import plot_data, plots, sweep_plots
+from wsnsim.analysis import plot_data, plots, recorded_bounds, sweep_plots
 from wsnsim.analysis.figure_style import STYLE, Panel, figure_of, save, suffix_of
 from wsnsim.base.errors import ResultError
 from wsnsim.recording.folder import Folder
@@ -52,12 +52,16 @@ class WrittenFigure:
 
 @dataclass(frozen=True)
 class PlotSelection:
-    """What to plot: a state column (None: all), a step of particles (None: the last), a run and a target."""
+    """What to plot: a state column (None: all), a step of particles (None: the last), a run and a target.
+
+    `plugins` says whether plug-ins that the result's scenario names are imported for the bound.
+    """
 
     column: str | None = None
     step: int | None = None
     replicate: int = 0
     target: int = 0
+    plugins: bool = False
 
 
 def draw(path: Path, out: Path, what: str = "all", choice: PlotSelection | None = None) -> WrittenFigure:
@@ -87,6 +91,8 @@ def draw(path: Path, out: Path, what: str = "all", choice: PlotSelection | None 
         figure = figure_of([draws for _, draws in panels])
         figure.suptitle(plot_data.heading(path), x=0.01, ha="left", fontweight="bold")
         save(figure, out)
+    if "error" in dict(panels) and (why := recorded_bounds.lacking(path, chosen.plugins)):
+        left_out["bound"] = why
     return WrittenFigure(out, tuple(name for name, _ in panels), left_out)
 
 
@@ -124,7 +130,7 @@ def _panels(path: Path, what: str, choice: PlotSelection, among_all: bool) -> It
                     partial(plots.states, path=path, column=column, replicate=replicate, target=target),
                 )
         case "error":
-            yield what, lambda axes: plots.error(axes, path)
+            yield what, lambda axes: plots.error(axes, path, choice.plugins)
         case "consistency":
             yield what, lambda axes: plots.consistency(axes, path)
         case "energy":

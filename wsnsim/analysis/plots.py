@@ -71,8 +71,11 @@ def states(axes: Axes, path: str | Path, column: str, replicate: int = 0, target
     return _titled(axes, f"{column} of {_which(replicate, target)}")
 
 
-def error(axes: Axes, path: str | Path) -> Axes:
-    """Draw the position error at each step over all runs: RMSE (Jiang 2013, eq. 26), median, quartiles and CRLB."""
+def error(axes: Axes, path: str | Path, plugins: bool = False) -> Axes:
+    """Draw the position error at each step over all runs: RMSE (Jiang 2013, eq. 26), median, quartiles and CRLB.
+
+    `plugins` says whether plug-ins that the result's scenario names are imported for the bound.
+    """
     plot_data.demand(path, "error")
     plan = plot_data.layout(path)
     errors, steps, times = plot_data.errors(path)
@@ -88,7 +91,7 @@ def error(axes: Axes, path: str | Path) -> Axes:
         shown = np.concatenate([mean, middle])
     name = f"error of {of_runs}" if len(rows) == 1 else "RMSE"
     axes.plot(times, mean, color=VERMILLION, linewidth=1.2, label=name, **_marks(mean))
-    if (limit := recorded_bounds.in_range(path)) is not None:
+    if (limit := recorded_bounds.in_range(path, plugins)) is not None:
         bound = limit.rmse[steps - 1]
         axes.plot(times, bound, color=BLACK, linewidth=1.0, linestyle=":", label="trajectory-conditional CRLB")
         shown = np.concatenate([shown, bound])

@@ -16,6 +16,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final
 
+from wsnsim.base.plugin_code import plugin_fault
+
 MOST_PRINTED: Final = 50
 """Issues of one scenario or sweep that a message names."""
 LONGEST_PATH: Final = 200
@@ -90,9 +92,8 @@ class RunError(WsnsimError):
 def failed_run(time: float, seed: int, replicate: int, reason: BaseException) -> RunError:
     """Return the error of a run that failed: how to repeat it, and the reason."""
     name = "" if isinstance(reason, WsnsimError) else f"{type(reason).__name__}: "
-    return RunError(
-        f"the run failed at {time:g} s of simulated time (seed {seed}, replicate {replicate}): {name}{reason}"
-    )
+    said = plugin_fault(reason) or f"{name}{reason}"
+    return RunError(f"the run failed at {time:g} s of simulated time (seed {seed}, replicate {replicate}): {said}")
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:

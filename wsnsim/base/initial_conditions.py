@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from wsnsim.base.arrays import Floats
-from wsnsim.base.errors import RunError
+from wsnsim.base.errors import RunError, WsnsimError, failed_run
+from wsnsim.base.plugin_code import plugin_fault
 from wsnsim.base.ports import Continuous, Estimate
 from wsnsim.base.rng import Streams, derive_all, normals
 from wsnsim.base.setups import NetworkSetup, Setup, TrackingSetup
@@ -36,8 +37,19 @@ def sample_initial_conditions(setup: TrackingSetup, replicate: int) -> InitialCo
     """The initial conditions of one run, from the streams `deploy`, `gains`, `truth`, `prior` and `position_error`.
 
     Raises:
-        RunError: The deployment did not succeed; names seed and replicate.
+        RunError: The deployment did not succeed, or a plug-in failed; names seed and replicate.
     """
+    try:
+        return _sampled(setup, replicate)
+    except WsnsimError:
+        raise
+    except (Exception, SystemExit) as reason:
+        if not plugin_fault(reason):
+            raise
+        raise failed_run(0.0, setup.seed, replicate, reason) from reason
+
+
+def _sampled(setup: TrackingSetup, replicate: int) -> InitialConditions:
     streams = Streams(setup.seed, replicate)
     positions = sample_positions(setup, setup.sensor.reach, replicate)
     traits = setup.sensor.draw_traits(len(positions), streams("gains"))

@@ -42,7 +42,7 @@ from wsnsim.bounds.initial_conditions import (
 from wsnsim.bounds.recorded_readings import RecordedReadings
 from wsnsim.experiment import rerun_source
 from wsnsim.recording import read_table, table_names
-from wsnsim.scenario import build, load
+from wsnsim.scenario import Plugins, build, load
 
 KINDS: Final = ("unconditional", "per_trajectory")
 READINGS: Final = ("in_range", "active", "arrived")
@@ -162,7 +162,11 @@ def bound(
 
 
 def bound_of_run(
-    path: str | Path, readings: str = "arrived", kind: str = "per_trajectory", gains: str | None = None
+    path: str | Path,
+    readings: str = "arrived",
+    kind: str = "per_trajectory",
+    gains: str | None = None,
+    plugins: bool = False,
 ) -> Bound:
     """The bound for the readings of recorded runs.
 
@@ -173,12 +177,14 @@ def bound_of_run(
         readings: `in_range`, those of `active` members of the clusters, or those that `arrived` at the head.
         kind: one of `KINDS`.
         gains: as `bound`.
+        plugins: whether plug-ins that the result's scenario names are imported; without it, none is.
 
     Raises:
         UsageError: kind, readings or gains are not allowed.
         ResultError: the file cannot be read, or holds other trajectories than this version samples.
+        ScenarioError: the scenario is invalid, or needs a plug-in.
     """
-    return bounds_of_run(path, (readings,), kind, gains)[0]
+    return bounds_of_run(path, (readings,), kind, gains, plugins=plugins)[0]
 
 
 def bounds_of_run(
@@ -188,13 +194,15 @@ def bounds_of_run(
     gains: str | None = None,
     replicates: Sequence[int] | None = None,
     scenario: Any = None,
+    plugins: bool = False,
 ) -> list[Bound]:
     """The bounds for several kinds of readings of recorded runs, in the order given; otherwise as `bound_of_run`.
 
     The trajectories are sampled once for all of them. `replicates` are the runs in the file, and `scenario` is its
     Scenario; without them, the file says which they are.
     """
-    loaded = load(rerun_source(Path(path)) if scenario is None else scenario)
+    allowed = Plugins.ANY if plugins else Plugins.NONE
+    loaded = load(rerun_source(Path(path)), plugins=allowed) if scenario is None else load(scenario)
     setup = build(loaded)
     if replicates is None:
         replicates = read_table(path, "runs", ["replicate"])["replicate"].tolist()

@@ -8,7 +8,16 @@ The folder holds all that a campaign needs to resume after any of its processes 
 """
 
 from wsnsim.campaign.code_changes import differing_code
-from wsnsim.campaign.folders import collect, describe_missing, existing_manifest, missing, prepare, reopen
+from wsnsim.campaign.folders import (
+    collect,
+    demand_permitted,
+    describe_missing,
+    existing_manifest,
+    missing,
+    needs_permission,
+    prepare,
+    reopen,
+)
 from wsnsim.campaign.runner import run_campaign
 from wsnsim.campaign.status import WHOLE, CampaignOutcome, CampaignProgress, Shard
 from wsnsim.campaign.sweeping import sweep
@@ -19,10 +28,12 @@ __all__ = [
     "CampaignProgress",
     "Shard",
     "collect",
+    "demand_permitted",
     "describe_missing",
     "differing_code",
     "existing_manifest",
     "missing",
+    "needs_permission",
     "prepare",
     "reopen",
     "run_campaign",

@@ -25,6 +25,7 @@ from wsnsim.campaign.code_changes import (
 from wsnsim.recording import provenance
 from wsnsim.recording.folder import Folder, Manifest, PointOnDisk, consecutive
 from wsnsim.recording.layout import reason
+from wsnsim.scenario.plugin_access import Plugins, refused
 from wsnsim.scenario.sweep_schema import Plan
 
 MAX_SHOWN: Final = 56
@@ -126,6 +127,22 @@ def collect(shards: Sequence[Folder], into: Folder, accept_code_change: bool = F
     merged = _with_changes(replace(first, points=points), manifests)
     into.write_manifest(merged)
     return merged
+
+
+def demand_permitted(folder: Folder, plugins: Plugins) -> None:
+    """Raise UsageError if a point's scenario names a plug-in that the campaign may not import."""
+    for point in folder.manifest().points:
+        if why := refused(json.loads(folder.scenario(point.id)), plugins):
+            raise UsageError(f"{folder.path}: {why}")
+
+
+def needs_permission(folder: Folder) -> bool:
+    """Whether a campaign can only be resumed from its folder with the permission to import any plug-in."""
+    try:
+        demand_permitted(folder, Plugins.INSTALLED)
+    except UsageError:
+        return True
+    return False
 
 
 def missing(folder: Folder) -> dict[str, list[int]]:

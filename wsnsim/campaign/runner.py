@@ -19,6 +19,7 @@ from wsnsim.campaign.engines import Engine, EngineError, FinishedTask, WorkerLos
 from wsnsim.campaign.status import WHOLE, CampaignOutcome, CampaignProgress, Shard
 from wsnsim.campaign.task import Task, TaskOutcome, cause_of_death, failure_report, is_timeout, session_name
 from wsnsim.recording.folder import Folder, Manifest, consecutive
+from wsnsim.scenario.plugin_access import ACCESS_OF_FILES, PluginAccess
 
 GRACE: Final = 10.0
 """Seconds that running tasks get to finish after the campaign is stopped."""
@@ -37,6 +38,7 @@ def run_campaign(
     on_progress: Callable[[CampaignProgress], None] | None = None,
     should_stop: Callable[[], bool] = lambda: False,
     batch: bool = True,
+    access: PluginAccess = ACCESS_OF_FILES,
 ) -> CampaignOutcome:
     """Run the missing tasks of a campaign whose manifest and scenarios are on disk, and close the engine.
 
@@ -47,10 +49,11 @@ def run_campaign(
         on_progress: called with the progress several times a second.
         should_stop: asked several times a second whether to stop.
         batch: whether standalone runs may be made many at once.
+        access: which plug-ins the scenarios may name; by default those that installed packages offer.
     """
     try:
         runner = _CampaignRunner(
-            folder, folder.manifest(), engine, shard, on_progress or (lambda progress: None), batch
+            folder, folder.manifest(), engine, shard, on_progress or (lambda progress: None), batch, access
         )
         runner.run(should_stop)
     finally:
@@ -81,6 +84,7 @@ class _CampaignRunner:
     shard: Shard
     on_progress: Callable[[CampaignProgress], object]
     batch: bool
+    access: PluginAccess
     pending: deque[Task] = field(default_factory=deque)
     suspects: deque[Task] = field(default_factory=deque)
     running: dict[str, Task] = field(default_factory=dict)
@@ -147,7 +151,7 @@ class _CampaignRunner:
         """A task of this session."""
         folder = str(self.folder.path.resolve())
         timeout = self.manifest.timeout
-        return Task(folder, point, first, last, self.session, __version__, timeout, self.batch, self.code)
+        return Task(folder, point, first, last, self.session, __version__, timeout, self.batch, self.code, self.access)
 
     def submit_pending(self) -> None:
         """Submit as many tasks as the engine takes. A suspect is submitted when nothing else runs."""

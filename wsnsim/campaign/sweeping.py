@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ast
+import inspect
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,6 +13,7 @@ from wsnsim.campaign.engines import Engine
 from wsnsim.campaign.folders import prepare
 from wsnsim.campaign.runner import run_campaign
 from wsnsim.campaign.status import CampaignOutcome, CampaignProgress
+from wsnsim.scenario.plugin_access import Plugins, access
 
 
 def sweep(  # noqa: PLR0913
@@ -30,7 +33,7 @@ def sweep(  # noqa: PLR0913
     """Run a sweep, or resume it.
 
     Read the results with `wsnsim.read(out, "runs")` and compare them with `wsnsim.compare(out)`. A script must call
-    this function under `if __name__ == "__main__":`, because worker processes import the script.
+    this function under `if __name__ == "__main__":`, because worker processes may import the script.
 
     Args:
         source: file or shipped name of a sweep, a dict with the same content ({"scenario": "pso_mhpf", "grid":
@@ -51,18 +54,50 @@ def sweep(  # noqa: PLR0913
 
     Raises:
         ScenarioError: the scenario or the sweep is invalid.
-        UsageError: the campaign cannot be started. Later failures are part of the outcome.
+        UsageError: the campaign cannot be started, or a script calls the function without a main guard. Later
+            failures are part of the outcome.
     """
-    import multiprocessing
-
     from wsnsim.scenario.sweep import load_sweep
 
-    if multiprocessing.parent_process() is not None:
-        raise UsageError("a worker process imports this script: call wsnsim.sweep under if __name__ == '__main__':")
+    if scheduler is None:
+        _demand_main_guard()
     plan = load_sweep(source, vary, overrides, trackers, replicates=replicates)
     by = [key for key in ("tracker", "tracker.kind") if trackers and key in plan.keys]
     folder = prepare(plan, out, by=by, command_line="wsnsim.sweep", accept_code_change=accept_code_change)
-    return run_campaign(folder, _engine(folder.path, workers, scheduler), on_progress=progress, batch=batch)
+    allowed = access(Plugins.ANY)
+    engine = _engine(folder.path, workers, scheduler)
+    return run_campaign(folder, engine, on_progress=progress, batch=batch, access=allowed)
+
+
+def _demand_main_guard() -> None:
+    """Raise UsageError if a script calls `sweep` where a worker process that imports the script would call it, too."""
+    frame = inspect.currentframe()
+    while frame is not None:
+        name, file = frame.f_globals.get("__name__"), frame.f_globals.get("__file__")
+        if frame.f_code.co_name == "<module>" and (
+            name == "__mp_main__" or (name == "__main__" and file and not is_guarded(_text(file), frame.f_lineno))
+        ):
+            raise UsageError(
+                'a script must call wsnsim.sweep under if __name__ == "__main__": workers import the script'
+            )
+        frame = frame.f_back
+
+
+def is_guarded(script: str, line: int) -> bool:
+    """Whether a script tests `__name__` at or before a line, outside of functions; also if it cannot be read."""
+    try:
+        statements = ast.parse(script).body
+    except (SyntaxError, ValueError):
+        return True
+    tests = [one.test for one in statements if isinstance(one, ast.If) and one.lineno <= line]
+    return any(isinstance(node, ast.Name) and node.id == "__name__" for test in tests for node in ast.walk(test))
+
+
+def _text(file: str) -> str:
+    try:
+        return Path(file).read_text(encoding="utf-8")
+    except (OSError, ValueError):
+        return "("  # no script: nothing is known
 
 
 def _engine(folder: Path, workers: int | None, scheduler: str | None) -> Engine:

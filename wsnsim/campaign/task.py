@@ -20,11 +20,14 @@ from pathlib import Path
 from typing import Any, Final, Literal, TextIO
 
 from wsnsim.base.errors import StorageError, UsageError, WsnsimError
+from wsnsim.base.plugin_code import plugin_fault
 from wsnsim.base.version import __version__
 from wsnsim.campaign.orphans import end_with_parent
 from wsnsim.recording.atomic_files import host
 from wsnsim.recording.folder import Folder
 from wsnsim.recording.layout import cannot_write
+from wsnsim.scenario.plugin_access import ACCESS_OF_FILES, PluginAccess
+from wsnsim.scenario.registry import search
 
 TaskStatus = Literal["done", "exists", "failed", "suspect", "storage", "version", "cancelled"]
 MAX_MESSAGE: Final = 600
@@ -53,6 +56,7 @@ class Task:
         timeout: seconds after which a replicate fails, None for no limit.
         batch: whether standalone runs may be made many at once.
         code: digest of the code that is to make the runs, '' if it is unknown.
+        access: which plug-ins the scenario may name, and where their modules are looked for.
     """
 
     folder: str
@@ -64,6 +68,7 @@ class Task:
     timeout: float | None = None
     batch: bool = True
     code: str = ""
+    access: PluginAccess = ACCESS_OF_FILES
 
     @property
     def name(self) -> str:
@@ -133,7 +138,8 @@ def perform(task: Task) -> TaskOutcome:
 def describe_error(error: BaseException) -> str:
     """The message of an error as encodable text, shorter than a kilobyte."""
     try:
-        text = str(error) if isinstance(error, WsnsimError) else f"{type(error).__name__}: {error}"
+        text = str(error) if isinstance(error, WsnsimError) else ""
+        text = text or plugin_fault(error) or f"{type(error).__name__}: {error}"
     except Exception:
         text = f"{type(error).__name__} (its message cannot be read)"
     text = text.encode("utf-8", "backslashreplace").decode("utf-8")
@@ -166,7 +172,7 @@ def _run(folder: Folder, task: Task, path: Path, marker: TextIO) -> None:
     _set_timeout(task, marker, IMPORT_TIME)
     import wsnsim.experiment as experiment
 
-    scenario = _scenario(folder.scenario(task.point))
+    scenario = _scenario(folder.scenario(task.point), task.access)
     _demand_code(task.folder, task.code)
     current = -1
 
@@ -233,11 +239,12 @@ def _blamed(folder: Folder, task: Task) -> TaskOutcome | None:
 
 
 @functools.lru_cache(maxsize=8)
-def _scenario(resolved: str) -> Any:
+def _scenario(resolved: str, access: PluginAccess) -> Any:
     """A point's scenario, checked once per process, with its components imported."""
     import wsnsim.scenario as scenario
 
-    loaded = scenario.load(json.loads(resolved))
+    search(access.folders)
+    loaded = scenario.load(json.loads(resolved), plugins=access.plugins)
     scenario.build(loaded)
     return loaded
 

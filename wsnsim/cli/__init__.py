@@ -16,7 +16,6 @@ import os
 import sys
 import warnings
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 from typing import Any, Final
 
 import click
@@ -24,8 +23,10 @@ import click
 from wsnsim.base.caches import CacheWarning, prepare_matplotlib
 from wsnsim.base.errors import ScenarioError, WsnsimError
 from wsnsim.base.garbage import NEW_OBJECTS
+from wsnsim.base.plugin_code import TRACEBACK_HINT, plugin_fault
 from wsnsim.base.progress import watching
 from wsnsim.cli import campaigns, commands, plotting, reporting, reproducing
+from wsnsim.cli.imports import plugins_announced
 from wsnsim.cli.interrupts import Interrupts
 from wsnsim.cli.progress import WorkBar
 from wsnsim.cli.shared import echo, group
@@ -43,8 +44,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     prepare_matplotlib()
     for name in THREADS:
         os.environ.setdefault(name, "1")
-    if "" not in sys.path and str(Path.cwd()) not in sys.path:
-        sys.path.append(str(Path.cwd()))  # for kinds such as mylab.trackers:Mine in the working directory
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="replace")  # for terminals whose encoding lacks ×
@@ -82,7 +81,7 @@ def _perform(arguments: list[str], interrupts: Interrupts) -> int:
     """Run the command. After a signal every error is reported as the signal: compiled code may raise another one."""
     try:
         shown = group.make_context("wsnsim", arguments or ["--help"], obj=interrupts)
-        with shown as context, contextlib.closing(WorkBar()) as bar, watching(bar.step):
+        with shown as context, contextlib.closing(WorkBar()) as bar, watching(bar.step), plugins_announced():
             code = group.invoke(context)
         sys.stdout.flush()
         return code if isinstance(code, int) else 0
@@ -104,7 +103,8 @@ def _report(raised: BaseException) -> int:
         return _print_error(str(error), error.exit_code, prefix="")
     except WsnsimError as error:
         _print_traceback()
-        return _print_error(str(error), error.exit_code)
+        hint = f" ({TRACEBACK_HINT})" if plugin_fault(error) else ""
+        return _print_error(f"{error}{hint}", error.exit_code)
     except (KeyboardInterrupt, click.Abort):
         return _print_error("interrupted", 130)
     except BrokenPipeError:
@@ -113,11 +113,20 @@ def _report(raised: BaseException) -> int:
         _print_traceback()
         _close_stdout()
         return _print_error(f"{error.strerror or error}{f': {error.filename}' if error.filename else ''}", 1)
-    except Exception as error:
-        _print_traceback()
-        message = " ".join(str(error).split())
-        hint = "set WSNSIM_TRACEBACK=1 for the traceback"
-        return _print_error(f"{type(error).__name__}: {message} ({hint})", 1, prefix="wsnsim: internal error: ")
+    except (Exception, SystemExit) as error:
+        return _report_unexpected(error)
+
+
+def _report_unexpected(error: BaseException) -> int:
+    """Print an error of a plug-in's code, or of ours, and return the exit code."""
+    fault = plugin_fault(error)
+    if isinstance(error, SystemExit) and not fault:
+        raise error
+    _print_traceback()
+    if fault:
+        return _print_error(f"{fault} ({TRACEBACK_HINT})", 1)
+    message = " ".join(str(error).split())
+    return _print_error(f"{type(error).__name__}: {message} ({TRACEBACK_HINT})", 1, "wsnsim: internal error: ")
 
 
 def _print_error(message: str, code: int, prefix: str = "wsnsim: error: ") -> int:

@@ -11,15 +11,16 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 from wsnsim.base.errors import UsageError
 from wsnsim.base.printable import printable
 from wsnsim.base.regular_files import why_not_regular
+from wsnsim.cli.cost_answer import print_estimate
 from wsnsim.cli.interrupts import Interrupts
-from wsnsim.cli.progress import CAMPAIGN, display, duration
+from wsnsim.cli.progress import CAMPAIGN, display
 from wsnsim.cli.shared import command_line, echo, echo_json
 
 if TYPE_CHECKING:
     from wsnsim.campaign import CampaignOutcome, Shard
-    from wsnsim.campaign.cost_estimate import CostEstimate
     from wsnsim.campaign.engines import Engine
     from wsnsim.recording.folder import Folder, Manifest
+    from wsnsim.scenario.plugin_access import PluginAccess, Plugins
     from wsnsim.scenario.sweep_schema import Plan
 
 INCOMPLETE: Final = 3
@@ -54,6 +55,7 @@ class SessionOptions(NamedTuple):
     quiet: bool
     progress: str
     accept_code_change: bool
+    plugins: bool
     comparison: ComparisonOptions
 
 
@@ -71,13 +73,13 @@ def run_plan(plan: Plan, options: SessionOptions, interrupts: Interrupts, by: tu
 
         campaign.existing_manifest(Folder(path), plan.name)
         estimate = estimate_cost(plan, Folder(path), _workers(options), shard, options.batch)
-        _print_estimate(plan.name, estimate, options)
+        print_estimate(plan.name, estimate, options.comparison.as_json)
         return 0
     folder = campaign.prepare(
         plan, path, by=by, baseline=options.comparison.baseline, command_line=command_line(),
         accept_code_change=options.accept_code_change,
     )  # fmt: skip
-    return _run(folder, shard, options, interrupts)
+    return _run(folder, shard, options, interrupts, _access(of_caller=True))
 
 
 def resume(source: str, options: SessionOptions, interrupts: Interrupts) -> int:
@@ -86,17 +88,18 @@ def resume(source: str, options: SessionOptions, interrupts: Interrupts) -> int:
 
     if options.dry_run:
         raise UsageError("--dry-run needs a sweep; `wsnsim info DIR` shows the progress of a campaign")
-    shard = _shard(options.shard)
+    shard, allowed = _shard(options.shard), _access(of_caller=options.plugins)
     folder = campaign.reopen(source, options.accept_code_change)
+    campaign.demand_permitted(folder, allowed.plugins)
     _check_engine_options(options)
     manifest = folder.manifest()
     _check_comparison(options.comparison, manifest, options.comparison.by or manifest.by)
     if (difference := campaign.differing_code(manifest)) and not options.quiet:
         echo_lines([f"wsnsim: {folder.path} is complete and only shown: {difference}"])
-    return _run(folder, shard, options, interrupts)
+    return _run(folder, shard, options, interrupts, allowed)
 
 
-def _run(folder: Folder, shard: Shard, options: SessionOptions, interrupts: Interrupts) -> int:
+def _run(folder: Folder, shard: Shard, options: SessionOptions, interrupts: Interrupts, allowed: PluginAccess) -> int:
     """Run what is missing, print the comparison, and say what is still missing."""
     import wsnsim.campaign as campaign
 
@@ -104,14 +107,21 @@ def _run(folder: Folder, shard: Shard, options: SessionOptions, interrupts: Inte
     shown = display("none" if options.quiet else options.progress, CAMPAIGN)
     with interrupts.noted() as should_stop, contextlib.closing(shown):
         try:
-            outcome = campaign.run_campaign(folder, engine, shard, shown.step, should_stop, options.batch)
+            outcome = campaign.run_campaign(folder, engine, shard, shown.step, should_stop, options.batch, allowed)
         except KeyboardInterrupt:
             echo_lines([f"wsnsim: resume with: {_resume_command(folder, shard, options)}"])
             raise
     code = 0
     if shard == campaign.WHOLE and not interrupts.number:
-        code = print_comparison(folder, options.comparison)
+        code = print_comparison(folder, options.comparison, allowed.plugins)
     return _report_outcome(folder, outcome, shard, options, interrupts) or code
+
+
+def _access(of_caller: bool) -> PluginAccess:
+    """What a campaign's scenarios may import: what they name if they are the caller's, or only what is installed."""
+    from wsnsim.scenario.plugin_access import Plugins, access
+
+    return access(Plugins.ANY if of_caller else Plugins.INSTALLED)
 
 
 def _engine(folder: Folder, options: SessionOptions) -> Engine:
@@ -138,14 +148,15 @@ def _workers(options: SessionOptions) -> int:
     return options.jobs or available_cores()
 
 
-def print_comparison(folder: Folder, options: ComparisonOptions) -> int:
-    """Print the comparison of what is on disk.
+def print_comparison(folder: Folder, options: ComparisonOptions, plugins: Plugins | None = None) -> int:
+    """Print the comparison of what is on disk. `plugins`: which ones its scenarios may name, if bounds are shown.
 
     Returns:
         The exit code: 1 if there are no results, 3 if a damaged file was set aside.
     """
     from wsnsim.analysis import code_origin, comparison, comparison_text
     from wsnsim.base.errors import ResultError
+    from wsnsim.campaign import needs_permission
 
     try:
         found = comparison.compare(folder, options.metric, options.by or None, options.baseline)
@@ -155,12 +166,13 @@ def print_comparison(folder: Folder, options: ComparisonOptions) -> int:
             echo_lines([f"wsnsim: error: {error}"])
             return error.exit_code
         echo_lines([f"wsnsim: {path}: is damaged and was set aside; its runs are missing now" for path in damaged])
-        echo_lines([f"wsnsim: resume with: wsnsim sweep {shlex.quote(str(folder.path))}"])
+        allowed = " --plugins" * needs_permission(folder)
+        echo_lines([f"wsnsim: resume with: wsnsim sweep {shlex.quote(str(folder.path))}{allowed}"])
         return INCOMPLETE
     if options.bound:
         from wsnsim.analysis import comparison_bounds
 
-        found = comparison_bounds.with_bounds(found, folder)
+        found = comparison_bounds.with_bounds(found, folder, plugins)
     if options.csv:
         _write_csv(found.table, options.csv)
     if options.as_json:
@@ -249,6 +261,8 @@ def _failures(folder: Folder, outcome: CampaignOutcome) -> list[str]:
 
 def _resume_command(folder: Folder, shard: Shard, options: SessionOptions) -> str:
     """The command that resumes the campaign."""
+    from wsnsim.campaign import needs_permission
+
     words = ["wsnsim", "sweep", str(folder.path)]
     if shard.total > 1:
         words += ["--shard", f"{shard.number}/{shard.total}"]
@@ -265,6 +279,7 @@ def _resume_command(folder: Folder, shard: Shard, options: SessionOptions) -> st
         words += [f"--{name}", str(value)] if value is not None else []
     words += [word for key in comparison.by for word in ("--by", key)]
     words += [] if options.batch else ["--no-batch"]
+    words += ["--plugins"] if needs_permission(folder) else []
     words += [f"--{name}" for name, wanted in (("bound", comparison.bound), ("json", comparison.as_json)) if wanted]
     return shlex.join(words)
 
@@ -284,19 +299,3 @@ def _shard(text: str | None) -> Shard:
     if not (sign and number.isdecimal() and count.isdecimal() and 1 <= int(number) <= int(count)):
         raise UsageError(f"--shard takes I/N with 1 <= I <= N, such as 1/2, not '{text}'")
     return Shard(int(number), int(count))
-
-
-def _print_estimate(name: str, estimate: CostEstimate, options: SessionOptions) -> None:
-    """Print the answer of --dry-run."""
-    import dataclasses
-    import math
-
-    if options.comparison.as_json:
-        echo_json({"name": name, **dataclasses.asdict(estimate)})
-        return
-    size = "unknown" if math.isnan(estimate.size) else f"{estimate.size / 1e6:.1f} MB"
-    echo(f"{name}: {estimate.points} points, {estimate.replicates} runs, {estimate.done} of them done")
-    echo(f"  missing  {estimate.left} runs in {estimate.tasks} tasks")
-    echo(f"  time     {duration(estimate.wall_seconds)} ({duration(estimate.cpu_seconds)} of CPU time)")
-    echo(f"  size     {size}")
-    echo(f"  estimated from {estimate.source}")

@@ -30,6 +30,7 @@ from wsnsim.cli.shared import (
     jobs_option,
     json_option,
     overrides_option,
+    plugins_option,
     progress_option,
     quiet_option,
     seed_option,
@@ -62,6 +63,7 @@ def _session_options(command: Command) -> Command:
             "--bound/--no-bound", default=None, help="Show the CRLB beside the errors; default only in compare."
         ),
         accept_code_option,
+        plugins_option,
         batch_option,
         json_option,
         quiet_option,

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import json
-from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from wsnsim.base.errors import ResultError, ScenarioError, UsageError
+from wsnsim.base.errors import ResultError, UsageError
 from wsnsim.base.garbage import put_off
 from wsnsim.cli.progress import RUN, display
 from wsnsim.cli.shared import (
@@ -24,7 +23,9 @@ from wsnsim.cli.shared import (
     group,
     is_campaign,
     json_option,
+    loaded,
     overrides_option,
+    plugins_option,
     progress_option,
     quiet_option,
     result_argument,
@@ -36,8 +37,6 @@ if TYPE_CHECKING:
     from wsnsim.experiment import Report
     from wsnsim.scenario.schema import Scenario
 
-HDF5_SIGNATURE: Final = b"\x89HDF\r\n\x1a\n"
-
 
 @group.command()
 @click.argument("source", metavar="SCENARIO")
@@ -46,6 +45,7 @@ HDF5_SIGNATURE: Final = b"\x89HDF\r\n\x1a\n"
 @seed_option
 @click.option("--out", "-o", type=PATH, metavar="FILE.h5", help="Result file; default results/NAME.h5.")
 @click.option("--report", "with_page", is_flag=True, help="Also write the result's HTML page, beside the result.")
+@plugins_option
 @json_option
 @batch_option
 @quiet_option
@@ -57,6 +57,7 @@ def run(
     seed: int | None,
     out: Path | None,
     with_page: bool,
+    plugins: bool,
     as_json: bool,
     batch: bool,
     quiet: bool,
@@ -64,7 +65,7 @@ def run(
 ) -> None:
     """Run a scenario and write its result."""
     seeded = overrides if seed is None else (*overrides, f"seed={seed}")
-    scenario = _loaded(source, seeded)
+    scenario = loaded(source, seeded, plugins)
     path = writable(out, Path("results") / f"{scenario.name}.h5")
     page = _page_path(path) if with_page else None
     with put_off():
@@ -85,7 +86,7 @@ def run(
         import wsnsim.report as pages
         from wsnsim.papers.published import published
 
-        written = pages.write([path], page, published=published)
+        written = pages.write([path], page, published=published, plugins=True)  # they have just run
         if not quiet:
             echo(f"wsnsim: {written.path}: {written.size / 1e6:.2f} MB; open it in a browser", err=True)
 
@@ -136,23 +137,29 @@ def _page_path(result: Path) -> Path:
 @group.command()
 @click.argument("sources", metavar="SCENARIO...", nargs=-1, required=True)
 @overrides_option
-def check(sources: tuple[str, ...], overrides: tuple[str, ...]) -> int:
+@plugins_option
+@click.option(
+    "--timeout",
+    type=click.FloatRange(min=0.1),
+    default=20.0,
+    show_default=True,
+    metavar="SECONDS",
+    help="Time limit of a scenario's plug-ins, which run in a process of their own.",
+)
+@quiet_option
+def check(sources: tuple[str, ...], overrides: tuple[str, ...], plugins: bool, timeout: float, quiet: bool) -> int:
     """Check scenarios without running them, and report every error; notes on what is hardly meant."""
-    import wsnsim.scenario as scenario
-    from wsnsim.analysis import notes
+    from wsnsim.cli import checking
 
-    invalid = False
+    code = 0
     for source in sources:
-        try:
-            setup = scenario.build(_loaded(source, overrides))
-        except ScenarioError as error:
-            invalid = True
-            echo(str(error), err=True)
-        else:
-            echo(f"{source}: ok")
-            for note in notes.of_setup(setup):
-                echo(f"  note: {note}")
-    return 2 if invalid else 0
+        found = checking.check(checking.CheckRequest(source, overrides, plugins), timeout)
+        for line in found.errors:
+            echo(line, err=True)
+        for line in found.lines:
+            echo(line)
+        code = max(code, found.code)
+    return code
 
 
 @group.command("list")
@@ -197,32 +204,36 @@ def new(name: str, bench: bool) -> None:
 
 @group.command()
 @click.argument("source", metavar="FILE|NAME")
+@plugins_option
 @json_option
-def info(source: str, as_json: bool) -> None:
+def info(source: str, plugins: bool, as_json: bool) -> None:
     """Describe a result, a campaign's folder, a datasheet (`wsnsim list parts`), or a scenario's radio."""
+    from wsnsim.scenario.files import is_result
+
     if is_campaign(source):
         from wsnsim.analysis import campaign_info
 
         echo_answer(campaign_info.info(source) if as_json else campaign_info.info_text(source))
-    elif source.endswith(".h5") or _is_result(source):
+    elif source.endswith(".h5") or is_result(source):
         from wsnsim.analysis import result_info
 
         echo_answer(result_info.info(Path(source)) if as_json else result_info.info_text(Path(source)))
     else:
         from wsnsim.cli import component_info
 
-        found = component_info.describe(source)
+        found = component_info.describe(source, plugins)
         echo_answer(found.as_json() if as_json else found.text())
 
 
 @group.command()
 @result_argument
+@plugins_option
 @json_option
-def verify(result: Path, as_json: bool) -> int:
+def verify(result: Path, plugins: bool, as_json: bool) -> int:
     """Run a result's scenario again and compare every table, the fingerprints and the source text."""
     import wsnsim.verification as verification
 
-    answer = verification.verify(result)
+    answer = verification.verify(result, plugins)
     echo_answer({key: value for key, value in asdict(answer).items() if key != "text"} if as_json else answer.text)
     return 0 if answer.ok else 1
 
@@ -273,24 +284,3 @@ def recover(unfinished: Path, out: Path | None) -> None:
     import wsnsim.recording as recording
 
     echo(f"{recording.recover(unfinished, out)}: recovered, with the status partial")
-
-
-@put_off()
-def _loaded(source: str, overrides: Sequence[str]) -> Scenario:
-    """The scenario of a file or name, or the scenario stored in a result."""
-    import wsnsim.scenario as scenario
-
-    if not _is_result(source):
-        return scenario.load(source, overrides)
-    import wsnsim.experiment as experiment
-
-    return scenario.load(experiment.rerun_source(Path(source)), overrides)
-
-
-def _is_result(source: str) -> bool:
-    from wsnsim.base.regular_files import read_regular
-
-    try:
-        return read_regular(source, len(HDF5_SIGNATURE)) == HDF5_SIGNATURE
-    except (OSError, ValueError):
-        return source.endswith(".h5")

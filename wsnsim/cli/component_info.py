@@ -88,8 +88,8 @@ class ComponentInfo:
         return dict(self.plain)
 
 
-def describe(source: str) -> ComponentInfo:
-    """The values of a datasheet or of a scenario's radio, by its file or name.
+def describe(source: str, plugins: bool = False) -> ComponentInfo:
+    """The values of a datasheet or of a scenario's radio, by its file or name. Without `plugins`, none is imported.
 
     Raises:
         ScenarioError: the file is invalid.
@@ -97,11 +97,11 @@ def describe(source: str) -> ComponentInfo:
     """
     file = find_sheet(source, Path())
     if file is not None and sheet_of(file):
-        return _describe_datasheet(datasheets.datasheet(file))
+        return _describe_datasheet(datasheets.datasheet(file, plugins))
     if find_or_none(source) is None:
         nearest = did_you_mean(Path(source).stem, [*shipped(), *shipped_parts()])
         raise UsageError(f"unknown result, scenario or datasheet '{source[:80]}' ({nearest})")
-    return _describe_scenario(source)
+    return _describe_scenario(source, plugins)
 
 
 def _describe_datasheet(sheet: datasheets.Datasheet) -> ComponentInfo:
@@ -148,11 +148,11 @@ def _number(value: object) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
-def _describe_scenario(source: str) -> ComponentInfo:
+def _describe_scenario(source: str, plugins: bool) -> ComponentInfo:
     from wsnsim.base.setups import RadioSetup
-    from wsnsim.scenario import build, load
+    from wsnsim.scenario import Plugins, build, load
 
-    loaded = load(source)
+    loaded = load(source, plugins=Plugins.ANY if plugins else Plugins.NONE)
     setup = build(loaded)
     if not isinstance(setup, RadioSetup):
         raise UsageError(f"{source} has no network (network: none), and therefore no radio to describe")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 import click
 
 from wsnsim.base.errors import UsageError
-from wsnsim.cli.shared import PATH, echo, group, not_the_result, writable
+from wsnsim.cli.shared import PATH, echo, group, not_the_result, plugins_option, writable
 
 if TYPE_CHECKING:
     from wsnsim.analysis.figures import WrittenFigure
@@ -27,6 +27,7 @@ PLOTS: Final = ("all", "track", "states", "error", "consistency", "energy", "par
 @click.option(
     "--out", "-o", type=PATH, metavar="PLOT", help="A .png, .svg or .pdf file; default FILE.png or DIR/figures.png."
 )
+@plugins_option
 def plot(
     result: Path,
     what: str,
@@ -36,6 +37,7 @@ def plot(
     replicate: int | None,
     target: int | None,
     out: Path | None,
+    plugins: bool,
 ) -> None:
     """Plot a result, or a campaign over one of its keys, into one file."""
     import wsnsim.recording as recording
@@ -61,7 +63,8 @@ def plot(
     suffix_of(plot_file)
     recording.attributes(result)
     path = not_the_result(_plot_path(plot_file), result, "plot")
-    _print_plotted(figures.draw(result, path, what, figures.PlotSelection(column, step, replicate or 0, target or 0)))
+    chosen = figures.PlotSelection(column, step, replicate or 0, target or 0, plugins)
+    _print_plotted(figures.draw(result, path, what, chosen))
 
 
 def _plot_path(path: Path) -> Path:

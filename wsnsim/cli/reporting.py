@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from wsnsim.cli.shared import PATH, echo, group, not_the_result, writable
+from wsnsim.cli.shared import PATH, echo, group, not_the_result, plugins_option, writable
 
 
 @group.command()
@@ -21,7 +21,8 @@ from wsnsim.cli.shared import PATH, echo, group, not_the_result, writable
     metavar="MB",
     help="Largest size of the page; replay and figures are reduced to fit.",
 )
-def report(results: tuple[Path, ...], out: Path | None, replicate: int | None, megabytes: float) -> None:
+@plugins_option
+def report(results: tuple[Path, ...], out: Path | None, replicate: int | None, megabytes: float, plugins: bool) -> None:
     """Write one HTML page of results, with a replay. The page loads nothing from the Internet."""
     import wsnsim.recording as recording
     import wsnsim.report as pages
@@ -33,7 +34,7 @@ def report(results: tuple[Path, ...], out: Path | None, replicate: int | None, m
     path = writable(page, Path(page.name))
     for result in results:
         not_the_result(path, result, "page")
-    written = pages.write(results, path, replicate, int(1e6 * megabytes), published)
+    written = pages.write(results, path, replicate, int(1e6 * megabytes), published, plugins)
     echo(f"{written.path}: {written.size / 1e6:.2f} MB; open it in a browser")
     for note in written.notes:
         echo(f"  {note}")

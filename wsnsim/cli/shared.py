@@ -4,17 +4,22 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import click
 
 from wsnsim.base.errors import UsageError, did_you_mean
+from wsnsim.base.garbage import put_off
 from wsnsim.base.printable import printable, printable_json, shortened
 from wsnsim.base.regular_files import LARGEST_NAME, LONGEST_ADDITION, is_too_long, why_not_regular
 from wsnsim.base.version import __version__
 from wsnsim.cli.progress import MODES
 from wsnsim.cli.streams import tell
+
+if TYPE_CHECKING:
+    from wsnsim.scenario.schema import Scenario
 
 SCHEMA_VERSION: Final = 1
 PATH: Final = click.Path(path_type=Path)
@@ -69,6 +74,11 @@ json_option = click.option(
 quiet_option = click.option("--quiet", "-q", is_flag=True, help="Print no progress and no notes.")
 progress_option = click.option(
     "--progress", type=click.Choice(MODES), default="auto", show_default=True, help="How to show progress."
+)
+plugins_option = click.option(
+    "--plugins",
+    is_flag=True,
+    help="Import any plug-in that a result or a campaign's folder names. Only if you trust it.",
 )
 result_argument = click.argument("result", metavar="FILE", type=PATH)
 
@@ -166,3 +176,18 @@ def command_line() -> str:
     import shlex
 
     return shlex.join(["wsnsim", *sys.argv[1:]])
+
+
+@put_off()
+def loaded(source: str, overrides: Sequence[str], plugins: bool) -> Scenario:
+    """The scenario of a file or name, or the scenario stored in a result, which may name installed plug-ins only."""
+    from wsnsim.scenario.files import is_result
+
+    if not is_result(source):
+        from wsnsim.scenario import load
+
+        return load(source, overrides)
+    import wsnsim.experiment as experiment
+
+    found: Scenario = experiment.load(source, overrides, plugins)
+    return found

@@ -87,7 +87,7 @@ class Network(ABC):
             self._env.run(until=ended)
         except ResultError:
             raise
-        except Exception as raised:
+        except (Exception, SystemExit) as raised:  # a plug-in may exit
             reason = raised.__cause__ or raised
             raise failed_run(self._env.now, self._setup.seed, self._replicate, reason) from reason
         awake = self._nodes.duty_cycles.awake_fraction(self._env.now)

@@ -20,6 +20,7 @@ import numpy as np
 from wsnsim.base.arrays import Floats, Ints
 from wsnsim.base.errors import RunError, WsnsimError
 from wsnsim.base.initial_conditions import InitialConditions, sample_initial_conditions
+from wsnsim.base.plugin_code import plugin_fault
 from wsnsim.base.ports import Recorder
 from wsnsim.base.results import Summary
 from wsnsim.base.rng import HEAD_KEY, Streams, derive, derive_all, derive_each
@@ -123,11 +124,11 @@ def _followed(
         estimates = tracker.whole_runs(block)
         if estimates is not None:
             block_rows.demand_shapes(estimates, block)
-    except Exception as reason:
+    except (Exception, SystemExit) as reason:  # a plug-in may exit
         name = "" if isinstance(reason, WsnsimError) else f"{type(reason).__name__}: "
         raise RunError(
             f"the batch of {len(conditions)} runs from replicate {streams[0].replicate} on failed (seed {setup.seed}):"
-            f" {name}{reason}; --no-batch makes one run at a time, and says when it fails"
+            f" {plugin_fault(reason) or f'{name}{reason}'}; --no-batch makes one run at a time, and says when it fails"
         ) from reason
     if estimates is None:
         return None

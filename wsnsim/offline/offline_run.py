@@ -80,7 +80,7 @@ class OfflineRun:
                     progress(scene.time)
         except ResultError:  # the file cannot be written: the run itself is not to blame
             raise
-        except Exception as reason:
+        except (Exception, SystemExit) as reason:  # a plug-in may exit
             raise failed_run(step * setup.dt, setup.seed, self._replicate, reason) from reason
         return estimates
 

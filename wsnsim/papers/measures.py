@@ -53,6 +53,7 @@ from wsnsim.papers.resampling import (
 from wsnsim.papers.verdicts import PublishedValue, interval
 from wsnsim.recording import attributes
 from wsnsim.recording.folder import Folder
+from wsnsim.scenario import Plugins, load
 
 OwnMeasure: TypeAlias = "Callable[[Data, str], pd.Series]"
 VARIANT: Final = "variant"
@@ -123,7 +124,9 @@ class Data:
         gains = "known" if kind == "unconditional" else assumes.get("gains", "known")
         key = point.world, runs, kind, gains
         if key not in self.bounds:
-            self.bounds[key] = bounds.bound(self.scenario(variant), range(runs), kind, gains)
+            self.bounds[key] = bounds.bound(
+                load(self.scenario(variant), plugins=Plugins.NONE), range(runs), kind, gains
+            )
         return self.bounds[key]
 
     def states(self, variant: str) -> tuple[tuple[str, str], ...]:

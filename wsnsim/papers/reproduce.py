@@ -27,6 +27,7 @@ from wsnsim.papers.reproduction import ClaimRow, Experiment, row_of
 from wsnsim.papers.rows import rows_of
 from wsnsim.recording.folder import Folder
 from wsnsim.recording.kept_answers import KEPT, KeptAnswers
+from wsnsim.scenario.plugin_access import Plugins, access
 from wsnsim.scenario.sweep import load_sweep
 from wsnsim.scenario.sweep_schema import Plan
 
@@ -115,7 +116,8 @@ def resume(
 ) -> campaign.CampaignOutcome:
     """Run the missing runs of an experiment that was begun."""
     engine = LocalEngine(jobs or available_cores())
-    return campaign.run_campaign(folder, engine, on_progress=watch, should_stop=stop, batch=batch)
+    allowed = access(Plugins.ANY)  # `begin` has written the scenarios of the folder, which come with wsnsim
+    return campaign.run_campaign(folder, engine, on_progress=watch, should_stop=stop, batch=batch, access=allowed)
 
 
 def folder_of(where: Path, paper: str, experiment: Experiment) -> Path:

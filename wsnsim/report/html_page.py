@@ -50,6 +50,7 @@ def write(
     replicate: int | None = None,
     limit: int = LIMIT,
     published: PublishedLookup | None = None,
+    plugins: bool = False,
 ) -> WrittenPage:
     """Write the page of one or several results.
 
@@ -59,14 +60,16 @@ def write(
         replicate: the run to replay, by default the first of each file.
         limit: largest size of the page (bytes).
         published: gives the published values of a scenario.
+        plugins: whether plug-ins that a result's scenario names are imported for the bounds.
 
     Raises:
         UsageError: a result has no such replicate.
         ResultError: a result cannot be read, or the page cannot be written.
     """
-    sections = _sections(results, replicate)
+    sections = _sections(results, replicate, plugins)
     _drop_figures(sections, int(FIGURE_SHARE * limit))
-    summary = summary_table([section.path for section in sections], [section.name for section in sections], published)
+    paths, names = [section.path for section in sections], [section.name for section in sections]
+    summary = summary_table(paths, names, published, plugins)
     bare = len(_page(sections, [Replay("", ())] * len(sections), summary).encode())
     replays = _replays(sections, limit - bare)
     page = _page(sections, replays, summary).encode()
@@ -78,14 +81,14 @@ def write(
     return WrittenPage(out, len(page), tuple(notes))
 
 
-def _sections(results: Sequence[Path], replicate: int | None) -> list[PageSection]:
+def _sections(results: Sequence[Path], replicate: int | None, plugins: bool) -> list[PageSection]:
     """The section of each result. All results are checked before the figures, which take time, are drawn."""
     infos = [_info(path) for path in results]
     chosen = [first_replicate(path) if replicate is None else replicate for path in results]
     for path, number in zip(results, chosen, strict=True):
         check_replicate(path, number)
     return [
-        PageSection(info, name, number, *svg_figures(info["path"], number))
+        PageSection(info, name, number, *svg_figures(info["path"], number, plugins))
         for info, name, number in zip(infos, page_sections.names(infos), chosen, strict=True)
     ]
 

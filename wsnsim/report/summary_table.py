@@ -34,9 +34,14 @@ PUBLISHED_KEYS: Final = ("rmse", "energy")
 Cells = dict[str, str]
 
 
-def summary_table(results: Sequence[Path], names: Sequence[str], published: PublishedLookup | None = None) -> str:
-    """The table as HTML. A quantity that no result has is left out."""
-    columns = [_cells(path, published) for path in results]
+def summary_table(
+    results: Sequence[Path], names: Sequence[str], published: PublishedLookup | None = None, plugins: bool = False
+) -> str:
+    """The table as HTML. A quantity that no result has is left out.
+
+    `plugins` says whether plug-ins that a result's scenario names are imported for the bounds.
+    """
+    columns = [_cells(path, published, plugins) for path in results]
     first, *others = (quantity.name for quantity in QUANTITIES.values())
     order = [RUNS, first, *BOUND_NAMES.values(), *others]
     labels = [label for label in order if any(label in column for column in columns)]
@@ -64,7 +69,7 @@ def _breakable(name: str) -> str:
     return f"<bdi>{broken}</bdi>"
 
 
-def _cells(path: Path, published: PublishedLookup | None) -> Cells:
+def _cells(path: Path, published: PublishedLookup | None, plugins: bool) -> Cells:
     """The summary quantities of a result by name, as HTML."""
     values, paper = _published_values(path, published)
     arrays, unit = read_arrays(path), position_unit(path)
@@ -81,7 +86,7 @@ def _cells(path: Path, published: PublishedLookup | None) -> Cells:
     if arrays.errors.size:
         cells |= {
             BOUND_NAMES[readings]: html.escape(QUANTITIES["rmse"].text(bound, unit))
-            for readings, bound in recorded_bounds.time_averages(path).items()
+            for readings, bound in recorded_bounds.time_averages(path, plugins).items()
         }
     if arrays.runs and arrays.runs["replicate"].size:
         cells[RUNS] = str(arrays.runs["replicate"].size)

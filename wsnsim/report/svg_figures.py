@@ -20,7 +20,7 @@ from matplotlib.collections import PathCollection, PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
-from wsnsim.analysis import plot_data, plots
+from wsnsim.analysis import plot_data, plots, recorded_bounds
 from wsnsim.analysis.figure_style import STYLE
 from wsnsim.base.errors import ResultError, UsageError
 from wsnsim.base.progress import tracked
@@ -60,18 +60,23 @@ class _Panel(NamedTuple):
     target: int | None = None
 
 
-def svg_figures(path: Path, replicate: int) -> tuple[list[SvgFigure], list[str]]:
-    """(figures of a result, the most important first; reasons for the missing ones)."""
+def svg_figures(path: Path, replicate: int, plugins: bool = False) -> tuple[list[SvgFigure], list[str]]:
+    """(figures of a result, the most important first; reasons for the missing ones).
+
+    `plugins` says whether plug-ins that the result's scenario names are imported for the bound.
+    """
     reasons = {name: plot_data.lacking(path, name) for name in plot_data.NEEDS}
     by_reason = {reason: [n for n, each in reasons.items() if each == reason] for reason in reasons.values() if reason}
     left_out = [f"without {', '.join(names)}: {reason}" for reason, names in by_reason.items()]
+    if why := recorded_bounds.lacking(path, plugins):
+        left_out.append(why)
     figures = []
     possible = {name for name, reason in reasons.items() if not reason}
     targets = _targets(path, replicate) if "track" in possible else []
     if len(targets) > MAX_TARGETS:
         left_out.append(f"only the tracks of the first {MAX_TARGETS} of {len(targets):,} targets are drawn")
     with style.context(["default", PAGE_STYLE]):
-        panels = list(_panels(path, replicate, possible, targets))
+        panels = list(_panels(path, replicate, possible, targets, plugins))
         for panel in tracked(panels, f"figures of {path.name} drawn"):
             try:
                 figures.append(_drawn(panel, len(targets) > 1))
@@ -80,12 +85,12 @@ def svg_figures(path: Path, replicate: int) -> tuple[list[SvgFigure], list[str]]
     return figures, left_out
 
 
-def _panels(path: Path, replicate: int, possible: set[str], targets: list[int]) -> Iterator[_Panel]:
+def _panels(path: Path, replicate: int, possible: set[str], targets: list[int], plugins: bool) -> Iterator[_Panel]:
     """The figures to draw."""
     for target in targets[:MAX_TARGETS]:
         yield _Panel("track", partial(plots.track, path=path, replicate=replicate, target=target), target)
     if "error" in possible:
-        yield _Panel("error", partial(plots.error, path=path))
+        yield _Panel("error", partial(plots.error, path=path, plugins=plugins))
     if "consistency" in possible:
         yield _Panel("consistency", partial(plots.consistency, path=path))
     if "energy" in possible:

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 from wsnsim.base.deprecation import uses_former
 from wsnsim.base.errors import Issue, ScenarioError
 from wsnsim.scenario.kinds import AT_TOP
+from wsnsim.scenario.plugin_access import Plugins
 from wsnsim.scenario.registry import ROLES, Role, find, kinds, load_class
 
 if TYPE_CHECKING:
@@ -191,7 +192,8 @@ def _missing_abilities(scenario: Scenario, setup: TrackingSetup) -> Iterator[Iss
     sensor, tracker = scenario.sensor, scenario.tracker  # type: ignore[attr-defined]
     for ability in getattr(setup.tracker, "needs", ()):
         if not callable(getattr(setup.filter_sensor, ability, None)):
-            able = ", ".join(_kinds_with("sensor", ability)) or "none that is known"
+            allowed = scenario.spot(("tracker", "kind")).origin.plugins
+            able = ", ".join(_kinds_with("sensor", ability, allowed)) or "none that is known"
             yield Issue(
                 ("tracker", "kind"),
                 f"{tracker.kind} needs a sensor that gives '{ability}', and {sensor.kind} does not; it can use: {able}",
@@ -200,9 +202,9 @@ def _missing_abilities(scenario: Scenario, setup: TrackingSetup) -> Iterator[Iss
         yield Issue(("tracker", "assumes", "gains"), f"{sensor.kind} has no gains that could be unknown")
 
 
-def _kinds_with(role: str, ability: str) -> Iterator[str]:
-    """Yield the kinds of a role whose class has a method of this name."""
-    for info in kinds(role).values():
+def _kinds_with(role: str, ability: str, allowed: Plugins) -> Iterator[str]:
+    """Yield the kinds of a role whose class has a method of this name, and that the scenario might name."""
+    for info in kinds(role).values() if allowed else ROLES[role].kinds:
         try:
             if callable(getattr(load_class(info), ability, None)):
                 yield info.kind

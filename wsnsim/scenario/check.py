@@ -22,6 +22,7 @@ from wsnsim.scenario.located_values import (
     Entry,
     Keys,
     LocatedValue,
+    Spot,
     at,
     child,
     mapping,
@@ -30,6 +31,7 @@ from wsnsim.scenario.located_values import (
     spot_of,
 )
 from wsnsim.scenario.messages import issues_of
+from wsnsim.scenario.plugin_access import is_missing, not_found, permit
 from wsnsim.scenario.registry import kinds
 from wsnsim.scenario.roles import Role, Scope
 from wsnsim.scenario.schema import Chosen, Scenario, is_without_target, part_model, scenario_model
@@ -76,18 +78,29 @@ def _scope(tree: LocatedValue) -> tuple[Scope, list[Issue]]:
     """Return which roles the scenario uses."""
     network, kind = at(tree, ("network",)), at(tree, ("workload", "kind"))
     has_network = network is None or network.value != "none"
-    has_targets = kind is None or not _is_without_target(kind.value)
+    has_targets = kind is None or not _is_without_target(kind)
     if kind is None or has_network or has_targets:
         return Scope(has_network, has_targets), []
     message = "a scenario without a target needs a network: remove 'network: none'"
     return Scope(network=True, targets=False), [kind.spot.issue(("workload", "kind"), message)]
 
 
-def _is_without_target(kind: Any) -> bool:
+def _is_without_target(kind: LocatedValue) -> bool:
     try:
-        return isinstance(kind, str) and is_without_target(part_model("workload", kind))
+        return isinstance(kind.value, str) and is_without_target(_permitted("workload", kind.value, kind.spot))
     except (LookupError, ImportError, PartError):
         return False
+
+
+def _permitted(role: str, kind: str, spot: Spot) -> type[PartModel]:
+    """Return the model of a kind that the text at the spot may name; otherwise as `part_model`."""
+    permit(role, kind, spot.origin.plugins, spot.origin.folder)
+    try:
+        return part_model(role, kind)
+    except ImportError as error:
+        if is_missing(kind, error.__cause__):
+            raise ImportError(not_found(kind, spot.origin.folder)) from error
+        raise
 
 
 def _with_defaults(tree: LocatedValue, scope: Scope) -> LocatedValue:
@@ -167,7 +180,7 @@ def _model_at(node: LocatedValue, path: Keys, issues: list[Issue]) -> type[PartM
         issues.append((written or node).spot.issue(kind_path, problem))
         return None
     try:
-        return part_model(role.name, kind)
+        return _permitted(role.name, kind, (written or node).spot)
     except (LookupError, ImportError, PartError) as error:
         issues.append((written or node).spot.issue(kind_path, str(error.args[0])))
         return None

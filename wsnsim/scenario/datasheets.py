@@ -87,8 +87,12 @@ def with_fields(tree: LocatedValue, chosen: Chosen) -> tuple[LocatedValue, list[
     return tree, issues
 
 
-def datasheet(path: Path) -> Datasheet:
+def datasheet(path: Path, plugins: bool = False) -> Datasheet:
     """Return the content of a datasheet.
+
+    Args:
+        path: its file.
+        plugins: whether it may describe what only installed plug-ins use, which are imported then.
 
     Raises:
         ScenarioError: with every issue of the file.
@@ -96,9 +100,10 @@ def datasheet(path: Path) -> Datasheet:
     sheet, issues = _read(path, ())
     if sheet is None or issues:
         raise ScenarioError(issues)
-    part = _parts_by_sheet().get(sheet.sheet.value)
+    known_parts = _parts_by_sheet(plugins)
+    part = known_parts.get(sheet.sheet.value)
     if part is None:
-        known = did_you_mean(str(sheet.sheet.value), _parts_by_sheet())
+        known = did_you_mean(str(sheet.sheet.value), known_parts)
         raise ScenarioError([sheet.sheet.spot.issue(("sheet",), f"unknown kind of datasheet ({known})")])
     model = nested_model(part)
     issues = _issues_of_sources(sheet.sources, (), model.model_fields)
@@ -188,11 +193,11 @@ def _short(name: str) -> str:
 
 
 @functools.cache
-def _parts_by_sheet() -> dict[str, Any]:
+def _parts_by_sheet(plugins: bool) -> dict[str, Any]:
     """Return the classes that a datasheet can describe, by the value of `sheet`: those within any kind of any role."""
     found: dict[str, Any] = {}
     for role in ROLES:
-        for info in kinds(role).values():
+        for info in kinds(role).values() if plugins else ROLES[role].kinds:
             try:
                 within: Any = load_class(info)
                 for field, part in nested_of(within).items():

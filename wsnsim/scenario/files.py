@@ -15,6 +15,7 @@ from wsnsim.base.regular_files import read_regular, why_not_regular
 
 LARGEST_FILE: Final = 10_000_000
 SUFFIXES: Final = (".yaml", ".yml")
+HDF5_SIGNATURE: Final = b"\x89HDF\r\n\x1a\n"
 SHEET: Final = re.compile(r"^sheet\s*:\s*(\w+)", re.MULTILINE)
 
 
@@ -57,6 +58,14 @@ def find_or_none(source: str | Path, folder: Path | None = None) -> Path | None:
         return find(source, folder)
     except (OSError, ValueError):
         return None
+
+
+def is_result(source: str | Path) -> bool:
+    """Return whether a file is a result (HDF5); one that cannot be read is by its name."""
+    try:
+        return read_regular(source, len(HDF5_SIGNATURE)) == HDF5_SIGNATURE
+    except (OSError, ValueError):
+        return str(source).endswith(".h5")
 
 
 def find_sheet(name: str | Path, folder: Path) -> Path | None:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias
 from wsnsim.base.errors import Issue, ScenarioError, did_you_mean
 from wsnsim.scenario.build import resolved
 from wsnsim.scenario.files import content_of, find_or_none, shipped
+from wsnsim.scenario.plugin_access import Plugins
 
 if TYPE_CHECKING:
     from wsnsim.scenario.located_values import LocatedValue
@@ -27,12 +28,15 @@ Assignment: TypeAlias = "tuple[Keys, LocatedValue]"
 """A path of keys, and the value to put there."""
 
 
-def load(source: str | Path | Mapping[str, Any] | Scenario, overrides: Iterable[str] = ()) -> Scenario:
+def load(
+    source: str | Path | Mapping[str, Any] | Scenario, overrides: Iterable[str] = (), plugins: Plugins = Plugins.ANY
+) -> Scenario:
     """Return the checked scenario of a file, of a shipped scenario's name or of a dict.
 
     Args:
         source: what to load. A Scenario is returned as it is, unless there are overrides.
         overrides: assignments that replace values, such as 'link.reach=80 m'.
+        plugins: which plug-ins the source, and what it extends, may name. Overrides may name any.
 
     Raises:
         ScenarioError: with every issue found, each at its place in the text.
@@ -41,7 +45,7 @@ def load(source: str | Path | Mapping[str, Any] | Scenario, overrides: Iterable[
 
     if isinstance(source, Scenario):
         return source if not overrides else load(resolved(source), overrides)
-    text = read_scenario(source)
+    text = read_scenario(source, plugins)
     if text.tree is None:
         raise ScenarioError(text.issues)
     written = tuple(overrides)
@@ -59,9 +63,10 @@ class ScenarioText(NamedTuple):
     origin: tuple[str, str]
 
 
-def read_scenario(source: str | Path | Mapping[str, Any]) -> ScenarioText:
-    """Return the text of a scenario merged with what it extends, unchecked."""
-    return ScenarioText(*(_from_dict(source) if isinstance(source, Mapping) else _from_file(source)))
+def read_scenario(source: str | Path | Mapping[str, Any], plugins: Plugins = Plugins.ANY) -> ScenarioText:
+    """Return the text of a scenario merged with what it extends, unchecked. `plugins`: which ones it may name."""
+    read = _from_dict(source, plugins) if isinstance(source, Mapping) else _from_file(source, plugins)
+    return ScenarioText(*read)
 
 
 def validated(text: ScenarioText, assignments: Iterable[Assignment], issues: Iterable[Issue] = ()) -> Scenario:
@@ -88,9 +93,9 @@ def validated(text: ScenarioText, assignments: Iterable[Assignment], issues: Ite
     return scenario
 
 
-def assignments_of(overrides: Iterable[str]) -> tuple[list[Assignment], list[Issue]]:
+def assignments_of(overrides: Iterable[str], plugins: Plugins = Plugins.ANY) -> tuple[list[Assignment], list[Issue]]:
     """Return the assignments of texts such as 'a.b.c=value', and the issues of those that cannot be read."""
-    read = [_assignment(override) for override in overrides]
+    read = [_assignment(override, plugins) for override in overrides]
     assignments = [(keys, node) for keys, node, _ in read if node is not None]
     return assignments, [issue for *_, issues in read for issue in issues]
 
@@ -98,7 +103,7 @@ def assignments_of(overrides: Iterable[str]) -> tuple[list[Assignment], list[Iss
 def tree_of(path: Path) -> tuple[LocatedValue | None, list[Issue]]:
     """Return the values of a scenario's file merged with what it extends, unchecked; None if it cannot be read."""
     content, issues = content_of(path)
-    return (None, issues) if content is None else _tree_of(path, content, ())
+    return (None, issues) if content is None else _tree_of(path, content, (), Plugins.ANY)
 
 
 def keys_of(written: str) -> Keys:
@@ -109,7 +114,7 @@ def keys_of(written: str) -> Keys:
     return tuple(int(piece) if piece.isascii() and piece.isdigit() and len(piece) < 10 else piece for piece in pieces)
 
 
-def _from_file(source: str | Path) -> tuple[LocatedValue | None, list[Issue], tuple[str, str]]:
+def _from_file(source: str | Path, plugins: Plugins) -> tuple[LocatedValue | None, list[Issue], tuple[str, str]]:
     from wsnsim.scenario.located_values import Origin, Spot
 
     path = find_or_none(source)
@@ -119,17 +124,17 @@ def _from_file(source: str | Path) -> tuple[LocatedValue | None, list[Issue], tu
     content, issues = content_of(path)
     if content is None:
         return None, issues, ("", "")
-    tree, issues = _tree_of(path, content, ())
+    tree, issues = _tree_of(path, content, (), plugins)
     return tree, issues, (str(path), content)
 
 
-def _from_dict(source: Mapping[str, Any]) -> tuple[LocatedValue | None, list[Issue], tuple[str, str]]:
+def _from_dict(source: Mapping[str, Any], plugins: Plugins) -> tuple[LocatedValue | None, list[Issue], tuple[str, str]]:
     import yaml
 
     from wsnsim.scenario.located_values import BROKEN, Origin, plain
     from wsnsim.scenario.reader import of_dict
 
-    tree, issues = of_dict(source, Origin("", Path.cwd()))
+    tree, issues = of_dict(source, Origin("", Path.cwd(), plugins=plugins))
     if tree.value is BROKEN or issues:
         return tree, issues, ("", "")
     written = yaml.safe_dump(plain(tree), sort_keys=False, allow_unicode=True)
@@ -138,11 +143,13 @@ def _from_dict(source: Mapping[str, Any]) -> tuple[LocatedValue | None, list[Iss
     return *_extended(tree, issues, Path.cwd(), ()), ("", written)
 
 
-def _tree_of(path: Path, content: str, extending: tuple[Path, ...]) -> tuple[LocatedValue | None, list[Issue]]:
+def _tree_of(
+    path: Path, content: str, extending: tuple[Path, ...], plugins: Plugins
+) -> tuple[LocatedValue | None, list[Issue]]:
     """Return the tree of a file merged with the file it extends. `extending`: the files that led to this one."""
     from wsnsim.scenario.reader import origin_of, read
 
-    tree, issues = read(content, origin_of(path, content))
+    tree, issues = read(content, origin_of(path, content, plugins=plugins))
     if tree is None or not isinstance(tree.value, dict) or "extends" not in tree.value:
         return tree, issues
     return _extended(tree, issues, path.parent, (*extending, path.resolve()))
@@ -166,7 +173,8 @@ def _extended(
     if len(extending) > MOST_EXTENDED:
         raise ScenarioError([node.spot.issue(("extends",), f"more than {MOST_EXTENDED} files extend each other")])
     content, unreadable = content_of(path)
-    base, found = (None, unreadable) if content is None else _tree_of(path, content, extending)
+    plugins = tree.spot.origin.plugins
+    base, found = (None, unreadable) if content is None else _tree_of(path, content, extending, plugins)
     return (own if base is None else merged(base, own)), [*issues, *found]
 
 
@@ -192,7 +200,7 @@ def _assigned(tree: LocatedValue, assignments: Iterable[Assignment]) -> tuple[Lo
     return tree, issues
 
 
-def _assignment(override: str) -> tuple[Keys, LocatedValue | None, list[Issue]]:
+def _assignment(override: str, plugins: Plugins) -> tuple[Keys, LocatedValue | None, list[Issue]]:
     from wsnsim.scenario.located_values import Origin, dotted
     from wsnsim.scenario.reader import read
 
@@ -202,5 +210,5 @@ def _assignment(override: str) -> tuple[Keys, LocatedValue | None, list[Issue]]:
         return (), None, [Issue((), "expected KEY=VALUE, such as link.reach='80 m'", f"--set {override}")]
     if keys[0] == "extends":
         return (), None, [Issue((), "'extends' is allowed in a file only", f"--set {written}")]
-    node, issues = read(value, Origin(f"--set {dotted(keys)}", Path.cwd(), (), keys))
+    node, issues = read(value, Origin(f"--set {dotted(keys)}", Path.cwd(), (), keys, plugins))
     return keys, node, issues

@@ -15,6 +15,7 @@ from typing import Any, Final, TypeAlias
 
 from wsnsim.base.errors import Issue
 from wsnsim.scenario.kinds import AT_TOP
+from wsnsim.scenario.plugin_access import Plugins
 
 Key: TypeAlias = str | int
 Keys: TypeAlias = tuple[Key, ...]
@@ -27,13 +28,14 @@ BROKEN: Final = object()
 class Origin:
     """The origin of values: a file (name and lines), one `--set` (name and keys), or a caller's dict (no name).
 
-    Relative paths in it start from `folder`.
+    Relative paths in it start from `folder`. `plugins` says which plug-ins it may name.
     """
 
     name: str
     folder: Path
     lines: tuple[str, ...] = ()
     keys: Keys = ()
+    plugins: Plugins = Plugins.ANY
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,6 +19,7 @@ import yaml
 
 from wsnsim.base.errors import Issue
 from wsnsim.scenario.located_values import BROKEN, Entry, Keys, LocatedValue, Origin, Spot, mapping, sequence
+from wsnsim.scenario.plugin_access import Plugins
 from wsnsim.scenario.units import shown
 
 DEEPEST: Final = 40
@@ -56,9 +57,9 @@ for _tag, _pattern, _first in (
     _CoreLoader.add_implicit_resolver(TAG + _tag, re.compile(f"(?:{_pattern.pattern})$"), _first)
 
 
-def origin_of(path: Path, content: str, keys: Keys = ()) -> Origin:
+def origin_of(path: Path, content: str, keys: Keys = (), plugins: Plugins = Plugins.ANY) -> Origin:
     """Return the origin of values that are read from a file. `keys`: where they are put in the scenario."""
-    return Origin(str(path), path.parent, tuple(content.splitlines()) or ("",), keys)
+    return Origin(str(path), path.parent, tuple(content.splitlines()) or ("",), keys, plugins)
 
 
 def read(content: str, origin: Origin) -> tuple[LocatedValue | None, list[Issue]]:

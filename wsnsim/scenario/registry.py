@@ -9,15 +9,23 @@ Nothing heavy is imported here. A kind comes from the table in `kinds`, from an 
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import importlib
-from typing import Any
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any, Final
 
 from wsnsim.base.errors import UsageError, did_you_mean
+from wsnsim.base.plugin_code import note_plugin, plugin_fault
 from wsnsim.scenario.kinds import ROLES
 from wsnsim.scenario.roles import Kind, Role
 
-__all__ = ["ROLES", "Kind", "Role", "find", "kinds", "load_class", "role_named"]
+__all__ = ["ROLES", "SEARCHED", "Kind", "Role", "find", "kinds", "load_class", "role_named", "search"]
+
+SEARCHED: Final[list[str]] = []
+"""The folders that `search` added to Python's path."""
 
 
 def role_named(word: str) -> Role:
@@ -61,29 +69,45 @@ def load_class(info: Kind) -> type[Any]:
     """
     module, _, name = info.path.partition(":")
     named = info.path if info.kind == info.path else f"'{info.kind}' ({info.path})"
+    note_plugin(module)
     try:
         found: Any = importlib.import_module(module)
         for step in name.split("."):
             found = getattr(found, step)
     except (Exception, SystemExit) as error:  # whatever a plug-in's module may raise
-        reason = " ".join(str(error).split())
-        raise ImportError(f"{named} cannot be imported: {type(error).__name__}: {reason}") from error
+        reason = plugin_fault(error) or f"{type(error).__name__}: {' '.join(str(error).split())}"
+        raise ImportError(f"{named} cannot be imported: {reason}") from error
     if not isinstance(found, type):
         raise ImportError(f"{named} is not a class")
     return found
 
 
+def search(folders: Iterable[str]) -> None:
+    """Add folders to the end of Python's path, for modules of plug-ins; '' is the working directory."""
+    for folder in folders:
+        with contextlib.suppress(OSError):  # the working directory may be gone
+            path = str(Path(folder).resolve())
+            if path not in sys.path:
+                sys.path.append(path)
+                SEARCHED.append(path)
+
+
 @functools.cache
 def _installed() -> dict[str, tuple[Kind, ...]]:
+    """Return the kinds that installed packages add, by group; what lies in a searched folder is not installed."""
     import importlib.metadata  # slow to import, and not needed for the help of a command
 
     groups: dict[str, tuple[Kind, ...]] = {}
     installed = importlib.metadata.entry_points()  # reads the metadata of every installed package
     for group in (role.group for role in ROLES.values()):
-        points = sorted(installed.select(group=group), key=lambda point: point.name)
+        points = sorted(filter(_is_installed, installed.select(group=group)), key=lambda point: point.name)
         if points:
             groups[group] = tuple(_info(point) for point in points)
     return groups
+
+
+def _is_installed(point: importlib.metadata.EntryPoint) -> bool:
+    return point.dist is None or str(Path(str(point.dist.locate_file(""))).resolve()) not in SEARCHED
 
 
 def _info(point: importlib.metadata.EntryPoint) -> Kind:

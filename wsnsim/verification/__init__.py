@@ -16,7 +16,7 @@ import wsnsim.experiment as experiment
 from wsnsim.base.errors import ResultError
 from wsnsim.recording import attributes, provenance, read_table, read_text, tables
 from wsnsim.recording.layout import PARTIAL
-from wsnsim.scenario import load
+from wsnsim.scenario import Plugins, load
 from wsnsim.verification import stored_source
 from wsnsim.verification.repetition import DIGESTS, NOT_REPEATED, RepeatedTable, Repetition, compare
 
@@ -53,13 +53,18 @@ class Verification:
     left: tuple[str, ...] = ()
 
 
-def verify(path: str | Path) -> Verification:
+def verify(path: str | Path, plugins: bool = False) -> Verification:
     """Run a result's scenario again, and compare every table, the fingerprints, and the source text.
 
     With the same CPU features and package versions all bits must be equal. Otherwise floating-point values may differ
     by rounding, and the text says so: NumPy's logarithm and exponential differ in the last bit between CPUs. A
     fingerprint follows from the values: if they are equal bit by bit, so must it be. Only a file of an earlier version
     of wsnsim may lack columns.
+
+    Args:
+        path: the result.
+        plugins: whether its scenario may import any plug-in that it names; without it, only those that installed
+            packages offer.
 
     Raises:
         ResultError: the file cannot be read, or holds rows of no possible run.
@@ -68,7 +73,8 @@ def verify(path: str | Path) -> Verification:
     """
     path = Path(path)
     resolved, stored = experiment.rerun_source(path), json.loads(read_text(path, "provenance_json"))
-    scenario = load(resolved)
+    allowed = Plugins.ANY if plugins else Plugins.INSTALLED
+    scenario = load(resolved, plugins=allowed)
     partial, older = attributes(path)["status"] == PARTIAL, OVERRIDES not in stored
     here = provenance("", scenario.seed)
     replicates, faults = _replicates(path, scenario.replicates, partial)
@@ -78,7 +84,7 @@ def verify(path: str | Path) -> Verification:
         found = compare(path, again, partial)
         rows = [_row(path, again, replicate, own, older) for replicate, own in found.runs.items()]
     faults += [*found.faults, *_absent(found, older)]
-    differing_source, unknown = _source(path, stored, resolved, older)
+    differing_source, unknown = _source(path, stored, allowed, older)
     faults += differing_source
     excuses = _differing(stored, here)
     ok = not faults and all(row["equal"] or (bool(excuses) and row["close"]) for row in rows)
@@ -142,13 +148,12 @@ def _digests(path: Path, replicate: int) -> dict[str, int]:
     return {name: int(runs[name][rows[0]]) for name in DIGESTS if name in runs and rows.size}
 
 
-def _source(
-    path: Path, stored: Mapping[str, Any], resolved: Mapping[str, Any], older: bool
-) -> tuple[list[str], list[str]]:
+def _source(path: Path, stored: Mapping[str, Any], allowed: Plugins, older: bool) -> tuple[list[str], list[str]]:
     """What the source text says otherwise than the stored scenario, and what of it could not be compared."""
     if older:
         return [], ["the source text, since the file does not say with which overrides it was read"]
-    return stored_source.compare(read_text(path, "scenario/source_yaml"), stored[OVERRIDES], resolved)
+    source, resolved = read_text(path, "scenario/source_yaml"), experiment.rerun_source(path)
+    return stored_source.compare(source, stored[OVERRIDES], resolved, allowed)
 
 
 def _absent(found: Repetition, older: bool) -> list[str]:

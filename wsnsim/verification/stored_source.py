@@ -15,13 +15,16 @@ from wsnsim.scenario.build import resolved as resolved_of
 from wsnsim.scenario.files import shipped
 from wsnsim.scenario.load import ScenarioText, assignments_of, load, tree_of, validated
 from wsnsim.scenario.located_values import LocatedValue, Origin, mapping, merged
+from wsnsim.scenario.plugin_access import Plugins
 from wsnsim.scenario.reader import of_dict, read
 
 OF_THE_RUN = ("replicates",)
 """Keys that the command line may set without an override."""
 
 
-def compare(content: str, overrides: Iterable[str], resolved: Mapping[str, Any]) -> tuple[list[str], list[str]]:
+def compare(
+    content: str, overrides: Iterable[str], resolved: Mapping[str, Any], plugins: Plugins = Plugins.INSTALLED
+) -> tuple[list[str], list[str]]:
     """What differs, as sentences, and what could not be compared.
 
     What a text takes from a file that does not come with wsnsim is not compared: such a file is never opened.
@@ -30,15 +33,17 @@ def compare(content: str, overrides: Iterable[str], resolved: Mapping[str, Any])
         content: the text from which the scenario was read.
         overrides: the assignments with which it was read.
         resolved: all values of the scenario.
+        plugins: which plug-ins all of these may name.
     """
-    tree, issues = read(content, Origin("", Path()))
+    origin = Origin("", Path(), plugins=plugins)
+    tree, issues = read(content, origin)
     if tree is None or issues or not isinstance(tree.value, dict):
         return ["its source text is not a scenario"], []
     base, own, unknown = _base_of(tree, resolved)
-    assignments, wrong = assignments_of(overrides)
+    assignments, wrong = assignments_of(overrides, plugins)
     text = ScenarioText(own if base is None else merged(base, own), wrong, ("", ""))
     try:
-        known, found = load(resolved), validated(text, assignments)
+        known, found = load(resolved, plugins=plugins), validated(text, assignments)
     except ScenarioError as error:
         return [f"its source text is not a valid scenario: {error.issues[0].message}"], unknown
     differing = differing_leaves(resolved_of(known), resolved_of(found), OF_THE_RUN)
@@ -65,4 +70,4 @@ def _base_of(tree: LocatedValue, resolved: Mapping[str, Any]) -> tuple[LocatedVa
         if path.suffix and path.is_file() and path.resolve().is_relative_to(root):
             return tree_of(path)[0], own, []
     note = f"what its source text takes from {name!r}, a file that does not come with wsnsim"
-    return of_dict(dict(resolved), Origin("", Path()))[0], own, [note]
+    return of_dict(dict(resolved), tree.spot.origin)[0], own, [note]

@@ -1,0 +1,113 @@
+"""Which code is that of plug-ins, who is told before it is imported, and where in it an error arose."""
+
+from __future__ import annotations
+
+import contextlib
+import contextvars
+import os
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import FrameType
+from typing import Final, NamedTuple
+
+TRACEBACK_HINT: Final = "set WSNSIM_TRACEBACK=1 for the traceback"
+_PACKAGE: Final = str(Path(__file__).parents[1]) + os.sep
+_LIBRARY: Final = str(Path(os.__file__).parent) + os.sep
+_INSTALLED: Final = (f"{os.sep}site-packages{os.sep}", f"{os.sep}dist-packages{os.sep}")
+_MODULES: Final[set[str]] = set()
+"""The modules of plug-ins that were imported."""
+
+
+class PluginImport(NamedTuple):
+    """A plug-in that is about to be imported: its role and kind, its module, and the module's file ('' if unknown)."""
+
+    role: str
+    kind: str
+    module: str
+    file: str
+
+
+_WATCHER: Final[contextvars.ContextVar[Callable[[PluginImport], None] | None]] = contextvars.ContextVar(
+    "watcher of imports", default=None
+)
+
+
+@contextlib.contextmanager
+def watching_imports(watcher: Callable[[PluginImport], None]) -> Iterator[None]:
+    """Call the watcher with every plug-in before it is imported."""
+    token = _WATCHER.set(watcher)
+    try:
+        yield
+    finally:
+        _WATCHER.reset(token)
+
+
+def announce(plugin: PluginImport) -> None:
+    """Tell the watcher of a plug-in that is about to be imported, here or in another process."""
+    watcher = _WATCHER.get()
+    if watcher is not None:
+        watcher(plugin)
+
+
+def note_plugin(module: str) -> None:
+    """Note that a module, and its neighbours in its package, are code of a plug-in."""
+    if module.partition(".")[0] != "wsnsim":
+        _MODULES.add(module)
+
+
+def plugin_fault(error: BaseException) -> str:
+    """Return where in a plug-in an error arose, and the error: 'mylab.py:31: KeyError: 3'; '' if it did not.
+
+    The place is the deepest line that belongs neither to wsnsim nor to Python nor to an installed library, unless the
+    plug-in itself is installed.
+    """
+    for one in _chain(error):
+        if place := _place(one):
+            message = " ".join(str(one.msg if isinstance(one, SyntaxError) else one).split())
+            return f"{place}: {type(one).__name__}" + (f": {message}" if message else "")
+    return ""
+
+
+def _chain(error: BaseException) -> Iterator[BaseException]:
+    """Yield the error, and what it was raised from."""
+    seen = set()
+    cause: BaseException | None = error
+    while cause is not None and id(cause) not in seen:
+        seen.add(id(cause))
+        yield cause
+        cause = cause.__cause__
+
+
+def _place(error: BaseException) -> str:
+    if isinstance(error, SyntaxError) and error.filename and _is_foreign(error.filename):
+        return f"{_short(error.filename)}:{error.lineno}"
+    frames = []
+    trace = error.__traceback__
+    while trace is not None:
+        frames.append((trace.tb_frame, trace.tb_lineno))
+        trace = trace.tb_next
+    if not any(_is_plugin(frame) for frame, _ in frames):
+        return ""
+    frame, line = next(
+        pair for pair in reversed(frames) if _is_plugin(pair[0]) or _is_foreign(pair[0].f_code.co_filename)
+    )
+    return f"{_short(frame.f_code.co_filename)}:{line}"
+
+
+def _is_plugin(frame: FrameType) -> bool:
+    name = str(frame.f_globals.get("__name__", ""))
+    return any(name == module or name.startswith(f"{module.rpartition('.')[0] or module}.") for module in _MODULES)
+
+
+def _is_foreign(file: str) -> bool:
+    """Whether a file belongs neither to wsnsim nor to Python nor to an installed library."""
+    return not (file.startswith(("<", _PACKAGE, _LIBRARY)) or any(part in file for part in _INSTALLED))
+
+
+def _short(file: str) -> str:
+    """Return the path from the working directory, if the file is in it."""
+    try:
+        path = os.path.relpath(file)
+    except (OSError, ValueError):  # the working directory is gone, or on another drive
+        return file
+    return file if path.startswith("..") else path
