@@ -73,7 +73,7 @@ def run(
 
     talks = not quiet and progress not in ("json", "none")
     if talks:
-        _say_notes(scenario)
+        _say_notes(scenario, replicates or scenario.replicates, batch)
     with contextlib.closing(display("none" if quiet else progress, RUN)) as shown:
         report = experiment.run(
             scenario, replicates=replicates, out=path, command_line=command_line(), progress=shown.step,
@@ -91,13 +91,16 @@ def run(
             echo(f"wsnsim: {written.path}: {written.size / 1e6:.2f} MB; open it in a browser", err=True)
 
 
-def _say_notes(scenario: Scenario) -> None:
-    """Print what the values of a scenario make hardly meant, before its runs."""
-    from wsnsim.analysis import setup_notes
+def _say_notes(scenario: Scenario, replicates: int, batch: bool) -> None:
+    """Print, before the runs of a scenario, what is hardly meant in it, and how large they are if that is much."""
+    from wsnsim.analysis import run_size, setup_notes
     from wsnsim.scenario import build
 
-    for note in setup_notes.before_a_run(build(scenario)):
-        echo(f"wsnsim: note: {note}", err=True)
+    setup = build(scenario)
+    size = run_size.run_size(setup, replicates, batch)
+    for note in (*setup_notes.before_a_run(setup), run_size.warning(size, run_size.free_memory())):
+        if note:
+            echo(f"wsnsim: note: {note}", err=True)
 
 
 def _say_compiling() -> None:
