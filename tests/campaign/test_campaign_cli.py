@@ -239,6 +239,14 @@ def test_under_a_rule_a_damaged_result_is_run_again_and_counted_once(
 # signals
 
 
+@pytest.fixture
+def no_nohup() -> Iterator[None]:
+    """SIGHUP is not ignored, although these tests may run under nohup."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    yield
+    signal.signal(signal.SIGHUP, before)
+
+
 @pytest.mark.parametrize(
     ("numbers", "code", "words"),
     [
@@ -250,6 +258,7 @@ def test_under_a_rule_a_damaged_result_is_run_again_and_counted_once(
 )
 def test_a_signal_ends_what_runs_and_prints_the_command_that_goes_on(
     sweep: str,
+    no_nohup: None,
     numbers: list[int],
     code: int,
     words: str,
@@ -277,19 +286,32 @@ def test_a_signal_ends_what_runs_and_prints_the_command_that_goes_on(
     assert json.loads(capsys.readouterr().out)["metric"] == "median_error"
 
 
-def test_ctrl_c_in_a_terminal_lets_workers_end_their_tasks(lab: Path) -> None:
-    """The terminal sends the signal to the workers as well."""
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGHUP, 129)])
+def test_ctrl_c_and_a_closed_terminal_let_workers_end_their_tasks(lab: Path, number: signal.Signals, code: int) -> None:
+    """The terminal sends the signal to the workers as well. No temporary file, semaphore or shared memory is left."""
+    shared = Path("/dev/shm")
+    before_shared = set(shared.glob("*"))
+    (lab / "tmp").mkdir()
     sweep = write_sweep(lab / "moods.yaml", sweep_of([{"pause": 0.2}], 100, block=1))
     command = [sys.executable, "-m", "wsnsim", "sweep", sweep, "-o", "c", "-j", "1"]
-    driver = subprocess.Popen(command, env=environment(), stderr=subprocess.PIPE, text=True, start_new_session=True)
+    driver = subprocess.Popen(
+        command,
+        env=environment(TMPDIR=str(lab / "tmp")),
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_DFL),  # tests may run under nohup
+    )
     wait_for(lambda: files_of(Path("c")), 120)
     workers, before = children(driver.pid), len(files_of(Path("c")))
-    os.killpg(driver.pid, signal.SIGINT)
+    os.killpg(driver.pid, number)
     _, said = driver.communicate(timeout=60)
-    assert driver.returncode == 130
+    assert driver.returncode == code
     assert "Traceback" not in said and resume_of(said) == ["sweep", "c", "--jobs", "1", "--plugins"]
     assert len(files_of(Path("c"))) > before and not list(Path("c").rglob("*.tmp"))
     wait_for(lambda: not any(map(lives, workers)))
+    assert not list((lab / "tmp").iterdir())
+    assert not [made for made in set(shared.glob("*")) - before_shared if str(driver.pid) in made.name]
 
 
 def test_a_reader_of_progress_that_goes_away_does_not_end_the_campaign(sweep: str) -> None:

@@ -117,8 +117,9 @@ def test_a_note_on_caches_is_a_line_on_stderr_and_not_with_quiet(
     monkeypatch.setattr("wsnsim.cli.commands.loaded", said)
     main(["run", "x"])
     assert "wsnsim: kernels are kept in /x\n" in capsys.readouterr().err
-    main(["run", "x", "--quiet"])
-    assert "kernels" not in capsys.readouterr().err
+    for silent in (["--quiet"], ["--progress", "json"], ["--progress", "none"]):
+        main(["run", "x", *silent])
+        assert "kernels" not in capsys.readouterr().err
 
 
 # a terminal that hangs up

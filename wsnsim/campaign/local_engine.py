@@ -169,11 +169,14 @@ def available_cores() -> int:
 
 @contextlib.contextmanager
 def _interrupts_blocked() -> Iterator[None]:
-    """Block Ctrl-C here, so that processes started meanwhile ignore it from their first instruction."""
+    """Block signals that end a campaign, so that processes started meanwhile ignore them from the first instruction.
+
+    Terminals send Ctrl-C and SIGHUP, and cluster schedulers SIGTERM, to all processes at once.
+    """
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM, signal.SIGHUP})
     try:
         yield
     finally:

@@ -59,7 +59,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 @contextlib.contextmanager
 def _notes_on_caches() -> Iterator[None]:
-    """Print where kernels are kept as a note, if it is not the usual place, and not with --quiet."""
+    """Print where kernels are kept as a note, if it is not the usual place and notes are wanted."""
     before = warnings.showwarning
 
     def show(message: Warning | str, category: type[Warning], *where: Any, **more: Any) -> None:
@@ -67,7 +67,8 @@ def _notes_on_caches() -> Iterator[None]:
             before(message, category, *where, **more)
             return
         context = click.get_current_context(silent=True)
-        if context is None or not context.params.get("quiet"):
+        options = context.params if context else {}
+        if not options.get("quiet") and options.get("progress") not in ("json", "none"):
             echo(f"wsnsim: {message}", err=True)
 
     warnings.showwarning = show
