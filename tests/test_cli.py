@@ -451,3 +451,12 @@ def test_an_answer_that_cannot_be_written_is_an_error_in_words() -> None:
         done = subprocess.run([sys.executable, "-m", "wsnsim", "list"], stdout=full, stderr=subprocess.PIPE, text=True)
     assert done.returncode == 1
     assert done.stderr == "wsnsim: error: No space left on device\n"
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere the working directory cannot be deleted")
+def test_a_working_directory_that_was_deleted_is_no_traceback(tmp_path: Path) -> None:
+    (tmp_path / "gone").mkdir()
+    script = 'rmdir "$PWD"; exec "$0" -m wsnsim list trackers'
+    done = subprocess.run(["sh", "-c", script, sys.executable], capture_output=True, text=True, cwd=tmp_path / "gone")
+    assert "Traceback" not in done.stderr
+    assert (done.returncode, "pso_mhpf" in done.stdout) == (0, True), done.stderr
