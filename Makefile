@@ -28,7 +28,7 @@ CHOSEN      = $(if $(REPLICATES),--replicates $(REPLICATES)) $(ARGS)
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help run test thorough documentation cluster browser wheel matrix check interpreted format lint types imports bench sweep compare reproduce figures readme lock clean moved asked
+.PHONY: help run test thorough verify documentation cluster browser wheel matrix check interpreted format lint types imports bench sweep compare reproduce figures readme lock clean moved asked
 .DELETE_ON_ERROR:
 
 help:  ## list the targets
@@ -45,6 +45,9 @@ test: $(READY)  ## run the test suite; ARGS='-k handover'
 thorough: $(READY)  ## test the same with more seeds, examples and combinations
 	@WSNSIM_THOROUGH=1 $(PY) -m pytest -n 2 --dist worksteal -m "thorough or hypothesis" $(APART:%=--ignore=tests/%) $(ARGS)
 
+verify: $(READY)  ## run every shipped scenario and compare it with tests/golden; ARGS=--record
+	@$(PY) -m tests.golden $(ARGS)
+
 documentation: $(READY)  ## test that the documents say what is so and that their examples run
 	@$(PY) -m pytest -n 2 --dist worksteal tests/documentation $(ARGS)
 
@@ -60,7 +63,7 @@ wheel: $(READY)  ## install the wheel into an empty environment and run a scenar
 matrix: $(READY)  ## the same with every supported Python that is installed
 	@$(PY) -m tests.packaging.wheel python3.11 python3.12 python3.13
 
-check: format lint types imports test thorough documentation cluster browser interpreted  ## check format, lint, types, import contracts, all tests
+check: format lint types imports test thorough verify documentation cluster browser interpreted  ## check format, lint, types, import contracts, all tests
 
 interpreted: $(READY)  ## run the kernels' tests without compilation, for debugging and coverage
 	@NUMBA_DISABLE_JIT=1 $(PY) -m pytest -n 2 -W ignore::RuntimeWarning tests/kernels $(ARGS)

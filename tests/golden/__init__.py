@@ -1,0 +1,1 @@
+"""Stored fingerprints of every shipped scenario, and the comparison of today's runs with them: see `__main__`."""
