@@ -16,6 +16,7 @@ from wsnsim.campaign.code_changes import changed_files
 from wsnsim.cli import main
 from wsnsim.papers import reproduce
 from wsnsim.recording.folder import Folder
+from wsnsim.scenario.plugin_access import Plugins, access
 from wsnsim.scenario.sweep import load_sweep
 
 from .campaign_files import files_of
@@ -82,7 +83,7 @@ def test_an_accepted_change_is_noted_with_the_runs_of_each_code(begun: str, caps
     text = capsys.readouterr().out
     assert "code         accepted changes; runs: 2 by code " in text and ": moody.py" in text
     assert main(["sweep", begun, "--replicates", "6", "-q"]) == 0, "it is accepted once"
-    for command in (["info", str(RESULTS)], ["compare", str(RESULTS), "-q"], ["collect", str(RESULTS)]):
+    for command in (["info", str(RESULTS)], ["compare", str(RESULTS), "--plugins", "-q"], ["collect", str(RESULTS)]):
         capsys.readouterr()
         assert main([*command, "--json"]) == 0
         said = json.loads(capsys.readouterr().out)
@@ -118,15 +119,15 @@ def test_a_complete_campaign_is_shown_and_an_incomplete_one_is_not_resumed_from_
 ) -> None:
     change("helper.py")
     capsys.readouterr()
-    assert main(["sweep", str(RESULTS)]) == 0
+    assert main(["sweep", str(RESULTS), "--plugins"]) == 0
     assert "results/moods is complete and only shown: its runs were made by other code" in capsys.readouterr().err
     next(RESULTS.glob("*/*.h5")).unlink()
     point = next(path.parent for path in RESULTS.glob("*/scenario.json"))
     (point / "r00000-00000.h5").write_bytes(b"")
-    assert main(["sweep", str(RESULTS), "-q"]) == 2
+    assert main(["sweep", str(RESULTS), "--plugins", "-q"]) == 2
     assert "changed since: helper.py" in capsys.readouterr().err
     (point / "r00000-00000.h5").unlink()
-    assert main(["sweep", str(RESULTS), "-q"]) == 0, "no run is there"
+    assert main(["sweep", str(RESULTS), "--plugins", "-q"]) == 0, "no run is there"
 
 
 def test_shards_of_different_code_are_not_merged(lab: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -147,7 +148,7 @@ def test_shards_of_different_code_are_not_merged(lab: Path, capsys: pytest.Captu
 def test_a_worker_with_other_code_than_the_campaign_runs_nothing(lab: Path) -> None:
     folder = prepare(load_sweep(sweep_of([{"pause": 0.0}], 2)), "c")
     change("moody.py")
-    ended = run_campaign(folder, InlineEngine())
+    ended = run_campaign(folder, InlineEngine(), access=access(Plugins.ANY))
     assert ended.stopped == ("the code of a worker differs from that with which the campaign was started: moody.py")
     assert not files_of(Path("c")) and not ended.failed
 
