@@ -130,19 +130,21 @@ def collect(shards: Sequence[Folder], into: Folder, accept_code_change: bool = F
 
 
 def demand_permitted(folder: Folder, plugins: Plugins) -> None:
-    """Raise UsageError if a point's scenario names a plug-in that the campaign may not import."""
-    for point in folder.manifest().points:
-        if why := refused(json.loads(folder.scenario(point.id)), plugins):
-            raise UsageError(f"{folder.path}: {why}")
+    """Raise UsageError if runs are missing, and a point's scenario names a plug-in that may not be imported."""
+    why = _refused_plugin(folder, plugins)
+    if why and missing(folder):
+        raise UsageError(f"{folder.path}: {why}")
 
 
 def needs_permission(folder: Folder) -> bool:
     """Whether a campaign can only be resumed from its folder with the permission to import any plug-in."""
-    try:
-        demand_permitted(folder, Plugins.INSTALLED)
-    except UsageError:
-        return True
-    return False
+    return bool(_refused_plugin(folder, Plugins.INSTALLED))
+
+
+def _refused_plugin(folder: Folder, plugins: Plugins) -> str:
+    """Why the first point that cannot be loaded with a permission cannot; '' if all can."""
+    contents = (json.loads(folder.scenario(point.id)) for point in folder.manifest().points)
+    return next(filter(None, (refused(content, plugins) for content in contents)), "")
 
 
 def missing(folder: Folder) -> dict[str, list[int]]:
