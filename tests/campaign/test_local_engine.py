@@ -7,6 +7,7 @@ import json
 import multiprocessing
 import os
 import pickle
+import re
 import signal
 import subprocess
 import sys
@@ -83,6 +84,7 @@ def test_tasks_that_raise_exit_crash_or_never_end_are_named_and_the_rest_is_done
     ids = {point.settings["tracker.mood"]: point.id for point in folder.manifest().points}
     assert ended.missing == {ids[mood]: [at] for mood, at in moods.items()}
     words = {mood: ended.failed[f"{ids[mood]}.r{at:05d}-{at:05d}"] for mood, at in moods.items()}
+    words = {mood: re.sub(r"\S+/(?=moody\.py)", "", text) for mood, text in words.items()}  # of an earlier test
     expected = {
         "raises": f"the run failed at 1 s of simulated time (seed 20220101, replicate 0): {RAISES}",
         "exits": f"the run failed at 1 s of simulated time (seed 20220101, replicate 1): {EXITS}",
