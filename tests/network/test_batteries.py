@@ -144,6 +144,10 @@ PRICES = st.fixed_dictionaries({
     "sensing": price(1e-6, 3e-2), "electronics": price(1e-9, 1e-5), "amplifier": price(1e-13, 1e-9),
     "capacitance": price(1e-11, 1e-7),
 })  # fmt: skip
+FAULTS = st.lists(st.sampled_from([
+    {"kind": "drain", "fraction": 0.5, "share": 0.7}, {"kind": "drain", "fraction": 0.5, "joules": 0.01},
+    {"kind": "crash", "fraction": 0.5, "duration": 1.0}, {"kind": "restart", "fraction": 0.5, "duration": 0.1},
+]), max_size=2)  # fmt: skip
 MACS = st.sampled_from([{"kind": "csma"}, {"kind": "tdma"}, {"kind": "ideal"}, {"kind": "ideal", "rate": 250e3}])
 
 
@@ -160,6 +164,7 @@ def states(energy: States) -> dict[str, Any]:
 def without_targets(said: dict[str, Any], step: float) -> dict[str, Any]:
     """The same network, whose nodes broadcast beacons."""
     kept = {key: value for key, value in said.items() if key not in ROLES_OF_TARGETS}
+    kept["faults"] = [{**fault, "at": fault["at"] * 50 * step} for fault in said.get("faults", [])]
     return kept | {"workload": {"kind": "beacons", "period": 0.05, "bits": 96}, "duration": 200 * step, "step": step}
 
 
@@ -175,6 +180,7 @@ def networks(draw: st.DrawFn) -> dict[str, Any]:
         deploy={"kind": "uniform", "nodes": 8, "width": 80.0, "height": 80.0, "cover": False},
         motion={"kind": "random_waypoint", "width": 60.0, "height": 60.0}, lost={"window": 2},
     )  # fmt: skip
+    said["faults"] = [{**fault, "at": draw(st.floats(0.0, 4.0))} for fault in draw(FAULTS)]
     beacons = said["mac"]["kind"] != "tdma" and draw(st.booleans())
     return without_targets(said, draw(st.sampled_from([0.001, 0.02]))) if beacons else said
 
