@@ -42,7 +42,7 @@ from wsnsim.network.workloads.workload_world import WorkloadWorld
 from wsnsim.network.world import Targets, World
 from wsnsim.offline.batch import Batches, offers_batch
 from wsnsim.offline.offline_run import OfflineRun
-from wsnsim.recording import ResultFile, provenance, read_text
+from wsnsim.recording import ResultFile, provenance, read_json
 from wsnsim.scenario import Plugins
 from wsnsim.scenario.files import is_result
 
@@ -261,5 +261,4 @@ def _made(
 
 def rerun_source(path: Path) -> dict[str, Any]:
     """The resolved scenario of a result file, ready for `run`."""
-    resolved: dict[str, Any] = json.loads(read_text(path, "scenario/resolved_json"))
-    return resolved
+    return read_json(path, "scenario/resolved_json")

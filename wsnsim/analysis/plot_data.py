@@ -9,7 +9,6 @@ for a table that was not recorded.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -102,11 +101,7 @@ def demand(path: str | Path, what: str) -> None:
 
 def stored_json(path: str | Path, name: str) -> dict[str, Any]:
     """One of a file's JSON texts; empty if the file holds none, as after a killed run."""
-    try:
-        stored: dict[str, Any] = json.loads(recording.read_text(path, name))
-    except ResultError:
-        return {}
-    return stored
+    return recording.read_json(path, name, optional=True)
 
 
 def heading(path: str | Path) -> str:

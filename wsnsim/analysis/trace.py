@@ -5,7 +5,6 @@ trace(path, step, replicate=0, target=None, limit=4) -> StepTrace;   text(trace)
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -19,7 +18,7 @@ from wsnsim.analysis.phrases import Sentence, StepContext, counted, energy_in_wo
 from wsnsim.analysis.plot_data import number_span
 from wsnsim.analysis.step_text import describe
 from wsnsim.base.errors import ResultError, UsageError
-from wsnsim.recording import attributes, meanings, read_table, read_text, table_names
+from wsnsim.recording import attributes, meanings, read_json, read_table, table_names
 
 Record = Mapping[str, Any]
 
@@ -75,7 +74,7 @@ def trace(path: str | Path, step: int, replicate: int = 0, target: int | None = 
         UsageError: there is no such run, step or target.
         ResultError: the file cannot be read, or holds no events.
     """
-    scenario = json.loads(read_text(path, "scenario/resolved_json"))
+    scenario = read_json(path, "scenario/resolved_json")
     dt, network = float(scenario["step"]), scenario.get("network") != "none"
     _check(path, replicate, step)
     truths, estimates = (_of_run(path, table, replicate) for table in ("truth", "estimates"))

@@ -33,6 +33,7 @@ from wsnsim.cli.shared import (
     plugins_option,
     progress_option,
     quiet_option,
+    reading,
     seed_option,
 )
 
@@ -156,8 +157,9 @@ def export(result: Path, folder: Path, tables: tuple[str, ...]) -> None:
     """Export the tables of a result or of a campaign as Parquet files."""
     from wsnsim.analysis import parquet
 
-    for file, rows in parquet.export(result, folder, tables):
-        echo(f"{file}: {rows:,} rows")
+    with reading(result):
+        for file, rows in parquet.export(result, folder, tables):
+            echo(f"{file}: {rows:,} rows")
 
 
 def _why_no_sweep(source: str) -> str:

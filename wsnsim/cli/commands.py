@@ -28,6 +28,7 @@ from wsnsim.cli.shared import (
     plugins_option,
     progress_option,
     quiet_option,
+    reading,
     result_argument,
     seed_option,
     writable,
@@ -220,7 +221,9 @@ def info(source: str, plugins: bool, as_json: bool) -> None:
     elif source.endswith(".h5") or is_result(source):
         from wsnsim.analysis import result_info
 
-        echo_answer(result_info.info(Path(source)) if as_json else result_info.info_text(Path(source)))
+        with reading(Path(source)):
+            answer = result_info.info(Path(source)) if as_json else result_info.info_text(Path(source))
+        echo_answer(answer)
     else:
         from wsnsim.cli import component_info
 
@@ -259,8 +262,10 @@ def trace(result: Path, step: int, replicate: int, target: int | None, limit: in
     """Describe one step of a run: who sensed, who sent what to whom, what was lost, and the energy spent."""
     from wsnsim.analysis import trace as tracing
 
-    picked = tracing.trace(result, step, replicate, target, limit)
-    echo_answer(tracing.as_json(picked) if as_json else tracing.text(picked))
+    with reading(result):
+        picked = tracing.trace(result, step, replicate, target, limit)
+        answer = tracing.as_json(picked) if as_json else tracing.text(picked)
+    echo_answer(answer)
 
 
 @group.command()
@@ -272,7 +277,8 @@ def diff(a: Path, b: Path, as_json: bool) -> int:
     from wsnsim.analysis import difference, difference_text
 
     try:
-        found = difference.differ(a, b)
+        with reading(a, b):
+            found = difference.differ(a, b)
     except ResultError as error:
         raise UsageError(str(error)) from error
     echo_answer(difference.as_json(found) if as_json else difference_text.text(found))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 import click
 
 from wsnsim.base.errors import UsageError
-from wsnsim.cli.shared import PATH, echo, group, not_the_result, plugins_option, writable
+from wsnsim.cli.shared import PATH, echo, group, not_the_result, plugins_option, reading, writable
 
 if TYPE_CHECKING:
     from wsnsim.analysis.figures import WrittenFigure
@@ -64,7 +64,9 @@ def plot(
     recording.attributes(result)
     path = not_the_result(_plot_path(plot_file), result, "plot")
     chosen = figures.PlotSelection(column, step, replicate or 0, target or 0, plugins)
-    _print_plotted(figures.draw(result, path, what, chosen))
+    with reading(result):
+        drawn = figures.draw(result, path, what, chosen)
+    _print_plotted(drawn)
 
 
 def _plot_path(path: Path) -> Path:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from wsnsim.cli.shared import PATH, echo, group, not_the_result, plugins_option, writable
+from wsnsim.cli.shared import PATH, echo, group, not_the_result, plugins_option, reading, writable
 
 
 @group.command()
@@ -34,7 +34,8 @@ def report(results: tuple[Path, ...], out: Path | None, replicate: int | None, m
     path = writable(page, Path(page.name))
     for result in results:
         not_the_result(path, result, "page")
-    written = pages.write(results, path, replicate, int(1e6 * megabytes), published, plugins)
+    with reading(*results):
+        written = pages.write(results, path, replicate, int(1e6 * megabytes), published, plugins)
     echo(f"{written.path}: {written.size / 1e6:.2f} MB; open it in a browser")
     for note in written.notes:
         echo(f"  {note}")

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from wsnsim.base.errors import UsageError, did_you_mean
+from wsnsim.base.errors import ResultError, UsageError, did_you_mean
 from wsnsim.base.garbage import put_off
+from wsnsim.base.plugin_code import TRACEBACK_HINT, plugin_fault
 from wsnsim.base.printable import printable, printable_json, shortened
 from wsnsim.base.regular_files import LARGEST_NAME, LONGEST_ADDITION, is_too_long, why_not_regular
 from wsnsim.base.version import __version__
@@ -81,6 +83,23 @@ plugins_option = click.option(
     help="Import any plug-in that a result or a campaign's folder names. Only if you trust it.",
 )
 result_argument = click.argument("result", metavar="FILE", type=PATH)
+
+
+@contextlib.contextmanager
+def reading(*results: Path) -> Iterator[None]:
+    """What is done with results that may be damaged: an error of their values is one of the files, not of wsnsim.
+
+    Raises:
+        ResultError: a value is none that a run gives, such as a step of which nothing else is known.
+    """
+    try:
+        yield
+    except (ValueError, LookupError, TypeError, ArithmeticError, AttributeError, MemoryError, RecursionError) as error:
+        if plugin_fault(error):
+            raise
+        names = " or ".join(map(str, results))
+        reason = " ".join(f"{type(error).__name__}: {error}".split())
+        raise ResultError(f"{names}: holds values that no run gives ({reason}; {TRACEBACK_HINT})") from error
 
 
 def is_campaign(source: str) -> bool:

@@ -16,16 +16,16 @@ from __future__ import annotations
 
 import os
 import struct
-import zlib
 from collections import defaultdict
 from collections.abc import Sequence
-from typing import Any, Final, NamedTuple, final
+from typing import Any, Final, final
 
 import numpy as np
 from h5py import h5a, h5d, h5f, h5g, h5i, h5l, h5o, h5s, h5t, h5z
 
 from wsnsim.recording.layout import CHUNK
 from wsnsim.recording.object_headers import DamagedContent, check_attributes
+from wsnsim.recording.stored_column import StoredColumn
 
 DEFLATE_LIMIT: Final = 1_032
 """Bytes that deflate makes of one at most (zlib, Technical Details: maximum compression factor)."""
@@ -43,69 +43,6 @@ _TYPES: Final[dict[int, list[tuple[h5t.TypeID, np.dtype]]]] = defaultdict(list)
 """The types of columns by their size. Translating a type takes longer than comparing it with these."""
 for _dtype in map(np.dtype, TYPES):
     _TYPES[_dtype.itemsize].append((h5t.py_create(_dtype), _dtype))
-
-
-class StoredColumn(NamedTuple):
-    """A column of a table, checked.
-
-    Attributes:
-        name: table and column, for messages.
-        dataset: the dataset.
-        dtype: type of its values.
-        rows: number of its values.
-        stored: bytes in the file.
-        chunk: rows of a chunk; 0 if it is stored in one piece.
-        filters: numbers of the filters of its chunks.
-        chunks: the first row of each chunk that is there, in order.
-    """
-
-    name: str
-    dataset: h5d.DatasetID
-    dtype: np.dtype
-    rows: int
-    stored: int
-    chunk: int = 0
-    filters: tuple[int, ...] = ()
-    chunks: tuple[int, ...] = ()
-
-    def values(self, rows: slice = slice(None)) -> np.ndarray:
-        """The values of some rows, consecutive ones.
-
-        Raises:
-            DamagedContent: a chunk does not hold what it should.
-        """
-        start, stop, _ = rows.indices(self.rows)
-        found = np.empty(max(stop - start, 0), self.dtype)
-        if not self.chunk:
-            if len(found):
-                space = self.dataset.get_space()
-                space.select_hyperslab((start,), (len(found),))
-                self.dataset.read(h5s.create_simple((len(found),)), space, found)
-            return found
-        for first in range(start - start % self.chunk, stop, self.chunk):
-            piece = self._chunk(first)
-            low, high = max(start, first), min(stop, first + self.chunk)
-            found[low - start : high - start] = piece[low - first : high - first]
-        return found
-
-    def _chunk(self, first: int) -> np.ndarray:
-        """The values of the chunk that begins with this row."""
-        mask, raw = self.dataset.read_direct_chunk((first,))
-        size = self.chunk * self.dtype.itemsize
-        if self.filters and not mask:
-            inflater = zlib.decompressobj()
-            try:
-                raw = inflater.decompress(raw, size + 1)
-            except zlib.error as error:
-                raise DamagedContent(f"{self.name}: inflate() failed: {error}") from error
-            if not inflater.eof:
-                raise DamagedContent(f"{self.name}: a chunk is incomplete")
-        if len(raw) != size:
-            raise DamagedContent(f"{self.name}: a chunk has {len(raw)} bytes, not {size}")
-        if self.filters[:1] == (h5z.FILTER_SHUFFLE,):
-            shuffled = np.frombuffer(raw, np.uint8).reshape(self.dtype.itemsize, self.chunk)
-            return np.ascontiguousarray(shuffled.T).view(self.dtype).ravel()
-        return np.frombuffer(raw, self.dtype)
 
 
 @final
@@ -169,9 +106,7 @@ class Content:
 
     def column(self, group: h5g.GroupID, name: str, complete: bool = True) -> StoredColumn:
         """A column of a table; KeyError if there is none."""
-        if "/" in name or name in ("", "."):  # it would lead into another group
-            raise DamagedContent(f"'{name}' cannot name a column")
-        dataset = h5d.open(group, name.encode())
+        dataset = self.dataset(group, name)
         shown = f"{_name_of(group)}.{name}"
         plan = dataset.get_create_plist()
         layout = plan.get_layout()
@@ -186,6 +121,13 @@ class Content:
         if rows and layout == h5d.CONTIGUOUS and offset is None:
             raise DamagedContent(f"{shown}: its values are missing")
         return StoredColumn(shown, dataset, dtype, rows, stored)
+
+    @staticmethod
+    def dataset(group: h5g.GroupID, name: str) -> h5d.DatasetID:
+        """A dataset of a group, none of another group: 'a/b' would be one."""
+        if "/" in name or name in ("", "."):
+            raise DamagedContent(f"'{name}' cannot name a column")
+        return h5d.open(group, name.encode())
 
     def _chunked(self, column: StoredColumn, plan: Any, complete: bool) -> StoredColumn:
         """The column, its chunks checked."""

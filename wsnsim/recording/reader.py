@@ -7,7 +7,6 @@ result, is unfinished or damaged, or does not contain what is asked for.
 from __future__ import annotations
 
 import difflib
-import json
 import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -16,15 +15,17 @@ from typing import Any, Final, NamedTuple
 
 import h5py
 import numpy as np
-from h5py import h5d, h5f, h5g, h5p
+from h5py import h5f, h5g, h5p
 
 from wsnsim.base.errors import ResultError, did_you_mean
 from wsnsim.base.regular_files import why_not_regular
 from wsnsim.base.tables import TABLES
-from wsnsim.recording.contents import Content, StoredColumn
+from wsnsim.recording.contents import Content
 from wsnsim.recording.layout import KINDS, SCHEMA_VERSION, TEXTS, WRITING, reason
 from wsnsim.recording.object_headers import DamagedContent
 from wsnsim.recording.packed_rows import PackedRows, packed_rows
+from wsnsim.recording.stored_column import StoredColumn
+from wsnsim.recording.stored_json import parsed
 
 DAMAGED: Final = (
     OSError, RuntimeError, KeyError, ValueError, TypeError, IndexError, OverflowError, MemoryError, SystemError
@@ -106,25 +107,35 @@ def all_meanings(path: str | Path, table: str) -> dict[str, tuple[str, ...]]:
         return {name: words_of(content, column) for name, column in found.items()}
 
 
-def read_text(path: str | Path, name: str) -> str:
-    """One of the texts `scenario/source_yaml`, `scenario/resolved_json` and `provenance_json`."""
+def read_text(path: str | Path, name: str, optional: bool = False) -> str:
+    """One of the texts `scenario/source_yaml`, `scenario/resolved_json` and `provenance_json`.
+
+    Args:
+        path: result file.
+        name: name of the text.
+        optional: whether the text may be missing, as after a killed run; it is '' then.
+    """
     with opened(path) as content:
         held = text_names(content)
-        if name not in held:
-            raise ResultError(f"{path}: has no text '{name}' ({did_you_mean(name, held)})")
-        return content.text(name)
+        if name in held:
+            return content.text(name)
+        if optional:
+            return ""
+        raise ResultError(f"{path}: has no text '{name}' ({did_you_mean(name, held)})")
 
 
-def read_json(path: str | Path, name: str) -> dict[str, Any]:
-    """One of the JSON texts, `scenario/resolved_json` or `provenance_json`, as a dict."""
-    text = read_text(path, name)
-    try:
-        values = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise ResultError(f"{path}: the text '{name}' is not JSON: {error}") from error
-    if not isinstance(values, dict):
-        raise ResultError(f"{path}: the text '{name}' holds no keys")
-    return values
+def read_json(path: str | Path, name: str, optional: bool = False) -> dict[str, Any]:
+    """A JSON text, `scenario/resolved_json` or `provenance_json`, as a dict; a missing key is a ResultError.
+
+    Args:
+        path: result file.
+        name: name of the text.
+        optional: whether the text may be missing, as after a killed run; the dict is empty then.
+    """
+    with opened(path) as content:
+        if optional and name not in text_names(content):
+            return {}
+    return parsed(read_text(path, name), f"{path}: the text '{name}'")
 
 
 def attributes(path: str | Path) -> dict[str, Any]:
@@ -187,6 +198,8 @@ def text_names(content: Content) -> list[str]:
 def states_of(content: Content) -> tuple[tuple[str, str], ...]:
     """(name, unit) of each state column."""
     names, units = (content.attribute(content.root, name) for name in ("states", "state_units"))
+    if not isinstance(names, list) or not isinstance(units, list) or len(names) != len(units):
+        raise DamagedContent("the file does not say what state columns it has")
     return tuple((str(name), str(unit)) for name, unit in zip(names, units, strict=True))
 
 
@@ -195,7 +208,8 @@ def position_of(content: Content) -> tuple[int, ...] | None:
     indices = content.attribute(content.root, "position")
     if indices is None:
         return None
-    if not all(isinstance(i, int) and 0 <= i < len(states_of(content)) for i in indices):
+    count = len(states_of(content))
+    if not isinstance(indices, list) or not all(isinstance(i, int) and 0 <= i < count for i in indices):
         raise DamagedContent("the position is not among the state columns")
     return tuple(indices)
 
@@ -210,6 +224,8 @@ def _check(content: Content, path: Path, unfinished: bool) -> None:
     found, status = (content.attribute(content.root, name) for name in ("schema_version", "status"))
     if found is None or status is None:
         raise ResultError(f"{path}: is an HDF5 file, but not a wsnsim result")
+    if not isinstance(found, int):
+        raise DamagedContent("its schema version is no number")
     if found > SCHEMA_VERSION:
         version = content.attribute(content.root, "wsnsim_version")
         raise ResultError(f"{path}: was written by a newer wsnsim ({version}): schema {found}")
@@ -261,7 +277,7 @@ def _size(content: Content, path: str | Path, table: str) -> TableSize:
     group = _group(content, path, table)
     names = column_names(content, group)
     first = content.column(group, names[0])
-    stored = [h5d.open(group, name.encode()).get_storage_size() for name in names[1:]]
+    stored = [content.dataset(group, name).get_storage_size() for name in names[1:]]
     return TableSize(first.rows, tuple(names), first.stored + sum(stored))
 
 

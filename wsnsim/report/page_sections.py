@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from wsnsim.base.errors import ResultError
 from wsnsim.recording import read_text
 from wsnsim.report.replay import Replay
 from wsnsim.report.svg_figures import SvgFigure
@@ -127,10 +126,7 @@ def _figure(figure: SvgFigure, prefix: str) -> str:
 
 def stored_text(path: Path, name: str) -> str:
     """A text stored in the result, '' if there is none."""
-    try:
-        return read_text(path, name)
-    except ResultError:
-        return ""
+    return read_text(path, name, optional=True)
 
 
 def _scenario(section: PageSection) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import html
-import json
 import re
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -21,7 +20,7 @@ from wsnsim.analysis.quantities import (
     worth_showing,
 )
 from wsnsim.base.errors import ResultError
-from wsnsim.recording import read_text
+from wsnsim.recording import read_json
 
 PublishedValues = tuple[Mapping[str, float], str]
 """Values by quantity, and the paper's name."""
@@ -102,6 +101,6 @@ def _published_values(path: Path, published: PublishedLookup | None) -> Publishe
     if published is None:
         return {}, ""
     try:
-        return published(json.loads(read_text(path, "scenario/resolved_json")))
+        return published(read_json(path, "scenario/resolved_json"))
     except (ResultError, ValueError):
         return {}, ""

@@ -5,7 +5,6 @@ verify(path) -> Verification
 
 from __future__ import annotations
 
-import json
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -14,7 +13,7 @@ from typing import Any, Final
 
 import wsnsim.experiment as experiment
 from wsnsim.base.errors import ResultError
-from wsnsim.recording import attributes, provenance, read_table, read_text, tables
+from wsnsim.recording import attributes, provenance, read_json, read_table, read_text, tables
 from wsnsim.recording.layout import PARTIAL
 from wsnsim.scenario import Plugins, load
 from wsnsim.verification import stored_source
@@ -72,7 +71,7 @@ def verify(path: str | Path, plugins: bool = False) -> Verification:
         RunError: a run failed.
     """
     path = Path(path)
-    resolved, stored = experiment.rerun_source(path), json.loads(read_text(path, "provenance_json"))
+    resolved, stored = experiment.rerun_source(path), read_json(path, "provenance_json")
     allowed = Plugins.ANY if plugins else Plugins.INSTALLED
     scenario = load(resolved, plugins=allowed)
     partial, older = attributes(path)["status"] == PARTIAL, OVERRIDES not in stored
