@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import io
 import os
 import signal
@@ -17,6 +16,7 @@ import click
 import pytest
 
 from tests.campaign.inline_engine import InlineEngine
+from tests.helpers.full_disk import FullDisk
 from wsnsim.base.caches import CacheWarning
 from wsnsim.campaign import local_engine
 from wsnsim.cli import main
@@ -26,13 +26,6 @@ from wsnsim.experiment import Progress
 
 TINY = ("ungm_pf", "--set", "duration=3 s", "--set", "tracker.particles=40")
 SWEEP = """{name: s, scenario: ungm_pf, set: {duration: 2 s}, grid: {tracker.particles: [30, 40]}, replicates: 2}"""
-
-
-class FullDisk(io.StringIO):
-    """A stream to a disk without space."""
-
-    def write(self, text: str) -> int:
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
 def closed() -> io.StringIO:

@@ -18,6 +18,7 @@ import wsnsim
 from tests.campaign.inline_engine import InlineEngine
 from tests.campaign.moody_tracker import write_moody_tracker
 from tests.campaign.processes import wait_for
+from tests.helpers.full_disk import FullDisk
 from wsnsim.analysis import statistics
 from wsnsim.base import metrics
 from wsnsim.base.errors import UsageError
@@ -187,6 +188,15 @@ def test_in_words_there_are_reasons_verdicts_and_the_rule(done, papers, capsys):
     assert "      because\n" in said.out and f"  too few runs: {RULE['too few runs']}" in said.out
     assert "liu2012: 5 claims: " in said.out and "liu2012: 1 not counted, repairs and other readings: " in said.out
     assert "~ not strict here" in said.out and "  about 0.6 " in said.out
+
+
+def test_progress_that_cannot_be_printed_ends_no_reproduction(done, papers, monkeypatch, capsys):
+    shutil.copytree(done, "results/reproduce/quick")
+    next(Path("results").rglob("*.h5")).unlink()
+    monkeypatch.setattr("wsnsim.cli.end_stderr", lambda: None)  # it would close the stderr of these tests
+    monkeypatch.setattr(sys, "stderr", FullDisk())
+    assert main(["reproduce", "liu2012", "--progress", "plain", "-j", "1"]) == 0
+    assert "liu2012: 5 claims: " in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.helpers.full_disk import FullDisk
 from wsnsim.report import html_page
 
 from .page_reader import no_figures
@@ -53,3 +54,10 @@ def test_the_command_refuses_what_it_cannot_do_in_one_line(wsnsim):
         said = wsnsim(*words)
         assert said[0] == code and message in said[2] and said[2].count("\n") == 1, words
     assert sorted(file.name for file in Path().iterdir()) == ["text.h5", "x.h5"]
+
+
+def test_a_page_is_written_although_nothing_can_be_printed_on_stderr(wsnsim, real, monkeypatch):
+    monkeypatch.setattr("wsnsim.cli.end_stderr", lambda: None)  # it would close the stderr of these tests
+    monkeypatch.setattr("sys.stderr", FullDisk())
+    assert wsnsim(real, "--out", "page.html")[0] == 0
+    assert Path("page.html").stat().st_size
