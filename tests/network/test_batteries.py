@@ -23,6 +23,7 @@ from wsnsim.network.energy.ledger import affordable
 
 PLACES = [(0.0, 0.0), (30.0, 0.0), (0.0, 30.0)]
 SEED, HORIZON = 11, 10.0
+SYNCHRONOUS = DutyCycle(period=1.0, awake_share=0.5, phases="synchronous")
 IDLE, SLEEP, SWITCH = (CAUSES.index(name) for name in ("idle", "sleep", "switch"))
 
 
@@ -124,6 +125,16 @@ def test_a_radio_that_sleeps_for_a_slot_at_a_higher_price_brings_death_forward()
     assert {node: time for time, node in network.died} == {
         0: pytest.approx(4.05 + (0.3 - 4.0 * 0.06 - 0.05 * 0.6) / 0.06), 1: pytest.approx(5.0), 2: pytest.approx(5.0),
     }  # fmt: skip
+
+
+def test_a_frame_dearer_than_a_battery_is_paid_from_what_the_time_before_has_left():
+    network = RadioNetwork(PLACES, energy=FirstOrder(battery=1.0, switch=0.01), sleep=SYNCHRONOUS)
+    bits = []
+    network.at(4.2, lambda: bits.append(network.nodes.spend_transmit(0, 5.0, 0.0, 100)))
+    network.at(4.2, lambda: bits.append(network.nodes.spend_receive(1, 5.0, 100)))
+    network.env.run(until=5.0)
+    assert bits == [18, 18], "eight changes of mode leave 0.92 J for a frame of 5 J"
+    assert network.nodes.ledger.joules[SWITCH, :2].tolist() == pytest.approx([0.08, 0.08])
 
 
 def test_of_a_change_that_a_node_cannot_pay_nothing_is_taken_from_what_lasted_before():

@@ -164,10 +164,10 @@ class Nodes:
         """
         if seconds:
             self.consumption.mark_radio_busy(node, seconds)
-        if self.battery - self._spent[node] <= self._tight and not self._settle(node):
+        joules = electronics + amplifier
+        if self.battery - self._spent[node] - joules <= self._tight and not self._settle(node):
             return 0
         spent = self._spent[node]
-        joules = electronics + amplifier
         if spent + joules >= self.battery:
             paid = min(int(bits * (self.battery - spent) / joules), bits)
             share = paid / bits
@@ -182,7 +182,7 @@ class Nodes:
         """Book a reception; returns the whole bits that were paid for, fewer if the node died of it."""
         if seconds:
             self.consumption.mark_radio_busy(node, seconds)
-        if self.battery - self._spent[node] <= self._tight and not self._settle(node):
+        if self.battery - self._spent[node] - joules <= self._tight and not self._settle(node):
             return 0
         spent = self._spent[node]
         if spent + joules >= self.battery:
