@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import final
 
 from wsnsim.campaign.engines import FinishedTask
@@ -14,6 +15,7 @@ class InlineEngine:
 
     def __init__(self, workers: int = 1) -> None:
         self.window = 1
+        self.left_out: Mapping[str, str] = {}
         self._tasks: list[Task] = []
 
     def submit(self, task: Task) -> None:

@@ -19,7 +19,7 @@ from tests.campaign_cluster.dask_campaigns import TRUSTED, Begun, begun_in, endi
 from tests.campaign_cluster.dask_processes import ODD, files, until
 from wsnsim import campaign
 from wsnsim.base.errors import UsageError
-from wsnsim.campaign import dask_engine, dask_worker
+from wsnsim.campaign import dask_connection, dask_engine, dask_worker
 from wsnsim.campaign.dask_engine import DaskEngine
 from wsnsim.campaign.dask_worker import WorkerRequirements, unmet_requirement
 from wsnsim.campaign.task import TaskOutcome
@@ -115,6 +115,7 @@ def test_what_no_worker_has_begun_is_taken_back(begun: Begun, engine_of: Any) ->
         (HERE, 1, ""),
         (HERE._replace(wsnsim="9"), 1, f"has wsnsim {wsnsim.__version__}, but the campaign runs with 9"),
         (HERE._replace(numpy="9"), 1, f"has NumPy {np.__version__}, but the campaign runs with 9"),
+        (HERE._replace(code="9"), 1, f"has other source files of wsnsim {wsnsim.__version__} than the campaign"),
         (HERE, 2, "has 2 threads"),
         (HERE._replace(marker="elsewhere/running/driver.log"), 1, "does not see elsewhere"),
     ],
@@ -141,13 +142,13 @@ def test_a_file_that_names_no_scheduler_is_refused(tmp_path: Path, text: str) ->
 def test_an_address_where_no_scheduler_is_is_refused(
     tmp_path: Path, address: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(dask_engine, "CONNECT_TIMEOUT", 3.0)  # and 1.5 s more for its error to be heard of
+    monkeypatch.setattr(dask_connection, "CONNECT_TIMEOUT", 3.0)  # and 1.5 s more for its error to be heard of
     with pytest.raises(UsageError, match=f"cannot connect to the scheduler {address}"):
         DaskEngine(tmp_path, address)
 
 
 def test_a_port_where_nobody_answers_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(dask_engine, "CONNECT_TIMEOUT", 0.5)
+    monkeypatch.setattr(dask_connection, "CONNECT_TIMEOUT", 0.5)
     with socket.create_server(("127.0.0.1", 0)) as silent, pytest.raises(UsageError, match="does not answer"):
         DaskEngine(tmp_path, f"tcp://127.0.0.1:{silent.getsockname()[1]}")
 
@@ -162,12 +163,71 @@ def test_a_worker_that_does_not_see_the_folder_is_refused(begun: Begun, address:
     folder = begun(replicates=1)
     engine = DaskEngine(folder.path, address)
     marker = Path(engine._required.marker)
-    engine._required = engine._required._replace(marker=str(tmp_path / "elsewhere" / "driver.log"))
+    elsewhere = engine._required._replace(marker=str(tmp_path / "elsewhere" / "driver.log"))
     with pytest.raises(UsageError, match=r"worker tcp://.* does not see"):
-        engine._check_workers()
+        engine._check_workers(elsewhere)
     assert marker.is_file()
     engine.close()
     assert not marker.exists()
+
+
+@pytest.mark.parametrize("refresh", [0.0, 1e9], ids=["found when it joins", "found when it refuses a task"])
+def test_a_worker_that_joins_and_cannot_run_the_campaign_is_left_out(
+    begun: Begun, engine_of: Any, address: str, refresh: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = begun(grid={"tracker.sleep": [0.05]}, replicates=10)
+    engine = engine_of(folder)
+    late = joined(engine, address, nthreads=2)
+    monkeypatch.setattr(dask_engine, "REFRESH", refresh)
+    try:
+        ended = campaign.run_campaign(folder, engine, access=TRUSTED)
+    finally:
+        left(address, late)
+    assert ended.complete and not ended.stopped and ended.done == 10
+    assert ended.left_out == {late.address: "has 2 threads: start workers with --nthreads 1"}
+
+
+def test_where_no_worker_can_run_the_campaign_it_ends_with_the_reason(
+    begun: Begun, engine_of: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = begun(replicates=6)
+    engine = engine_of(folder)
+    engine._required = engine._required._replace(numpy="9")
+    ended = campaign.run_campaign(folder, engine, access=TRUSTED)
+    assert ended.stopped.startswith("worker tcp://") and ended.stopped.endswith("last bits would differ")
+    assert not ended.complete and not ended.failed and len(ended.left_out) == 2
+
+
+def test_tasks_for_workers_that_have_gone_are_sent_to_others(begun: Begun, engine_of: Any) -> None:
+    folder = begun(grid={"tracker.sleep": [0.05]}, replicates=3)
+    engine = engine_of(folder)
+    here, workers = set(engine._workers.usable), engine._workers
+    workers.usable, workers.left_out = {"tcp://127.0.0.1:1"}, {"tcp://127.0.0.1:2": "has 2 threads"}
+    engine.submit(task_of(folder))
+    engine._send()
+    assert list(engine._restricted.values()) == [frozenset({"tcp://127.0.0.1:1"})]
+    engine._look_at_workers()
+    assert workers.usable == here and not engine._restricted
+    assert [ending.outcome.status for ending in endings_of(engine)] == ["done"]
+
+
+def joined(engine: DaskEngine, address: str, **options: Any) -> Any:
+    """A worker in this process that has joined the scheduler."""
+    distributed = pytest.importorskip("distributed")
+
+    async def start() -> Any:
+        return await distributed.Worker(address, **options)
+
+    worker = engine._client.sync(start)
+    until(lambda: worker.address in engine._client.nthreads())
+    return worker
+
+
+def left(address: str, worker: Any) -> None:
+    """Close a worker, by a client of its own: that of the engine is closed."""
+    distributed = pytest.importorskip("distributed")
+    with distributed.Client(address, set_as_default=False) as client:
+        client.retire_workers([worker.address])
 
 
 def test_a_scheduler_that_ends_is_said_to_be_gone(begun: Begun, tmp_path: Path) -> None:

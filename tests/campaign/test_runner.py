@@ -39,6 +39,7 @@ class Pool:
     def __init__(self, folder: Folder, moods: Mapping[Where, str] = {}, workers: int = 2, seed: int = 0) -> None:
         self.folder, self.moods, self.workers = folder, moods, workers
         self.window = 2 * workers
+        self.left_out: dict[str, str] = {}
         self.under_way: list[Task] = []
         self.written: Counter[Where] = Counter()
         self.deaths: Counter[str] = Counter()
@@ -377,6 +378,12 @@ def test_where_no_task_could_be_written_none_is_begun(folder: Folder, status: An
     ended = run_campaign(folder, pool)
     assert ended.stopped == "no space" and not ended.failed and not ended.complete
     assert len(pool.taken) <= 3 and ended.done == 3
+
+
+def test_a_worker_that_was_left_out_is_named_in_the_outcome(folder: Folder) -> None:
+    pool = Pool(folder)
+    pool.left_out["tcp://a:1"] = "has 2 threads"
+    assert run_campaign(folder, pool).left_out == {"tcp://a:1": "has 2 threads"}
 
 
 def test_an_engine_that_is_gone_ends_the_campaign_with_its_words(folder: Folder) -> None:

@@ -58,7 +58,9 @@ class Odd:
         return belief
 '''
 SHIM = "import wsnsim.base.version\nwsnsim.base.version.__version__ = '9.9.9'\n"
+BLOCK = "import sys\nsys.modules['wsnsim'] = None\n"
 PATIENCE = 120.0
+ROOT = Path(__file__).parents[2]
 
 
 @final
@@ -71,8 +73,11 @@ class Lab:
         (place / "mylab_odd.py").write_text(ODD)
         (place / "shim").mkdir()
         (place / "shim" / "sitecustomize.py").write_text(SHIM)
-        self.environment = {**os.environ, "PYTHONPATH": str(place)}
-        self.other_version = {"PYTHONPATH": os.pathsep.join([str(place / "shim"), str(place)])}
+        (place / "without").mkdir()
+        (place / "without" / "sitecustomize.py").write_text(BLOCK)
+        self.environment = {**os.environ, **_path(place)}
+        self.other_version = _path(place / "shim", place)
+        self.without_wsnsim = _path(place / "without", place)
 
     def scheduler(self, name: str, changes: Mapping[str, str] | None = None) -> Path:
         """Start a scheduler; its scheduler file."""
@@ -114,6 +119,11 @@ class Lab:
         )
         self.started.append(process)
         return process
+
+
+def _path(*folders: Path) -> dict[str, str]:
+    """The environment in which these folders, and the sources under test, are on Python's path."""
+    return {"PYTHONPATH": os.pathsep.join(map(str, [*folders, ROOT]))}
 
 
 @contextlib.contextmanager

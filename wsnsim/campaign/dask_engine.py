@@ -10,36 +10,29 @@ from __future__ import annotations
 import contextlib
 import functools
 import itertools
-import json
-import logging
 import queue
-import threading
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final, final
 
 from wsnsim.base.errors import UsageError
-from wsnsim.base.regular_files import read_regular
 from wsnsim.base.version import __version__
-from wsnsim.campaign.dask_worker import WorkerRequirements, installed_version, perform_on_worker, unmet_requirement
+from wsnsim.campaign.dask_connection import address_in, connected
+from wsnsim.campaign.dask_worker import WorkerRequirements, installed_version, perform_on_worker
+from wsnsim.campaign.dask_workers import ANSWER_TIMEOUT, DaskWorkers, unreadable
 from wsnsim.campaign.engines import EngineError, FinishedTask, WorkerLost
 from wsnsim.campaign.task import Task, TaskOutcome, describe_error
+from wsnsim.recording.code_digests import digest_of, package_digests
 from wsnsim.recording.folder import Folder
 from wsnsim.recording.layout import reason
 
-CONNECT_TIMEOUT: Final = 10.0
-"""Seconds to connect to the scheduler."""
-ANSWER_TIMEOUT: Final = 60.0
-"""Seconds for an answer of the scheduler, or of the workers through it."""
 FETCH_TIMEOUT: Final = 5.0
 """Seconds to fetch outcomes, before the engine checks whether their workers are alive."""
 WORKER_TIMEOUT: Final = 300.0
 """Seconds without any worker after which the engine fails."""
 REFRESH: Final = 2.0
 """Seconds between two counts of the workers; 0.1 s while there is none."""
-WITHOUT_LOG: Final = {"distributed.admin.low-level-log-length": 0}
-"""Dask's setting by which a client keeps none of the messages that it sent; it would keep 1000, several megabytes."""
 PER_WORKER: Final = 4
 RETRIES: Final = 2
 
@@ -69,26 +62,33 @@ class DaskEngine:
         self._folder = Folder(folder.resolve())
         self._wait_for = wait_for
         self._name = f"the scheduler {address or scheduler_file}"
-        self._client = _connected(address or _address_in(scheduler_file))
+        self._client = connected(address or address_in(scheduler_file))
         self._marker = self._folder.marker("driver", self._client.id)
         self._done: queue.SimpleQueue[Any] = queue.SimpleQueue()
         self._running: dict[Any, tuple[Any, Task]] = {}
+        self._restricted: dict[Any, frozenset[str]] = {}
         self._accepted: list[Task] = []
         self._numbers = itertools.count()
-        self._counted_at, self._workers, self._worker_seen_at = 0.0, 0, time.monotonic()
+        self._workers = DaskWorkers(self._client)
+        self._required: WorkerRequirements | None = None
+        self._counted_at, self._worker_seen_at = 0.0, time.monotonic()
         try:
-            self._required = self._write_marker()
-            self._check_workers()
+            self._check_workers(self._write_marker())
         except BaseException:
             self.close()
             raise
 
     @property
     def window(self) -> int:
-        """Four times the current number of workers."""
+        """Four times the current number of workers that can be used."""
         if time.monotonic() - self._counted_at > REFRESH:
-            self._count_workers()
-        return PER_WORKER * max(1, self._workers)
+            self._look_at_workers()
+        return PER_WORKER * max(1, len(self._workers.usable))
+
+    @property
+    def left_out(self) -> Mapping[str, str]:
+        """{address: why} of the workers that joined and cannot run the campaign."""
+        return self._workers.left_out
 
     def submit(self, task: Task) -> None:
         """Accept a task. Accepted tasks are sent together at the next call of `finished`."""
@@ -105,16 +105,16 @@ class DaskEngine:
             futures = [future for future in self._drained(timeout) if future.key in self._running]
             if not futures:
                 self._check_scheduler()
-            pairs = self._outcomes(futures)
+            pairs = [pair for pair in self._outcomes(futures) if not self._is_refused(*pair)]
             for future, _ in pairs:
                 future.release()
-        return [FinishedTask(self._running.pop(future.key)[1], outcome) for future, outcome in pairs]
+        return [FinishedTask(self._popped(future.key)[1], outcome) for future, outcome in pairs]
 
     def cancel_pending(self) -> list[Task]:
         """Cancel and return the tasks that no worker has started: those without a marker file."""
         accepted, self._accepted = self._accepted, []
         waiting = [key for key, (_, task) in self._running.items() if not self._folder.markers(task.session, task.name)]
-        dropped = [self._running.pop(key) for key in waiting]
+        dropped = [self._popped(key) for key in waiting]
         with self._scheduler_errors():
             self._client.cancel([future for future, _ in dropped], force=True)
         return accepted + [task for _, task in dropped]
@@ -136,11 +136,36 @@ class DaskEngine:
             return
         tasks, self._accepted = self._accepted, []
         keys = [(f"wsnsim-{task.session}", task.name, next(self._numbers)) for task in tasks]
+        only = self._workers.restriction()
         futures = self._client.map(
-            perform_on_worker, tasks, required=self._required, key=keys, pure=False, retries=RETRIES
+            perform_on_worker, tasks, required=self._required, key=keys, pure=False, retries=RETRIES, workers=only
         )
         self._running.update(zip(keys, zip(futures, tasks, strict=True), strict=True))
+        self._restricted.update(dict.fromkeys(keys, frozenset(only)) if only is not None else {})
         self._listen(futures)
+
+    def _popped(self, key: Any) -> tuple[Any, Task]:
+        """Forget a task that was sent; its future and itself."""
+        self._restricted.pop(key, None)
+        return self._running.pop(key)
+
+    def _send_again(self, keys: Iterable[Any]) -> None:
+        """Take tasks back, and accept them again, for workers that can be used."""
+        taken = [self._popped(key) for key in keys]
+        self._client.cancel([future for future, _ in taken], force=True)
+        self._accepted += [task for _, task in taken]
+
+    def _is_refused(self, future: Any, outcome: TaskOutcome | WorkerLost) -> bool:
+        """Whether a worker refused a task that another worker can run. It is left out, and the task is sent again."""
+        if not isinstance(outcome, TaskOutcome) or outcome.status != "version":
+            return False
+        for workers in self._client.who_has([future]).values():
+            for worker in workers:
+                self._workers.leave_out(worker, outcome.reason)
+        if not self._workers.usable:
+            return False
+        self._send_again([future.key])
+        return True
 
     def _listen(self, futures: Iterable[Any]) -> None:
         for future in futures:
@@ -161,9 +186,9 @@ class DaskEngine:
             raise EngineError(f"{self._name} is gone")
         finished = [future for future in futures if future.status == "finished"]
         pairs = list(zip(finished, self._fetched(finished), strict=False))
-        pairs += [(future, self._lost_worker(future)) for future in futures if future.status == "error"]
+        pairs += [(future, self._lost_worker(future)) for future in self._erred(futures)]
         known = {future.key for future, _ in pairs}
-        self._listen(future for future in futures if future.key not in known)
+        self._listen(future for future in futures if future.key not in known and future.key in self._running)
         return pairs
 
     def _fetched(self, futures: list[Any]) -> list[TaskOutcome | WorkerLost]:
@@ -174,13 +199,22 @@ class DaskEngine:
             return outcomes if len(outcomes) == len(futures) else []
         return []
 
-    def _lost_worker(self, future: Any) -> WorkerLost:
-        """The loss of a future's workers. `perform` never raises: another error means that a worker cannot read it."""
-        from distributed import KilledWorker
+    def _erred(self, futures: list[Any]) -> list[Any]:
+        """The futures with an error, without those that a worker could not read which is left out now: sent again."""
+        erred = [future for future in futures if future.status == "error"]
+        free = [future for future in erred if future.key not in self._restricted and not _is_killed(future)]
+        if free:
+            self._look_at_workers()
+        if not free or not self._workers.left_out or not self._workers.usable:
+            return erred
+        self._send_again([future.key for future in free])
+        return [future for future in erred if future.key in self._running]
 
-        error = future.exception(timeout=FETCH_TIMEOUT)
-        if not isinstance(error, KilledWorker):
-            raise EngineError(_unreadable(f"a worker of {self._name}", error))
+    def _lost_worker(self, future: Any) -> WorkerLost:
+        """The loss of a future's workers. Another error means that no worker can read the task."""
+        if not _is_killed(future):
+            error = future.exception(timeout=FETCH_TIMEOUT)
+            raise EngineError(f"a worker of {self._name} {unreadable(error)}")
         return WorkerLost("workers died")
 
     def _check_scheduler(self) -> None:
@@ -188,16 +222,19 @@ class DaskEngine:
         if self._client.status != "running":
             raise EngineError(f"{self._name} is gone")
         if self._running and time.monotonic() - self._counted_at > REFRESH:
-            self._count_workers()
+            self._look_at_workers()
             if time.monotonic() - self._worker_seen_at > self._wait_for:
                 raise EngineError(f"{self._name} has had no worker for {self._wait_for:g} s")
 
-    def _count_workers(self) -> None:
+    def _look_at_workers(self) -> None:
+        """Check workers that have joined, and send tasks again that only workers may run that have gone."""
         with self._scheduler_errors():
-            self._workers = len(self._client.nthreads(callback_timeout=ANSWER_TIMEOUT))
-        self._counted_at = time.monotonic()
-        if self._workers:
-            self._worker_seen_at = self._counted_at
+            self._workers.look(self._required)
+            usable = self._workers.usable
+            self._counted_at = time.monotonic()
+            if usable:
+                self._worker_seen_at = self._counted_at
+                self._send_again([key for key, only in self._restricted.items() if not only & usable])
 
     def _write_marker(self) -> WorkerRequirements:
         """Write the marker file of this session; return what workers must meet."""
@@ -208,35 +245,32 @@ class DaskEngine:
             self._marker.touch()
         except OSError as error:
             raise UsageError(f"cannot write {self._marker.parent}: {reason(error)}") from None
-        return WorkerRequirements(__version__, numpy.__version__, str(self._marker))
+        code = digest_of(package_digests().items())
+        return WorkerRequirements(__version__, numpy.__version__, str(self._marker), code)
 
-    def _check_workers(self) -> None:
-        """Check scheduler and workers. A worker that joins later is checked with its first task."""
+    def _check_workers(self, required: WorkerRequirements) -> None:
+        """Check scheduler and workers. A worker that joins later is checked then, and left out."""
         try:
             version = self._client.run_on_scheduler(installed_version, callback_timeout=ANSWER_TIMEOUT)
             if version != __version__:
                 raise EngineError(f"{self._name} has wsnsim {version}, but this is {__version__}")
             self._wait_for_worker()
-            unmet = self._client.run(
-                unmet_requirement, self._required, on_error="return", callback_timeout=ANSWER_TIMEOUT
-            )
+            unmet = self._workers.unmet(self._workers.usable, required)
         except (EngineError, TimeoutError) as error:
             raise UsageError(str(error) or f"{self._name} does not answer") from None
         except Exception as error:
-            raise UsageError(_unreadable(self._name, error)) from None
-        for worker, found in unmet.items():
-            if isinstance(found, Exception):
-                raise UsageError(_unreadable(f"worker {worker}", found))
-            if found:
-                raise UsageError(f"worker {worker} {found}")
+            raise UsageError(f"{self._name} {unreadable(error)}") from None
+        for worker, lack in unmet.items():
+            raise UsageError(f"worker {worker} {lack}")
+        self._required = required
 
     def _wait_for_worker(self) -> None:
-        self._count_workers()
-        while not self._workers:
+        self._look_at_workers()
+        while not self._workers.usable:
             if time.monotonic() - self._worker_seen_at > self._wait_for:
                 raise EngineError(f"{self._name} has no worker after {self._wait_for:g} s")
             time.sleep(0.1)
-            self._count_workers()
+            self._look_at_workers()
 
     @contextlib.contextmanager
     def _scheduler_errors(self) -> Iterator[None]:
@@ -251,49 +285,8 @@ class DaskEngine:
             raise EngineError(f"{self._name} is gone ({describe_error(error)})") from error
 
 
-def _connected(address: str) -> Any:
-    """A client of the scheduler, connected in a thread: Dask would wait forever for a server that is no scheduler."""
-    try:
-        import dask
-        import distributed
-    except ImportError:
-        raise UsageError("--scheduler needs Dask: pip install 'wsnsim[cluster]'") from None
-    for name in ("distributed", "distributed.client"):
-        logging.getLogger(name).setLevel(logging.CRITICAL)  # its errors are reported by this engine
-    client_class: Any = distributed.Client
-    found: queue.SimpleQueue[Any] = queue.SimpleQueue()
+def _is_killed(future: Any) -> bool:
+    """Whether a future's error is that its workers died. `perform` never raises: another error is one of reading."""
+    from distributed import KilledWorker
 
-    def connect() -> None:
-        try:
-            with dask.config.set(WITHOUT_LOG):
-                found.put(client_class(address, timeout=CONNECT_TIMEOUT, set_as_default=False))
-        except Exception as error:
-            found.put(error)
-
-    threading.Thread(target=connect, daemon=True).start()
-    try:
-        client = found.get(timeout=1.5 * CONNECT_TIMEOUT)
-    except queue.Empty:
-        raise UsageError(f"{address} does not answer: is it the address of a Dask scheduler?") from None
-    if isinstance(client, Exception):
-        raise UsageError(f"cannot connect to the scheduler {address}: {describe_error(client)}")
-    return client
-
-
-def _address_in(scheduler_file: Path | None) -> str:
-    """The address that a scheduler wrote into its file."""
-    assert scheduler_file is not None, "either an address or a scheduler file is given"
-    try:
-        return str(json.loads(read_regular(scheduler_file))["address"])
-    except FileNotFoundError:
-        raise UsageError(f"scheduler file does not exist: {scheduler_file}") from None
-    except OSError as error:
-        raise UsageError(f"cannot read {scheduler_file}: {reason(error)}") from None
-    except (ValueError, KeyError, TypeError):
-        raise UsageError(f"{scheduler_file} is not a scheduler file: it contains no address") from None
-
-
-def _unreadable(receiver: str, error: Exception) -> str:
-    return (
-        f"{receiver} cannot read what it receives: is wsnsim {__version__} installed there? ({describe_error(error)})"
-    )
+    return isinstance(future.exception(timeout=FETCH_TIMEOUT), KilledWorker)

@@ -7,18 +7,22 @@ import tempfile
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from wsnsim.base.errors import UsageError
 from wsnsim.base.version import __version__
 from wsnsim.campaign.task import Task, TaskOutcome, perform
+from wsnsim.recording.code_digests import digest_of, package_digests
 from wsnsim.recording.layout import reason
 
 
 class WorkerRequirements(NamedTuple):
-    """The versions that a worker must have, and a marker file in the campaign's folder that it must see."""
+    """The versions that a worker must have, and a marker file in the campaign's folder that it must see.
+
+    `code` is a digest of the source files of wsnsim that a run can execute; '' for any.
+    """
 
     wsnsim: str
     numpy: str
     marker: str
+    code: str = ""
 
 
 def installed_version() -> str:
@@ -38,6 +42,8 @@ def unmet_requirement(required: WorkerRequirements, dask_worker: Any) -> str:
     marker, threads = Path(required.marker), dask_worker.state.nthreads
     if __version__ != required.wsnsim:
         return f"has wsnsim {__version__}, but the campaign runs with {required.wsnsim}"
+    if required.code and digest_of(package_digests().items()) != required.code:
+        return f"has other source files of wsnsim {__version__} than the campaign"
     if numpy.__version__ != required.numpy:
         return f"has NumPy {numpy.__version__}, but the campaign runs with {required.numpy}: last bits would differ"
     if threads != 1:
@@ -52,19 +58,18 @@ def unmet_requirement(required: WorkerRequirements, dask_worker: Any) -> str:
 
 
 @functools.lru_cache(maxsize=8)
-def _check_worker(required: WorkerRequirements) -> None:
-    """Raise UsageError if this worker does not meet the requirements. A worker that does is checked once."""
+def _unmet_here(required: WorkerRequirements, address: str) -> str:
+    """What the worker of this task lacks, '' if nothing; each worker is checked once."""
     from distributed import get_worker
 
-    worker = get_worker()
-    if unmet := unmet_requirement(required, worker):
-        raise UsageError(f"worker {worker.address} {unmet}")
+    unmet = unmet_requirement(required, get_worker())
+    return f"worker {address} {unmet}" if unmet else ""
 
 
 def perform_on_worker(task: Task, required: WorkerRequirements) -> TaskOutcome:
     """Perform a task on a Dask worker, which may have joined after the others were checked."""
-    try:
-        _check_worker(required)
-    except UsageError as error:
-        return TaskOutcome("version", str(error))
+    from distributed import get_worker
+
+    if unmet := _unmet_here(required, get_worker().address):
+        return TaskOutcome("version", unmet)
     return perform(task)

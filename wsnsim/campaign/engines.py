@@ -6,6 +6,7 @@ An engine accepts tasks and reports how they ended. It does not retry and it doe
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
@@ -37,6 +38,11 @@ class Engine(Protocol):
     @property
     def window(self) -> int:
         """Number of tasks to submit ahead, so that no worker waits."""
+        ...
+
+    @property
+    def left_out(self) -> Mapping[str, str]:
+        """{worker: why} of the workers that joined and cannot run the campaign."""
         ...
 
     def submit(self, task: Task) -> None:

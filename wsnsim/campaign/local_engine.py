@@ -11,7 +11,7 @@ import multiprocessing.resource_tracker
 import os
 import signal
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing.context import BaseContext
@@ -50,6 +50,11 @@ class LocalEngine:
     def window(self) -> int:
         """Twice the number of workers, so that the next task of each is already in its queue."""
         return 2 * self.workers
+
+    @property
+    def left_out(self) -> Mapping[str, str]:
+        """None: workers are processes of this program."""
+        return {}
 
     def submit(self, task: Task) -> None:
         """Submit a task to the pool.

@@ -304,4 +304,5 @@ class _CampaignRunner:
         ours = ((point, [number for number in numbers if self.is_ours(point, number)]) for point, numbers in looked_up)
         missing = {point: numbers for point, numbers in ours if numbers}
         seconds = time.monotonic() - self.started_at
-        return CampaignOutcome(self.done, self.found, self.failed, missing, self.stopped, seconds)
+        left_out = dict(self.engine.left_out)
+        return CampaignOutcome(self.done, self.found, self.failed, missing, self.stopped, seconds, left_out)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
 
@@ -52,6 +52,7 @@ class CampaignOutcome:
         missing: {point: replicates that are not on disk}.
         stopped: why the session stopped early, '' if it tried every task.
         seconds: duration of the session (s).
+        left_out: {worker: why} of workers that joined and could not run the campaign.
     """
 
     done: int
@@ -60,6 +61,7 @@ class CampaignOutcome:
     missing: Mapping[str, list[int]]
     stopped: str
     seconds: float
+    left_out: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def complete(self) -> bool:

@@ -224,6 +224,7 @@ def _report_outcome(
 
     manifest = folder.manifest()
     lines = [] if options.quiet else _surplus(folder, manifest)
+    lines += [f"wsnsim: worker {worker} was left out: it {why}" for worker, why in outcome.left_out.items()]
     lines += _failures(folder, outcome)
     if outcome.stopped and not interrupts.number:
         lines.append(f"wsnsim: error: the campaign was stopped: {outcome.stopped}")
