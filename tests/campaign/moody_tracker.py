@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, Final
 
+from wsnsim.campaign.task import _scenario
 from wsnsim.scenario.plugin_access import PluginAccess, Plugins
+from wsnsim.scenario.schema import part_model
 
 MODULE = '''
 import ctypes
@@ -96,7 +99,10 @@ QUICK: Mapping[str, Any] = {"tracker.kind": "moody:Moody", "duration": "3 s"}
 
 
 def write_moody_tracker(folder: Path) -> Path:
-    """Write the tracker to moody.py in the folder."""
+    """Write the tracker to moody.py in the folder. One that another test wrote and imported is forgotten."""
+    sys.modules.pop("moody", None)
+    part_model.cache_clear()
+    _scenario.cache_clear()
     (folder / "moody.py").write_text(MODULE)
     return folder
 
