@@ -302,12 +302,28 @@ def test_a_plugin_stands_beside_the_scenario_and_the_message_says_where_it_was_l
     assert f"nowhere:Effect: there is no module 'nowhere' {beside}" in capfd.readouterr().err
 
 
-def test_another_module_of_the_same_name_does_not_stand_in_for_the_plugin(lab: Path, tmp_path: Path) -> None:
+def test_another_module_of_the_same_name_does_not_stand_in_for_the_plugin(
+    lab: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     scenario.load(lab / "lab.yaml")
     (tmp_path / "lab.yaml").write_text(LAB)
     (tmp_path / "side.py").write_text(SIDE)
     with pytest.raises(ScenarioError, match=r"not .*side.py beside the scenario: rename the latter"):
         scenario.load(tmp_path / "lab.yaml")
+    monkeypatch.chdir(tmp_path)
+    assert scenario.load(scenario.resolved(scenario.load(lab / "lab.yaml"))).tracker.kind == "side:Effect"
+
+
+@pytest.mark.parametrize(
+    "kind",
+    [":", "side:", ":Effect", "..:X", ".side:X", "../side:X", "a" * 5000 + ":X", "\0:X", "os:path", "side:no", "é:X"],
+)
+def test_a_name_that_no_plugin_has_is_a_finding(kind: str, lab: Path) -> None:
+    with pytest.raises(ScenarioError) as refused:
+        scenario.load({"extends": "lab.yaml", "tracker": {"kind": kind}})
+    assert len(refused.value.issues) == 1
+    with pytest.raises(ScenarioError, match="needs plug-in"):
+        scenario.load({"extends": "ungm_pf", "tracker": {"kind": kind}}, plugins=Plugins.NONE)
 
 
 # check

@@ -94,7 +94,7 @@ def _is_without_target(kind: LocatedValue) -> bool:
 
 def _permitted(role: str, kind: str, spot: Spot) -> type[PartModel]:
     """Return the model of a kind that the text at the spot may name; otherwise as `part_model`."""
-    permit(role, kind, spot.origin.plugins, spot.origin.folder)
+    permit(role, kind, spot.origin.plugins, spot.origin.folder, of_file=bool(spot.origin.lines))
     try:
         return part_model(role, kind)
     except ImportError as error:

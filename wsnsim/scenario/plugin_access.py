@@ -44,7 +44,7 @@ class PluginRefused(LookupError):
     """A text names a plug-in that it may not name."""
 
 
-def permit(role: str, kind: str, plugins: Plugins, folder: Path) -> None:
+def permit(role: str, kind: str, plugins: Plugins, folder: Path, of_file: bool = False) -> None:
     """Make sure that a text in a folder, which may name `plugins`, may name a kind, and that its module can be found.
 
     The folder and the working directory are searched after Python's path, so that no file there can stand
@@ -52,7 +52,7 @@ def permit(role: str, kind: str, plugins: Plugins, folder: Path) -> None:
 
     Raises:
         PluginRefused: the text may not name it.
-        ImportError: another module of the same name would be imported than that beside the text.
+        ImportError: another module of the same name would be imported than that beside the text, which is `of_file`.
     """
     needed, module = _needed(role, kind)
     if needed is Plugins.NONE:
@@ -62,7 +62,8 @@ def permit(role: str, kind: str, plugins: Plugins, folder: Path) -> None:
     top = module.partition(".")[0]
     if needed is Plugins.ANY:
         search([str(folder), ""])
-        _demand_unambiguous(kind, top, folder)
+        if of_file:
+            _demand_unambiguous(kind, top, folder)
     announce(PluginImport(role, kind, module, _file_of(top)))
 
 
@@ -116,10 +117,12 @@ def _needed(role: str, kind: str) -> tuple[Plugins, str]:
 
 
 def _demand_unambiguous(kind: str, top: str, folder: Path) -> None:
-    beside = [path for path in (folder / f"{top}.py", folder / top / "__init__.py") if path.is_file()]
-    found = _file_of(top)
-    if beside and found and beside[0].resolve() != Path(found).resolve():
-        raise ImportError(f"{kind}: Python imports {found}, not {beside[0]} beside the scenario: rename the latter")
+    found, beside = _file_of(top), None
+    with contextlib.suppress(OSError, ValueError):  # a name that no file can have
+        named = (folder / f"{top}.py", folder / top / "__init__.py")
+        beside = next((path.resolve() for path in named if path.is_file()), None)
+    if beside and found and beside != Path(found).resolve():
+        raise ImportError(f"{kind}: Python imports {found}, not {beside} beside the scenario: rename the latter")
 
 
 def _file_of(top: str) -> str:
