@@ -227,7 +227,8 @@ def _marker_kept(folder: Folder, task: Task) -> Iterator[TextIO]:
             if before:
                 with contextlib.suppress(OSError, RuntimeError):  # stderr may be no file, as in a notebook
                     faulthandler.enable()
-            path.unlink(missing_ok=True)
+            with contextlib.suppress(OSError):  # the result is on disk
+                path.unlink(missing_ok=True)
 
 
 def _blamed(folder: Folder, task: Task) -> TaskOutcome | None:

@@ -163,11 +163,18 @@ class Folder:
         return self.path / point / f"r{first:05d}-{last:05d}.h5"
 
     def batches(self, point: str) -> list[Batch]:
-        """The result files of a point, ordered by replicate."""
+        """The result files of a point, ordered by replicate.
+
+        Raises:
+            ResultError: the folder cannot be listed.
+        """
+        folder = self.path / point
         try:
-            names = [place.name for place in (self.path / point).iterdir()]
+            names = [place.name for place in folder.iterdir()]
         except FileNotFoundError:
             return []
+        except OSError as error:
+            raise ResultError(f"{folder}: cannot be read: {reason(error)}") from error
         found = [(name, match) for name in names if (match := BATCH.fullmatch(name))]
         return sorted(
             (Batch(self.path / point / name, int(match[1]), int(match[2])) for name, match in found),
@@ -239,7 +246,8 @@ class Folder:
 
     def forget_failure(self, task: str) -> None:
         """Delete the report of a task that succeeded in the end."""
-        (self.path / "failed" / f"{task}.txt").unlink(missing_ok=True)
+        with contextlib.suppress(OSError):  # a report that stays is wrong, and no reason to end a campaign
+            (self.path / "failed" / f"{task}.txt").unlink(missing_ok=True)
 
     def marker(self, session: str, task: str) -> Path:
         """The path of the file that a worker keeps while it runs a task. It stays if the worker is killed."""
@@ -260,7 +268,8 @@ class Folder:
     def remove_markers(self, session: str, task: str) -> None:
         """Remove the markers of a task, before it is run again."""
         for place in self.markers(session, task):
-            place.unlink(missing_ok=True)
+            with contextlib.suppress(OSError):  # network file systems may say that it is stale
+                place.unlink(missing_ok=True)
 
     def remove_leftovers(self) -> None:
         """Remove temporary files and markers of killed processes; see `leftovers`."""

@@ -28,7 +28,8 @@ def remove_leftovers(folder: Path) -> None:
         if machine != host():
             foreign.append(place)
         elif not _is_alive(pid):
-            place.unlink(missing_ok=True)
+            with contextlib.suppress(OSError):  # network file systems may say that it is stale
+                place.unlink(missing_ok=True)
     if not foreign:
         return
     with contextlib.suppress(OSError):  # a disk that cannot be written
