@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 import wsnsim.scenario as scenarios
-from wsnsim.base.errors import UsageError, WsnsimError, failed_run
+from wsnsim.base.errors import UsageError, plugin_faults_of_run
 from wsnsim.base.garbage import only_own_garbage
 from wsnsim.base.initial_conditions import (
     InitialConditions,
@@ -26,7 +26,6 @@ from wsnsim.base.initial_conditions import (
     sample_paths,
     sample_positions,
 )
-from wsnsim.base.plugin_code import plugin_fault
 from wsnsim.base.ports import Recorder
 from wsnsim.base.progress import OnTime, Progress, throttled
 from wsnsim.base.results import RunResult, Summary, summarise
@@ -119,14 +118,8 @@ def replicate_of(setup: Setup, replicate: int, recorder: Recorder, progress: OnT
     Raises:
         RunError: The simulation failed, or code of a plug-in did before or after it.
     """
-    try:
+    with plugin_faults_of_run(setup.seed, replicate):
         return _one_run(setup, replicate, recorder, progress)
-    except WsnsimError:
-        raise
-    except (Exception, SystemExit) as reason:
-        if not plugin_fault(reason):
-            raise
-        raise failed_run(0.0, setup.seed, replicate, reason) from reason
 
 
 def _one_run(setup: Setup, replicate: int, recorder: Recorder, progress: OnTime | None) -> Summary:

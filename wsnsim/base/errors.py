@@ -10,9 +10,10 @@ WsnsimError                    exit code
 
 from __future__ import annotations
 
+import contextlib
 import difflib
 import warnings
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Final
 
@@ -94,6 +95,19 @@ def failed_run(time: float, seed: int, replicate: int, reason: BaseException) ->
     name = "" if isinstance(reason, WsnsimError) else f"{type(reason).__name__}: "
     said = plugin_fault(reason) or f"{name}{reason}"
     return RunError(f"the run failed at {time:g} s of simulated time (seed {seed}, replicate {replicate}): {said}")
+
+
+@contextlib.contextmanager
+def plugin_faults_of_run(seed: int, replicate: int) -> Iterator[None]:
+    """Report an exception in the code of a plug-in as a failed run; others pass unchanged."""
+    try:
+        yield
+    except WsnsimError:
+        raise
+    except (Exception, SystemExit) as reason:
+        if not plugin_fault(reason):
+            raise
+        raise failed_run(0.0, seed, replicate, reason) from reason
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:

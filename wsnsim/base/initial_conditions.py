@@ -8,8 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wsnsim.base.arrays import Floats
-from wsnsim.base.errors import RunError, WsnsimError, failed_run
-from wsnsim.base.plugin_code import plugin_fault
+from wsnsim.base.errors import RunError, plugin_faults_of_run
 from wsnsim.base.ports import Continuous, Estimate
 from wsnsim.base.rng import Streams, derive_all, normals
 from wsnsim.base.setups import NetworkSetup, Setup, TrackingSetup
@@ -39,23 +38,13 @@ def sample_initial_conditions(setup: TrackingSetup, replicate: int) -> InitialCo
     Raises:
         RunError: The deployment did not succeed, or a plug-in failed; names seed and replicate.
     """
-    try:
-        return _sampled(setup, replicate)
-    except WsnsimError:
-        raise
-    except (Exception, SystemExit) as reason:
-        if not plugin_fault(reason):
-            raise
-        raise failed_run(0.0, setup.seed, replicate, reason) from reason
-
-
-def _sampled(setup: TrackingSetup, replicate: int) -> InitialConditions:
     streams = Streams(setup.seed, replicate)
-    positions = sample_positions(setup, setup.sensor.reach, replicate)
-    traits = setup.sensor.draw_traits(len(positions), streams("gains"))
     truth, prior = streams("truth"), streams("prior")
-    truths = [motion.truth(setup.steps, setup.dt, truth) for motion in setup.motions]
-    priors = [setup.prior.draw(states[0], prior) for states in truths]
+    with plugin_faults_of_run(setup.seed, replicate):
+        positions = sample_positions(setup, setup.sensor.reach, replicate)
+        traits = setup.sensor.draw_traits(len(positions), streams("gains"))
+        truths = [motion.truth(setup.steps, setup.dt, truth) for motion in setup.motions]
+        priors = [setup.prior.draw(states[0], prior) for states in truths]
     return InitialConditions(positions, traits, truths, priors, assumed_positions(setup, positions, replicate))
 
 
