@@ -262,9 +262,13 @@ def _copies(counts: Ints, mask: Bools) -> Ints:
 
 
 def replicate(member: Member) -> None:
-    """Keep each particle as often as the head says, all with the same weight."""
+    """Keep each particle as often as the head says, all with the same weight.
+
+    A head that did not hear a member's weights takes it to hold what was dealt to it. If it holds another number of
+    particles, the counts are not of these, and it keeps them as they are.
+    """
     for news in settle(member):
-        if news.what == COUNTS:
+        if news.what == COUNTS and news.payload[0].size == member.memory[CLOUD].shape[1]:
             counts, level = news.payload
             copies = _copies(counts, news.mask)
             keep(member, np.repeat(member.memory[CLOUD], copies, axis=1), np.full(int(copies.sum()), level))
