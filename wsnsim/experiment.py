@@ -26,6 +26,7 @@ from wsnsim.base.initial_conditions import (
     sample_paths,
     sample_positions,
 )
+from wsnsim.base.plugin_code import plugin_classes
 from wsnsim.base.ports import Recorder
 from wsnsim.base.progress import OnTime, Progress, throttled
 from wsnsim.base.results import RunResult, Summary, summarise
@@ -116,9 +117,9 @@ def replicate_of(setup: Setup, replicate: int, recorder: Recorder, progress: OnT
     """One Monte Carlo run of a scenario that is built.
 
     Raises:
-        RunError: The simulation failed, or code of a plug-in did before or after it.
+        RunError: The simulation failed, or code of a plug-in did before or after it. Plug-ins that take part are named.
     """
-    with plugin_faults_of_run(setup.seed, replicate):
+    with plugin_faults_of_run(setup.seed, replicate, plugin_classes(vars(setup).values())):
         return _one_run(setup, replicate, recorder, progress)
 
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 import contextlib
 import difflib
 import warnings
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -98,16 +98,23 @@ def failed_run(time: float, seed: int, replicate: int, reason: BaseException) ->
 
 
 @contextlib.contextmanager
-def plugin_faults_of_run(seed: int, replicate: int) -> Iterator[None]:
-    """Report an exception in the code of a plug-in as a failed run; others pass unchanged."""
+def plugin_faults_of_run(seed: int, replicate: int, classes: Sequence[str] = ()) -> Iterator[None]:
+    """Report an exception in the code of a plug-in as a failed run; others pass unchanged.
+
+    Args:
+        seed: Seed of the run.
+        replicate: Number of the run.
+        classes: The classes of plug-ins that take part. What fails elsewhere, perhaps because of their answers, is
+            reported with their names.
+    """
     try:
         yield
-    except WsnsimError:
-        raise
     except (Exception, SystemExit) as reason:
-        if not plugin_fault(reason):
+        in_plugin, ours = bool(plugin_fault(reason)), isinstance(reason, WsnsimError)
+        if (ours if in_plugin else not classes) or isinstance(reason, ResultError):
             raise
-        raise failed_run(0.0, seed, replicate, reason) from reason
+        failed = reason if ours else failed_run(0.0, seed, replicate, reason)
+        raise (failed if in_plugin else RunError(f"{failed} (with the plug-in {', '.join(classes)})")) from reason
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:

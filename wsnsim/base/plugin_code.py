@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import contextvars
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from types import FrameType
 from typing import Final, NamedTuple
@@ -68,6 +68,16 @@ def plugin_fault(error: BaseException) -> str:
     return ""
 
 
+def plugin_classes(components: Iterable[object]) -> list[str]:
+    """Return the classes of plug-ins among those of components, and of tuples of components: 'mylab:Mine' each."""
+    flat = (part for value in components for part in (value if isinstance(value, tuple) else (value,)))
+    return [
+        f"{kind.__module__}:{kind.__qualname__}"
+        for kind in dict.fromkeys(map(type, flat))
+        if _is_in_plugin(kind.__module__)
+    ]
+
+
 def _chain(error: BaseException) -> Iterator[BaseException]:
     """Yield the error, and what it was raised from."""
     seen = set()
@@ -95,7 +105,10 @@ def _place(error: BaseException) -> str:
 
 
 def _is_plugin(frame: FrameType) -> bool:
-    name = str(frame.f_globals.get("__name__", ""))
+    return _is_in_plugin(str(frame.f_globals.get("__name__", "")))
+
+
+def _is_in_plugin(name: str) -> bool:
     return any(name == module or name.startswith(f"{module.rpartition('.')[0] or module}.") for module in _MODULES)
 
 
