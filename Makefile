@@ -28,7 +28,7 @@ CHOSEN      = $(if $(REPLICATES),--replicates $(REPLICATES)) $(ARGS)
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help run test thorough verify documentation cluster browser wheel matrix check interpreted format lint types imports bench sweep compare reproduce figures readme lock clean moved asked
+.PHONY: help run test thorough verify documentation cluster browser fuzz wheel matrix check interpreted format lint types imports bench sweep compare reproduce figures readme lock clean moved asked
 .DELETE_ON_ERROR:
 
 help:  ## list the targets
@@ -56,6 +56,9 @@ cluster: $(READY)  ## test campaigns on Dask schedulers and workers that are pro
 
 browser: $(READY)  ## test the pages in a browser; skipped without one unless WSNSIM_BROWSER=required
 	@$(PY) -m pytest tests/browser $(ARGS)
+
+fuzz: $(READY)  ## try random files, plug-ins, commands and scenarios for an hour; ARGS='--hours 0.1 --seed 7'
+	@$(PY) -m tests.fuzz.long $(ARGS)
 
 wheel: $(READY)  ## install the wheel into an empty environment and run a scenario there
 	@$(PY) -m tests.packaging.wheel $(PY)

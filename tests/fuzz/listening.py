@@ -1,0 +1,72 @@
+"""When nodes listen: their schedules as functions of time, and when they were held awake or down.
+
+with watched_schedules() as listening:      a run
+listening.within(node, since, until)        whether the node listened at some time between
+"""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+from wsnsim.base.radio import Mode
+from wsnsim.network.energy.duty_cycles import ScheduledDutyCycles
+
+
+class Listening:
+    """What the nodes of one run were told to do, and what their schedule says."""
+
+    def __init__(self) -> None:
+        self.schedule: Any = None
+        self.keys = np.zeros(0, dtype=np.uint64)
+        self.notes: dict[int, list[tuple[float, Mode]]] = {}
+
+    def within(self, node: int, since: float, until: float) -> bool:
+        """Whether a node listened at some time from `since` to `until`; always, if it has no schedule."""
+        if self.schedule is None:
+            return True
+        spans = self._spans(node, since, until)
+        return any(mode in (Mode.AWAKE, Mode.DORMANT) for *_, mode in spans) or any(
+            mode is Mode.SCHEDULED and self._awake(node, begin, end) for begin, end, mode in spans
+        )
+
+    def _spans(self, node: int, since: float, until: float) -> list[tuple[float, float, Mode]]:
+        """(begin, end, mode) of the spans that touch [since, until]."""
+        notes = [(0.0, Mode.SCHEDULED), *self.notes.get(node, []), (np.inf, Mode.DOWN)]
+        spans = [(begin, end, mode) for (begin, mode), (end, _) in itertools.pairwise(notes)]
+        return [(max(b, since), min(e, until), mode) for b, e, mode in spans if b <= until and e >= since]
+
+    def _awake(self, node: int, since: float, until: float) -> bool:
+        """Whether the schedule is awake at some time from `since` to `until`."""
+        key, time = self.keys[node : node + 1], since
+        for _ in range(10_000):
+            awake, _, ends = self.schedule.state(key, time)
+            if awake[0] or ends[0] > until or ends[0] <= time:
+                return bool(awake[0])
+            time = float(ends[0])
+        return True
+
+
+@contextlib.contextmanager
+def watched_schedules() -> Iterator[Listening]:
+    """Note which nodes leave their schedules in the run that the block makes."""
+    listening = Listening()
+    begin, note = ScheduledDutyCycles.__init__, ScheduledDutyCycles.note
+
+    def begun(self: ScheduledDutyCycles, env: Any, schedule: Any, keys: Any) -> None:
+        begin(self, env, schedule, keys)
+        listening.schedule, listening.keys = schedule, keys
+
+    def noted(self: ScheduledDutyCycles, node: int, mode: Mode) -> None:
+        listening.notes.setdefault(node, []).append((float(self._env.now), mode))
+        note(self, node, mode)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(ScheduledDutyCycles, "__init__", begun)
+        patch.setattr(ScheduledDutyCycles, "note", noted)
+        yield listening

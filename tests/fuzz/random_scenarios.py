@@ -1,0 +1,247 @@
+"""Scenarios sampled from the registry: every kind of every role, with few nodes, few particles and few steps.
+
+    sampled(number) -> dict      the scenario of a number; the kinds of each role take turns
+
+What is sampled is valid for each component by itself. Combinations that `build` refuses are the caller's to count.
+"""
+
+from __future__ import annotations
+
+import random
+from typing import Any, Final
+
+from tests.fuzz.random_values import of_fields
+from wsnsim.scenario.registry import ROLES, load_class
+
+STARTS: Final = {
+    "bounded_velocity": 4, "constant_velocity": 4, "constant_acceleration": 3, "ungm": 1, "coordinated_turn": 5,
+}  # fmt: skip
+"""Columns of the state where `start` gives all of them."""
+LINE: Final = ("constant_acceleration", "ungm")
+SHEETS: Final = {"radio": ("cc2420", "cc1000", "nrf52840_radio"), "processor": ("msp430f1611", "nrf52840", "sa1100")}
+PARTNERS: Final = {
+    "tsstp": ("experience_zones", "detection"), "cluster": ("region", "prediction"),
+    "gmtt": ("directed_flood", "prediction"), "ris": ("none", "detection"),
+}  # fmt: skip
+"""Trackers that go with a wake-up protocol, and with what decides who leads."""
+OF_LINES: Final = ("squared", "coordinate", "range", "range_from_origin")
+"""Sensors of a position of one column."""
+ONLINE: Final = ("acoustic_energy", "range", "rssi")
+"""Sensors with a range, which a network needs."""
+ON_PLANES: Final = ("gmtt", "tsstp", "cluster", "ris", "trilateration")
+"""Trackers that need distances in the plane."""
+PLAIN: Final = ("packing", "routing", "clock", "detection", "wakeup")
+"""Roles of a network that take any values."""
+GUIDED: Final = 0.9
+"""Probability that a choice avoids what `build` is known to refuse."""
+
+Values = dict[str, Any]
+
+
+class Sampler:
+    """Samples the roles of one scenario. `turn` chooses the kinds: those of each role take turns."""
+
+    def __init__(self, turn: int, rng: random.Random) -> None:
+        self.turn, self.rng = turn, rng
+        self.step = rng.choice([0.04, 0.2, 1.0])
+        self.steps = rng.randint(3, 12)
+        self.nodes, self.side = rng.randint(4, 16), rng.choice([60.0, 100.0, 160.0])
+        self.network = rng.random() < 0.8
+
+    def scenario(self) -> Values:
+        """The whole scenario."""
+        common = {
+            "name": "random",
+            "seed": self.rng.randrange(1000),
+            "step": self.step,
+            "duration": round(self.step * self.steps, 9),
+            "deploy": self.deploy(),
+        }
+        if self.network and self.rng.random() < 0.1:
+            return {**common, **self.beacons()}
+        motion = self.kind("motion", *(() if not self.network else ("ungm",)))
+        columns = STARTS.get(motion, 4)
+        tracker = self.tracker(motion in LINE)
+        common |= {
+            "record": dict.fromkeys(("covariances", "particles", "links", "tracker_state"), True),
+            "prior": {"sd": [self.rng.choice([0.1, 1.0, 5.0]) for _ in range(columns)]},
+            "targets": [self.motion(motion) for _ in range(1 + (self.rng.random() < 0.15))],
+            "sensor": self.sensor(motion in LINE, tracker["kind"]),
+            "tracker": tracker,
+        }
+        if common["sensor"]["kind"] == "acoustic_energy" and self.rng.random() < 0.3:
+            tracker["assumes"] = {"gains": "unknown", "inflate": self.rng.random() < 0.5, "noise_scale": 2.0}
+        return {**common, **self.of_network(tracker["kind"])} if self.network else {**common, "network": "none"}
+
+    def beacons(self) -> Values:
+        """A network without a target."""
+        radio = {role: value for role, value in self.radio().items() if role not in ("wakeup", "detection")}
+        return {**radio, "workload": {"kind": "beacons", "period": self.step, "bits": self.rng.randint(1, 800)}}
+
+    def kind(self, role: str, *without: str) -> str:
+        """The kind of a role whose turn it is, in half of the cases; any kind in the others."""
+        names = [info.kind for info in ROLES[role].kinds]
+        chosen = names[self.turn % len(names)] if self.rng.random() < 0.5 else self.rng.choice(names)
+        allowed = [name for name in names if name not in without]
+        return self.rng.choice(allowed) if chosen in without and self.rng.random() < GUIDED else chosen
+
+    def part(self, role: str, kind: str | None = None) -> Values:
+        """A component of a role with random values."""
+        chosen = kind or self.kind(role)
+        info = next(info for info in ROLES[role].kinds if info.kind == chosen)
+        return {"kind": chosen, **of_fields(load_class(info), self.rng)}
+
+    def place(self) -> list[float]:
+        """A point of the field."""
+        return [round(self.rng.uniform(-self.side / 2, self.side / 2), 3) for _ in range(2)]
+
+    def deploy(self) -> Values:
+        """Nodes on a small field; those of a file are a list here, since a scenario is one text."""
+        kind = self.kind("deploy")
+        if kind in ("file", "anchors"):
+            field = {"width": self.side, "height": self.side, "centre": [0.0, 0.0]}
+            return {"kind": "anchors", "places": [self.place() for _ in range(self.nodes)], **field}
+        own = {"nodes": self.nodes, "width": self.side, "height": self.side, "cover": self.rng.random() < 0.1}
+        return {**self.part("deploy", kind), **own, "position_error": self.rng.choice([0.0, 0.0, 1.0])}
+
+    def motion(self, kind: str) -> Values:
+        """A target that begins on the field."""
+        values = self.part("motion", kind)
+        (x, y), speeds = self.place(), [round(self.rng.gauss(0.0, self.side / 10), 3) for _ in range(2)]
+        if kind == "waypoints":
+            return {"kind": kind, "points": [[i * self.step, *self.place()] for i in range(self.rng.randint(2, 9))]}
+        if kind == "random_waypoint":
+            values.update(width=self.side, height=self.side, speed=[1.0, 1.0 + abs(speeds[0])], pause=[0.0, self.step])
+        if kind in STARTS:
+            values["start"] = [x, speeds[0], y, speeds[1], 0.1][: STARTS[kind]]
+        if kind == "constant_velocity":
+            values.update(course="free", noise_input="accelerations")
+            values.pop("room", None)
+        if kind == "gauss_markov":
+            values.pop("box", None)
+        return values
+
+    def sensor(self, line: bool, tracker: str) -> Values:
+        """A sensor that reaches over some of the field."""
+        allowed = OF_LINES if line else ONLINE
+        if tracker in ON_PLANES:
+            allowed = ("range", "rssi")
+        elif not line and not self.network:
+            allowed = (*ONLINE, "coordinate", "range_from_origin")
+        if self.network:
+            allowed = tuple(name for name in allowed if name in ONLINE)
+        kind = self.kind("sensor", *(info.kind for info in ROLES["sensor"].kinds if info.kind not in allowed))
+        values = self.part("sensor", kind)
+        if kind in ONLINE:
+            values["reach"] = self.rng.choice([0.3, 0.6, 2.0]) * self.side
+            values.pop("beyond", None)
+        return values
+
+    def tracker(self, line: bool) -> Values:
+        """A tracker with few particles."""
+        return self.part("tracker", self.kind("tracker", *(ON_PLANES if line else ("grid",))))
+
+    def of_network(self, tracker: str) -> Values:
+        """The roles of a network that tracks."""
+        values = self.radio()
+        values["clusters"] = self.part("clusters", self.kind("clusters", "moving_head"))
+        if tracker in PARTNERS and self.rng.random() < GUIDED:
+            wakeup, main = PARTNERS[tracker]
+            values.update(wakeup=self.part("wakeup", wakeup), clusters={"kind": "moving_head", "main": main})
+            values["wakeup"].pop("speed", None)
+        elif self.rng.random() < GUIDED:
+            values["wakeup"] = {"kind": "none"}
+        values["clusters"].pop("threshold", None)
+        values.update(sink=self.sink(), acquire=self.acquire(), detection=self.part("detection"))
+        if self.rng.random() < 0.5:
+            values["faults"] = [self.fault() for _ in range(self.rng.randint(1, 3))]
+        if self.rng.random() < 0.1:
+            values["until"] = {"clusters": self.rng.randint(1, 3)}
+        return values
+
+    def radio(self) -> Values:
+        """The roles of any network."""
+        values: Values = {role: self.part(role) for role in PLAIN}
+        values.update(energy=self.energy(), link=self.link(), mac=self.mac(), sleep=self.sleep(), cpu={})
+        if values["mac"]["kind"] == "ideal":
+            values["packing"] = {"kind": "none"}
+        values["packing"].pop("most", None)
+        if values["energy"]["kind"] == "states":
+            self.match(values)
+        else:
+            values["cpu"] = self.part("cpu")
+        return values
+
+    def match(self, values: Values) -> None:
+        """Give the radio the values of its datasheet."""
+        sheets = values["energy"]
+        if values["mac"]["kind"] != "ideal" or values["link"]["kind"] != "disk":
+            sheets["radio"] = "cc2420"
+            values["mac"] = {"kind": values["mac"]["kind"]}
+        values["mac"].pop("rate", None)
+
+    def energy(self) -> Values:
+        """Prices of any size, and batteries that may run out."""
+        values = self.part("energy")
+        if values["kind"] == "states":
+            values.update({name: self.rng.choice(sheets) for name, sheets in SHEETS.items()})
+            values.pop("power", None)
+            values.pop("sleep_state", None)
+        else:
+            values["voltage"] = 1.5
+            for name in ("idle", "sleep", "switch", "sensing"):
+                values[name] = self.rng.choice([0.0, 0.0, 1e-6, 1e-3])
+        values["battery"] = self.rng.choice([2.0, 2.0, 0.1, 0.02, 0.004])
+        return values
+
+    def link(self) -> Values:
+        """A communication range of part of the field, or of all."""
+        values = self.part("link")
+        if values["kind"] == "disk":
+            values["reach"] = self.rng.choice([0.4, 0.8, 1.5]) * self.side
+            return values
+        kept = ("shadowing", "asymmetry", "cca_mode", "interference", "capture_margin")
+        return {"kind": "log_normal", **{name: values[name] for name in kept if name in values}}
+
+    def mac(self) -> Values:
+        """A MAC with the times of its standard, in most cases."""
+        values = self.part("mac")
+        if values["kind"] == "ideal":
+            return {"kind": "ideal", **({"rate": 250e3} if self.rng.random() < 0.4 else {})}
+        return values if self.rng.random() < 0.2 else {"kind": values["kind"], "acks": self.rng.random() < 0.5}
+
+    def sleep(self) -> Values:
+        """Periods of several steps."""
+        values = self.part("sleep")
+        if values["kind"] in ("ris", "duty_cycle"):
+            values["period"] = self.rng.choice([1.0, 2.5, 4.0]) * self.step
+        return values
+
+    def sink(self) -> Values:
+        """Reports at steps, from somewhere on the field."""
+        if self.kind("sink") == "none":
+            return {"kind": "none"}
+        x, y = self.place()
+        return {"kind": "node", "x": x, "y": y, "bits": self.rng.randint(1, 400), "every": self.step}
+
+    def acquire(self) -> Values:
+        """Track initiation, with a search at each step or at steps alone."""
+        return {**self.part("acquire"), "poll": self.step} if self.rng.random() < 0.5 else {}
+
+    def fault(self) -> Values:
+        """Anything at any time, at a head, at some nodes or in a region."""
+        kind = self.kind("fault")
+        values = self.part("fault", kind)
+        end = self.step * self.steps
+        at = self.rng.choice([self.rng.uniform(0.0, end), self.step * self.rng.randrange(self.steps)])
+        values.update(at=round(at, 6), duration=round(self.rng.uniform(0.0, end), 6))
+        aims = {"head": 0, "nodes": [self.rng.randrange(self.nodes)], "fraction": 0.3, "region": [*self.place(), 30.0]}
+        aim = self.rng.choice(list(aims))
+        others = {*aims, *({"duration"} if kind == "drain" or self.rng.random() < 0.3 else ()), "joules", "value"}
+        values = {name: value for name, value in values.items() if name not in others} | {aim: aims[aim]}
+        return {**values, "share": self.rng.choice([0.1, 0.9, 1.0])} if kind == "drain" else values
+
+
+def sampled(number: int) -> Values:
+    """The scenario of a number. The same number gives the same scenario."""
+    return Sampler(number, random.Random(f"scenario {number}")).scenario()

@@ -1,0 +1,208 @@
+"""The short tier of the fuzz test: random files, plug-ins and command lines, random runs, and the corpus.
+
+A failing test names the kind and the number of its case: `case(kind, number)` makes it again. See `tests.fuzz.long`.
+"""
+
+from __future__ import annotations
+
+import copy
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import Phase, given, settings
+from hypothesis import strategies as st
+
+from tests.fuzz import long
+from tests.fuzz.cases import KINDS, case
+from tests.fuzz.judge import Case, case_of, faults
+from tests.fuzz.plugins import RIGHT, WRONG
+from tests.fuzz.properties import OF_ALL, OF_NETWORKS, Run, broken, made
+from tests.fuzz.random_scenarios import sampled
+from tests.helpers.thorough import THOROUGH
+from wsnsim.base.errors import RunError, ScenarioError
+from wsnsim.base.tables import KIND
+
+CORPUS = sorted((Path(__file__).parent / "corpus").glob("*.json"))
+NUMBERS = st.integers(0, 2**32)
+EXAMPLES = {"scenario": 25, "sweep": 25, "csv": 15, "command": 25, "hdf5": 20, "plugin": 25, "run": 25}
+
+
+def tried(examples: int) -> settings:
+    """The same examples in each run of the tests, ten times as many in a thorough one; the long tier tries others."""
+    phases = (Phase.explicit, Phase.generate)  # a smaller number is no simpler case
+    return settings(max_examples=examples * (10 if THOROUGH else 1), derandomize=True, phases=phases)
+
+
+def faults_of(one: Case) -> list[str]:
+    """What is wrong with what a command does with a case."""
+    with tempfile.TemporaryDirectory() as folder:
+        return faults(one, Path(folder))
+
+
+def assert_behaves(kind: str, number: int) -> None:
+    found = faults_of(case(kind, number))
+    assert not found, (kind, number, found)
+
+
+def _replayed(path: Path) -> object:
+    known = case_of(path.read_text(encoding="utf-8")).known
+    return pytest.param(path, id=path.stem, marks=pytest.mark.xfail(strict=True, reason=known) if known else ())
+
+
+@pytest.mark.parametrize("path", list(map(_replayed, CORPUS)))
+def test_what_once_failed_does_not_fail_again(path: Path) -> None:
+    assert faults_of(case_of(path.read_text(encoding="utf-8"))) == []
+
+
+@tried(EXAMPLES["scenario"])
+@given(NUMBERS)
+def test_a_mutated_scenario_is_checked_or_refused_in_words(number: int) -> None:
+    assert_behaves("scenario", number)
+
+
+@tried(EXAMPLES["sweep"])
+@given(NUMBERS)
+def test_a_mutated_sweep_is_planned_or_refused_in_words(number: int) -> None:
+    assert_behaves("sweep", number)
+
+
+@tried(EXAMPLES["csv"])
+@given(NUMBERS)
+def test_mutated_positions_and_waypoints_are_run_or_refused_in_words(number: int) -> None:
+    assert_behaves("csv", number)
+
+
+@tried(EXAMPLES["command"])
+@given(NUMBERS)
+def test_a_random_command_line_is_answered_or_refused_in_words(number: int) -> None:
+    assert_behaves("command", number)
+
+
+@tried(EXAMPLES["hdf5"])
+@given(NUMBERS)
+def test_a_damaged_result_is_read_or_refused_in_words(number: int) -> None:
+    assert_behaves("hdf5", number)
+
+
+@tried(EXAMPLES["plugin"])
+@given(NUMBERS)
+def test_a_faulty_plug_in_is_named_and_nothing_is_left(number: int) -> None:
+    assert_behaves("plugin", number)
+
+
+@tried(EXAMPLES["run"])
+@given(NUMBERS)
+def test_every_run_of_a_random_scenario_has_the_properties_of_all_runs(number: int) -> None:
+    try:
+        run = made(sampled(number))
+    except ScenarioError:
+        return  # a combination that the parts refuse; how many are, the long tier counts
+    except RunError as error:
+        assert "Error: " not in str(error), (number, error)
+        return
+    assert not broken(run), (number, broken(run))
+
+
+def test_most_random_scenarios_are_valid_and_all_kinds_of_cases_differ_by_their_number() -> None:
+    refused = 0
+    for number in range(20):
+        try:
+            made_setup(number)
+        except ScenarioError:
+            refused += 1
+    assert refused <= 8
+    for kind in KINDS:
+        assert case(kind, 1).text() == case(kind, 1).text() == case_of(case(kind, 1).text()).text()
+        assert len({case(kind, number).text() for number in range(10)}) > 3
+
+
+def made_setup(number: int) -> object:
+    from wsnsim import scenario
+
+    return scenario.build(scenario.load(sampled(number)))
+
+
+def test_every_fault_of_plug_ins_is_one_that_the_plug_in_without_faults_lacks() -> None:
+    assert len({RIGHT.replace(before, after, 1) for before, after in WRONG} - {RIGHT}) == len(WRONG)
+
+
+@pytest.fixture(scope="module")
+def sound() -> Run:
+    """A network with sleeping nodes, deaths, losses and reports, in which every property holds."""
+    values = {
+        "name": "sound", "seed": 3, "step": 0.2, "duration": 2.0,
+        "deploy": {"kind": "grid", "nodes": 16, "width": 100.0, "height": 100.0, "cover": False},
+        "motion": {"kind": "constant_velocity", "start": [-20.0, 10.0, 3.0, 1.0]},
+        "sensor": {"kind": "range", "reach": 40.0},
+        "energy": {"kind": "first_order", "battery": 0.02, "idle": 1e-3},
+        "link": {"kind": "disk", "reach": 60.0, "loss": 0.2}, "mac": {"kind": "csma"},
+        "sleep": {"kind": "duty_cycle", "period": 0.4, "awake_share": 0.6},
+        "sink": {"kind": "node", "every": 0.2}, "tracker": {"kind": "ekf"},
+        "faults": [{"kind": "drain", "at": 1.1, "nodes": [5], "share": 1.0}],
+    }  # fmt: skip
+    return made(values)
+
+
+def doctored(run: Run, table: str, column: str, change: object) -> Run:
+    """The run with the values of a column changed."""
+    other = Run(run.setup, copy.deepcopy(run.memory), run.summary, run.listening)
+    values = other.memory.table(table)
+    values[column] = np.array(change(values), dtype=values[column].dtype)  # type: ignore[operator]
+    other.memory._pieces[table] = [values]
+    return other
+
+
+def where_kind(values: dict[str, np.ndarray], kind: str, name: str, value: float) -> np.ndarray:
+    """A column of events with a value in its rows of one kind."""
+    return np.where(values["kind"] == KIND[kind], value, values[name])
+
+
+DOCTORED = {
+    "estimates_are_finite": ("estimates", "error", lambda t: t["error"] * np.nan),
+    "estimates_follow_their_step": ("estimates", "issued", lambda t: t["issued"] - 1.0),
+    "the_ledger_closes": ("energy", "joules", lambda t: t["joules"] * 1.0001),
+    "nobody_spends_more_than_its_battery": ("nodes", "energy_left", lambda t: t["energy_left"] - 0.02),
+    "nothing_happens_before_its_cause": ("events", "time", lambda t: where_kind(t, "receive", "time", 0.001)),
+    "nobody_acts_while_down": ("events", "node", lambda t: where_kind(t, "send", "node", 5)),
+    "nobody_hears_while_asleep": ("events", "node", lambda t: where_kind(t, "receive", "node", 2)),
+    "packets_are_received_or_lost": ("events", "packets", lambda t: where_kind(t, "receive", "packets", 99)),
+    "estimates_use_what_arrived": ("estimates", "readings", lambda t: t["readings"] + 9),
+}
+
+
+def test_each_property_notices_a_table_in_which_it_is_broken(sound: Run) -> None:
+    assert broken(sound) == []
+    assert set(DOCTORED) == {rule.__name__ for rule in (*OF_ALL, *OF_NETWORKS)}
+    for name, change in DOCTORED.items():
+        assert any(found.startswith(f"{name}: ") for found in broken(doctored(sound, *change))), name
+
+
+def test_the_long_tier_goes_on_where_it_ended_and_keeps_what_failed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    seen: list[str] = []
+
+    def judged(one: Case) -> tuple[list[str], bool]:
+        seen.append(one.text())
+        return (["a fault"] if len(seen) == 2 else []), False
+
+    monkeypatch.setattr(long, "judged_apart", judged)
+    monkeypatch.setattr(long.time, "monotonic", iter(np.arange(0.0, 100.0, 0.5)).__next__)
+    words = [
+        "--kinds",
+        "sweep",
+        "--hours",
+        "0.001",
+        "--state",
+        str(tmp_path / "f.json"),
+        "--corpus",
+        str(tmp_path / "c"),
+    ]
+    assert long.main(words) == 1
+    first = len(seen)
+    assert long.main(words) == 0 and len(seen) > first
+    assert seen == [case("sweep", number).text() for number in range(len(seen))]
+    (kept,) = (tmp_path / "c").iterdir()
+    assert kept.read_text(encoding="utf-8") == seen[1] and "1 failed" in capsys.readouterr().out
