@@ -90,7 +90,7 @@ class Killing:
             with contextlib.suppress(AssertionError):  # it may wait for workers
                 wait_for(lambda: driver.poll() is not None or len(list(folder.glob("*/r*.h5"))) >= wanted, PATIENCE)
             time.sleep(self.chance.uniform(0.0, 0.2))
-            self.kill(driver)
+            self.kill(driver, folder)
         output = driver.communicate()
         assert driver.returncode in (0, 3, 130, 143, -signal.SIGKILL, -signal.SIGTERM, -signal.SIGINT), output
         assert b"Traceback" not in output[1] and b"internal error" not in output[1], output
@@ -98,8 +98,11 @@ class Killing:
         assert before.items() <= after.items(), "a finished file was written again"
         return driver.returncode == 0
 
-    def kill(self, driver: subprocess.Popen[bytes]) -> None:
+    def kill(self, driver: subprocess.Popen[bytes], folder: Path) -> None:
         """Kill the driver or one of the workers, if they live."""
+        number = self.chance.choice(SIGNALS)
+        if number == signal.SIGINT:  # while Python starts, Ctrl-C gives its own traceback
+            wait_for(lambda: driver.poll() is not None or children(driver.pid) or _is_begun(folder), PATIENCE)
         workers = children(self.dask.pid if self.dask else driver.pid)
         if driver.poll() is not None:
             return
@@ -107,7 +110,6 @@ class Killing:
             self.kills["worker SIGKILL"] += 1
             _send(self.chance.choice(workers), signal.SIGKILL)
             return
-        number = self.chance.choice(SIGNALS)
         self.kills[f"driver {number.name}"] += 1
         driver.send_signal(number)
         driver.wait(PATIENCE)
@@ -127,6 +129,11 @@ class Killing:
             f"{self.kills.total()} kills ({kinds}), {self.campaigns} campaigns of {self.tasks} tasks, {self.sessions}"
             f" sessions, {self.campaigns * self.tasks} tasks: 0 rows lost, 0 doubled, 0 leftovers, 0 tracebacks"
         )
+
+
+def _is_begun(folder: Path) -> bool:
+    """Whether a driver of Dask workers, of which no killed one is left, has connected to the scheduler."""
+    return any(lives(int(mark.name.split(".")[-2])) for mark in folder.glob("running/driver.*.log"))
 
 
 def leftovers(folder: Path) -> list[Path]:
