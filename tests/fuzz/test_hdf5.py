@@ -129,6 +129,24 @@ def test_an_attribute_that_states_four_gigabytes_is_refused_before_they_are_allo
         tables("x.h5")
 
 
+@pytest.mark.parametrize("column", ["time", "px"])
+def test_an_index_of_very_many_chunks_is_refused_before_hdf5_visits_each(intact: bytes, column: str) -> None:
+    """The column states few rows, and its index, as HDF5 writes it when the column was shortened, all of before."""
+    Path("x.h5").write_bytes(intact)
+    with h5py.File("x.h5", "r+", libver="latest") as file:
+        table = file["truth"]
+        rows, kept = table[column].size, dict(table[column].attrs)
+        del table[column]
+        options = {"dtype": "f8", "maxshape": (None,), "chunks": (rows,), "compression": "gzip"}
+        table.create_dataset(column, shape=(rows * 10**8,), **options)[-1] = 1.0
+        table[column].resize((rows,))
+        table[column][...] = 1.0
+        table[column].attrs.update(kept)
+    for read in (tables, lambda path: read_table(path, "truth"), lambda path: read_with_meanings(path, "truth")):
+        with pytest.raises(ResultError, match=r"x\.h5: cannot be read: values are stored in a newer way than wsnsim"):
+            read("x.h5")
+
+
 @pytest.mark.parametrize("name", ["external link", "external storage", "external table", "virtual"])
 def test_no_export_holds_another_file(intact: bytes, name: str, capsys: pytest.CaptureFixture[str]) -> None:
     write_edited(intact, name)

@@ -8,8 +8,9 @@
     content.text("provenance_json")
 
 A result holds what `writer` writes and nothing else. Refused are links that lead elsewhere, external storage, virtual
-datasets, other filters than deflate and shuffle, missing chunks, and sizes that the stored bytes cannot fill: deflate
-makes 1,032 bytes of one at most. Chunks are inflated here: HDF5 fills what a short one lacks from its own memory.
+datasets, other filters than deflate and shuffle, other indices of chunks, missing chunks, and sizes that the stored
+bytes cannot fill: deflate makes 1,032 bytes of one at most. Chunks are inflated here: HDF5 fills what a short one lacks
+from its own memory.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ import numpy as np
 from h5py import h5a, h5d, h5f, h5g, h5i, h5l, h5o, h5s, h5t, h5z
 
 from wsnsim.recording.layout import CHUNK
-from wsnsim.recording.object_headers import DamagedContent, check_attributes
+from wsnsim.recording.object_headers import DamagedContent, check_attributes, check_layout
 from wsnsim.recording.stored_column import StoredColumn
 
 DEFLATE_LIMIT: Final = 1_032
@@ -106,7 +107,7 @@ class Content:
 
     def column(self, group: h5g.GroupID, name: str, complete: bool = True) -> StoredColumn:
         """A column of a table; KeyError if there is none."""
-        dataset = self.dataset(group, name)
+        dataset = self._dataset(group, name)
         shown = f"{_name_of(group)}.{name}"
         plan = dataset.get_create_plist()
         layout = plan.get_layout()
@@ -114,6 +115,7 @@ class Content:
             raise DamagedContent(f"{shown}: the values are stored in another file")
         dtype, rows = _type_of(dataset, shown), _rows_of(dataset, shown)
         if layout == h5d.CHUNKED:
+            self._check_layout(dataset)
             return self._chunked(StoredColumn(shown, dataset, dtype, rows, 0), plan, complete)
         stored, offset = dataset.get_storage_size(), dataset.get_offset()
         if stored != rows * dtype.itemsize or (offset or 0) + stored > self._size:
@@ -122,12 +124,23 @@ class Content:
             raise DamagedContent(f"{shown}: its values are missing")
         return StoredColumn(shown, dataset, dtype, rows, stored)
 
+    def stored_bytes(self, group: h5g.GroupID, name: str) -> int:
+        """The bytes of a column in the file, as HDF5 states them."""
+        dataset = self._dataset(group, name)
+        if dataset.get_create_plist().get_layout() == h5d.CHUNKED:
+            self._check_layout(dataset)
+        return int(dataset.get_storage_size())
+
     @staticmethod
-    def dataset(group: h5g.GroupID, name: str) -> h5d.DatasetID:
+    def _dataset(group: h5g.GroupID, name: str) -> h5d.DatasetID:
         """A dataset of a group, none of another group: 'a/b' would be one."""
         if "/" in name or name in ("", "."):
             raise DamagedContent(f"'{name}' cannot name a column")
         return h5d.open(group, name.encode())
+
+    def _check_layout(self, dataset: h5d.DatasetID) -> None:
+        """Check how chunks are indexed, before HDF5 visits them: it also does to state their bytes."""
+        check_layout(self._read, h5o.get_info(dataset).addr)
 
     def _chunked(self, column: StoredColumn, plan: Any, complete: bool) -> StoredColumn:
         """The column, its chunks checked."""

@@ -1,14 +1,19 @@
-"""The lengths of texts in attributes, read from the file before HDF5 believes them.
+"""What HDF5 would believe of a file, read from the headers of objects before HDF5 does.
 
-check_attributes(read, address, most)
+    check_attributes(read, address, most)       the lengths of texts in attributes
+    check_layout(read, address)                 how the values of a dataset are stored
 
 A text of variable length is stored as its length and the place of its bytes. HDF5 allocates the length that is stated,
 up to 4 GB, before it looks at the place, and its interface does not give the stated length. It is therefore read from
 the object header, whose two versions are described in the HDF5 File Format Specification 3.0, IV.A.1 and IV.A.2.m.
+
+Since version 4 of the layout (IV.A.2.i), an index of chunks can state trillions of chunks in a few hundred kilobytes.
+HDF5 visits each of them, for hours, even if the dataset itself states a few rows. wsnsim writes version 3.
 """
 
 from __future__ import annotations
 
+import contextlib
 import struct
 from collections.abc import Callable, Iterator
 from typing import Final
@@ -16,7 +21,9 @@ from typing import Final
 Read = Callable[[int, int], bytes]
 """read(address, count) -> that many bytes of the file, or ValueError."""
 
-ATTRIBUTE, CONTINUATION, ATTRIBUTE_INFO = 0x0C, 0x10, 0x15
+LAYOUT, ATTRIBUTE, CONTINUATION, ATTRIBUTE_INFO = 0x08, 0x0C, 0x10, 0x15
+NEWEST_LAYOUT: Final = 3
+"""The version of the layout in files of HDF5 1.8."""
 VARIABLE_LENGTH: Final = 9
 REFERENCE: Final = 16
 """Bytes of the length and the place of a text."""
@@ -34,7 +41,7 @@ def check_attributes(read: Read, address: int, most: int) -> None:
     Raises:
         DamagedContent: one does, or the header is damaged.
     """
-    try:
+    with _damage_named():
         for kind, flags, data in _messages(read, address):
             if kind == ATTRIBUTE_INFO and _is_dense(data):
                 raise DamagedContent("attributes are not stored where wsnsim stores them")
@@ -42,6 +49,24 @@ def check_attributes(read: Read, address: int, most: int) -> None:
                 if flags & 2:
                     raise DamagedContent("an attribute is shared")
                 _check_attribute(data, most)
+
+
+def check_layout(read: Read, address: int) -> None:
+    """Check that the values of the dataset at this address are stored in a way that wsnsim writes.
+
+    Raises:
+        DamagedContent: they are not, or the header is damaged.
+    """
+    with _damage_named():
+        if any(kind == LAYOUT and data[0] > NEWEST_LAYOUT for kind, _, data in _messages(read, address)):
+            raise DamagedContent("values are stored in a newer way than wsnsim stores them")
+
+
+@contextlib.contextmanager
+def _damage_named() -> Iterator[None]:
+    """Raise DamagedContent where a header ends too early."""
+    try:
+        yield
     except (struct.error, IndexError) as error:
         raise DamagedContent("the header of an object is damaged") from error
 

@@ -277,8 +277,8 @@ def _size(content: Content, path: str | Path, table: str) -> TableSize:
     group = _group(content, path, table)
     names = column_names(content, group)
     first = content.column(group, names[0])
-    stored = [content.dataset(group, name).get_storage_size() for name in names[1:]]
-    return TableSize(first.rows, tuple(names), first.stored + sum(stored))
+    stored = sum(content.stored_bytes(group, name) for name in names[1:])
+    return TableSize(first.rows, tuple(names), first.stored + stored)
 
 
 def _is_hdf5(path: Path) -> bool:
