@@ -135,6 +135,12 @@ def test_no_command_imports_what_a_file_of_others_names(
     assert (NEEDS in said) is needs
 
 
+def test_a_campaign_of_others_is_plotted_without_its_plugin(lab: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    assert main(["plot", "campaign", "--out", "lab.svg"]) == 0
+    assert IMPORTS not in capfd.readouterr().err and not imported(lab)
+    assert Path("lab.svg").stat().st_size > 1_000
+
+
 def test_a_result_is_described_without_its_plugin(lab: Path, capfd: pytest.CaptureFixture[str]) -> None:
     assert main(["info", "lab.h5"]) == 0
     assert NEEDS not in "".join(capfd.readouterr()) and not imported(lab)

@@ -17,7 +17,8 @@ from wsnsim.analysis import campaigns, comparison
 from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import UsageError, did_you_mean
 from wsnsim.recording.folder import Folder, Manifest
-from wsnsim.scenario import load
+from wsnsim.scenario import Plugins, load
+from wsnsim.scenario.plugin_access import refused
 
 UNIT: Final = re.compile(r"\[([^\[\]]+)\]$")
 """The unit at the end of a field's description."""
@@ -213,11 +214,17 @@ def _is_ordered(here: Sequence[Settings], line: SweepLine, companions: Iterable[
 
 
 def _unit(folder: Folder, manifest: Manifest, key: str) -> str:
-    """The unit of a key of the scenario; empty for a pure number, a word, or a key without description."""
+    """The unit of a key of the scenario; empty for a pure number, a word, or a key without description.
+
+    A scenario that needs a plug-in says no unit: what is only shown imports none.
+    """
     point = next((point for point in manifest.points if key in point.settings), None)
     if point is None or key == "scenario":
         return ""
-    model: Any = load(json.loads(folder.scenario(point.id)))
+    scenario = json.loads(folder.scenario(point.id))
+    if refused(scenario, Plugins.NONE):
+        return ""
+    model: Any = load(scenario, plugins=Plugins.NONE)
     *path, name = key.split(".")
     for word in path:
         model = getattr(model, word, None)
