@@ -147,6 +147,32 @@ def test_an_index_of_very_many_chunks_is_refused_before_hdf5_visits_each(intact:
             read("x.h5")
 
 
+@pytest.mark.parametrize("column", ["time", "px"])
+def test_an_index_whose_branches_are_shared_is_refused_before_hdf5_visits_each(intact: bytes, column: str) -> None:
+    """Five nodes, each with 32 times the next one, name 32 million chunks; a sixth would take minutes."""
+    Path("x.h5").write_bytes(intact)
+    before = Path("x.h5").stat().st_size
+    with h5py.File("x.h5", "r+") as file:
+        kept = dict(file["truth"][column].attrs)
+        del file["truth"][column]
+        dataset = file["truth"].create_dataset(column, shape=(4_096,), dtype="f8", maxshape=(None,), chunks=(1,))
+        dataset[...] = 1.0
+        dataset.attrs.update(kept)
+    raw = bytearray(Path("x.h5").read_bytes())
+    nodes = [at for at in range(before, len(raw)) if raw[at : at + 5] == b"TREE\1"]
+    root = max(nodes, key=lambda at: raw[at + 5])
+    leaves = [at for at in nodes if raw[at + 5] == 0]
+    chain = [root, *leaves[1:5]]
+    for level, at, child in zip((4, 3, 2, 1), chain, [*chain[1:4], leaves[0]], strict=False):
+        raw[at + 5 : at + 8] = bytes([level, 32, 0])
+        for entry in range(at + 48, at + 48 + 32 * 32, 32):  # after the node's head and the first key
+            raw[entry : entry + 8] = child.to_bytes(8, "little")
+    Path("x.h5").write_bytes(raw)
+    for read in (tables, lambda path: read_table(path, "truth", [column])):
+        with pytest.raises(ResultError, match=rf"truth\.{column}: its index names more chunks than the file can hold"):
+            read("x.h5")
+
+
 @pytest.mark.parametrize("name", ["external link", "external storage", "external table", "virtual"])
 def test_no_export_holds_another_file(intact: bytes, name: str, capsys: pytest.CaptureFixture[str]) -> None:
     write_edited(intact, name)

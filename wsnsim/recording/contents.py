@@ -30,6 +30,8 @@ from wsnsim.recording.stored_column import StoredColumn
 
 DEFLATE_LIMIT: Final = 1_032
 """Bytes that deflate makes of one at most (zlib, Technical Details: maximum compression factor)."""
+INDEX_ENTRY: Final = 32
+"""Bytes that each chunk of a column takes in its index (HDF5 File Format Specification 3.0, III.A.1)."""
 MOST_LINKS: Final = 1_024
 """Objects of a group, and texts of an attribute."""
 LONGEST_WORDS: Final = 1_000_000
@@ -115,7 +117,6 @@ class Content:
             raise DamagedContent(f"{shown}: the values are stored in another file")
         dtype, rows = _type_of(dataset, shown), _rows_of(dataset, shown)
         if layout == h5d.CHUNKED:
-            self._check_layout(dataset)
             return self._chunked(StoredColumn(shown, dataset, dtype, rows, 0), plan, complete)
         stored, offset = dataset.get_storage_size(), dataset.get_offset()
         if stored != rows * dtype.itemsize or (offset or 0) + stored > self._size:
@@ -128,7 +129,7 @@ class Content:
         """The bytes of a column in the file, as HDF5 states them."""
         dataset = self._dataset(group, name)
         if dataset.get_create_plist().get_layout() == h5d.CHUNKED:
-            self._check_layout(dataset)
+            return sum(info.size for info in self._stored_chunks(dataset, f"{_name_of(group)}.{name}"))
         return int(dataset.get_storage_size())
 
     @staticmethod
@@ -138,9 +139,20 @@ class Content:
             raise DamagedContent(f"'{name}' cannot name a column")
         return h5d.open(group, name.encode())
 
-    def _check_layout(self, dataset: h5d.DatasetID) -> None:
-        """Check how chunks are indexed, before HDF5 visits them: it also does to state their bytes."""
+    def _stored_chunks(self, dataset: h5d.DatasetID, shown: str) -> list[Any]:
+        """What the index says of each chunk. A tree whose branches share twigs could name trillions of them."""
         check_layout(self._read, h5o.get_info(dataset).addr)
+        found: list[Any] = []
+        most = self._size // INDEX_ENTRY
+
+        def note(info: Any) -> bool | None:  # a value ends the iteration
+            found.append(info)
+            return True if len(found) > most else None
+
+        dataset.chunk_iter(note)
+        if len(found) > most:
+            raise DamagedContent(f"{shown}: its index names more chunks than the file can hold")
+        return found
 
     def _chunked(self, column: StoredColumn, plan: Any, complete: bool) -> StoredColumn:
         """The column, its chunks checked."""
@@ -149,8 +161,7 @@ class Content:
         if filters not in FILTERS:
             raise DamagedContent(f"{shown}: is stored with other filters than deflate and shuffle")
         (chunk,) = plan.get_chunk()
-        found: list[Any] = []
-        column.dataset.chunk_iter(found.append)
+        found = self._stored_chunks(column.dataset, shown)
         firsts = tuple(sorted(info.chunk_offset[0] for info in found))
         expected = range(0, rows, chunk)
         if chunk > CHUNK or len(set(firsts)) != len(firsts):
