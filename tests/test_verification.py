@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import wsnsim
+from tests.helpers.thorough import first
 from wsnsim import cli, scenario
 from wsnsim.base.tables import TABLES
 from wsnsim.verification import stored_source, verify
@@ -75,7 +76,7 @@ def test_what_was_not_changed_repeats_and_it_says_what_was_compared(made: Path) 
     assert "runs.cpu_seconds" in answer.left and "not compared: runs.cpu_seconds; the provenance's" in answer.text
 
 
-@pytest.mark.parametrize("origin", [{}, ANOTHER_PYTHON], ids=["the same versions", "another Python"])
+@pytest.mark.parametrize("origin", first(1, [{}, ANOTHER_PYTHON]), ids=["the same versions", "another Python"])
 @pytest.mark.parametrize(
     "column",
     ["tracks/rmse", "energy/joules", "energy_steps/joules", "truth/px", "nodes/x", "runs/handovers", "events/node",
@@ -179,6 +180,22 @@ def test_a_source_that_extends_a_file_of_its_own_is_compared_as_far_as_it_goes(t
     assert said[0] == ["duration: its source text says 2.0, the stored scenario 4.0"]
     for text, word in (("[1]", "not a scenario"), ("extends: ipf\ntracker: {kind: none_such}", "not a valid scenario")):
         assert word in stored_source.compare(text, (), scenario.resolved(loaded))[0][0]
+
+
+@pytest.mark.parametrize("command", ["verify", "check", "run"])
+def test_no_file_is_opened_that_a_stored_scenario_extends(
+    command: str, copy: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("secret.yaml").write_text("password: hunter2\n")
+
+    def change(file: h5py.File) -> None:
+        resolved = json.loads(file["scenario/resolved_json"][()])
+        write_text(file, "scenario/resolved_json", json.dumps({**resolved, "extends": "secret.yaml"}))
+
+    assert cli.main([command, str(changed(copy, change))]) == 1
+    said = capsys.readouterr()
+    assert "its stored scenario extends another file" in said.err and "hunter2" not in said.err + said.out
 
 
 def test_the_command_answers_in_json_and_with_the_exit_code(copy: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 import wsnsim.scenario as scenarios
-from wsnsim.base.errors import UsageError, plugin_faults_of_run
+from wsnsim.base.errors import ResultError, UsageError, plugin_faults_of_run
 from wsnsim.base.garbage import only_own_garbage
 from wsnsim.base.initial_conditions import (
     InitialConditions,
@@ -254,5 +254,12 @@ def _made(
 
 
 def rerun_source(path: Path) -> dict[str, Any]:
-    """The resolved scenario of a result file, ready for `run`."""
-    return read_json(path, "scenario/resolved_json")
+    """The resolved scenario of a result file, ready for `run`.
+
+    Raises:
+        ResultError: The file cannot be read, or its scenario extends a file, as none does that a run has stored.
+    """
+    resolved = read_json(path, "scenario/resolved_json")
+    if "extends" in resolved:
+        raise ResultError(f"{path}: its stored scenario extends another file, which no run stores")
+    return resolved
