@@ -172,6 +172,7 @@ def test_literal_equation_18_visibly_fails_and_crashes_nothing():
         assert bad.run["rmse"] > 2 * good.run["rmse"]
 
 
+@pytest.mark.thorough
 def test_accepting_by_the_likelihood_alone_loses_the_target():
     losing = [experiment.simulate(scenario.load("pso_mhpf", ["tracker.acceptance=likelihood"]), r) for r in range(3)]
     assert sum(lost.run["lost"] for lost in losing) >= 2

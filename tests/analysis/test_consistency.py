@@ -81,6 +81,7 @@ def inside(values: np.ndarray, dof: int) -> np.ndarray:
     return ((low <= values) & (values <= high)).mean(axis=0)
 
 
+@pytest.mark.thorough
 def test_a_linear_gaussian_filter_is_in_the_one_step_interval_of_chi_squared_in_95_percent_of_1000_seeds(tracked):
     for shares in (inside(tracked["nees"], 2), inside(tracked["nis"], SENSORS)):
         assert (shares >= 0.93).all() and (shares <= 0.97).all(), shares
