@@ -147,6 +147,19 @@ def test_an_index_of_very_many_chunks_is_refused_before_hdf5_visits_each(intact:
             read("x.h5")
 
 
+def test_a_heap_of_texts_that_has_no_end_is_refused(intact: bytes) -> None:
+    """HDF5 went from an object that states no size to itself, for ever."""
+    raw, at = bytearray(intact), intact.find(b"GCOL")
+    assert at > 0
+    while at > 0:
+        raw[at + 16 : at + 32] = bytes(16)
+        at = raw.find(b"GCOL", at + 1)
+    Path("x.h5").write_bytes(raw)
+    for read in (tables, lambda path: read_text(path, "provenance_json")):
+        with pytest.raises(ResultError, match=r"x\.h5: .*the place of a text is damaged"):
+            read("x.h5")
+
+
 @pytest.mark.parametrize("column", ["time", "px"])
 def test_an_index_whose_branches_are_shared_is_refused_before_hdf5_visits_each(intact: bytes, column: str) -> None:
     """Five nodes, each with 32 times the next one, name 32 million chunks; a sixth would take minutes."""

@@ -25,7 +25,7 @@ import numpy as np
 from h5py import h5a, h5d, h5f, h5g, h5i, h5l, h5o, h5s, h5t, h5z
 
 from wsnsim.recording.layout import CHUNK
-from wsnsim.recording.object_headers import DamagedContent, check_attributes, check_layout
+from wsnsim.recording.object_headers import DamagedContent, check_attributes, check_heap, check_layout
 from wsnsim.recording.stored_column import StoredColumn
 
 DEFLATE_LIMIT: Final = 1_032
@@ -214,9 +214,11 @@ class Content:
         plain = plan.get_layout() == h5d.CONTIGUOUS and not plan.get_external_count() and dataset.shape == ()
         if not plain or kind.get_class() != h5t.STRING or not kind.is_variable_str() or dataset.get_offset() is None:
             raise DamagedContent(f"the text '{name}' is stored otherwise than wsnsim stores it")
-        (length,) = struct.unpack("<I", self._read(dataset.get_offset(), 4))
+        length, heap = struct.unpack("<IQ", self._read(dataset.get_offset(), 12))
         if length > min(LONGEST_TEXT, self._size):
             raise DamagedContent(f"the text '{name}' states {length} bytes")
+        if length:
+            check_heap(self._read, heap)
         values = np.empty((), dataset.dtype)
         dataset.read(h5s.create(h5s.SCALAR), dataset.get_space(), values)
         return bytes(values[()]).decode("utf-8")

@@ -1,6 +1,7 @@
 """What HDF5 would believe of a file, read from the headers of objects before HDF5 does.
 
-    check_attributes(read, address, most)       the lengths of texts in attributes
+    check_attributes(read, address, most)       the lengths of texts in attributes, and where they are
+    check_heap(read, address)                   a place where texts are
     check_layout(read, address)                 how the values of a dataset are stored
 
 A text of variable length is stored as its length and the place of its bytes. HDF5 allocates the length that is stated,
@@ -28,6 +29,9 @@ VARIABLE_LENGTH: Final = 9
 REFERENCE: Final = 16
 """Bytes of the length and the place of a text."""
 MOST_BLOCKS: Final = 64
+OBJECT: Final = 16
+"""Bytes of the head of an object in a heap (IV, III.E: its number takes two of them)."""
+MOST_OBJECTS: Final = 2**16
 NOWHERE: Final = 0xFFFF_FFFF_FFFF_FFFF
 
 
@@ -37,6 +41,8 @@ class DamagedContent(ValueError):
 
 def check_attributes(read: Read, address: int, most: int) -> None:
     """Check that no attribute of the object at this address states texts of more than `most` bytes together.
+
+    The heaps in which the texts are get checked as well.
 
     Raises:
         DamagedContent: one does, or the header is damaged.
@@ -48,7 +54,32 @@ def check_attributes(read: Read, address: int, most: int) -> None:
             if kind == ATTRIBUTE:
                 if flags & 2:
                     raise DamagedContent("an attribute is shared")
-                _check_attribute(data, most)
+                for heap in _check_attribute(data, most):
+                    check_heap(read, heap)
+
+
+def check_heap(read: Read, address: int) -> None:
+    """Check that the objects of the global heap at this address follow one another up to its end.
+
+    HDF5 goes from object to object by the sizes that they state, for ever if one states none.
+
+    Raises:
+        DamagedContent: they do not, or there is no heap.
+    """
+    with _damage_named():
+        head = read(address, OBJECT)
+        at, end = address + OBJECT, address + struct.unpack_from("<Q", head, 8)[0]
+        if head[:4] != b"GCOL":
+            raise DamagedContent("a text is not where it is said to be")
+        for _ in range(MOST_OBJECTS):
+            if at + OBJECT > end:
+                return
+            number, size = struct.unpack("<H6xQ", read(at, OBJECT))
+            taken = OBJECT + -(-size // 8) * 8 if number else size
+            if taken < OBJECT or at + taken > end:
+                raise DamagedContent("the place of a text is damaged")
+            at += taken
+    raise DamagedContent("a text is among more objects than wsnsim writes")
 
 
 def check_layout(read: Read, address: int) -> None:
@@ -106,7 +137,8 @@ def _is_dense(data: bytes) -> bool:
     return bool(heap != NOWHERE)
 
 
-def _check_attribute(data: bytes, most: int) -> None:
+def _check_attribute(data: bytes, most: int) -> set[int]:
+    """Check one attribute; returns the addresses of the heaps in which its texts are."""
     version, flags = data[0], data[1]
     sizes = struct.unpack_from("<HHH", data, 2)
     if version == 1:
@@ -118,7 +150,9 @@ def _check_attribute(data: bytes, most: int) -> None:
     name, datatype, dataspace = sizes
     kind = data[starts + name] & 0x0F
     values = data[starts + name + datatype + dataspace :]
-    if kind == VARIABLE_LENGTH:
-        stated = sum(struct.unpack_from("<I", values, at)[0] for at in range(0, len(values) - 3, REFERENCE))
-        if stated > most:
-            raise DamagedContent(f"an attribute states a text of {stated} bytes")
+    if kind != VARIABLE_LENGTH:
+        return set()
+    texts = [struct.unpack_from("<IQ", values, at) for at in range(0, len(values) - REFERENCE + 1, REFERENCE)]
+    if (stated := sum(length for length, _ in texts)) > most:
+        raise DamagedContent(f"an attribute states a text of {stated} bytes")
+    return {heap for length, heap in texts if length}
