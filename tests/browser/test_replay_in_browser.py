@@ -54,7 +54,7 @@ def default(tmp_path_factory):
 @pytest.fixture
 def bare(monkeypatch):
     """Pages without figures, which take long to draw."""
-    monkeypatch.setattr(html_page, "svg_figures", lambda path, replicate: ([], []))
+    monkeypatch.setattr(html_page, "svg_figures", lambda path, replicate, plugins: ([], []))
 
 
 def page_of_synthetic_result(folder, steps=20, nodes=12, estimates=True, name="invented", copies=1):

@@ -84,7 +84,7 @@ def test_when_the_scheduler_is_killed_the_printed_command_goes_on(begun: Begun, 
     folder = begun(grid={"tracker.sleep": [0.15, 0.16]}, replicates=10)
     file = place.scheduler("mortal")
     place.worker(file, "--no-nanny")
-    driver = place.wsnsim("sweep", str(folder.path), "--scheduler-file", str(file), "--progress", "none")
+    driver = place.wsnsim("sweep", str(folder.path), "--scheduler-file", str(file), "--plugins", "--progress", "none")
     until(lambda: len(files(folder)) >= 2 or driver.poll() is not None)
     stop(next(process for process in place.started if str(file) in process.args))
     code, out, err = said(driver)
@@ -103,7 +103,9 @@ def test_when_the_scheduler_is_killed_the_printed_command_goes_on(begun: Begun, 
 
 def test_after_ctrl_c_what_runs_ends_and_nothing_is_begun(begun: Begun, place: Lab, scheduler: Path) -> None:
     folder = begun(grid={"tracker.sleep": [1, 1.1]}, replicates=10)
-    driver = place.wsnsim("sweep", str(folder.path), "--scheduler-file", str(scheduler), "--progress", "none")
+    driver = place.wsnsim(
+        "sweep", str(folder.path), "--scheduler-file", str(scheduler), "--plugins", "--progress", "none"
+    )
     until(lambda: marks(folder) == 2 or driver.poll() is not None)
     driver.send_signal(signal.SIGINT)
     code, _, err = said(driver)
