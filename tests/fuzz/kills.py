@@ -2,7 +2,7 @@
 
     python -m tests.fuzz.kills --kills 50                    drivers and workers of local campaigns
     python -m tests.fuzz.kills --kills 50 --dask             the same on a Dask scheduler with two workers
-    python -m tests.fuzz.kills --kills 3 --tasks 10000       one campaign of so many tasks
+    python -m tests.fuzz.kills --kills 3 --tasks 10000       one campaign of this many tasks
 
 A driver gets SIGKILL, SIGTERM or SIGINT, a worker SIGKILL, after a random number of tasks and a random time; then the
 same command resumes the campaign. At its end its tables are compared, bit by bit, with those of a campaign that nobody
@@ -72,7 +72,7 @@ class Killing:
     sessions: int = 0
 
     def until(self, kills: int) -> None:
-        """Kill processes until so many were killed and the last campaign is complete."""
+        """Kill processes until `kills` were killed and the last campaign is complete."""
         while self.kills.total() < kills or not self.campaigns:
             folder = self.place / f"c{self.campaigns}"
             while not self.session(folder, self.kills.total() < kills):

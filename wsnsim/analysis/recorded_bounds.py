@@ -3,7 +3,8 @@
     in_range(path) -> Bound or None        time_averages(path) -> {readings: bound, ...}
 
 They are tight but not strict bounds, see `wsnsim.bounds`. A file without a scenario, of another version, or of a motion
-model without a bound has none; no error is raised. Nor has one of a plug-in, which is imported only with `plugins`.
+model without a bound has none; no error is raised. A file that names a plug-in has
+none either, unless `plugins` allows importing it.
 """
 
 from __future__ import annotations

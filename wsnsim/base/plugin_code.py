@@ -1,4 +1,4 @@
-"""Which code is that of plug-ins, who is told before it is imported, and where in it an error arose."""
+"""The code of plug-ins: a callback before it is imported, and the place in it where an error arose."""
 
 from __future__ import annotations
 

@@ -1,9 +1,8 @@
 """What killed processes left in a campaign's folder: temporary files, and markers of running tasks.
 
 Whether a process of this machine lives can be asked. Of another machine's process only its files are known: they are
-removed when they were not written for a day. Should it live nevertheless, no result is lost or changed: a worker that
-collects its rows in memory creates its file at its end anew, another writes again and again, and a task whose file is
-gone fails to be stored and is run again.
+removed when they were not written for a day. If the process is alive after all, no result is lost or changed: a task
+whose temporary file is gone is not stored, and is run again.
 """
 
 from __future__ import annotations
