@@ -377,7 +377,7 @@ def with_ctrl_c() -> None:
     ("number", "code", "message"),
     [
         (signal.SIGINT, 130, "wsnsim: error: interrupted"),
-        (signal.SIGTERM, 143, "wsnsim: error: stopped by SIGTERM"),
+        pytest.param(signal.SIGTERM, 143, "wsnsim: error: stopped by SIGTERM", marks=pytest.mark.thorough),
         (signal.SIGHUP, 129, "wsnsim: error: stopped by SIGHUP"),
     ],
 )

@@ -164,6 +164,7 @@ def test_a_plain_dict_is_a_scenario(files):
     assert len(memory.table("estimates")["error"]) == 25
 
 
+@pytest.mark.thorough
 def test_literal_equation_18_visibly_fails_and_crashes_nothing():
     literal = ("tracker.random_factors=false", "tracker.iterations=70", "duration=10 s")
     failed = [experiment.simulate(scenario.load("pso_mhpf", literal), r) for r in range(2)]

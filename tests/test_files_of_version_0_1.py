@@ -33,6 +33,7 @@ def test_its_tables_are_read(path):
     assert result_info.info(path)["fingerprints"] == [f"{value:016x}" for value in runs["fingerprint"]]
 
 
+@pytest.mark.thorough
 def test_its_figures_are_drawn(path, tmp_path):
     drawn = figures.draw(path, tmp_path / "figures.svg")
     assert (tmp_path / "figures.svg").stat().st_size > 10_000

@@ -5,6 +5,7 @@ import json
 import pytest
 from click.testing import CliRunner
 
+from tests.helpers.thorough import thorough
 from wsnsim import read
 from wsnsim.analysis import beaconing
 from wsnsim.cli.shared import group
@@ -27,7 +28,7 @@ def rows(report):
     }
 
 
-@pytest.mark.parametrize("link", [{"kind": "disk", "reach": 75}, {"kind": "log_normal", "exponent": 2.1}])
+@pytest.mark.parametrize("link", [{"kind": "disk", "reach": 75}, *thorough([{"kind": "log_normal", "exponent": 2.1}])])
 def test_the_figures_are_those_of_the_event_log(tmp_path, link):
     report = played(tmp_path, link=link)
     figures = beaconing.as_json(report)

@@ -314,6 +314,7 @@ def test_ctrl_c_and_a_closed_terminal_let_workers_end_their_tasks(lab: Path, num
     assert not [made for made in set(shared.glob("*")) - before_shared if str(driver.pid) in made.name]
 
 
+@pytest.mark.thorough
 def test_a_reader_of_progress_that_goes_away_does_not_end_the_campaign(sweep: str) -> None:
     reader, writer = os.pipe()
     os.close(reader)
@@ -327,6 +328,7 @@ def test_a_reader_of_progress_that_goes_away_does_not_end_the_campaign(sweep: st
     assert done.returncode == 0 and done.stdout
 
 
+@pytest.mark.thorough
 def test_a_sweep_does_nothing_that_starts_a_thread_before_its_workers(sweep: str) -> None:
     """pandas may do so, by way of pyarrow: workers would then be spawned, and each would import everything."""
     script = (

@@ -281,6 +281,7 @@ def test_what_failed_once_and_is_done_now_is_no_failure_any_more(folder: Folder)
 # when to stop
 
 
+@pytest.mark.thorough
 @given(seed=st.integers(0, 999), of=st.integers(1, 3), workers=st.integers(1, 4), block=st.integers(1, 7))
 @tries(max_examples=8, phases=[Phase.generate])
 def test_the_stopping_rule_depends_on_the_replicates_alone(seed: int, of: int, workers: int, block: int) -> None:

@@ -90,6 +90,7 @@ def test_without_particles_that_are_resampled_weights_are_kept_over_steps():
     assert np.allclose(means, run_twin(*arguments[:-1], 0.0, keys)[0], rtol=0, atol=1e-9)
 
 
+@pytest.mark.thorough
 def test_both_sources_of_noise_give_equally_good_filters():
     """The difference of the two squared errors over 60 data sets, in its standard errors: within 4 of nothing."""
     differences, errors = [], []

@@ -4,6 +4,8 @@ import os
 import subprocess
 import sys
 
+import pytest
+
 PROBE = """
 import numpy as np
 
@@ -17,6 +19,7 @@ print((fallen.tobytes() + velocities.tobytes()).hex(), sum(attract.stats.cache_h
 """
 
 
+@pytest.mark.thorough
 def test_gravity_falls_the_same_from_the_cache_as_compiled_anew(tmp_path):
     """What a kernel calls must be inlined, or a process that has just compiled it calls code of another compilation."""
     where = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path), "NUMBA_DISABLE_JIT": "0"}

@@ -47,6 +47,7 @@ def test_a_uniform_deployment_covers_the_field_if_asked():
         assert covers(positions, 60.0, 400, 400)
 
 
+@pytest.mark.thorough
 def test_about_one_draw_in_twenty_is_thrown_away():
     """The figure for 256 nodes on 400 m by 400 m with a reach of 60 m: about 1.05 draws a deployment."""
     draw = generator()

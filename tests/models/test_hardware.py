@@ -55,6 +55,7 @@ def test_perfect_sensors_report_what_they_measure():
     assert PerfectDetection().missed == PerfectDetection().false_alarm == 0.0
 
 
+@pytest.mark.thorough
 def test_a_nodes_bias_is_its_own_and_lasts():
     sensor = ImperfectDetection(bias_sd=2.0)
     off = sensor.distort(np.full(KEYS.size, 10.0), KEYS) - 10.0

@@ -83,6 +83,7 @@ def test_a_target_at_its_mean_velocity_keeps_it() -> None:
     assert np.allclose(states[:, 0], [27.0, 2.0, -9.0, -1.0])
 
 
+@pytest.mark.thorough
 def test_the_velocity_forgets_itself_exponentially() -> None:
     """e^(-t/τ) at lags of 0, τ/2, τ, 2τ and 4τ, from 60 truths; tolerance: five deviations of their mean."""
     rng, lags = np.random.default_rng(2), [0, 1, 2, 4, 8]

@@ -37,6 +37,7 @@ import pytest
 from scipy.optimize import brentq
 from scipy.stats import chisquare
 
+from tests.helpers.thorough import thorough
 from tests.network.radio_network import RadioNetwork
 from wsnsim.base.tables import CAUSE
 from wsnsim.models.access import Csma
@@ -197,7 +198,7 @@ def test_saturated_throughput_is_that_of_a_second_simulation_within_monte_carlo_
         assert error < 0.05 * max(one.mean(), 200), "enough frames for the comparison to mean something"
 
 
-@pytest.mark.parametrize("payload", [12, 100])
+@pytest.mark.parametrize("payload", [100, *thorough([12])])
 def test_payload_throughput_rises_with_neither_nodes_nor_beyond_one_frame_at_a_time(payload):
     clean = [ours(nodes, payload)[:, 0].mean() for nodes in (5, 10, 20)]
     assert clean == sorted(clean, reverse=True)

@@ -39,6 +39,7 @@ def test_on_jiangs_field_with_a_lossy_radio(kind: str) -> None:
     assert_valid_run(*simulated("jiang_field", *changes))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", ["pso_mhpf", "ipf", "ppf"])
 def test_in_an_open_cluster_whose_particles_travel_over_lossy_relays(kind: str) -> None:
     changes = f"tracker.kind={kind}", "tracker.particles=60", "clusters.kind=central", "duration=6 s", "link.loss=0.2"

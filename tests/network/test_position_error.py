@@ -95,6 +95,7 @@ def test_in_a_network_only_the_estimates_change_while_the_same_node_leads() -> N
     assert np.array_equal(exact.table("estimates")["active"], wrong.table("estimates")["active"])
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("scenario", [GRID, OFFLINE], ids=["network", "offline"])
 def test_an_extended_kalman_filter_that_assumes_wrong_positions_is_worse_on_the_same_readings(scenario: dict) -> None:
     def rmse(error: float, replicate: int) -> float:

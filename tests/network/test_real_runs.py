@@ -7,6 +7,7 @@ import multiprocessing
 import numpy as np
 import pytest
 
+from tests.helpers.thorough import thorough
 from wsnsim import scenario, simulate
 from wsnsim.base.tables import CAUSES, EVENT_CAUSES, KIND, Memory
 from wsnsim.network.radio import radio_stack
@@ -62,6 +63,7 @@ def test_the_ledger_closes_and_equals_the_events_for_every_mac_and_energy_model(
     assert {"crash", "restart", "fault"} <= {kind for kind in KIND if (events["kind"] == KIND[kind]).any()}
 
 
+@pytest.mark.thorough
 def test_the_fingerprint_depends_neither_on_the_log_nor_on_workers_nor_on_reading_energy(monkeypatch):
     name, changes = "pso_mhpf_packed", [*FAULTY, "duration=1.24 s"]
     plain = fingerprint(name, changes)
@@ -90,7 +92,9 @@ def test_the_fingerprint_depends_neither_on_the_log_nor_on_workers_nor_on_readin
     assert fingerprint(name, changes) == plain and len(looked) > 50
 
 
-@pytest.mark.parametrize("name", ["pso_mhpf_real", "ipf_real", "ppf_real", "central_pf_real", "pso_mhpf_packed"])
+@pytest.mark.parametrize(
+    "name", ["pso_mhpf_real", *thorough(["ipf_real"]), "ppf_real", "central_pf_real", "pso_mhpf_packed"]
+)
 def test_estimates_on_a_contended_radio_are_late_or_missing_and_the_delay_is_reported(name):
     run, memory = simulated(name, "duration=3 s")
     estimates, (track,) = memory.table("estimates"), run.tracks

@@ -197,6 +197,7 @@ def tracked(tmp_path_factory):
     return measures.Data(reproduce.Folder(folder)), small, folder
 
 
+@pytest.mark.thorough
 def test_a_small_run_gives_a_row_a_claim_a_line_a_radio_and_a_picture(tracked, tmp_path):
     data, small, folder = tracked
     rows = [row for row in reproduce.rows("frontier", small, folder) if not row.paired]

@@ -123,6 +123,7 @@ def test_the_level_of_a_cluster_is_what_its_steps_cost_and_a_handover_is_not_on_
     assert jiang2013_measures.on_level(data, "x").tolist() == pytest.approx([19 / 20])
 
 
+@pytest.mark.thorough
 def test_members_that_a_map_shows_are_as_many_as_the_cluster_counted(tracked):
     data, _ = tracked
     frame = data.of("pso_mhpf", "clusters")
@@ -152,6 +153,7 @@ def tracked(tmp_path_factory):
     return measures.Data(reproduce.Folder(folder)), (small, folder)
 
 
+@pytest.mark.thorough
 def test_a_small_run_gives_a_row_a_claim_and_a_picture_a_figure(tracked, tmp_path):
     _, (small, folder) = tracked
     rows = [row for row in reproduce.rows("jiang2013", small, folder) if not row.paired]

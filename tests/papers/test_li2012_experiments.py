@@ -201,6 +201,7 @@ def test_no_least_squares_fix_is_better_than_that_on_average():
     assert li2012_measures.efficient_errors(data, "")[0] == pytest.approx(median, rel=0.1)
 
 
+@pytest.mark.thorough
 def test_a_tiny_run_gives_rows_and_pictures_and_is_not_run_again(tmp_path, monkeypatch):
     monkeypatch.setattr(reproduce, "LocalEngine", InlineEngine)
     whole = EXPERIMENTS["figures_3_6"]

@@ -124,6 +124,7 @@ def test_a_run_without_recorded_probabilities_is_named():
         liu2012_measures.probabilities(data, "rkf")
 
 
+@pytest.mark.thorough
 def test_a_small_run_gives_a_row_a_claim_and_a_picture_a_figure(tmp_path_factory, tmp_path, monkeypatch):
     monkeypatch.setattr(reproduce, "LocalEngine", InlineEngine)
     where = tmp_path_factory.mktemp("liu2012")

@@ -6,6 +6,7 @@ import pandas as pd
 import pytest
 
 from tests.campaign.inline_engine import InlineEngine
+from tests.helpers.thorough import thorough
 from tests.papers.tables_of_runs import TablesOfRuns
 from wsnsim import scenario
 from wsnsim.papers import reproduce
@@ -155,7 +156,7 @@ def few(experiment: Experiment) -> Experiment:
     )
 
 
-@pytest.mark.parametrize("name", ["diversity", "table_2_start_drawn"])
+@pytest.mark.parametrize("name", [*thorough(["diversity"]), "table_2_start_drawn"])
 def test_a_small_run_gives_a_row_a_claim_and_its_pictures(tmp_path, monkeypatch, name):
     monkeypatch.setattr(reproduce, "LocalEngine", InlineEngine)
     small = few(EXPERIMENTS[name])

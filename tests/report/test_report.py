@@ -100,6 +100,7 @@ def test_a_result_that_lacks_something_still_gives_a_sound_page(tmp_path, monkey
     assert word in text
 
 
+@pytest.mark.thorough
 def test_a_hundred_thousand_nodes_fit_and_a_small_page_is_kept_to(tmp_path, monkeypatch):
     path = write_result(tmp_path / "x.h5", nodes=100_000, without=("energy_steps",))
     for limit in (html_page.LIMIT, 400_000):

@@ -178,6 +178,7 @@ def test_that_check_would_notice_a_missing_hastings_ratio(
     assert least_p(whitened_after_a_walk(PLANS["fixed"], particles, clouds)) < 1e-9
 
 
+@pytest.mark.thorough
 def test_that_check_would_notice_a_best_nest_that_depends_on_who_moves(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where all five nests, the mover's own too, may be the best, the walk is no longer invariant."""
     honest = nests._advance

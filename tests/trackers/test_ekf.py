@@ -95,6 +95,7 @@ def test_sharp_readings_leave_the_covariance_definite_over_many_steps() -> None:
         assert np.linalg.eigvalsh(belief.cov)[0] > 0.0
 
 
+@pytest.mark.thorough
 def test_on_ranges_its_errors_are_as_large_as_it_says() -> None:
     """The normalised squared error of the state of four, over sixty runs: its mean is 4 if the filter is consistent."""
     motion, sensor = ConstantVelocity(start=(5.0, 1.0, 5.0, -1.0), variances=(0.5,)), Range(sd=0.5, reach=200.0)
