@@ -2,6 +2,7 @@
 
 with watched_schedules() as listening:      a run
 listening.within(node, since, until)        whether the node listened at some time between
+listening.throughout(node, since, until)    whether it listened all the time
 """
 
 from __future__ import annotations
@@ -35,6 +36,15 @@ class Listening:
             mode is Mode.SCHEDULED and self._awake(node, begin, end) for begin, end, mode in spans
         )
 
+    def throughout(self, node: int, since: float, until: float) -> bool:
+        """Whether a node listened all the time from `since` to `until`; always, if it has no schedule."""
+        if self.schedule is None:
+            return True
+        return all(
+            mode in (Mode.AWAKE, Mode.DORMANT) or (mode is Mode.SCHEDULED and not self._asleep(node, begin, end))
+            for begin, end, mode in self._spans(node, since, until)
+        )
+
     def _spans(self, node: int, since: float, until: float) -> list[tuple[float, float, Mode]]:
         """(begin, end, mode) of the spans that touch [since, until]."""
         notes = [(0.0, Mode.SCHEDULED), *self.notes.get(node, []), (np.inf, Mode.DOWN)]
@@ -43,13 +53,21 @@ class Listening:
 
     def _awake(self, node: int, since: float, until: float) -> bool:
         """Whether the schedule is awake at some time from `since` to `until`."""
+        return any(self._states(node, since, until))
+
+    def _asleep(self, node: int, since: float, until: float) -> bool:
+        """Whether the schedule is asleep at some time from `since` to `until`."""
+        return not all(self._states(node, since, until))
+
+    def _states(self, node: int, since: float, until: float) -> Iterator[bool]:
+        """Whether the schedule is awake, in each span that touches [since, until]."""
         key, time = self.keys[node : node + 1], since
-        for _ in range(10_000):
+        while True:
             awake, _, ends = self.schedule.state(key, time)
-            if awake[0] or ends[0] > until or ends[0] <= time:
-                return bool(awake[0])
+            yield bool(awake[0])
+            if ends[0] > until or ends[0] <= time:
+                return
             time = float(ends[0])
-        return True
 
 
 @contextlib.contextmanager

@@ -15,6 +15,8 @@ from typing import Any, Final
 
 import numpy as np
 
+from tests.fuzz.fates import packets_in_are_packets_out_and_lost
+from tests.fuzz.given_frames import Frames, watched_frames
 from tests.fuzz.listening import Listening, watched_schedules
 from wsnsim import experiment, scenario
 from wsnsim.base.setups import Setup
@@ -39,12 +41,13 @@ Columns = dict[str, np.ndarray]
 
 @dataclass(frozen=True)
 class Run:
-    """A finished run: its setup, its tables, its summary, and which nodes were listening when."""
+    """A finished run: its setup, its tables, its summary, who was listening when, and what the MAC was given."""
 
     setup: Setup
     memory: Memory
     summary: Summary
     listening: Listening
+    frames: Frames
 
     @cached_property
     def events(self) -> Columns:
@@ -65,9 +68,9 @@ def made(values: dict[str, Any], replicate: int = 0) -> Run:
     """The run of a scenario. Raises what `load`, `build` and the run raise."""
     setup = scenario.build(scenario.load(values))
     memory = Memory(setup.record)
-    with watched_schedules() as listening:
+    with watched_schedules() as listening, watched_frames() as frames:
         summary = experiment.replicate_of(setup, replicate, memory)
-    return Run(setup, memory, summary, listening)
+    return Run(setup, memory, summary, listening, frames)
 
 
 def broken(run: Run) -> list[str]:
@@ -255,6 +258,7 @@ def packets_are_received_or_lost(run: Run) -> Iterator[str]:
 OF_ALL: Final[tuple[Callable[[Run], Iterator[str]], ...]] = (estimates_are_finite, estimates_follow_their_step)
 OF_NETWORKS: Final[tuple[Callable[[Run], Iterator[str]], ...]] = (
     the_ledger_closes, nobody_spends_more_than_its_battery, nothing_happens_before_its_cause, nobody_acts_while_down,
-    nobody_hears_while_asleep, packets_are_received_or_lost, estimates_use_what_arrived,
+    nobody_hears_while_asleep, packets_are_received_or_lost, packets_in_are_packets_out_and_lost,
+    estimates_use_what_arrived,
 )  # fmt: skip
 assert set(CAUSES) >= {name for names in BOOKED.values() for name in names}

@@ -6,6 +6,7 @@ A failing test names the kind and the number of its case: `case(kind, number)` m
 from __future__ import annotations
 
 import copy
+import dataclasses
 import tempfile
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from hypothesis import strategies as st
 
 from tests.fuzz import long
 from tests.fuzz.cases import KINDS, case
+from tests.fuzz.fates import fates, packets_in_are_packets_out_and_lost
 from tests.fuzz.judge import Case, case_of, faults
 from tests.fuzz.plugins import RIGHT, WRONG
 from tests.fuzz.properties import OF_ALL, OF_NETWORKS, Run, broken, made
@@ -147,7 +149,7 @@ def sound() -> Run:
 
 def doctored(run: Run, table: str, column: str, change: object) -> Run:
     """The run with the values of a column changed."""
-    other = Run(run.setup, copy.deepcopy(run.memory), run.summary, run.listening)
+    other = dataclasses.replace(run, memory=copy.deepcopy(run.memory))
     values = other.memory.table(table)
     values[column] = np.array(change(values), dtype=values[column].dtype)  # type: ignore[operator]
     other.memory._pieces[table] = [values]
@@ -168,8 +170,37 @@ DOCTORED = {
     "nobody_acts_while_down": ("events", "node", lambda t: where_kind(t, "send", "node", 5)),
     "nobody_hears_while_asleep": ("events", "node", lambda t: where_kind(t, "receive", "node", 2)),
     "packets_are_received_or_lost": ("events", "packets", lambda t: where_kind(t, "receive", "packets", 99)),
+    "packets_in_are_packets_out_and_lost": ("events", "kind", lambda t: relabelled(t, "receive", "overhear")),
     "estimates_use_what_arrived": ("estimates", "readings", lambda t: t["readings"] + 9),
 }
+
+
+def relabelled(values: dict[str, np.ndarray], kind: str, other: str) -> np.ndarray:
+    """The kinds of events with those of packets of one kind turned into another."""
+    return np.where((values["kind"] == KIND[kind]) & (values["packets"] > 0), KIND[other], values["kind"])
+
+
+def test_each_packet_has_one_fate_and_a_missing_or_a_second_one_is_noticed(
+    sound: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given = sum(one.packets * len(one.receivers) for one in sound.frames.given)
+    assert fates(sound).total() == given and fates(sound)[""] == 0, "packets in = packets out + lost + on their way"
+    assert all(fates(sound)[name] for name in ("received", "collided", "dropped", "asleep"))
+    for kind in ("receive", "collide", "drop"):
+        missing = doctored(sound, "events", "kind", lambda t, kind=kind: relabelled(t, kind, "overhear"))
+        assert packets_in(missing), kind
+        second = doctored(sound, "events", "kind", lambda t, kind=kind: relabelled(t, "overhear", kind))
+        assert packets_in(second), kind
+    for name in ("frames_sent", "packets_sent", "delivered", "collided"):
+        summary = dataclasses.replace(sound.summary, run={**sound.summary.run, name: sound.summary.run[name] + 1})
+        assert any(f"the run's {name} is" in found for found in packets_in(dataclasses.replace(sound, summary=summary)))
+    monkeypatch.setattr(sound.frames.given[0], "told", None)
+    assert any("overtook" in found for found in packets_in(sound))
+
+
+def packets_in(run: Run) -> list[str]:
+    """What the equality of packets says of a run."""
+    return list(packets_in_are_packets_out_and_lost(run))
 
 
 def test_each_property_notices_a_table_in_which_it_is_broken(sound: Run) -> None:

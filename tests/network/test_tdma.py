@@ -239,3 +239,15 @@ def test_joins_of_a_tracking_network_arrive_and_no_frame_collides_in_a_slot():
     members = memory.table("clusters")["members"]
     assert kinds["join"].sum() >= 0.9 * wanted > 0 and members.mean() > 7
     assert (kinds["collide"] & (what == "reading")).sum() <= 0.002 * (kinds["send"] & (what == "reading")).sum()
+
+
+def test_a_member_of_two_clusters_with_slots_at_the_same_time_sends_in_one_and_logs_that_it_missed_the_other():
+    network = RadioNetwork([(0, 0), (40, 0), (20, 0)], mac=Tdma(acks=False, contention=0.0))
+    for head in (0, 1):
+        gather(network, sources=[2], head=head)  # the member learns both schedules
+    both = [full_burst(2, head, Parcel("reading", 1, PACKET_BITS, "reading"), 0) for head in (0, 1)]
+    network.env.run(until=network.env.all_of([network.mac.send([burst], burst.to) for burst in both]))
+    assert [burst.packets for burst in both] == [1, 0]
+    (row,) = network.rows("drop")
+    assert (row["node"], row["peer"], row["frame"], row["packets"]) == (2, 1, 0, 1)
+    assert network.memory.words.all()[row["what"]] == "slot_taken" and network.counters.frames_lost == 1

@@ -26,7 +26,8 @@ TICK: Final = Quantity("s", ge=1e-6, le=10.0)
 class IdealMac:
     """The ideal channel: no contention and no collisions. Frames arrive at once, or after their airtime with a `rate`.
 
-    Only the bits of the payload cost energy. Source: Jiang, Song, Lin (2013).
+    Only the bits of the payload cost energy. With a rate, a node hears what ends while it listens, even if it woke in
+    the middle. Source: Jiang, Song, Lin (2013); the rate and whom it reaches are ours.
     """
 
     mechanism: ClassVar[str] = "ideal"

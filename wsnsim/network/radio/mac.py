@@ -27,7 +27,10 @@ class IdealMechanism:
     """The ideal channel of the papers: no contention, no collision, no loss of its own.
 
     Without a rate, bursts are delivered within the instant. With a rate (bit/s), the bursts of one batch follow one
-    another; different batches do not disturb each other.
+    another; different batches do not disturb each other. A burst is delivered at its end, to whom listens then: a node
+    that wakes in the middle of it receives it, and a node that falls asleep in the middle does not. On a channel with
+    frames (`reception`) it is the other way round: a radio must have listened from the beginning, and then receives the
+    frame to its end.
     """
 
     def __init__(self, mac: IdealAccess, services: NetworkMacServices) -> None:

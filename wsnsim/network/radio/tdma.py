@@ -182,6 +182,9 @@ class TdmaMechanism:
             self._channel.transmit(slot.source, slot.frame, self._sent, others)
             yield slot.sent & self._env.timeout(seconds - before)
         else:
+            if self._nodes.alive[slot.source]:  # it sends in the slot of another cluster
+                self._services.log_drop(slot.source, slot.frame, "slot_taken")
+                self._counters.frames_lost += 1
             yield self._env.timeout(seconds - before)
 
     def _sent(self, transmission: Transmission, received: Received) -> None:

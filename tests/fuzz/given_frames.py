@@ -1,0 +1,252 @@
+"""What a MAC was given to send, what it says became of it, and under which numbers it was on the air.
+
+with watched_frames() as frames:      a run
+frames.given                          one `Given` for each frame, or burst on the ideal channel
+
+The MACs are watched from outside; what they do does not change.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from functools import wraps
+from typing import Any
+
+import numpy as np
+import pytest
+
+from wsnsim.base.frames import EVERYONE, Burst, OfferedFrame
+from wsnsim.network.radio.channel import Channel
+from wsnsim.network.radio.csma import CsmaMechanism
+from wsnsim.network.radio.fragmentation import Fragment, Fragmentation
+from wsnsim.network.radio.ideal_medium import IdealMedium
+from wsnsim.network.radio.mac import IdealMechanism
+from wsnsim.network.radio.mac_services import NetworkMacServices
+
+
+@dataclass
+class Attempt:
+    """One time that a frame was on the air.
+
+    Attributes:
+        number: its number in the event log.
+        start: when its first bit is sent, in s.
+        ends: when its last bit is sent unless its sender falls, in s.
+        ended: whether its end was reached.
+    """
+
+    number: int
+    start: float
+    ends: float
+    ended: bool = False
+
+
+@dataclass
+class Given:
+    """A frame that a MAC was given.
+
+    Attributes:
+        source: the sender.
+        to: the destination, or EVERYONE.
+        packets: the packets in it.
+        sequence: the number of its burst.
+        since: when the MAC got it, in s.
+        neighbours: (n,) the nodes that its sender may reach.
+        usable: (n,) whether the links to them are usable, so that a loss is logged.
+        attempts: when it was on the air.
+        told: {node: packets that it received} as the MAC says; None as long as the MAC has not said anything.
+    """
+
+    source: int
+    to: int
+    packets: int
+    sequence: int
+    since: float
+    neighbours: np.ndarray
+    usable: np.ndarray
+    attempts: list[Attempt] = field(default_factory=list)
+    told: dict[int, int] | None = None
+
+    @property
+    def receivers(self) -> list[int]:
+        """The nodes for which it is meant: of a broadcast all neighbours."""
+        return [self.to] if self.to != EVERYONE else self.neighbours.tolist()
+
+    def is_usable(self, node: int) -> bool:
+        """Whether the loss of a broadcast at a neighbour is logged."""
+        return bool(self.usable[np.searchsorted(self.neighbours, node)])
+
+
+class Frames:
+    """All frames of one run. `ideal` says whether it was on the ideal channel."""
+
+    def __init__(self) -> None:
+        self.given: list[Given] = []
+        self.ideal = False
+        self._radio: Any = None
+        self._of: dict[int, tuple[Any, list[Given]]] = {}
+
+    @property
+    def now(self) -> float:
+        """The time at which the run ended, in s."""
+        return float(self._radio.env.now) if self._radio else 0.0
+
+    def open(self, radio: Any, ideal: bool) -> None:
+        """Note the radio of the run."""
+        self._radio, self.ideal = radio, ideal
+
+    def add(self, what: Any, source: int, to: int, packets: int, sequence: int, bits: int | None = None) -> Given:
+        """Note something that was given. `what`: the frame or the burst. `bits` of a frame."""
+        topology = self._radio.topology
+        neighbours = topology.neighbours(source)
+        usable = [topology.is_reliable(source, node) for node in neighbours.id_list] if bits is None else ()
+        reliable = np.array(usable, dtype=bool) if bits is None else topology.reliable(neighbours, bits)
+        given = Given(source, to, packets, sequence, self.now, neighbours.ids, reliable)
+        self.given.append(given)
+        self._of.setdefault(id(what), (what, []))[1].append(given)
+        return given
+
+    def of(self, what: Any) -> list[Given]:
+        """What is known of a frame or burst; nothing of acknowledgements."""
+        return self._of.get(id(what), (None, []))[1]
+
+    def tell(self, frame: Any, received: Any) -> None:
+        """Note the result of a frame: the receivers of a broadcast, whether a unicast arrived, None for neither."""
+        for given in self.of(frame):
+            if given.to != EVERYONE:
+                given.told = {given.to: given.packets} if received else {}
+            else:
+                given.told = {} if received is None else dict.fromkeys(np.asarray(received).tolist(), given.packets)
+
+
+@contextlib.contextmanager
+def watched_frames() -> Iterator[Frames]:
+    """Note what the MAC is given in the run that the block makes."""
+    frames = Frames()
+    with pytest.MonkeyPatch.context() as patch:
+        for owner, name, make in (
+            (NetworkMacServices, "fragmentation", _opening), (Fragmentation, "split", _splitting),
+            (CsmaMechanism, "_enqueue", _offering), (Channel, "transmit", _transmitting),
+            (Fragment, "finish", _telling), (OfferedFrame, "finish", _telling), (Burst, "lose", _losing),
+            (IdealMedium, "__init__", _opening_ideal), (IdealMechanism, "send", _sending),
+            (IdealMedium, "carry", _carrying), (IdealMedium, "carry_all", _carrying_all),
+        ):  # fmt: skip
+            whole = getattr(owner, name)
+            patch.setattr(owner, name, wraps(whole)(make(frames, whole)))
+        yield frames
+
+
+Whole = Callable[..., Any]
+
+
+def _opening(frames: Frames, whole: Whole) -> Whole:
+    def opened(services: NetworkMacServices, mac: Any) -> Any:
+        frames.open(services.radio, ideal=False)
+        return whole(services, mac)
+
+    return opened
+
+
+def _opening_ideal(frames: Frames, whole: Whole) -> Whole:
+    def opened(medium: IdealMedium, radio: Any, *more: Any) -> None:
+        frames.open(radio, ideal=True)
+        whole(medium, radio, *more)
+
+    return opened
+
+
+def _splitting(frames: Frames, whole: Whole) -> Whole:
+    def split(self: Fragmentation, burst: Burst, on_end: Any) -> Any:
+        fragments = whole(self, burst, on_end)
+        for one in fragments:
+            given = frames.add(one, burst.source, burst.to, one.packets, one.sequence, one.bits)
+            frames._of.setdefault(id(burst), (burst, []))[1].append(given)
+        return fragments
+
+    return split
+
+
+def _offering(frames: Frames, whole: Whole) -> Whole:
+    def enqueue(self: CsmaMechanism, node: int, frame: Any) -> None:
+        if isinstance(frame, OfferedFrame):
+            frames.add(frame, node, frame.to, frame.packets, frame.sequence, frame.bits)
+        whole(self, node, frame)
+
+    return enqueue
+
+
+def _transmitting(frames: Frames, whole: Whole) -> Whole:
+    def transmit(self: Channel, source: int, frame: Any, on_end: Any, *more: Any) -> Any:
+        attempts: list[Attempt] = []
+
+        def ended(transmission: Any, received: Any) -> None:
+            for attempt in attempts:
+                attempt.ended = True
+            on_end(transmission, received)
+
+        sent = whole(self, source, frame, ended, *more)
+        for given in frames.of(frame):
+            attempts.append(Attempt(sent.number, sent.start, sent.end))
+            given.attempts.append(attempts[-1])
+        return sent
+
+    return transmit
+
+
+def _telling(frames: Frames, whole: Whole) -> Whole:
+    def finish(frame: Any, received: Any) -> None:
+        frames.tell(frame, received)
+        whole(frame, received)
+
+    return finish
+
+
+def _losing(frames: Frames, whole: Whole) -> Whole:
+    def lose(burst: Burst) -> None:
+        for given in frames.of(burst):
+            given.told = {}
+        whole(burst)
+
+    return lose
+
+
+def _sending(frames: Frames, whole: Whole) -> Whole:
+    def send(self: IdealMechanism, bursts: Any, head: Any = None) -> Any:
+        for burst in bursts:
+            frames.add(burst, burst.source, burst.to, burst.packets, burst.sequence)
+        return whole(self, bursts, head)
+
+    return send
+
+
+def _carrying(frames: Frames, whole: Whole) -> Whole:
+    def carry(self: IdealMedium, burst: Burst) -> None:
+        before, bits = self._counters.frames_sent, burst.bits
+        if not frames.of(burst):
+            frames.add(burst, burst.source, burst.to, burst.packets, burst.sequence)
+        whole(self, burst)
+        (given,) = frames.of(burst)
+        now = frames.now
+        if self._counters.frames_sent > before:
+            given.attempts.append(Attempt(before + 1, now - bits * self._seconds_per_bit, now, ended=True))
+        each = {node: int(mask.sum()) for node, mask in burst.received.items()}
+        given.told = {burst.to: burst.packets} if burst.to != EVERYONE else each
+
+    return carry
+
+
+def _carrying_all(frames: Frames, whole: Whole) -> Whole:
+    def carry_all(self: IdealMedium, unicasts: Any) -> None:
+        before = self._counters.frames_sent
+        whole(self, unicasts)
+        if unicasts.bursts is not None:
+            return
+        lists = zip(unicasts.sources, unicasts.destinations, unicasts.parcels, strict=True)
+        for number, (source, to, parcel) in enumerate(lists, before + 1):
+            given = frames.add(parcel, source, to, parcel.packets, number)
+            given.attempts.append(Attempt(number, frames.now, frames.now, ended=True))
+            given.told = {to: parcel.packets}
+
+    return carry_all
