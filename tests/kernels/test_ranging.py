@@ -80,6 +80,39 @@ def test_the_joint_likelihood_is_the_sum_of_normal_log_densities(law: ranging.La
 
 
 @each_law
+def test_a_difference_in_height_lengthens_the_distance(law: ranging.Law) -> None:
+    x, y, positions, readings = scene(law)
+    heights = np.linspace(0.0, 3.0, SENSORS)
+    lifted = np.column_stack([positions, heights**2])
+    distances = np.sqrt((x - positions[:, :1]) ** 2 + (y - positions[:, 1:]) ** 2 + heights[:, None] ** 2)
+    form = np.log(np.maximum(distances, law[2])) if law[5] else np.maximum(distances, law[2])
+    means = law[0] + law[1] * form
+    truth = norm.logpdf(readings[:, None], np.where(distances <= law[4], means, 0.0), np.sqrt(law[3]))
+    assert joint_log_likelihood(x, y, readings, lifted, law) == pytest.approx(truth.sum(axis=0), rel=1e-9)
+    owners = np.random.default_rng(5).integers(0, SENSORS, PARTICLES)
+    own = own_log_likelihood(x, y, readings, lifted, owners, law)
+    assert own == pytest.approx(truth[owners, np.arange(PARTICLES)], rel=1e-9)
+    found, gradients, _ = linearised(x, y, lifted, law)
+    assert found == pytest.approx(means, rel=1e-9)
+    inner = distances > np.maximum(law[2], 1e-9)
+    slope = law[1] / np.where(inner, distances, 1.0) ** (2 if law[5] else 1) * inner
+    assert gradients[:, 0] == pytest.approx(slope * (x - positions[:, :1]), rel=1e-9, abs=1e-12)
+
+
+@each_law
+def test_a_height_of_zero_changes_no_bit(law: ranging.Law) -> None:
+    x, y, positions, readings = scene(law)
+    level = np.column_stack([positions, np.zeros(SENSORS)])
+    owners = np.arange(PARTICLES) % SENSORS
+    plain = joint_log_likelihood(x, y, readings, positions, law)
+    assert np.array_equal(plain, joint_log_likelihood(x, y, readings, level, law))
+    plain = own_log_likelihood(x, y, readings, positions, owners, law)
+    assert np.array_equal(plain, own_log_likelihood(x, y, readings, level, owners, law))
+    for array, other in zip(linearised(x, y, positions, law), linearised(x, y, level, law), strict=True):
+        assert np.array_equal(array, other)
+
+
+@each_law
 @pytest.mark.parametrize("count", [0, 1, 2, 5, SENSORS])
 def test_any_number_of_readings_is_summed_as_the_twin_does(law: ranging.Law, count: int) -> None:
     x, y, positions, readings = scene(law)

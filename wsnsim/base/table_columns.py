@@ -162,7 +162,7 @@ TABLES: Final[dict[str, tuple[Column, ...]]] = {
         _c("y", "f8", "m", "position", smooth=True),
         _c("x_assumed", "f8", "m", "position that filters and heads assume", smooth=True),
         _c("y_assumed", "f8", "m", "position that filters and heads assume", smooth=True),
-        _c("gain", "f8", "1", "gain of the node's sensor"),
+        _c("gain", "f8", "1", "gain of the node's sensor as a factor: 10^(dB/10) of a gain in dB"),
         _c("energy_initial", "f8", "J", "energy at the start"),
         _c("energy_left", "f8", "J", "residual energy at the end"),
         _c("died_at", "f8", "s", "time of the node's death; NaN if it lives"),

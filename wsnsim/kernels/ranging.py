@@ -4,8 +4,9 @@
     mean m = a + b d, or a + b log d if logarithmic, with d of at least d_0; m = 0 beyond `within`     z = m + N(0, R)
 
 It is the range of Liu and Wang (2012) and of Wei and Guo (2022), and the log-distance law of Ruan et al. (2020, eq. 4).
-Points are given by their coordinates x (N,) and y (N,); positions are (S, 2). The log-likelihood is -inf for a point
-that is not finite and for a reading that is NaN; it is never NaN.
+Points are given by their coordinates x (N,) and y (N,). Positions are (S, 2), or (S, 3) with a squared difference in
+height, which d² includes. The log-likelihood is -inf for a point that is not finite and for a reading that is NaN; it
+is never NaN.
 """
 
 from __future__ import annotations
@@ -38,6 +39,17 @@ def _set_forms(form: Floats, squared: Floats, least: float, logarithmic: bool) -
 
 
 @inlined
+def _lift(squared: Floats, positions: Floats, s: int) -> None:
+    """Add the squared difference in height of sensor s to d², if positions have it.
+
+    A loop of its own leaves the bits of distances in the plane as they are without heights.
+    """
+    if positions.shape[1] > 2:
+        for j in range(squared.size):
+            squared[j] += positions[s, 2]
+
+
+@inlined
 def _close(result: Floats, x: Floats, y: Floats, count: int, variance: float) -> None:
     """From the sum of (z - m)² of `count` readings to their log-likelihood; -inf where nothing is known."""
     constant = count * (LOG_TWO_PI + log(variance))
@@ -62,6 +74,9 @@ def own_log_likelihood(x: Floats, y: Floats, readings: Floats, positions: Floats
             raise IndexError("a particle is owned by a reading that is not there")
         squared[j] = (x[j] - positions[s, 0]) ** 2 + (y[j] - positions[s, 1]) ** 2
         reading[j] = readings[s]
+    if positions.shape[1] > 2:
+        for j in range(x.size):
+            squared[j] += positions[owners[j], 2]
     result, form = np.empty(x.size), np.empty(x.size)
     _set_forms(form, squared, floor * floor, logarithmic)
     for j in range(x.size):
@@ -80,6 +95,7 @@ def joint_log_likelihood(x: Floats, y: Floats, readings: Floats, positions: Floa
         reading, x_sensor, y_sensor = readings[s], positions[s, 0], positions[s, 1]
         for j in range(x.size):
             squared[j] = (x[j] - x_sensor) ** 2 + (y[j] - y_sensor) ** 2
+        _lift(squared, positions, s)
         _set_forms(form, squared, floor * floor, logarithmic)
         for j in range(x.size):
             mean = offset + slope * form[j]
@@ -105,6 +121,7 @@ def linearised(x: Floats, y: Floats, positions: Floats, law: Law) -> tuple[Float
         x_sensor, y_sensor = positions[s, 0], positions[s, 1]
         for j in range(x.size):
             squared[j] = (x[j] - x_sensor) ** 2 + (y[j] - y_sensor) ** 2
+        _lift(squared, positions, s)
         _set_forms(form, squared, floor * floor, logarithmic)
         for j in range(x.size):
             known = squared[j] < np.inf

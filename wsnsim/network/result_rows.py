@@ -19,6 +19,7 @@ from wsnsim.base.results import RADIO_COUNTERS, RunResult, RunTotals, TrackResul
 from wsnsim.base.setups import NetworkSetup, RadioSetup
 from wsnsim.base.sleeping import WakeUpRound
 from wsnsim.base.tables import CAUSES
+from wsnsim.base.traits import gain_factors
 from wsnsim.network.clusters.track import ClusterRecord, Track
 from wsnsim.network.nodes import Nodes
 
@@ -121,7 +122,7 @@ def _write(recorder: Recorder, table: str, replicate: int, columns: dict[str, An
 
 
 def _nodes(nodes: Nodes, trait_names: tuple[str, ...]) -> dict[str, Any]:
-    gain = nodes.traits[:, trait_names.index("gain")] if "gain" in trait_names else np.ones(nodes.size)
+    gain = gain_factors(trait_names, nodes.traits)
     died = np.full(nodes.size, NAN) if nodes.died_at else np.broadcast_to(NAN, nodes.size)
     for node, time in nodes.died_at.items():
         died[node] = time

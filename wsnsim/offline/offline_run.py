@@ -23,6 +23,7 @@ from wsnsim.base.results import RunResult, RunTotals, TrackResult
 from wsnsim.base.rng import Streams
 from wsnsim.base.rows import NAN, Issued, wants_belief, write_belief
 from wsnsim.base.setups import TrackingSetup
+from wsnsim.base.traits import gain_factors
 from wsnsim.offline.loopback import perform
 from wsnsim.offline.measurements import HEAD, OfflineCluster
 from wsnsim.offline.request_costs import RequestCosts
@@ -102,7 +103,7 @@ class OfflineRun:
 
 def node_rows(setup: TrackingSetup, conditions: InitialConditions, replicate: int) -> dict[str, Any]:
     """The rows of the table `nodes` of a run."""
-    names, traits = setup.sensor.trait_names, conditions.traits
+    traits = conditions.traits
     unknown = np.full(len(traits), NAN)
     return {
         "replicate": replicate,
@@ -111,7 +112,7 @@ def node_rows(setup: TrackingSetup, conditions: InitialConditions, replicate: in
         "y": conditions.positions[:, 1],
         "x_assumed": conditions.assumed[:, 0],
         "y_assumed": conditions.assumed[:, 1],
-        "gain": traits[:, names.index("gain")] if "gain" in names else np.ones(len(traits)),
+        "gain": gain_factors(setup.sensor.trait_names, traits),
         "energy_initial": unknown,
         "energy_left": unknown,
         "died_at": unknown,

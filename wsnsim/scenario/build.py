@@ -189,6 +189,8 @@ def _other_columns(scenario: Scenario, setup: TrackingSetup) -> Iterator[Issue]:
 
 def _missing_abilities(scenario: Scenario, setup: TrackingSetup) -> Iterator[Issue]:
     """Yield an issue for each ability that the tracker needs, or assumes, and the sensor does not have."""
+    from wsnsim.base.traits import has_gains
+
     sensor, tracker = scenario.sensor, scenario.tracker  # type: ignore[attr-defined]
     for ability in getattr(setup.tracker, "needs", ()):
         if not callable(getattr(setup.filter_sensor, ability, None)):
@@ -198,7 +200,7 @@ def _missing_abilities(scenario: Scenario, setup: TrackingSetup) -> Iterator[Iss
                 ("tracker", "kind"),
                 f"{tracker.kind} needs a sensor that gives '{ability}', and {sensor.kind} does not; it can use: {able}",
             )
-    if tracker.assumes.gains != "known" and "gain" not in setup.sensor.trait_names:
+    if tracker.assumes.gains != "known" and not has_gains(setup.sensor):
         yield Issue(("tracker", "assumes", "gains"), f"{sensor.kind} has no gains that could be unknown")
 
 

@@ -51,7 +51,7 @@ _ROLES: Final = (
             "distance from the origin, wherever the node stands", f"{WEI}, experiment 3"),
         Kind("coordinate", "wsnsim.models.linear_sensing:Coordinate",
             "the target's coordinate along an axis of the node: linear, the Kalman filter is exact"),
-        Kind("rssi", "wsnsim.models.ranging:Rssi",
+        Kind("rssi", "wsnsim.models.rssi:Rssi",
             "received signal strength, which falls with the logarithm of the distance", f"{RUAN}, eq. 4"),
         Kind("squared", "wsnsim.models.ungm:Squared", "the square of a scalar state, divided by 20",
             f"{WEI}, experiment 1"),

@@ -114,7 +114,7 @@ def weighted_centroid(circles: Circles, expected: Floats) -> tuple[Floats, Float
 
 def _circles(seen: Evidence, scene: Scene) -> Circles:
     """One circle per reading, without distances that are NaN, negative or at least `FARTHEST`."""
-    radii = ranges_of(seen.readings, scene.sensor)
+    radii = ranges_of(seen, scene.sensor)
     known = (radii >= 0.0) & (radii < FARTHEST)
     return Circles(seen.positions[known], radii[known])
 

@@ -57,7 +57,7 @@ class Fix(NamedTuple):
 
 def usable(seen: Evidence, scene: Scene) -> Ranged:
     """The measurements whose distances are neither negative nor NaN, and below `FARTHEST`."""
-    ranges = ranges_of(seen.readings, scene.sensor)
+    ranges = ranges_of(seen, scene.sensor)
     known = (ranges >= 0.0) & (ranges < FARTHEST)
     if known.all():
         return Ranged(seen, ranges)

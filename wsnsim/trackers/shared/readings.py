@@ -44,9 +44,15 @@ class RangeSensor(Protocol):
         ...
 
 
-def ranges_of(readings: Floats, sensor: object) -> Floats:
-    """The distance in m at which each measurement is expected, (S,). The scenario's check requires a `RangeSensor`."""
-    return cast(RangeSensor, sensor).ranges(readings)
+def ranges_of(seen: Evidence, sensor: object) -> Floats:
+    """The distance in m at which each measurement is expected, (S,), in the plane if the sensor says how.
+
+    The scenario's check requires a `RangeSensor`. One whose nodes differ in gain or height has `ranges_in_plane`.
+    """
+    if hasattr(sensor, "ranges_in_plane"):
+        in_plane: Floats = sensor.ranges_in_plane(seen.readings, seen.traits)
+        return in_plane
+    return cast(RangeSensor, sensor).ranges(seen.readings)
 
 
 def reading_parcel(member: Member, bits: int = PACKET_BITS) -> Parcel | None:

@@ -1,0 +1,229 @@
+"""The sensor model of received signal strength, and what filters assume of it.
+
+log_likelihood(points (P, N), readings (S,), positions (S, 2), traits (S, T), owners (N,) | None) -> (N,)
+
+T is 0, 1 or 2: the gain of a node in dB where there are gains, and its height in m where heights count.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from functools import cached_property
+from typing import Annotated, Any, Final, Literal
+
+import numpy as np
+
+from wsnsim.base.arrays import Floats
+from wsnsim.base.errors import Issue, RunError
+from wsnsim.base.part import Quantity, part
+from wsnsim.base.setups import TrackingSetup
+from wsnsim.base.traits import GAIN_DB, HEIGHT
+from wsnsim.kernels import ranging as kernels
+from wsnsim.models.bounds import LENGTH
+from wsnsim.models.distances import REACH, OfDistance, reach_issues, squared_distances, unit_noise
+
+LARGEST_EXPONENT: Final = 600.0
+"""e to this power times any d0 is finite."""
+DECIBEL: Final = Quantity("dB", ge=0, le=1e6)
+"""A standard deviation that may be 0."""
+GAIN_OF_NODE: Final = Quantity("dB", ge=-1e6, le=1e6)
+ELEVATION: Final = Quantity("m", ge=-1e6, le=1e6)
+
+
+@part
+class Rssi(OfDistance):
+    """Received signal strength, which falls with the logarithm of the distance: z = z0 - 10 η log10(d/d0) + g + v.
+
+    The gain g of a node is constant over a run: 0, normal with the standard deviation `gain_spread`, or as listed in
+    `gains`. With `target_height` d is the distance in space: d² = dx² + dy² + (h_node - h_target)², with the heights of
+    the nodes from the deployment. Without it, d is the distance in the plane. v has the standard
+    deviation `sd`, whether it is normal or Student's t.
+
+    Source: Ruan, Wang, Yang, Zhang (2020), eq. 4, without gains and heights; R is 1/4 dB². z0, from the paper's indoor
+    fit, and the least d are our choice.
+    """
+
+    z0: Annotated[float, Quantity("dBm", ge=-1e6, le=1e6), "strength at the distance d0"] = -37.8
+    eta: Annotated[float, Quantity("", ge=1e-3, le=100), "η: exponent of the loss with distance"] = 2.3
+    d0: Annotated[float, LENGTH, "distance at which the strength is z0"] = 1.0
+    sd: Annotated[float, Quantity("dB", ge=1e-6, le=1e6), "standard deviation of a reading"] = 0.5
+    floor: Annotated[float, Quantity("m", ge=1e-6, le=1e7), "least distance: shorter ones are taken as this"] = 0.05
+    reach: Annotated[float, REACH, "sensing range in the plane; .inf: unlimited"] = math.inf
+    noise: Annotated[Literal["normal", "student_t"], "distribution of the noise of a reading"] = "normal"
+    dof: Annotated[float, Quantity("", gt=2, le=1e6), "ν: degrees of freedom of noise: student_t"] = 5.0
+    gain_spread: Annotated[float, DECIBEL, "standard deviation of the gains of nodes, normal"] = 0.0
+    gains: Annotated[tuple[float, ...], GAIN_OF_NODE, "gain of each node, in their order; none: drawn"] = ()
+    target_height: Annotated[float | None, ELEVATION, "height of the target; none: heights are ignored"] = None
+
+    @property
+    def trait_names(self) -> tuple[str, ...]:
+        """The names of a node's traits: its gain if there are gains, and its height if heights count."""
+        if self.target_height is not None:
+            return (GAIN_DB, HEIGHT)
+        return (GAIN_DB,) if self.gain_variance else ()
+
+    @property
+    def gain_variance(self) -> float:
+        """The variance of the gains in dB², as filters know it: that of the listed gains without `gain_spread`."""
+        if self.gain_spread or not self.gains:
+            return self.gain_spread**2
+        return math.fsum(gain**2 for gain in self.gains) / len(self.gains)
+
+    def draw_traits(self, nodes: int, rng: np.random.Generator) -> Floats:
+        """(nodes, T) gain in dB of each node, and its height: 0 until the deployment gives it.
+
+        Raises:
+            RunError: the gains listed are not as many as the nodes.
+        """
+        if not self.trait_names:
+            return np.empty((nodes, 0))
+        if self.gains and len(self.gains) != nodes:
+            raise RunError(_wrong_count(len(self.gains), nodes))
+        drawn = self.gain_spread * rng.standard_normal(nodes)
+        return np.column_stack([self.gains or drawn, np.zeros(nodes)])[:, : len(self.trait_names)]
+
+    def measure(self, points: Floats, positions: Floats, traits: Floats, noise: Floats) -> Floats:
+        """(n,) readings in dBm of targets at points (n, P) by sensors at positions (n, 2), with standard normal noise.
+
+        Points with three columns have the target's height, which counts instead of `target_height`.
+        """
+        squared = squared_distances(points[:, :2], positions)
+        if self.target_height is not None:
+            squared = squared + (traits[:, 1] - (points[:, 2] if points.shape[1] > 2 else self.target_height)) ** 2
+        distances = np.maximum(np.sqrt(squared), self.floor)
+        means = self.z0 - 10.0 * self.eta * np.log10(distances / self.d0)
+        readings: Floats = means + self.sd * unit_noise(noise, self._dof)
+        return readings + traits[:, 0] if self.trait_names else readings
+
+    def ranges(self, readings: Floats) -> Floats:
+        """(S,) the distance in m at which each reading is expected, at least `floor`: d0 10^((z0 - z)/(10 η))."""
+        exponents = np.minimum(math.log(10.0) * (self.z0 - readings) / (10.0 * self.eta), LARGEST_EXPONENT)
+        return np.maximum(self.d0 * np.exp(exponents), self.floor)
+
+    def ranges_in_plane(self, readings: Floats, traits: Floats) -> Floats:
+        """(S,) as `ranges`, without the gains of the nodes, in the plane: sqrt(max(d² - (h_node - h_target)², 0))."""
+        return self.in_plane(self.ranges(readings - traits[:, 0] if self.trait_names else readings), traits)
+
+    def in_plane(self, ranges: Floats, traits: Floats) -> Floats:
+        """(S,) the distances in the plane of distances in space, both in m."""
+        if self.target_height is None:
+            return ranges
+        return np.sqrt(np.maximum(ranges**2 - (traits[:, 1] - self.target_height) ** 2, 0.0))
+
+    def assumed(self, gains: str, inflate: bool) -> Rssi | AssumedRssi:
+        """The model that a filter assumes: gains are 'known', 'unknown' (taken as 0 dB) or 'estimated'."""
+        if gains == "known" or not self.gain_variance:
+            return self
+        return AssumedRssi(sensor=self, gains="estimated" if gains == "estimated" else "unknown", inflate=inflate)
+
+    def check(self, setup: TrackingSetup) -> Iterator[Issue]:
+        """Yield an issue if the range is finite and too long, and if other than one gain a node is listed."""
+        yield from reach_issues(self.reach)
+        nodes = _number_of_nodes(setup.deploy) if self.gains else None
+        if nodes is not None and nodes != len(self.gains):
+            yield Issue(("sensor", "gains"), _wrong_count(len(self.gains), nodes))
+
+    def law(self, inflation: float = 0.0) -> kernels.Law:
+        """z = a + b log d with b = -10 η / log 10 and a = z0 - b log d0 (eq. 4); `inflation` is added to R."""
+        slope = -10.0 * self.eta / math.log(10.0)
+        offset = self.z0 - slope * math.log(self.d0)
+        return offset, slope, float(self.floor), float(self.sd) ** 2 + inflation, math.inf, True
+
+    def places(self, positions: Floats, traits: Floats) -> Floats:
+        """(S, 2) the positions, or (S, 3) with the squared difference in height."""
+        if self.target_height is None:
+            return np.ascontiguousarray(positions)
+        return np.column_stack([positions, (traits[:, 1] - self.target_height) ** 2])
+
+    def _places(self, positions: Floats, traits: Floats) -> Floats:
+        return self.places(positions, traits)
+
+    def _gains(self, traits: Floats) -> Floats | None:
+        return np.ascontiguousarray(traits[:, 0]) if self.trait_names else None
+
+    @cached_property
+    def _law(self) -> kernels.Law:
+        return self.law()
+
+    @property
+    def degrees(self) -> float:
+        """Degrees of freedom ν of the noise; infinite: it is normal."""
+        return self.dof if self.noise == "student_t" else math.inf
+
+    @property
+    def _dof(self) -> float:
+        return self.degrees
+
+
+@part
+class AssumedRssi(OfDistance):
+    """The model that a filter assumes of an `Rssi` whose gains it does not know: every gain is 0 dB.
+
+    With `inflate`, the variance of unknown gains is added to that of a reading: R' = R + σ_g² (our choice). A filter
+    that estimates the gains beside the state (`estimated`) takes them off the readings itself: `gain_prior` is the
+    variance with which it begins.
+    """
+
+    sensor: Rssi
+    gains: Literal["unknown", "estimated"]
+    inflate: bool
+
+    @property
+    def gain_prior(self) -> float:
+        """The variance in dB² of a gain that the filter estimates, at first; 0 if it estimates none."""
+        return self.sensor.gain_variance if self.gains == "estimated" else 0.0
+
+    @property
+    def reach(self) -> float:
+        """The sensing range of the true sensor, in m."""
+        return self.sensor.reach
+
+    @property
+    def trait_names(self) -> tuple[str, ...]:
+        """The names of a node's traits; the gain is not used."""
+        return self.sensor.trait_names
+
+    def draw_traits(self, nodes: int, rng: np.random.Generator) -> Floats:
+        """(nodes, T) zeros: the gain of every node, and its height until the deployment gives it."""
+        return np.zeros((nodes, len(self.trait_names)))
+
+    def measure(self, points: Floats, positions: Floats, traits: Floats, noise: Floats) -> Floats:
+        """(n,) readings of sensors without gains, with the variance that the filter assumes."""
+        expected = self.sensor.measure(points, positions, traits * (0.0, 1.0)[: traits.shape[1]], np.zeros(len(noise)))
+        return expected + math.sqrt(self._law[3]) * unit_noise(noise, self._dof)
+
+    def ranges(self, readings: Floats) -> Floats:
+        """(S,) the distance in m at which each reading is expected, as from `Rssi`."""
+        return self.sensor.ranges(readings)
+
+    def ranges_in_plane(self, readings: Floats, traits: Floats) -> Floats:
+        """(S,) as `ranges`, in the plane."""
+        return self.sensor.in_plane(self.sensor.ranges(readings), traits)
+
+    def assumed(self, gains: str, inflate: bool) -> Rssi | AssumedRssi:
+        """The model that another filter assumes of the same sensor."""
+        return self.sensor.assumed(gains, inflate)
+
+    def _places(self, positions: Floats, traits: Floats) -> Floats:
+        return self.sensor.places(positions, traits)
+
+    @cached_property
+    def _law(self) -> kernels.Law:
+        unknown = self.sensor.gain_variance if self.inflate and self.gains == "unknown" else 0.0
+        return self.sensor.law(unknown)
+
+    @property
+    def _dof(self) -> float:
+        return self.sensor.degrees
+
+
+def _number_of_nodes(deploy: Any) -> int | None:
+    """How many nodes a deployment has; None if that is known only when it is drawn."""
+    nodes = getattr(deploy, "nodes", None)
+    places = getattr(deploy, "places", None)
+    return nodes if isinstance(nodes, int) else len(places) if places is not None else None
+
+
+def _wrong_count(gains: int, nodes: int) -> str:
+    return f"{gains} gains for {nodes} nodes: list one for each node, in the order of the nodes"
