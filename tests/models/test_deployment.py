@@ -12,6 +12,7 @@ from wsnsim.base.setups import NetworkSetup, TrackingSetup
 from wsnsim.models.clusters import StrongestSignal
 from wsnsim.models.coverage import covers
 from wsnsim.models.deploy import FromFile, Grid, JitteredGrid, Uniform, cells
+from wsnsim.models.node_file import PlaceColumns
 from wsnsim.models.ranging import Range
 from wsnsim.models.sensing import AcousticEnergy
 
@@ -199,3 +200,25 @@ def test_the_field_of_a_file_may_be_centred_elsewhere(tmp_path):
     assert part.draw(60.0, generator()).tolist() == [[100.0, 60.0], [120.0, 40.0]]
     with pytest.raises(RunError, match="outside the field of 40 m by 40 m around"):
         FromFile(path=path, width=40.0, height=40.0).draw(60.0, generator())
+
+
+def test_a_file_names_its_nodes_and_gives_their_heights(tmp_path: Path) -> None:
+    path = written(tmp_path, "receiver,x,y,z\nnorth,0,5,2\nsouth,0,-5,1.5\n")
+    part = FromFile(path=path, columns=PlaceColumns(id="receiver"))
+    assert part.names == ("north", "south")
+    assert part.heights is not None and part.heights.tolist() == [2.0, 1.5]
+    assert FromFile(path=path).names == ("0", "1")
+    assert FromFile(path=path, columns=PlaceColumns(z="height")).heights is None
+
+
+def test_places_of_a_file_may_have_other_names(tmp_path: Path) -> None:
+    part = FromFile(path=written(tmp_path, "east,north\n3,4\n"), columns=PlaceColumns(x="east", y="north"))
+    assert part.draw(60.0, generator()).tolist() == [[3.0, 4.0]]
+
+
+def test_two_nodes_of_one_name_and_a_height_that_is_no_number_are_refused_with_their_line(tmp_path: Path) -> None:
+    path = written(tmp_path, "id,x,y,z\na,0,5,2\na,0,-5,none\n")
+    with pytest.raises(RunError, match=r"nodes\.csv:3: the node 'a' stands in line 2 already"):
+        _ = FromFile(path=path).names
+    with pytest.raises(RunError, match=r"nodes\.csv:3: z must be a finite number, is 'none'"):
+        _ = FromFile(path=path).heights

@@ -14,9 +14,14 @@ Bools: TypeAlias = NDArray[np.bool_]
 
 
 def planar(points: Floats) -> Floats:
-    """Points (n, P) as points (n, 2) in the plane; points with one coordinate lie on the x-axis."""
+    """Points (n, P) as points (n, 2) in the plane.
+
+    Points with one coordinate lie on the x-axis; of points with three the height is left out.
+    """
     if points.shape[-1] == 2:
         return points
+    if points.shape[-1] == 3:
+        return points[..., :2]
     return np.concatenate([points, np.zeros_like(points)], axis=-1)
 
 

@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wsnsim.base.arrays import Floats
+from wsnsim.base.arrays import Floats, planar
 from wsnsim.base.errors import RunError, plugin_faults_of_run
-from wsnsim.base.ports import Continuous, Estimate
+from wsnsim.base.ports import HEIGHT, Continuous, Estimate, MotionModel, MovesInSpace, SensorModel
 from wsnsim.base.rng import Streams, derive_all, normals
 from wsnsim.base.setups import NetworkSetup, Setup, TrackingSetup
 
@@ -42,7 +42,7 @@ def sample_initial_conditions(setup: TrackingSetup, replicate: int) -> InitialCo
     truth, prior = streams("truth"), streams("prior")
     with plugin_faults_of_run(setup.seed, replicate):
         positions = sample_positions(setup, setup.sensor.reach, replicate)
-        traits = setup.sensor.draw_traits(len(positions), streams("gains"))
+        traits = with_heights(setup, setup.sensor.draw_traits(len(positions), streams("gains")))
         truths = [motion.truth(setup.steps, setup.dt, truth) for motion in setup.motions]
         priors = [setup.prior.draw(states[0], prior) for states in truths]
     return InitialConditions(positions, traits, truths, priors, assumed_positions(setup, positions, replicate))
@@ -58,6 +58,35 @@ def sample_positions(setup: Setup, reach: float, replicate: int) -> Floats:
         return setup.deploy.draw(reach, Streams(setup.seed, replicate)("deploy"))
     except RunError as reason:
         raise RunError(f"{reason} (seed {setup.seed}, replicate {replicate})") from reason
+
+
+def with_heights(setup: TrackingSetup, traits: Floats) -> Floats:
+    """(N, T) the traits of nodes with the heights that the deployment knows, if the sensor has the trait `height`.
+
+    Raises:
+        RunError: the deployment gives no heights.
+    """
+    names = setup.sensor.trait_names
+    if HEIGHT not in names:
+        return traits
+    heights: Floats | None = getattr(setup.deploy, "heights", None)
+    if heights is None:
+        raise RunError("deploy: the sensor's law needs the heights of nodes: use kind: file, with a column z")
+    result = traits.copy()
+    result[:, names.index(HEIGHT)] = heights
+    return result
+
+
+def measured_points(motion: MotionModel, sensor: SensorModel, trajectory: Floats, dt: float) -> Floats:
+    """(T, P) the positions of a target that its sensor measures, from its trajectory (T, D) at steps of `dt` s.
+
+    They have a third column, the height, if the sensor has the trait `height` and the target's height is known.
+    """
+    points = trajectory[:, list(motion.position)]
+    if HEIGHT not in sensor.trait_names or not isinstance(motion, MovesInSpace):
+        return points
+    heights = motion.heights(len(trajectory) - 1, dt)
+    return points if heights is None else np.column_stack([planar(points), heights])
 
 
 def assumed_positions(setup: Setup, positions: Floats, replicate: int) -> Floats:

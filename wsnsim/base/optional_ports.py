@@ -7,10 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Final, Protocol, runtime_checkable
 
 from wsnsim.base.arrays import Bools, Floats
 from wsnsim.base.requests import Member
+
+HEIGHT: Final = "height"
+"""The trait of a sensor's node that is its height in m, which the deployment gives (`HasHeights`)."""
 
 
 @lru_cache
@@ -91,6 +94,32 @@ class Detects(Protocol):
 
     def detects(self, points: Floats, positions: Floats) -> Bools:
         """(n, S) whether a target at each of the points (n, P) gives a reading at each of the sensors (S, 2)."""
+
+
+@runtime_checkable
+class HasHeights(Protocol):
+    """Optional port of a deployment: the heights of its nodes, for sensor models with the trait `height`."""
+
+    @property
+    def heights(self) -> Floats | None:
+        """(N,) height of each node in m, in the order of the positions; None if they are unknown."""
+
+
+@runtime_checkable
+class NamesNodes(Protocol):
+    """Optional port of a deployment: the names by which recorded data refer to its nodes; else they are numbers."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The name of each node, in the order of the positions."""
+
+
+@runtime_checkable
+class MovesInSpace(Protocol):
+    """Optional port of a motion model: the target's height, for sensor models with the trait `height`."""
+
+    def heights(self, steps: int, dt: float) -> Floats | None:
+        """(steps + 1,) height of the target in m at each step of a trajectory; None if it is unknown."""
 
 
 @runtime_checkable

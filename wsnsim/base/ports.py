@@ -22,13 +22,17 @@ from wsnsim.base.deprecation import renamed
 from wsnsim.base.estimate import NO_INNOVATION as NO_INNOVATION
 from wsnsim.base.estimate import Estimate as Estimate
 from wsnsim.base.estimate import Innovation as Innovation
+from wsnsim.base.optional_ports import HEIGHT as HEIGHT
 from wsnsim.base.optional_ports import Continuous as Continuous
 from wsnsim.base.optional_ports import Detects as Detects
 from wsnsim.base.optional_ports import Drifts as Drifts
 from wsnsim.base.optional_ports import Foresees as Foresees
+from wsnsim.base.optional_ports import HasHeights as HasHeights
 from wsnsim.base.optional_ports import Informs as Informs
 from wsnsim.base.optional_ports import LinearGaussian as LinearGaussian
 from wsnsim.base.optional_ports import MeasuresEnergy as MeasuresEnergy
+from wsnsim.base.optional_ports import MovesInSpace as MovesInSpace
+from wsnsim.base.optional_ports import NamesNodes as NamesNodes
 from wsnsim.base.optional_ports import Portable as Portable
 from wsnsim.base.optional_ports import Ranks as Ranks
 from wsnsim.base.optional_ports import ReportsState as ReportsState
@@ -157,7 +161,10 @@ class SensorModel(Protocol):
         """(nodes, T) the constants of each node."""
 
     def measure(self, points: Floats, positions: Floats, traits: Floats, noise: Floats) -> Floats:
-        """(n,) readings: of a target at points[i] (n, P) by a sensor at positions[i]; noise[i] is standard normal."""
+        """(n,) readings: of a target at points[i] (n, P) by a sensor at positions[i]; noise[i] is standard normal.
+
+        With the trait `height`, points of a target whose height is known have a third column: x, y and height.
+        """
 
     def log_likelihood(
         self, points: Floats, readings: Floats, positions: Floats, traits: Floats, owners: Ints | None = None

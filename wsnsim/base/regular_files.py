@@ -1,11 +1,12 @@
 """Which paths can be read as files: a pipe would wait for ever, and a device need not end.
 
-why_not_regular(path) -> str        read_regular(path, largest) -> bytes
+why_not_regular(path) -> str        read_regular(path, largest) -> bytes        file_digest(path) -> str
 """
 
 from __future__ import annotations
 
 import errno
+import hashlib
 import os
 import stat
 from collections.abc import Callable
@@ -51,6 +52,21 @@ def read_regular(path: str | Path, largest: int | None = None) -> bytes:
         raise OSError(errno.EINVAL, reason, str(path))
     with Path(path).open("rb") as file:
         return file.read(-1 if largest is None else largest)
+
+
+def file_digest(path: str | Path) -> str:
+    """The digest of a regular file's content: 16 hexadecimal digits (BLAKE2b).
+
+    Raises:
+        OSError: the path is not a regular file, or cannot be read.
+    """
+    if reason := why_not_regular(path):
+        raise OSError(errno.EINVAL, reason, str(path))
+    try:
+        with Path(path).open("rb") as file:
+            return hashlib.file_digest(file, lambda: hashlib.blake2b(digest_size=8)).hexdigest()
+    except ValueError as error:  # a name that no file can have
+        raise OSError(errno.EINVAL, str(error), str(path)) from error
 
 
 def is_too_long(name: str) -> bool:

@@ -19,12 +19,13 @@ from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import Issue, RunError
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Field
-from wsnsim.base.setups import NetworkSetup, RadioSetup, Setup, TrackingSetup
+from wsnsim.base.setups import Setup
 from wsnsim.models.bounds import LENGTH, MOST_NODES, PLACE, POSITION_ERROR
-from wsnsim.models.coverage import TOLERANCE, coverage, covers, nodes_needed
-from wsnsim.models.csvfile import read_columns
+from wsnsim.models.coverage import TOLERANCE, covers
+from wsnsim.models.deploy_issues import ASSUMED, outside, too_few, too_few_for_a_cluster, uncovered
+from wsnsim.models.node_file import FromFile
 
-ASSUMED: Final = "sd per axis of the nodes' assumed positions, which filters and heads use; 0: known exactly"
+__all__ = ["Anchors", "FromFile", "Grid", "JitteredGrid", "Uniform", "cells"]
 
 LEAST_SIDE: Final = 1.0
 """Least side (m) of a field that is derived from the positions of the nodes, as with one node or nodes on a line."""
@@ -56,7 +57,7 @@ class Uniform:
 
     def check(self, setup: Setup) -> Iterator[Issue]:
         """Yield an issue if the nodes are too few to cover the field or to form a cluster."""
-        yield from _too_few(self, setup)
+        yield from too_few(self, setup)
 
 
 @part
@@ -80,8 +81,8 @@ class Grid:
 
     def check(self, setup: Setup) -> Iterator[Issue]:
         """Yield an issue if the nodes are too few to form a cluster or do not cover the field."""
-        yield from _too_few(self, setup)
-        yield from _uncovered(self, cells(self.nodes, self.width, self.height)[0], setup)
+        yield from too_few(self, setup)
+        yield from uncovered(self, cells(self.nodes, self.width, self.height)[0], setup)
 
 
 @part
@@ -108,38 +109,7 @@ class JitteredGrid:
 
     def check(self, setup: Setup) -> Iterator[Issue]:
         """Yield an issue if the nodes are too few to cover the field or to form a cluster."""
-        yield from _too_few(self, setup)
-
-
-@part
-class FromFile:
-    """Nodes at positions from a CSV file with the columns x and y, in m."""
-
-    path: Annotated[str, "CSV file with a header that names x and y; other columns are ignored"]
-    width: Annotated[float, LENGTH, "of the field, in x"] = 400.0
-    height: Annotated[float, LENGTH, "of the field, in y"] = 400.0
-    centre: Annotated[tuple[float, float], PLACE, "x and y of the field's centre"] = (0.0, 0.0)
-    cover: Annotated[bool, "whether every point of the field must be within sensing range of a node"] = True
-    position_error: Annotated[float, POSITION_ERROR, ASSUMED] = 0.0
-
-    @property
-    def field(self) -> Field:
-        """The rectangle of `width` by `height`, centred at `centre`."""
-        return Field(self.width, self.height, self.centre)
-
-    def draw(self, reach: float, rng: np.random.Generator) -> Floats:
-        """(N, 2) positions in the file's order. Raises RunError with file and line if it cannot be read."""
-        return read_positions(self.path, self.field)
-
-    def check(self, setup: Setup) -> Iterator[Issue]:
-        """Yield an issue if the file cannot be read, or its nodes are too few or do not cover the field."""
-        try:
-            positions = read_positions(self.path, self.field)
-        except RunError as error:
-            yield Issue(("deploy", "path"), str(error))
-            return
-        yield from _too_few_for_a_cluster(len(positions), "path", setup)
-        yield from _uncovered(self, positions, setup)
+        yield from too_few(self, setup)
 
 
 @part
@@ -185,10 +155,10 @@ class Anchors:
         positions = np.array(self.places, dtype=np.float64)
         inside = self.field.contains(positions)
         for i in np.nonzero(~inside)[0].tolist():
-            yield Issue(("deploy", "places", i), _outside(self.places[i], self.field))
-        yield from _too_few_for_a_cluster(len(positions), "places", setup)
+            yield Issue(("deploy", "places", i), outside(self.places[i], self.field))
+        yield from too_few_for_a_cluster(len(positions), "places", setup)
         if inside.all():
-            yield from _uncovered(self, positions, setup)
+            yield from uncovered(self, positions, setup)
 
 
 def cells(nodes: int, width: float, height: float) -> tuple[Floats, Floats]:
@@ -205,28 +175,6 @@ def cells(nodes: int, width: float, height: float) -> tuple[Floats, Floats]:
     return (np.stack([column, row], axis=1) + 0.5) * sizes - np.array([width, height]) / 2, sizes
 
 
-def read_positions(path: str, field: Field) -> Floats:
-    """(N, 2) positions in the file's order; several nodes may share one.
-
-    Raises:
-        RunError: the file cannot be read, or a position is outside the field. The message names file and line.
-    """
-    positions = []
-    for place, (x, y) in read_columns(path, ("x", "y"), "positions"):
-        if not field.contains(np.array([[x, y]]))[0]:
-            raise RunError(f"{place}: {_outside((x, y), field)}")
-        positions.append((x, y))
-    return np.array(positions)
-
-
-def _outside(place: tuple[float, float], field: Field) -> str:
-    """The message about a position outside the field."""
-    return (
-        f"({place[0]:g}, {place[1]:g}) m is outside the field of {field.width:g} m by {field.height:g} m around "
-        f"({field.centre[0]:g}, {field.centre[1]:g})"
-    )
-
-
 def _until_covered(part: Uniform | JitteredGrid, draw: Callable[[], Floats], reach: float) -> Floats:
     for _ in range(part.draws if part.cover else 1):
         positions = draw()
@@ -236,45 +184,3 @@ def _until_covered(part: Uniform | JitteredGrid, draw: Callable[[], Floats], rea
         f"deploy: none of {part.draws} sampled deployments of {part.nodes} nodes with a sensing range of {reach:g} m "
         f"covered the field of {part.width:g} m by {part.height:g} m; use more nodes, a longer range, or cover: false"
     )
-
-
-def _covering(setup: Setup) -> tuple[str, float]:
-    """The name and length of the range that must cover the field: of the sensors, or of the links without sensors."""
-    if isinstance(setup, TrackingSetup):
-        return "a sensing range", setup.sensor.reach
-    assert isinstance(setup, RadioSetup)
-    return "a communication range", setup.link.reach
-
-
-def _too_few(part: Uniform | Grid | JitteredGrid, setup: Setup) -> Iterator[Issue]:
-    what, reach = _covering(setup)
-    needed = nodes_needed(reach, part.width, part.height)
-    if part.cover and part.nodes < needed:
-        yield Issue(
-            ("deploy", "cover"),
-            f"{part.nodes:g} nodes with {what} of {reach:g} m cannot cover {part.width:g} m by "
-            f"{part.height:g} m: at least {needed:g} are needed, or cover: false",
-        )
-    yield from _too_few_for_a_cluster(part.nodes, "nodes", setup)
-
-
-def _too_few_for_a_cluster(nodes: int, key: str, setup: Setup) -> Iterator[Issue]:
-    """Yield an issue if a network has fewer nodes than a cluster needs."""
-    minimum = setup.clusters.minimum_active if isinstance(setup, NetworkSetup) else 0
-    if nodes < minimum:
-        yield Issue(
-            ("deploy", key), f"{nodes} nodes cannot form a cluster of clusters.minimum_active = {minimum} members"
-        )
-
-
-def _uncovered(part: Grid | FromFile | Anchors, positions: Floats, setup: Setup) -> Iterator[Issue]:
-    """Yield an issue if fixed positions do not cover the field, though their number might suffice."""
-    (what, reach), width, height = _covering(setup), part.field.width, part.field.height
-    about = positions - np.array(part.field.centre)
-    if part.cover and len(about) >= nodes_needed(reach, width, height) and not covers(about, reach, width, height):
-        share = coverage(about, reach, width, height)
-        yield Issue(
-            ("deploy", "cover"),
-            f"these {len(about)} nodes with {what} of {reach:g} m leave about "
-            f"{100 * (1 - share):.2g} % of the field uncovered; use more nodes, a longer range, or cover: false",
-        )

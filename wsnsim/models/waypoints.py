@@ -32,8 +32,8 @@ FARTHEST_POINT = 1e9
 """Greatest time (s) and coordinate (m) of a given waypoint (our choice)."""
 
 
-class _Straight:
-    """The four columns and the near-constant velocity that filters assume, common to both models."""
+class Straight:
+    """The four columns and the near-constant velocity that filters assume, of motion with straight legs."""
 
     columns: ClassVar[tuple[str, ...]] = ("px", "vx", "py", "vy")
     units: ClassVar[tuple[str, ...]] = ("m", "m/s", "m", "m/s")
@@ -67,7 +67,7 @@ class _Straight:
 
 
 @part
-class RandomWaypoint(_Straight):
+class RandomWaypoint(Straight):
     """The random waypoint model: straight legs between points uniform over an area, each at a random speed.
 
     The target may pause at each point. `begin` selects the state at time 0. `stationary`: a sample of the stationary
@@ -110,7 +110,7 @@ class RandomWaypoint(_Straight):
 
     def truth(self, steps: int, dt: float, rng: np.random.Generator) -> Floats:
         """(steps + 1, 4) one trajectory. Its waypoints do not depend on `dt`."""
-        return _sampled(*self._legs(steps * dt, rng), steps, dt)
+        return sampled(*self._legs(steps * dt, rng), steps, dt)
 
     def mean_speed(self) -> float:
         """The mean speed over time on a leg, in m/s: (v_max - v_min) / ln(v_max / v_min), the harmonic mean."""
@@ -170,7 +170,7 @@ class RandomWaypoint(_Straight):
 
 
 @part
-class Waypoints(_Straight):
+class Waypoints(Straight):
     """Straight legs at constant speed between given points with times; at rest before the first and after the last.
 
     Two equal points in sequence are a stop. The target may leave the field and return. The points are `points` of the
@@ -195,7 +195,7 @@ class Waypoints(_Straight):
     def truth(self, steps: int, dt: float, rng: np.random.Generator) -> Floats:
         """(steps + 1, 4) the trajectory; `rng` is not used. Raises RunError with file and line if it cannot be read."""
         rows = np.array(self._rows())
-        return _sampled(rows[:, 0], rows[:, 1:], steps, dt)
+        return sampled(rows[:, 0], rows[:, 1:], steps, dt)
 
     def check(self, setup: TrackingSetup) -> Iterator[Issue]:
         """Yield an issue if the file cannot be read or its points are not valid."""
@@ -212,7 +212,7 @@ class Waypoints(_Straight):
         return [values for _, values in rows]
 
 
-def _sampled(times: Floats, points: Floats, steps: int, dt: float) -> Floats:
+def sampled(times: Floats, points: Floats, steps: int, dt: float) -> Floats:
     """(steps + 1, 4) states at the steps of a trajectory through points (n, 2) at times (n,)."""
     now = np.arange(steps + 1) * dt
     x, y = (np.interp(now, times, axis) for axis in points.T)

@@ -19,7 +19,7 @@ import numpy as np
 
 from wsnsim.base.arrays import Floats, Ints
 from wsnsim.base.errors import RunError, WsnsimError
-from wsnsim.base.initial_conditions import InitialConditions, sample_initial_conditions
+from wsnsim.base.initial_conditions import InitialConditions, measured_points, sample_initial_conditions
 from wsnsim.base.plugin_code import plugin_fault
 from wsnsim.base.ports import Recorder
 from wsnsim.base.results import Summary
@@ -142,7 +142,7 @@ def _followed(
 
 def _standalone(setup: TrackingSetup, target: int, conditions: InitialConditions, streams: Streams) -> StandaloneRun:
     """One target of one run: its readings are those of `OfflineCluster`."""
-    points = conditions.truths[target][:, list(setup.motions[target].position)]
+    points = measured_points(setup.motions[target], setup.sensor, conditions.truths[target], setup.dt)
     sense, track = (derive(streams.key(name), target) for name in ("sense", "tracker"))
     readings = sample_readings(setup.sensor, points, conditions.positions, conditions.traits, sense)
     keys = derive_each(derive_all(track, np.arange(setup.steps + 1)), np.array([HEAD_KEY], np.uint64))

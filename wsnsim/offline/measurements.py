@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from wsnsim.base.arrays import Floats, planar
-from wsnsim.base.initial_conditions import InitialConditions
+from wsnsim.base.initial_conditions import InitialConditions, measured_points
 from wsnsim.base.ports import Detects, Scene, SensorModel
 from wsnsim.base.requests import Member
 from wsnsim.base.rng import HEAD_KEY, Streams, derive, derive_all, derive_each, reading_noise
@@ -28,7 +28,7 @@ class OfflineCluster:
         self._sense_key = derive(streams.key("sense"), target)
         self._track_key = derive(streams.key("tracker"), target)
         truth = conditions.truths[target]
-        self._points = truth[:, list(setup.motions[target].position)]
+        self._points = measured_points(setup.motions[target], setup.sensor, truth, setup.dt)
         self._length = max(1, min(len(truth), MOST_AHEAD // len(self._positions)))
         self._block = _Block(0, [], [], [])
         self._ids: tuple[int, ...] = ()

@@ -14,6 +14,7 @@ from typing import Any, Final
 from pydantic import ValidationError
 
 from wsnsim.base.errors import Issue
+from wsnsim.base.regular_files import file_digest
 from wsnsim.scenario.datasheets import with_fields
 from wsnsim.scenario.fields import PartError, PartModel, described, names_of
 from wsnsim.scenario.kinds import AT_TOP, ROLES
@@ -187,17 +188,31 @@ def _model_at(node: LocatedValue, path: Keys, issues: list[Issue]) -> type[PartM
 
 
 def _located(tree: LocatedValue, chosen: Chosen) -> dict[str, Any]:
-    """Return the plain values; file names (fields `path`, `..._path`) are relative to the folder of their text."""
+    """Return the plain values; file names (fields `path`, `..._path`) are relative to the folder of their text.
+
+    A component with a field `digest` gets the digest of its file, unless the text gives one.
+    """
     data: dict[str, Any] = plain(tree)
     for key, models in chosen:
         for i, model in enumerate(models):
             path: Keys = (key, i) if key == AT_TOP[key].listed else (key,)
-            for field in (name for name in names_of(model.part) if _is_path(name)) if model else ():
+            names = names_of(model.part) if model else []
+            for field in filter(_is_path, names):
                 node = at(tree, (*path, field))
                 if node is not None and isinstance(node.value, str) and node.value:
                     component = data[key][i] if len(path) > 1 else data[key]
                     component[field] = str((node.spot.origin.folder / node.value).resolve())
+                    if "digest" in names and component.get("digest", "") == "":
+                        component["digest"] = _digest_of(component[field])
     return data
+
+
+def _digest_of(file: str) -> str:
+    """Return the digest of a file, or '' if it cannot be read: its component says why."""
+    try:
+        return file_digest(file)
+    except OSError:
+        return ""
 
 
 def _is_path(field: str) -> bool:

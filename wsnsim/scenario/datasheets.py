@@ -5,7 +5,7 @@
 
 A datasheet is a YAML file whose key `sheet` says what it describes: `radio: cc2420` refers to cc2420.yaml with
 `sheet: radio`, beside the scenario or among the datasheets that come with wsnsim. Its key `sources` gives the source of
-each value. All other keys are fields of the component.
+each value. All other keys are fields of the component. A class whose `sheet` is '' has no datasheets.
 """
 
 from __future__ import annotations
@@ -80,9 +80,9 @@ def with_fields(tree: LocatedValue, chosen: Chosen) -> tuple[LocatedValue, list[
             path = (key, i) if key == AT_TOP[key].listed else (key,)
             component: Any = model.part if model else None
             for field, part in nested_of(component).items() if component else ():
-                node = at(tree, (*path, field))
-                if node is not None and not isinstance(node.value, dict):
-                    fields, found = _fields_of(node, (*path, field), getattr(part, "sheet", field))
+                node, sheet = at(tree, (*path, field)), getattr(part, "sheet", field)
+                if sheet and node is not None and not isinstance(node.value, dict):
+                    fields, found = _fields_of(node, (*path, field), sheet)
                     tree, issues = assigned(tree, (*path, field), fields), issues + found
     return tree, issues
 
@@ -204,4 +204,5 @@ def _parts_by_sheet(plugins: bool) -> dict[str, Any]:
                     found.setdefault(getattr(part, "sheet", field), part)
             except (ImportError, PartError):
                 continue
+    found.pop("", None)
     return found

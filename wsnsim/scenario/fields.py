@@ -177,7 +177,7 @@ def annotation_of(kind: Any, quantity: Quantity) -> Any:
     if origin in (Union, types.UnionType):
         return Union[tuple(annotation_of(argument, quantity) for argument in arguments)]  # noqa: UP007
     if _is_part(kind):
-        return Annotated[nested_model(kind), Named()]
+        return Annotated[nested_model(kind), Named()] if getattr(kind, "sheet", "any") else nested_model(kind)
     raise PartError(
         f"has a field of type {kind}, which no scenario can write: use float, int, bool, str, Literal, tuple or a @part"
     )

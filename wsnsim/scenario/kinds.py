@@ -21,7 +21,8 @@ _ROLES: Final = (
         Kind("uniform", "wsnsim.models.deploy:Uniform", "uniform over the field, sampled again until covered", JIANG),
         Kind("grid", "wsnsim.models.deploy:Grid", "a regular grid"),
         Kind("jittered_grid", "wsnsim.models.deploy:JitteredGrid", "a regular grid, each node moved at random"),
-        Kind("file", "wsnsim.models.deploy:FromFile", "positions from a CSV file with columns x, y"),
+        Kind("file", "wsnsim.models.node_file:FromFile",
+            "positions from a CSV file with columns x, y, and perhaps names (id) and heights (z)"),
         Kind("anchors", "wsnsim.models.deploy:Anchors", "nodes at the positions that the scenario lists"),
     )),
     Role("motion", "how the target moves", "MotionModel", None, (
@@ -38,6 +39,8 @@ _ROLES: Final = (
             f"{LI}; Navidi, Camp (2004); Le Boudec, Vojnovic (2005)"),
         Kind("waypoints", "wsnsim.models.waypoints:Waypoints",
             "straight legs between points with times, from the scenario or a CSV file"),
+        Kind("recorded_track", "wsnsim.models.recorded_track:RecordedTrack",
+            "a recorded trajectory from a CSV file, interpolated linearly; the height too if it has one"),
         Kind("gauss_markov", "wsnsim.models.mobility:GaussMarkov",
             "velocity that reverts to a mean and is driven by noise", "Liang, Haas (2003)"),
         Kind("coordinated_turn", "wsnsim.models.mobility:CoordinatedTurn",

@@ -14,6 +14,7 @@ from typing import Final
 import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats, Ints, Keys, planar
+from wsnsim.base.initial_conditions import measured_points
 from wsnsim.base.mechanisms import SensorDefect
 from wsnsim.base.ports import Detection, Detects
 from wsnsim.base.rng import HEAD_KEY, derive, derive_all, normals, uniforms
@@ -94,6 +95,7 @@ class ImperfectReadings(Readings):
             nodes, points = nodes[caught], points[caught]
         if alarmed.size:
             points_of_alarms = self._false_targets(alarmed, derive_all(at_step, alarmed))
+            points_of_alarms = np.column_stack([points_of_alarms, self._heights(step, len(alarmed))])
             nodes, points = np.concatenate([nodes, alarmed]), np.concatenate([points, points_of_alarms])
             order = np.argsort(nodes)
             nodes, points = nodes[order], points[order]
@@ -157,6 +159,10 @@ class ImperfectReadings(Readings):
         in_plane: Floats = positions + radius[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
         return in_plane
 
+    def _heights(self, step: int, count: int) -> Floats:
+        """(count, 1) the target's height at a step, or (count, 0) where points have none."""
+        return np.repeat(self._points[step : step + 1, 2:], count, axis=0)
+
     def _with_defects(self, readings: dict[int, float]) -> dict[int, float]:
         """Readings with the defects of this instant: offsets first, since a sensor that is stuck ignores them."""
         defects = self._imperfections.defects
@@ -193,10 +199,10 @@ def _readings(
     setup: NetworkSetup, trajectories: Sequence[Floats], nodes: Nodes, imperfections: Imperfections, key: int
 ) -> list[Readings]:
     sensors = SensorArray(nodes.positions, nodes.traits, setup.sensor, nodes.grid, key)
-    perfect = not imperfections.matter() and not change_readings(setup.faults)
+    perfect, dt = not imperfections.matter() and not change_readings(setup.faults), imperfections.dt
     result: list[Readings] = []
     for target, (trajectory, motion) in enumerate(zip(trajectories, setup.motions, strict=True)):
-        points = trajectory[:, list(motion.position)]
+        points = measured_points(motion, setup.sensor, trajectory, dt)
         result.append(
             Readings(sensors, target, points) if perfect else ImperfectReadings(sensors, target, points, imperfections)
         )

@@ -1,0 +1,72 @@
+"""Recorded trajectories: interpolation, order of rows, heights, and rows that cannot be used."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wsnsim.base.errors import RunError
+from wsnsim.models.recorded_track import RecordedTrack, TrackColumns
+
+RNG = np.random.default_rng(0)
+TEXT = "time,x,y,z\n10,0,0,1\n12,4,-2,3\n13,4,-2,3\n"
+SHIPPED = "scenarios/recorded/ble/straight_04.csv.gz"
+
+
+def track(tmp_path: Path, text: str = TEXT, **keys: object) -> RecordedTrack:
+    """The model of a file with this text."""
+    path = tmp_path / "track.csv"
+    path.write_text(text)
+    return RecordedTrack(path=str(path), **keys)  # type: ignore[arg-type]
+
+
+def test_places_are_interpolated_linearly_and_rest_before_and_after(tmp_path: Path) -> None:
+    found = track(tmp_path, time_origin=9.0).truth(6, 1.0, RNG)
+    assert found[:, 0].tolist() == [0, 0, 2, 4, 4, 4, 4]
+    assert found[:, 2].tolist() == [0, 0, -1, -2, -2, -2, -2]
+    assert found[:, 1].tolist() == [0, 2, 2, 0, 0, 0, 0] and found[:, 3].tolist() == [0, -1, -1, 0, 0, 0, 0]
+
+
+def test_time_zero_is_that_of_the_first_row_and_heights_follow_the_places(tmp_path: Path) -> None:
+    model = track(tmp_path)
+    assert model.truth(2, 0.5, RNG)[:, 0].tolist() == [0, 1, 2]
+    heights = model.heights(4, 0.5)
+    assert heights is not None and heights.tolist() == [1, 1.5, 2, 2.5, 3]
+
+
+def test_without_a_column_z_the_height_is_unknown(tmp_path: Path) -> None:
+    model = track(tmp_path, "t,x,y\n0,0,0\n1,1,1\n", header=TrackColumns(time="t"))
+    assert model.heights(1, 1.0) is None and model.truth(1, 1.0, RNG)[:, 0].tolist() == [0, 1]
+
+
+def test_rows_may_stand_in_any_order_and_repeat_a_place(tmp_path: Path) -> None:
+    shuffled = "time,x,y,z\n13,4,-2,3\n10,0,0,1\n12,4,-2,3\n12,4.0004,-2,3\n"
+    assert np.array_equal(track(tmp_path, shuffled).truth(6, 0.5, RNG), track(tmp_path).truth(6, 0.5, RNG))
+
+
+def test_all_rows_that_cannot_be_used_are_named_and_may_be_skipped(tmp_path: Path) -> None:
+    text = TEXT + "12,4.5,-2,3\n14,x,0,0\n15,1e12,0,0\n"
+    with pytest.raises(RunError, match="3 of 6 rows cannot be used") as caught:
+        track(tmp_path, text).truth(1, 1.0, RNG)
+    lines = str(caught.value).splitlines()[1:]
+    assert [line.split(":")[1] for line in lines] == ["5", "6", "7"]
+    assert "0.5 m from the place in line 3; at most 0.001 m is allowed" in lines[0]
+    assert "x must be a finite number, is 'x'" in lines[1] and "within ±1e+09 m" in lines[2]
+    model = track(tmp_path, text, skip_bad_rows=True)
+    assert np.array_equal(model.truth(6, 0.5, RNG), track(tmp_path).truth(6, 0.5, RNG))
+    assert [row.line for row in track(tmp_path, text, skip_bad_rows=True).skipped] == [5, 6, 7]
+
+
+def test_one_point_is_no_trajectory(tmp_path: Path) -> None:
+    with pytest.raises(RunError, match="at least two points of different times are needed"):
+        track(tmp_path, "time,x,y\n1,0,0\n1,0,0\n").truth(1, 1.0, RNG)
+
+
+def test_a_shipped_track_is_interpolated_as_by_hand() -> None:
+    rows = np.genfromtxt(SHIPPED, delimiter=",", names=True, dtype=None, encoding="utf-8")
+    order = np.argsort(rows["time"], kind="stable")
+    model, now = RecordedTrack(path=SHIPPED), np.arange(97) * 0.25
+    found, heights = model.truth(96, 0.25, RNG), model.heights(96, 0.25)
+    assert heights is not None
+    for column, values in (("x", found[:, 0]), ("y", found[:, 2]), ("z", heights)):
+        assert np.abs(values - np.interp(now, rows["time"][order], rows[column][order])).max() < 1e-3

@@ -1,0 +1,109 @@
+"""The deployment whose nodes stand in a CSV file: positions, names and heights."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, ClassVar
+
+import numpy as np
+
+from wsnsim.base.arrays import Floats
+from wsnsim.base.errors import Issue, RunError
+from wsnsim.base.part import part
+from wsnsim.base.ports import HEIGHT, Field
+from wsnsim.base.setups import Setup, TrackingSetup
+from wsnsim.models.bounds import LENGTH, PLACE, POSITION_ERROR
+from wsnsim.models.csvfile import Wanted, read_columns, read_rows
+from wsnsim.models.deploy_issues import ASSUMED, outside, too_few_for_a_cluster, uncovered
+
+
+@part
+class PlaceColumns:
+    """The names of the columns of a file of positions."""
+
+    sheet: ClassVar[str] = ""
+
+    x: Annotated[str, "the coordinate x, in m"] = "x"
+    y: Annotated[str, "the coordinate y, in m"] = "y"
+    z: Annotated[str, "the height, in m; a file may lack it"] = "z"
+    id: Annotated[str, "the name of the node; a file may lack it"] = "id"
+
+
+@part
+class FromFile:
+    """Nodes at positions from a CSV file with the columns x and y, in m; optionally names (id) and heights (z).
+
+    Recorded readings refer to nodes by these names. Heights count in the law of a sensor that has them.
+    """
+
+    path: Annotated[str, "CSV file, also .gz, with a header that names x and y; further columns are ignored"]
+    columns: Annotated[PlaceColumns, "the names of the file's columns, where they differ"] = PlaceColumns()
+    width: Annotated[float, LENGTH, "of the field, in x"] = 400.0
+    height: Annotated[float, LENGTH, "of the field, in y"] = 400.0
+    centre: Annotated[tuple[float, float], PLACE, "x and y of the field's centre"] = (0.0, 0.0)
+    cover: Annotated[bool, "whether every point of the field must be within sensing range of a node"] = True
+    position_error: Annotated[float, POSITION_ERROR, ASSUMED] = 0.0
+
+    @property
+    def field(self) -> Field:
+        """The rectangle of `width` by `height`, centred at `centre`."""
+        return Field(self.width, self.height, self.centre)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The name of each node, in the file's order: its id, or its number where the file has no such column.
+
+        Raises:
+            RunError: the file cannot be read, or two nodes have the same name. The message names file and line.
+        """
+        wanted = Wanted({"id": self.columns.id}, {"x": self.columns.x}, optional=("id",))
+        rows = read_rows(self.path, wanted, "positions")
+        if "id" not in rows.texts:
+            return tuple(str(node) for node in range(len(rows.lines)))
+        first: dict[str, int] = {}
+        for line, name in zip(rows.lines.tolist(), rows.texts["id"], strict=True):
+            if first.setdefault(name, line) != line:
+                raise RunError(f"{self.path}:{line}: the node '{name}' stands in line {first[name]} already")
+        return tuple(first)
+
+    @property
+    def heights(self) -> Floats | None:
+        """(N,) the height of each node in m, in the file's order; None if the file has no such column.
+
+        Raises:
+            RunError: the file cannot be read, or a height is not a finite number. The message names file and line.
+        """
+        wanted = Wanted(numbers={"x": self.columns.x, "z": self.columns.z}, optional=("z",))
+        rows = read_rows(self.path, wanted, "positions")
+        if rows.bad:
+            raise RunError(f"{self.path}:{rows.bad[0].line}: {rows.bad[0].reason}")
+        return rows.numbers.get("z")
+
+    def draw(self, reach: float, rng: np.random.Generator) -> Floats:
+        """(N, 2) positions in the file's order. Raises RunError with file and line if it cannot be read."""
+        return read_positions(self.path, self.field, (self.columns.x, self.columns.y))
+
+    def check(self, setup: Setup) -> Iterator[Issue]:
+        """Yield an issue if the file cannot be read, or its nodes are too few or do not cover the field."""
+        try:
+            positions = self.draw(0.0, np.random.default_rng(0))
+            _ = self.heights if isinstance(setup, TrackingSetup) and HEIGHT in setup.sensor.trait_names else None
+        except RunError as error:
+            yield Issue(("deploy", "path"), str(error))
+            return
+        yield from too_few_for_a_cluster(len(positions), "path", setup)
+        yield from uncovered(self, positions, setup)
+
+
+def read_positions(path: str, field: Field, columns: tuple[str, str] = ("x", "y")) -> Floats:
+    """(N, 2) positions in the file's order, from the columns of these names; several nodes may share one.
+
+    Raises:
+        RunError: the file cannot be read, or a position is outside the field. The message names file and line.
+    """
+    positions = []
+    for place, (x, y) in read_columns(path, columns, "positions"):
+        if not field.contains(np.array([[x, y]]))[0]:
+            raise RunError(f"{place}: {outside((x, y), field)}")
+        positions.append((x, y))
+    return np.array(positions)

@@ -1,0 +1,127 @@
+"""The motion model of a trajectory that was recorded, in the plane or in space."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import cached_property
+from typing import Annotated, ClassVar, Final, NamedTuple
+
+import numpy as np
+
+from wsnsim.base.arrays import Floats
+from wsnsim.base.errors import Issue, RunError
+from wsnsim.base.part import Quantity, part
+from wsnsim.base.setups import TrackingSetup
+from wsnsim.models.csvfile import BadRow, CsvRows, Wanted, bad_rows_text, demand_digest, read_rows
+from wsnsim.models.waypoints import FARTHEST_POINT, INTENSITY, Straight, sampled
+
+SAME_PLACE: Final = 1e-3
+"""Largest distance (m) of two places of one time (our choice)."""
+TIME: Final = Quantity("s", ge=-1e15, le=1e15)
+
+
+@part
+class TrackColumns:
+    """The names of the columns of a file with a recorded trajectory."""
+
+    sheet: ClassVar[str] = ""
+
+    time: Annotated[str, "the time, in s"] = "time"
+    x: Annotated[str, "the coordinate x, in m"] = "x"
+    y: Annotated[str, "the coordinate y, in m"] = "y"
+    z: Annotated[str, "the height, in m; a file may lack it"] = "z"
+
+
+class Track(NamedTuple):
+    """A trajectory as it was recorded: times (n,) in s from the origin, ascending, and points (n, 2 or 3) in m."""
+
+    times: Floats
+    points: Floats
+    origin: float
+
+
+@part
+class RecordedTrack(Straight):
+    """A recorded trajectory: interpolated linearly between the rows of a CSV file, at rest before and after them.
+
+    The velocity is that of the leg between two rows. Rows may stand in any order. Rows of one time must be at one
+    place, to 1 mm; the first counts. Filters do not know the trajectory: they assume near-constant velocity with
+    process noise of intensity q. A column z gives the height, which a sensor's law may use; the filter's state stays
+    in the plane. All of this is our choice.
+    """
+
+    path: Annotated[str, "CSV file, also .gz, with a header that names time, x and y, and perhaps z"]
+    header: Annotated[TrackColumns, "the names of the file's columns, where they differ"] = TrackColumns()
+    time_origin: Annotated[
+        float | None, TIME, "time in the file that is 0 in the run; default: that of the first row"
+    ] = None
+    skip_bad_rows: Annotated[bool, "whether rows that cannot be used are left out and counted, instead of refused"] = (
+        False
+    )
+    digest: Annotated[str, "digest of the file; '': that of the present file, which the result stores"] = ""
+    q: Annotated[float, INTENSITY, "intensity of the noise in the velocity that filters assume"] = 0.05
+
+    def truth(self, steps: int, dt: float, rng: np.random.Generator) -> Floats:
+        """(steps + 1, 4) the trajectory; `rng` is not used. Raises RunError with file and line if it cannot be read."""
+        track = self.track
+        return sampled(track.times, track.points[:, :2], steps, dt)
+
+    def heights(self, steps: int, dt: float) -> Floats | None:
+        """(steps + 1,) the height in m at each step; None if the file has no column z."""
+        track = self.track
+        if track.points.shape[1] < 3:
+            return None
+        heights: Floats = np.interp(np.arange(steps + 1) * dt, track.times, track.points[:, 2])
+        return heights
+
+    @cached_property
+    def track(self) -> Track:
+        """The trajectory. Raises RunError with file and line if it cannot be read."""
+        demand_digest(self.path, self.digest)
+        rows, bad = self._rows
+        if bad and not self.skip_bad_rows:
+            raise RunError(bad_rows_text(self.path, bad, len(rows.lines) + len(rows.bad)))
+        refused = {row.line for row in bad}
+        used = np.array([line not in refused for line in rows.lines.tolist()], dtype=np.bool_)
+        times, first = np.unique(rows.numbers["time"][used], return_index=True)
+        if len(times) < 2:
+            raise RunError(f"{self.path}: at least two points of different times are needed")
+        points = np.column_stack([rows.numbers[name][used][first] for name in "xyz" if name in rows.numbers])
+        origin = float(times[0]) if self.time_origin is None else self.time_origin
+        return Track(times - origin, points, origin)
+
+    @property
+    def skipped(self) -> tuple[BadRow, ...]:
+        """The rows that are left out; none unless `skip_bad_rows` allows it."""
+        return self._rows[1] if self.skip_bad_rows else ()
+
+    def check(self, setup: TrackingSetup) -> Iterator[Issue]:
+        """Yield an issue if the file cannot be read, has rows that cannot be used, or is not that of the digest."""
+        try:
+            _ = self.track
+        except RunError as error:
+            yield Issue(("motion", "path"), str(error))
+
+    @cached_property
+    def _rows(self) -> tuple[CsvRows, tuple[BadRow, ...]]:
+        """The rows of the file, and those that cannot be used, ascending."""
+        names = self.header
+        numbers = {"time": names.time, "x": names.x, "y": names.y, "z": names.z}
+        rows = read_rows(self.path, Wanted(numbers=numbers, optional=("z",)), "points of a trajectory")
+        return rows, tuple(sorted([*rows.bad, *_conflicts(rows)], key=lambda row: row.line))
+
+
+def _conflicts(rows: CsvRows) -> Iterator[BadRow]:
+    """Yield the rows that are too far away, or at another place than the first row of the same time."""
+    first: dict[float, int] = {}
+    times, lines = rows.numbers["time"].tolist(), rows.lines.tolist()
+    points = np.column_stack([rows.numbers[name] for name in "xyz" if name in rows.numbers])
+    far = [bool((np.abs(point) > FARTHEST_POINT).any()) for point in points]
+    for i, (time, line) in enumerate(zip(times, lines, strict=True)):
+        if far[i]:
+            yield BadRow(line, f"x, y and z must be within ±{FARTHEST_POINT:g} m")
+            continue
+        before = first.setdefault(time, i)
+        if before != i and (apart := float(np.linalg.norm(points[i] - points[before]))) > SAME_PLACE:
+            reason = f"at the time {time:g} s it is {apart:.3g} m from the place in line {lines[before]}"
+            yield BadRow(line, f"{reason}; at most {SAME_PLACE:g} m is allowed")
