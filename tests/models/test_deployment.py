@@ -11,7 +11,7 @@ from wsnsim.base.ports import Field
 from wsnsim.base.setups import NetworkSetup, TrackingSetup
 from wsnsim.models.clusters import StrongestSignal
 from wsnsim.models.coverage import covers
-from wsnsim.models.deploy import FromFile, Grid, JitteredGrid, Uniform, cells
+from wsnsim.models.deploy import Anchors, FromFile, Grid, JitteredGrid, Uniform, cells
 from wsnsim.models.node_file import PlaceColumns
 from wsnsim.models.ranging import Range
 from wsnsim.models.sensing import AcousticEnergy
@@ -222,3 +222,12 @@ def test_two_nodes_of_one_name_and_a_height_that_is_no_number_are_refused_with_t
         _ = FromFile(path=path).names
     with pytest.raises(RunError, match=r"nodes\.csv:3: z must be a finite number, is 'none'"):
         _ = FromFile(path=path).heights
+
+
+def test_the_default_field_of_anchors_contains_all_of_them():
+    places = [(0.71, 6.16), (18.12, 11.93), (7.18, 17.64), (12.76, 0.27)]
+    assert Anchors(places=tuple(places)).field.contains(np.array(places)).all(), "its centre is rounded"
+    rng = np.random.default_rng(1)
+    for _ in range(200):
+        places = rng.uniform(-30.0, 30.0, (5, 2)).round(2)
+        assert Anchors(places=tuple(map(tuple, places.tolist()))).field.contains(places).all()

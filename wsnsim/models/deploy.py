@@ -139,11 +139,14 @@ class Anchors:
         """The monitored rectangle: as the scenario gives it, with defaults from the positions."""
         places = np.array(self.places, dtype=np.float64)
         low, high = places.min(axis=0), places.max(axis=0)
-        sides, middle = np.maximum(high - low, LEAST_SIDE).tolist(), ((low + high) / 2).tolist()
+        middle = (low + high) / 2
+        # the centre is rounded: without the second term, an outermost node could be outside by a rounding error
+        extents = np.maximum(high - low, 2.0 * np.abs(places - middle).max(axis=0))
+        sides = np.maximum(extents, LEAST_SIDE).tolist()
         return Field(
             sides[0] if self.width is None else self.width,
             sides[1] if self.height is None else self.height,
-            (middle[0], middle[1]) if self.centre is None else self.centre,
+            (float(middle[0]), float(middle[1])) if self.centre is None else self.centre,
         )
 
     def draw(self, reach: float, rng: np.random.Generator) -> Floats:
