@@ -36,6 +36,14 @@ if user := int(os.environ.get("PROBE_USER", "0")):  # the interpreter may be roo
     os.setgid(user)
     os.setuid(user)
 
+if os.environ.get("PROBE_NAMELESS"):  # a user whom the system does not know
+    import pwd
+
+    def unknown(user):
+        raise KeyError(user)
+
+    pwd.getpwuid = unknown
+
 with warnings.catch_warnings(record=True) as said:
     warnings.simplefilter("always")
     from wsnsim.kernels.compilation import inner, kernel
@@ -67,13 +75,15 @@ def place() -> Iterator[Path]:
         yield folder
 
 
-def probed(place: Path, changes: Mapping[str, str]) -> tuple[int, int, list[str]]:
+def probed(place: Path, changes: Mapping[str, str], without: str = "") -> tuple[int, int, list[str]]:
     """The answer of a new process, how many kernels it found compiled, and its warnings."""
     env = {name: value for name, value in os.environ.items() if name not in WHERE}
     env |= {"HOME": str(place / "file" / "home"), "NUMBA_CACHE_DIR": str(place / "file" / "numba")}
     env |= {"TMPDIR": str(place / "tmp"), "PYTHONPATH": str(Path(__file__).parents[2]), "NUMBA_DISABLE_JIT": "0"}
     command = [sys.executable, "-B", str(place / "probe.py"), "4"]
-    done = subprocess.run(command, env=env | changes, capture_output=True, text=True, check=False)
+    env |= changes
+    env.pop(without, None)
+    done = subprocess.run(command, env=env, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert done.stderr == ""
     answer, hits, said = json.loads(done.stdout)
@@ -87,6 +97,14 @@ def test_kernels_are_kept_in_the_temporary_directory_where_nothing_else_can_be_w
         assert (answer, found, len(said)) == (9, hits, 1)
         assert said[0].startswith(f"compiled kernels are kept in {folder}, because")
         assert "WSNSIM_CACHE" in said[0]
+
+
+def test_a_user_without_a_home_gets_no_folder_named_tilde(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (place / "here").mkdir()
+    monkeypatch.chdir(place / "here")
+    answer, hits, said = probed(place, {"NUMBA_CACHE_DIR": "", "PROBE_NAMELESS": "1"}, without="HOME")
+    assert (answer, hits) == (9, 0) and said[0].startswith(f"compiled kernels are kept in {place / 'tmp'}")
+    assert list(Path().iterdir()) == []
 
 
 def test_kernels_are_compiled_without_a_cache_where_others_could_write_to_it(place: Path) -> None:

@@ -25,7 +25,7 @@ import os
 import sys
 import time
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final, TypeVar, final
 
@@ -37,6 +37,7 @@ from wsnsim.base.caches import VARIABLE, CacheWarning, private_folder, reason, w
 
 F = TypeVar("F", bound=Callable[..., Any])
 BLAS: Final = "scipy.linalg.cython_blas"
+USER_CACHE: Final = "XDG_CACHE_HOME"
 
 
 def _import_without_scipy() -> None:
@@ -92,6 +93,23 @@ def _use(folder: Path) -> None:
     """Let Numba keep compiled code in the folder, in this process and in those that it starts."""
     os.environ["NUMBA_CACHE_DIR"] = str(folder)
     config.reload_config()  # type: ignore[no-untyped-call]
+
+
+@contextlib.contextmanager
+def _no_folder_named_tilde() -> Iterator[None]:
+    """Let Numba find that it cannot write to the user's cache if the user has no home.
+
+    Where neither HOME is set nor the system knows the user, as in containers, it would make a folder '~' in the working
+    directory.
+    """
+    if os.environ.get(USER_CACHE) or os.path.expanduser("~") != "~":  # noqa: PTH111 (Path raises)
+        yield
+        return
+    os.environ[USER_CACHE] = os.devnull
+    try:
+        yield
+    finally:
+        del os.environ[USER_CACHE]
 
 
 def _warn(message: str) -> None:
@@ -216,7 +234,8 @@ def _compiled(function: F, options: Mapping[str, Any]) -> F:
     """The function, compiled when it is first called; its signature stays, as Numba's dispatcher has the same call."""
     compiled: F
     try:
-        compiled = njit(**options)(function)
+        with _no_folder_named_tilde():
+            compiled = njit(**options)(function)
     except RuntimeError:  # Numba has found no folder that can be written
         compiled = njit(**{**options, "cache": _has_private_folder()})(function)
     cache = getattr(compiled, "_cache", None)
