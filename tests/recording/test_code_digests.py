@@ -63,7 +63,27 @@ def test_a_module_of_a_package_counts_with_the_whole_package(place: Path) -> Non
 
 def test_a_folder_without_init_file_counts_with_the_named_module_only(place: Path) -> None:
     write(place, {"my_space/one.py": "", "my_space/two.py": ""})
-    assert sorted(module_digests("my_space.one")) == ["one.py"]
+    assert sorted(module_digests("my_space.one")) == ["my_space/one.py"]
+
+
+def test_a_module_of_a_folder_without_init_file_counts_with_what_it_imports_by_any_name(place: Path) -> None:
+    files = {
+        "my_space/one.py": "from .two import x\nfrom . import three\nimport six",
+        "my_space/two.py": "from my_space.inner import four\nfrom .. import outside",
+        "my_space/three.py": "from .inner.five import y",
+        "my_space/inner/four.py": "from ..two import x\nfrom .... import beyond",
+        "my_space/inner/five.py": "from ..regular import z",
+        "my_space/regular/__init__.py": "",
+        "my_space/regular/deep.py": "",
+        "six.py": "",
+    }
+    write(place, {**files, "my_space/seven.py": "", "outside.py": "", "eight.py": ""})
+    before = module_digests("my_space.one")
+    assert sorted(before) == sorted([*files, "outside.py"])
+    write(place, {"my_space/two.py": "x = 2"})
+    assert [name for name, digest in module_digests("my_space.one").items() if before[name] != digest] == [
+        "my_space/two.py"
+    ]
 
 
 @pytest.mark.parametrize("module", ["no_such_module", "sys", "_thread", "no..name", "\0"])

@@ -15,7 +15,7 @@ import functools
 import hashlib
 import importlib.machinery
 import sys
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -52,13 +52,13 @@ def module_digests(module: str) -> dict[str, str]:
     """{file: digest} of the files of a plug-in's module; {} if it is not found.
 
     They are the whole package that the module belongs to, or the one file. Where the plug-in is not an installed
-    package, they include what it imports from its own folder.
+    package, they include what it imports from its own folder of Python's path, by absolute or relative names.
     """
     with contextlib.suppress(OSError, ValueError):
-        files = _module_files(module)
-        if not any(part in INSTALLED for path in files.values() for part in path.parts):
-            files = _with_neighbours(files)
-        return _digests(files)
+        root, files = _module_files(module)
+        if not any(part in INSTALLED for path in files for part in path.parts):
+            files = _with_neighbours(root, files)
+        return _digests({path.relative_to(root).as_posix(): path for path in files})
     return {}
 
 
@@ -82,25 +82,34 @@ def _below(folder: Path) -> Iterator[tuple[str, Path]]:
             yield f"{folder.name}/{path.relative_to(folder).as_posix()}", path
 
 
-def _module_files(module: str) -> dict[str, Path]:
-    """The files of a module: those of the outermost regular package on its way, or its own."""
+def _module_files(module: str) -> tuple[Path, list[Path]]:
+    """The folder in which a module's first name is, and the module's files: see `_found`."""
     top, *inner = module.split(".")
     spec = _spec(top)
     folders = [Path(folder) for folder in getattr(spec, "submodule_search_locations", None) or ()]
     if not folders:
         origin = Path(getattr(spec, "origin", None) or "")
-        return {origin.name: origin} if origin.is_file() else {}
+        return origin.parent, [origin] if origin.is_file() else []
     for folder in folders:
-        here = folder
-        for name in inner:
-            if (here / "__init__.py").is_file():
-                break
-            here = here / name
-        if (here / "__init__.py").is_file():
-            return dict(_below(here))
-        if (file := here.with_suffix(".py")).is_file():
-            return {file.name: file}
-    return {}
+        files = _of_package(folder) if (folder / "__init__.py").is_file() else _found(folder, inner)
+        if files:
+            return folder.parent, files
+    return Path(), []
+
+
+def _found(folder: Path, names: Sequence[str]) -> list[Path]:
+    """The files of a module below a folder: those of the outermost regular package on its way, or its own."""
+    for name in names:
+        if (folder / name / "__init__.py").is_file():
+            return _of_package(folder / name)
+        if (file := folder / f"{name}.py").is_file():
+            return [file]
+        folder = folder / name
+    return []
+
+
+def _of_package(folder: Path) -> list[Path]:
+    return [path for _, path in _below(folder)]
 
 
 def _spec(top: str) -> Any:
@@ -110,35 +119,34 @@ def _spec(top: str) -> Any:
     return None
 
 
-def _with_neighbours(files: Mapping[str, Path]) -> dict[str, Path]:
-    """The files and, again and again, the modules beside them that they import."""
-    found = dict(files)
-    todo = list(files.items())
+def _with_neighbours(root: Path, files: Iterable[Path]) -> list[Path]:
+    """The files and, again and again, the modules below the root that they import."""
+    found = dict.fromkeys(files)
+    todo = list(found)
     while todo:
-        name, path = todo.pop()
-        folder = path.parents[name.count("/")]
-        for top in _imported(path):
-            new = dict(_beside(folder, top))
-            todo += [(name, path) for name, path in new.items() if name not in found]
-            found |= new
-    return found
+        path = todo.pop()
+        for level, names in _imported(path):
+            folder = path.parents[level - 1] if level else root
+            if not folder.is_relative_to(root):
+                continue
+            new = [file for file in _found(folder, names) if file not in found]
+            todo += new
+            found |= dict.fromkeys(new)
+    return list(found)
 
 
-def _beside(folder: Path, top: str) -> Iterator[tuple[str, Path]]:
-    if (folder / top / "__init__.py").is_file():
-        yield from _below(folder / top)
-    elif (file := folder / f"{top}.py").is_file():
-        yield file.name, file
-
-
-def _imported(path: Path) -> set[str]:
-    """The first names of the modules that a file imports by absolute names."""
+def _imported(path: Path) -> Iterator[tuple[int, list[str]]]:
+    """The modules that a file imports, as (dots before a relative name, names), and what it imports from them."""
     if path.suffix != ".py":
-        return set()
+        return
     try:
         tree = ast.parse(path.read_bytes())
     except (SyntaxError, ValueError):
-        return set()
-    names = {name.name for node in ast.walk(tree) if isinstance(node, ast.Import) for name in node.names}
-    names |= {node.module or "" for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) and not node.level}
-    return {name.partition(".")[0] for name in names} - {PACKAGE, ""}
+        return
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from ((0, name.name.split(".")) for name in node.names if name.name.partition(".")[0] != PACKAGE)
+        elif isinstance(node, ast.ImportFrom):
+            module = node.module.split(".") if node.module else []
+            if node.level or module[0] != PACKAGE:
+                yield from ((node.level, [*module, name.name]) for name in node.names)
