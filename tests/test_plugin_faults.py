@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 import wsnsim
+from wsnsim.base import plugin_code
 from wsnsim.base.errors import UsageError
 from wsnsim.campaign import sweeping
 from wsnsim.cli import main
@@ -163,3 +164,9 @@ def test_a_worker_that_imports_the_script_is_told(monkeypatch: pytest.MonkeyPatc
     script = {"__name__": "__mp_main__", "sweep": wsnsim.sweep}
     with pytest.raises(UsageError, match="under if __name__"):
         exec(compile("sweep('ungm_pf', out='c')", "script.py", "exec"), script)
+
+
+def test_a_folder_whose_name_begins_like_that_of_python_or_wsnsim_is_no_part_of_them() -> None:
+    for known in (Path(subprocess.__file__).parent, Path(wsnsim.__file__).parent):
+        assert not plugin_code._is_foreign(str(known / "x.py"))
+        assert plugin_code._is_foreign(str(known.with_name(f"{known.name}-mine") / "x.py"))

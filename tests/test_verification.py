@@ -198,6 +198,27 @@ def test_no_file_is_opened_that_a_stored_scenario_extends(
     assert "its stored scenario extends another file" in said.err and "hunter2" not in said.err + said.out
 
 
+@pytest.mark.parametrize("command", ["verify", "check", "run"])
+def test_what_is_wrong_with_a_stored_scenario_is_said_with_the_name_of_the_file(
+    command: str, copy: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def change(file: h5py.File) -> None:
+        resolved = json.loads(file["scenario/resolved_json"][()])
+        write_text(file, "scenario/resolved_json", json.dumps({**resolved, "no_key": 1, "x": 3}))
+
+    path = changed(copy, change)
+    assert cli.main([command, str(path)]) == 2
+    said = capsys.readouterr().err.splitlines()
+    assert len(said) == 2 and all(line.startswith(f"{path}: ") for line in said)
+
+
+def test_what_is_wrong_with_an_override_of_a_stored_scenario_is_said_with_the_override(
+    copy: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.main(["run", str(copy), "--set", "step=one yard"]) == 2
+    assert capsys.readouterr().err.startswith("--set step: error: ")
+
+
 def test_the_command_answers_in_json_and_with_the_exit_code(copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["verify", str(copy), "--json"]) == 0
     answer = json.loads(capsys.readouterr().out)

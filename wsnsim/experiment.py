@@ -11,14 +11,14 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 import wsnsim.scenario as scenarios
-from wsnsim.base.errors import ResultError, UsageError, plugin_faults_of_run
+from wsnsim.base.errors import Issue, ResultError, ScenarioError, UsageError, plugin_faults_of_run
 from wsnsim.base.garbage import only_own_garbage
 from wsnsim.base.initial_conditions import (
     InitialConditions,
@@ -46,7 +46,9 @@ from wsnsim.recording import ResultFile, provenance, read_json
 from wsnsim.scenario import Plugins
 from wsnsim.scenario.files import is_result
 
-__all__ = ["Progress", "Report", "Summary", "load", "replicate_of", "rerun_source", "run", "simulate"]
+__all__ = [
+    "Progress", "Report", "Summary", "load", "replicate_of", "rerun_source", "run", "scenario_of_result", "simulate",
+]  # fmt: skip
 
 Source = Any
 """What `load` takes, or the Scenario that it gives."""
@@ -85,7 +87,7 @@ def load(source: Source, overrides: Iterable[str] = (), plugins: bool = False) -
     """
     if isinstance(source, str | Path) and is_result(source):
         allowed = Plugins.ANY if plugins else Plugins.INSTALLED
-        return scenarios.load(rerun_source(Path(source)), overrides, allowed)
+        return scenario_of_result(Path(source), allowed, overrides)
     return scenarios.load(source, overrides)
 
 
@@ -251,6 +253,31 @@ def _made(
         if block and on_time:
             on_time(duration)
     return summaries
+
+
+def scenario_of_result(path: Path, plugins: Plugins, overrides: Iterable[str] = ()) -> Any:
+    """The checked Scenario that a result file stores.
+
+    Args:
+        path: The file.
+        plugins: Which plug-ins the scenario may name.
+        overrides: Assignments that replace values.
+
+    Raises:
+        ResultError: The file cannot be read.
+        ScenarioError: With every issue found; those of the stored scenario name the file.
+    """
+    resolved, written = rerun_source(path), tuple(overrides)
+    try:
+        return scenarios.load(resolved, written, plugins)
+    except ScenarioError as error:
+        places = [issue.place if issue.place.startswith("--set") else _joined(path, issue) for issue in error.issues]
+        issues = [replace(issue, place=place) for issue, place in zip(error.issues, places, strict=True)]
+        raise ScenarioError(issues) from error
+
+
+def _joined(path: Path, issue: Issue) -> str:
+    return ": ".join(filter(None, (str(path), issue.place)))
 
 
 def rerun_source(path: Path) -> dict[str, Any]:

@@ -12,6 +12,7 @@ import pytest
 
 from wsnsim.base.errors import ResultError, StorageError, UsageError
 from wsnsim.campaign import collect, prepare, reopen, run_campaign
+from wsnsim.cli import main
 from wsnsim.recording.folder import Folder
 from wsnsim.scenario.sweep import load_sweep
 
@@ -28,6 +29,33 @@ def dead_pid() -> int:
 
 def plan(**said: Any) -> Any:
     return load_sweep({"scenario": "ungm_pf", "grid": {"tracker.particles": [20, 40]}, "replicates": 3, **said})
+
+
+# what is stored
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (b'{"extends": "../secret.yaml"}', "extends another file, which no scenario of a campaign does"),
+        (b"[1]", "is damaged: it is no scenario"),
+        (b"{", "is damaged: it is not JSON"),
+        (b"[" * 100_000, "is damaged: it is not JSON"),
+        (b"\xff", "is damaged: it is not UTF-8"),
+    ],
+)
+def test_a_stored_scenario_that_no_campaign_writes_is_refused_with_its_name(
+    tmp_path: Path, text: bytes, said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = prepare(plan(name="c"), tmp_path / "c")
+    point = folder.manifest().points[0].id
+    place = tmp_path / "c" / point / "scenario.json"
+    place.write_bytes(text)
+    with pytest.raises(ResultError) as caught:
+        folder.scenario(point)
+    assert str(caught.value) == f"{place}: {said}"
+    assert main(["sweep", str(tmp_path / "c"), "-q"]) == 1
+    assert capsys.readouterr().err == f"wsnsim: error: {place}: {said}\n"
 
 
 # what is done

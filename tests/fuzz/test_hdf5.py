@@ -129,6 +129,15 @@ def test_an_attribute_that_states_four_gigabytes_is_refused_before_they_are_allo
         tables("x.h5")
 
 
+def test_the_texts_of_an_attribute_are_bounded_together_before_they_are_allocated(intact: bytes) -> None:
+    """A thousand texts of a fixed length of a megabyte each would be a gigabyte; these have two megabytes."""
+    Path("x.h5").write_bytes(intact)
+    with h5py.File("x.h5", "r+", libver="latest") as file:
+        file["runs"].attrs["columns"] = np.full(1_000, b"replicate", dtype="S2000")
+    with pytest.raises(ResultError, match="the attribute 'columns' is too long"):
+        tables("x.h5")
+
+
 @pytest.mark.parametrize("column", ["time", "px"])
 def test_an_index_of_very_many_chunks_is_refused_before_hdf5_visits_each(intact: bytes, column: str) -> None:
     """The column states few rows, and its index, as HDF5 writes it when the column was shortened, all of before."""

@@ -190,7 +190,7 @@ class Content:
         if kind.get_class() == h5t.STRING:
             if kind.is_variable_str():
                 self._check_attributes(h5o.get_info(holder).addr)
-            elif kind.get_size() > LONGEST_WORDS:
+            elif kind.get_size() * (shape[0] if shape else 1) > LONGEST_WORDS:
                 raise DamagedContent(f"the attribute '{name}' is too long")
         values = np.empty(shape, found.dtype)
         found.read(values)

@@ -149,14 +149,25 @@ class Folder:
             write_text_atomically(place, resolved)
 
     def scenario(self, point: str) -> str:
-        """A point's scenario, as JSON."""
+        """A point's scenario, as JSON: an object with every value, which extends no file.
+
+        Raises:
+            ResultError: it cannot be read, or is something else.
+        """
         place = self.path / point / SCENARIO
         try:
-            return read_regular(place).decode("utf-8")
-        except UnicodeDecodeError as error:
-            raise ResultError(f"{place}: is damaged: it is not UTF-8") from error
+            text = read_regular(place).decode("utf-8")
+            values = json.loads(text)
+        except (ValueError, RecursionError) as error:
+            what = "UTF-8" if isinstance(error, UnicodeDecodeError) else "JSON"
+            raise ResultError(f"{place}: is damaged: it is not {what}") from error
         except OSError as error:
             raise ResultError(f"{place}: cannot be read: {reason(error)}") from error
+        if not isinstance(values, dict):
+            raise ResultError(f"{place}: is damaged: it is no scenario")
+        if "extends" in values:
+            raise ResultError(f"{place}: extends another file, which no scenario of a campaign does")
+        return text
 
     def batch(self, point: str, first: int, last: int) -> Path:
         """The path of the file with replicates `first` to `last`."""

@@ -15,7 +15,7 @@ import wsnsim.experiment as experiment
 from wsnsim.base.errors import ResultError
 from wsnsim.recording import attributes, provenance, read_json, read_table, read_text, tables
 from wsnsim.recording.layout import PARTIAL
-from wsnsim.scenario import Plugins, load
+from wsnsim.scenario import Plugins
 from wsnsim.verification import stored_source
 from wsnsim.verification.repetition import DIGESTS, NOT_REPEATED, RepeatedTable, Repetition, compare
 
@@ -71,9 +71,8 @@ def verify(path: str | Path, plugins: bool = False) -> Verification:
         RunError: a run failed.
     """
     path = Path(path)
-    resolved, stored = experiment.rerun_source(path), read_json(path, "provenance_json")
-    allowed = Plugins.ANY if plugins else Plugins.INSTALLED
-    scenario = load(resolved, plugins=allowed)
+    stored, allowed = read_json(path, "provenance_json"), Plugins.ANY if plugins else Plugins.INSTALLED
+    scenario = experiment.scenario_of_result(path, allowed)
     partial, older = attributes(path)["status"] == PARTIAL, OVERRIDES not in stored
     here = provenance("", scenario.seed)
     replicates, faults = _replicates(path, scenario.replicates, partial)
