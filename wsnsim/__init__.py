@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     )
     from wsnsim.campaign import sweep
     from wsnsim.experiment import load, run, simulate
+    from wsnsim.fitting import fit
 
 _HOMES = {
     "run": "wsnsim.experiment",
@@ -43,6 +44,7 @@ _HOMES = {
     "read": "wsnsim.analysis.frames",
     "sweep": "wsnsim.campaign",
     "compare": "wsnsim.analysis.comparison",
+    "fit": "wsnsim.fitting",
     "part": "wsnsim.base.part",
     "Quantity": "wsnsim.base.part",
     "Tracker": "wsnsim.base.ports",
@@ -61,7 +63,8 @@ _HOMES = {
 }
 __all__ = [
     "Broadcast", "Compute", "Estimate", "Gather", "GatherReadings", "GatheredReadings", "Local", "Member", "Parcel",
-    "Quantity", "Scatter", "Scene", "Send", "Tracker", "compare", "load", "part", "read", "run", "simulate", "sweep",
+    "Quantity", "Scatter", "Scene", "Send", "Tracker", "compare", "fit", "load", "part", "read", "run", "simulate",
+    "sweep",
 ]  # fmt: skip
 
 

@@ -1,0 +1,206 @@
+"""Laws that are fitted to readings: known ones are recovered, and nothing is judged on what it was fitted to."""
+
+from __future__ import annotations
+
+import gzip
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import wsnsim
+from tests.helpers.recorded_walks import HEIGHT, Walks
+from wsnsim.base.errors import RunError, UsageError
+from wsnsim.fitting import Fit
+from wsnsim.scenario.files import shipped
+
+BLE = next(iter(shipped().values())).parent / "recorded" / "ble"
+TRACKS = ("straight_01", "straight_02", "straight_04", "straight_05", "zigzagging_with_rotation")
+ALL = (*TRACKS, "rectangular_with_rotation")
+
+
+def ble(*names: str) -> list[str]:
+    return [str(BLE / f"{name}.csv.gz") for name in names]
+
+
+@pytest.fixture(scope="module")
+def walks(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[str], str]:
+    return Walks().write(tmp_path_factory.mktemp("walks"), 1)
+
+
+def covered(fit: Fit, true: Walks) -> dict[str, bool]:
+    """Which parameters lie in their intervals."""
+    found = {name: value.low <= getattr(true, name) <= value.high for name, value in fit.values.items()}
+    gains = true.nodes()[1]
+    return found | {g.node: g.low <= gain <= g.high for g, gain in zip(fit.gains, gains, strict=True)}
+
+
+def test_every_parameter_of_a_known_law_lies_in_its_interval_for_most_seeds(tmp_path: Path) -> None:
+    true = Walks(dof=6.0)
+    names = ("z0", "eta", "sd", "dof", "shadowing", "decorrelation")
+    seeds = 12
+    hits = dict.fromkeys(names, 0)
+    gains = 0
+    for seed in range(seeds):
+        files, nodes = true.write(tmp_path, seed)
+        found = covered(wsnsim.fit(files, nodes), true)
+        hits = {name: hits[name] + found.get(name, False) for name in names}
+        gains += sum(found[f"n{i}"] for i in range(8))
+    # 95 % intervals: fewer than 8 of 12 have a probability below 1e-4 at a coverage of 90 %
+    assert min(hits.values()) >= 8, hits
+    assert gains >= 0.84 * 8 * seeds
+
+
+def test_independent_normal_noise_is_found_to_be_that(tmp_path: Path) -> None:
+    files, nodes = Walks(shadowing=0.0).write(tmp_path, 3)
+    found = wsnsim.fit(files, nodes)
+    assert found.sensor.keys() == {"kind", "z0", "eta", "d0", "sd", "gains", "target_height"}
+    assert found.sensor["target_height"] == HEIGHT
+    assert abs(found.sensor["sd"] - 4.0) < 0.2
+
+
+def test_the_coefficients_are_those_of_an_independent_least_squares(walks: tuple[list[str], str]) -> None:
+    files, nodes = walks
+    found = wsnsim.fit(files[:1], nodes)
+    table = np.genfromtxt(files[0], delimiter=",", skip_header=1, converters={1: lambda text: float(text[1:])})
+    places = np.genfromtxt(nodes, delimiter=",", skip_header=1)[:, 1:]
+    node = table[:, 1].astype(int)
+    distances = np.linalg.norm(table[:, 3:6] - places[node], axis=1)
+    matrix = np.column_stack([node[:, None] == np.arange(8), -10 * np.log10(distances)])
+    *constants, eta = np.linalg.lstsq(matrix, table[:, 2], rcond=None)[0]
+    np.testing.assert_allclose(found.values["eta"].value, eta, rtol=1e-6)
+    np.testing.assert_allclose(found.values["z0"].value, np.mean(constants), rtol=1e-6)
+    np.testing.assert_allclose([g.value for g in found.gains], constants - np.mean(constants), atol=1e-5)
+
+
+def test_the_same_files_give_the_same_fit_in_any_order_of_rows(walks: tuple[list[str], str], tmp_path: Path) -> None:
+    files, nodes = walks
+    head, *rows = Path(files[0]).read_text().splitlines()
+    shuffled = tmp_path / "shuffled.csv"
+    shuffled.write_text("\n".join([head, *rows[::-1]]) + "\n")
+    assert wsnsim.fit(shuffled, nodes).values == wsnsim.fit(files[0], nodes).values
+
+
+def test_columns_may_have_other_names_and_the_trajectory_may_be_a_file_of_its_own(
+    walks: tuple[list[str], str], tmp_path: Path
+) -> None:
+    files, nodes = walks
+    rows = [line.split(",") for line in Path(files[0]).read_text().splitlines()[1:]]
+    readings, track = tmp_path / "readings.csv.gz", tmp_path / "track.csv"
+    text = "\n".join(["at,who,dbm", *(",".join(row[:3]) for row in rows)])
+    readings.write_bytes(gzip.compress(text.encode()))
+    track.write_text("\n".join(["at,x,y,z", *(f"{row[0]},{row[3]},{row[4]},{row[5]}" for row in rows)]))
+    columns = {"time": "at", "node": "who", "reading": "dbm"}
+    apart = wsnsim.fit(readings, nodes, tracks=[track], columns=columns | {"id": "id"})
+    assert apart.sensor == wsnsim.fit(files[0], nodes).sensor
+
+
+def test_the_law_of_distances_has_the_spread_about_zero(tmp_path: Path) -> None:
+    rng = np.random.default_rng(2)
+    (tmp_path / "nodes.csv").write_text("id,x,y\na,0,0\nb,10,0\n")
+    x = np.linspace(0.0, 10.0, 400)
+    lines = ["time,node,range,x,y"]
+    lines += [f"{k},a,{np.hypot(v, 3.0) + 0.5 + rng.normal(0, 1.0)},{v},3" for k, v in enumerate(x)]
+    (tmp_path / "ranges.csv").write_text("\n".join(lines))
+    found = wsnsim.fit(tmp_path / "ranges.csv", tmp_path / "nodes.csv", law="range")
+    assert found.values["bias"].low < 0.5 < found.values["bias"].high
+    assert found.sensor.keys() == {"kind", "sd"}
+    assert abs(found.sensor["sd"] - np.hypot(0.5, 1.0)) < 0.1
+
+
+def test_the_shipped_tracks_have_correlated_nearly_normal_residuals_and_receivers_with_gains() -> None:
+    for name in ALL:
+        found = wsnsim.fit(ble(name), BLE / "receivers.csv", skip_bad_rows=True)
+        fitted, plain = found.train
+        assert 3.0 < plain.kurtosis < 4.3 and 3.0 < fitted.kurtosis < 4.3
+        assert 0.30 < plain.correlation < 0.45
+        assert 0.12 < fitted.correlation < 0.26
+        gains = [gain.value for gain in found.gains]
+        assert -8.0 < min(gains) < -5.0 and 4.0 < max(gains) < 7.5
+        assert abs(sum(gains)) < 1e-6
+        assert fitted.skewness < -0.1  # fades are deeper than peaks are high
+
+
+def test_gains_predict_a_track_that_was_not_fitted() -> None:
+    for test in ALL:
+        train = [name for name in ALL if name != test]
+        (row,) = wsnsim.fit(ble(*train), BLE / "receivers.csv", test=ble(test), skip_bad_rows=True).test
+        assert not row.in_sample
+        assert row.fitted.rmse < 0.95 * row.plain.rmse
+        assert row.fitted.log_likelihood > row.plain.log_likelihood
+
+
+def test_a_corrupt_row_is_refused_or_skipped_and_named() -> None:
+    with pytest.raises(RunError, match=r"straight_05\.csv\.gz:176: reading 42 dBm must be between -150 and 20"):
+        wsnsim.fit(ble("straight_05"), BLE / "receivers.csv")
+    (file,) = wsnsim.fit(ble("straight_05"), BLE / "receivers.csv", skip_bad_rows=True).sample.files
+    assert [row.rpartition(":")[0].rpartition(":")[2] for row in file.bad_rows] == ["176", "2004"]
+    assert file.readings == 3463
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("1.0,nobody,-60,1,1,1.8", "unknown node 'nobody'"),
+        ("0.000,n0,-60,1,1,1.8", "node 'n0' has a reading at 0 s in line 2 already"),
+        ("1.05,n0,nan,1,1,1.8", "reading must be a finite number, is 'nan'"),
+        ("1.05,n0,-60,,1,1.8", "x must be a finite number"),
+    ],
+)
+def test_a_bad_row_is_named_with_its_line(walks: tuple[list[str], str], tmp_path: Path, line: str, said: str) -> None:
+    files, nodes = walks
+    bad = tmp_path / "bad.csv"
+    bad.write_text(Path(files[0]).read_text() + line + "\n")
+    number = len(bad.read_text().splitlines())
+    with pytest.raises(RunError) as error:
+        wsnsim.fit(bad, nodes)
+    assert f"bad.csv:{number}: {said}" in str(error.value)
+    (file,) = wsnsim.fit(bad, nodes, skip_bad_rows=True).sample.files
+    assert len(file.bad_rows) == 1
+
+
+def test_a_law_is_not_judged_on_what_it_was_fitted_to(walks: tuple[list[str], str], tmp_path: Path) -> None:
+    files, nodes = walks
+    packed = tmp_path / "other_name.csv.gz"
+    packed.write_bytes(gzip.compress(Path(files[0]).read_bytes()))
+    head, *rows = Path(files[0]).read_text().splitlines()
+    part = tmp_path / "part.csv"
+    part.write_text("\n".join([head, *rows[: len(rows) // 3]]))
+    for same in (files[0], packed, part):
+        with pytest.raises(UsageError, match="must not be judged on what it was fitted to"):
+            wsnsim.fit(files, nodes, test=same)
+        (row,) = wsnsim.fit(files, nodes, test=same, in_sample=True).test
+        assert row.in_sample
+    assert [row.in_sample for row in wsnsim.fit(files[1:], nodes, test=files[0]).test] == [False]
+    assert [row.in_sample for row in wsnsim.fit(files[:2], nodes, in_sample=True).test] == [True, True]
+
+
+def test_readings_that_do_not_determine_the_law_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "nodes.csv").write_text("id,x,y\na,0,0\nb,10,0\n")
+    rows = [f"{k},{node},-60,3,{4 if node == 'a' else 5}" for k in range(20) for node in "ab"]
+    (tmp_path / "rest.csv").write_text("\n".join(["time,node,reading,x,y", *rows]))
+    with pytest.raises(RunError, match="eta is not determined; without gains"):
+        wsnsim.fit(tmp_path / "rest.csv", tmp_path / "nodes.csv")
+    (tmp_path / "few.csv").write_text("time,node,reading,x,y\n0,a,-60,1,1\n")
+    with pytest.raises(RunError, match="1 readings cannot determine this law"):
+        wsnsim.fit(tmp_path / "few.csv", tmp_path / "nodes.csv")
+
+
+def test_options_and_laws_that_do_not_exist_are_refused_with_the_nearest(walks: tuple[list[str], str]) -> None:
+    files, nodes = walks
+    with pytest.raises(UsageError, match="did you mean 'rssi'"):
+        wsnsim.fit(files, nodes, law="rsi")
+    with pytest.raises(UsageError, match="did you mean 'gains'"):
+        wsnsim.fit(files, nodes, gain=True)
+    with pytest.raises(UsageError, match="columns: unknown column 'tim'"):
+        wsnsim.fit(files, nodes, columns={"tim": "t"})
+
+
+def test_texts_name_train_and_test_and_the_figure_is_written(walks: tuple[list[str], str], tmp_path: Path) -> None:
+    files, nodes = walks
+    found = wsnsim.fit(files[:3], nodes, test=files[3:])
+    for file in found.sample.files:
+        assert file.path in found.text() and f"train: {file.path}" in found.yaml() and file.digest in found.yaml()
+    assert f"test: {files[3]}" in found.yaml()
+    assert found.as_json()["test"][0]["in_sample"] is False
+    assert found.plot(tmp_path / "residuals.png").stat().st_size > 10_000

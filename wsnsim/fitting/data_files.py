@@ -1,0 +1,208 @@
+"""Files of readings, of nodes and of trajectories, read into a `LocatedReadings` with every row checked.
+
+read_sample(files, nodes, form, options) -> LocatedReadings
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from wsnsim.base.arrays import Bools, Floats, Ints
+from wsnsim.base.content_digests import content_digest
+from wsnsim.base.errors import RunError, UsageError, did_you_mean
+from wsnsim.fitting.laws import LawForm
+from wsnsim.fitting.located_readings import DataFile, LocatedReadings, NodeTable
+from wsnsim.models.csvfile import BadRow, CsvRows, Wanted, bad_rows_text, open_text, read_rows
+
+NAMES: Final[Mapping[str, tuple[str, ...]]] = {
+    "time": ("time", "t"),
+    "node": ("node", "receiver"),
+    "reading": ("reading",),
+    "id": ("id", "node", "receiver"),
+    "target": ("target",),
+    "x": ("x",),
+    "y": ("y",),
+    "z": ("z",),
+}
+"""Our columns, and the names in a file that are taken for them unless `columns` names another."""
+
+
+@dataclass(frozen=True)
+class ReadingOptions:
+    """How the files are read.
+
+    Attributes:
+        columns: the file's name of each of our columns that is named otherwise.
+        tracks: files of trajectories with time, x, y and perhaps z: one for all files of readings, or one for each;
+            without any, x and y are columns of the readings.
+        skip_bad_rows: whether rows that cannot be used are left out and counted, instead of refused.
+    """
+
+    columns: Mapping[str, str] = field(default_factory=dict)
+    tracks: Sequence[str] = ()
+    skip_bad_rows: bool = False
+
+    def __post_init__(self) -> None:
+        """Raises UsageError for an unknown column."""
+        for name in self.columns:
+            if name not in NAMES:
+                raise UsageError(f"columns: unknown column '{name}' ({did_you_mean(name, NAMES)})")
+
+
+class _Rows(NamedTuple):
+    """The usable rows of one file of readings."""
+
+    times: Floats
+    nodes: Ints
+    readings: Floats
+    points: Floats
+    file: DataFile
+
+
+def read_nodes(path: str, columns: Mapping[str, str]) -> NodeTable:
+    """The nodes of a CSV file with the columns id, x, y and perhaps z.
+
+    Raises:
+        RunError: the file cannot be used; the message names file and line.
+    """
+    names = _names_in(path, columns, ("reading",))
+    wanted = Wanted({"id": names["id"]}, {axis: names[axis] for axis in "xyz"}, ("z",))
+    rows = read_rows(path, wanted, "nodes")
+    seen: dict[str, int] = {}
+    bad = list(rows.bad)
+    for line, name in zip(rows.lines.tolist(), rows.texts["id"], strict=True):
+        if name in seen:
+            bad.append(BadRow(line, f"node '{name}' is in line {seen[name]} already"))
+        seen.setdefault(name, line)
+    if bad:
+        raise RunError(bad_rows_text(path, bad, len(rows.lines) + len(rows.bad)))
+    return NodeTable(tuple(rows.texts["id"]), _points(rows))
+
+
+def read_sample(files: Sequence[str], nodes: NodeTable, form: LawForm, options: ReadingOptions) -> LocatedReadings:
+    """The readings of all files, each a track of its own.
+
+    Raises:
+        UsageError: the numbers of files and trajectories do not fit.
+        RunError: a file cannot be used; the message names file and line.
+    """
+    if len(options.tracks) not in (0, 1, len(files)):
+        raise UsageError(
+            f"{len(options.tracks)} trajectories for {len(files)} files: give one for all, or one for each"
+        )
+    tracks = list(options.tracks) * (len(files) if len(options.tracks) == 1 else 1) or [""] * len(files)
+    read = [_read_file(file, track, nodes, form, options) for file, track in zip(files, tracks, strict=True)]
+    numbers = np.concatenate([np.full(len(rows.times), index) for index, rows in enumerate(read)])
+    times = np.concatenate([rows.times for rows in read])
+    order = np.lexsort((times, numbers))
+    return LocatedReadings(
+        times[order],
+        np.concatenate([rows.nodes for rows in read])[order],
+        np.concatenate([rows.readings for rows in read])[order],
+        np.concatenate([rows.points for rows in read])[order],
+        numbers[order],
+        nodes,
+        tuple(rows.file for rows in read),
+    )
+
+
+def _read_file(path: str, track: str, nodes: NodeTable, form: LawForm, options: ReadingOptions) -> _Rows:
+    """The usable rows of one file; refuses the others unless they are to be skipped."""
+    names = _names_in(path, options.columns, ("reading", form.kind))
+    axes = "" if track else "xyz"
+    wanted = Wanted(
+        {"node": names["node"], "target": names["target"]},
+        {name: names[name] for name in ("time", "reading", *axes)},
+        ("target", "z"),
+    )
+    rows = read_rows(path, wanted, "readings")
+    points, known = _places_of(rows, track, options.columns)
+    good, bad = _checked(rows, nodes, form, known)
+    every = sorted([*rows.bad, *bad], key=lambda row: row.line)
+    total = len(rows.lines) + len(rows.bad)
+    if every and not options.skip_bad_rows:
+        raise RunError(f"{bad_rows_text(path, every, total)}\n  --skip-bad-rows leaves them out and counts them")
+    if not good.any():
+        raise RunError(f"{path}: none of its {total} rows can be used")
+    index = {name: number for number, name in enumerate(nodes.ids)}
+    found = np.array([index.get(name, -1) for name in rows.texts["node"]])
+    notes = tuple(f"{path}:{row.line}: {row.reason}" for row in every)
+    file = DataFile(path, _digest(path), int(good.sum()), notes)
+    numbers = rows.numbers
+    return _Rows(numbers["time"][good], found[good], numbers["reading"][good], points[good], file)
+
+
+def _checked(rows: CsvRows, nodes: NodeTable, form: LawForm, known: Bools) -> tuple[Bools, list[BadRow]]:
+    """Which rows can be used, and what is wrong with the others."""
+    bad: list[BadRow] = []
+    good = np.ones(len(rows.lines), dtype=np.bool_)
+    ids = set(nodes.ids)
+    seen: dict[tuple[float, str, str], int] = {}
+    targets = rows.texts.get("target", [""] * len(good))
+    columns = zip(rows.lines.tolist(), rows.texts["node"], targets, strict=True)
+    for i, (line, node, target) in enumerate(columns):
+        time, reading = float(rows.numbers["time"][i]), float(rows.numbers["reading"][i])
+        key = (time, node, target)
+        if node not in ids:
+            reason = f"unknown node '{node}' ({did_you_mean(node, nodes.ids)})"
+        elif not form.least <= reading <= form.greatest:
+            reason = f"reading {reading:g} {form.reading_unit} must be between {form.least:g} and {form.greatest:g}"
+        elif key in seen:
+            reason = f"node '{node}' has a reading at {time:g} s in line {seen[key]} already"
+        elif not known[i]:
+            reason = f"the trajectory does not reach {time:g} s"
+        else:
+            seen[key] = line
+            continue
+        good[i] = False
+        bad.append(BadRow(line, reason))
+    return good, bad
+
+
+def _places_of(rows: CsvRows, track: str, columns: Mapping[str, str]) -> tuple[Floats, Bools]:
+    """(n, 3) places of the target at the readings, and whether each is known: linear between rows of a trajectory."""
+    count = len(rows.lines)
+    if not track:
+        return _points(rows), np.ones(count, dtype=np.bool_)
+    names = _names_in(track, columns, ())
+    wanted = Wanted({}, {name: names[name] for name in ("time", "x", "y", "z")}, ("z",))
+    path = read_rows(track, wanted, "points of a trajectory")
+    if path.bad:
+        raise RunError(bad_rows_text(track, path.bad, len(path.lines) + len(path.bad)))
+    times = path.numbers["time"]
+    back = np.flatnonzero(np.diff(times) < 0.0)
+    if back.size:
+        raise RunError(f"{track}:{path.lines[back[0] + 1]}: its time is before that of the previous row")
+    now = rows.numbers["time"]
+    points = np.column_stack([np.interp(now, times, axis) for axis in _points(path).T])
+    return points, (now >= times[0]) & (now <= times[-1])
+
+
+def _points(rows: CsvRows) -> Floats:
+    """(n, 3) the columns x, y and z; NaN for a z that the file lacks."""
+    unknown = np.full(len(rows.lines), np.nan)
+    return np.column_stack([rows.numbers.get(axis, unknown) for axis in "xyz"])
+
+
+def _names_in(path: str, columns: Mapping[str, str], reading: tuple[str, ...]) -> dict[str, str]:
+    """The names of our columns in a file: as `columns` says, else the first of the usual names that it has."""
+    with open_text(path) as file:
+        header = {name.strip() for name in next(csv.reader(file), [])}
+    usual = {**NAMES, "reading": reading or NAMES["reading"]}
+    return {
+        ours: columns.get(ours) or next((name for name in names if name in header), names[0])
+        for ours, names in usual.items()
+    }
+
+
+def _digest(path: str) -> str:
+    """The digest of a file that was just read."""
+    try:
+        return content_digest(path)
+    except OSError as error:
+        raise RunError(f"{path}: cannot be read: {error.strerror or error}") from error

@@ -1,0 +1,241 @@
+"""A law is fitted to a sample: least squares, then the split of the residuals' variance, then the family of noise.
+
+fit_sample(sample, form, options) -> Fit
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+from typing import Final, Literal, NamedTuple
+
+import numpy as np
+
+from wsnsim.base.arrays import Floats, Ints
+from wsnsim.base.errors import RunError, UsageError
+from wsnsim.fitting import noise as noises
+from wsnsim.fitting.correlation import Shadowing, averaged, lagged, shadowing
+from wsnsim.fitting.fitted_law import FitBasis, FittedGain, FittedModel, FittedValue
+from wsnsim.fitting.laws import LawForm
+from wsnsim.fitting.located_readings import LocatedReadings
+from wsnsim.fitting.noise import Family, Noise
+from wsnsim.fitting.regression import Coefficients, least_squares
+from wsnsim.fitting.result import Fit
+
+RESAMPLES: Final = 400
+BLOCK: Final = 10.0
+"""Length (s) of a block: several times the time over which residuals of a walking target are correlated."""
+LEAST_BLOCKS: Final = 10
+"""Shorter recordings are cut into this many blocks."""
+CORRELATION_TIMES: Final = 4.0
+"""A block is at least this many times as long as the target takes for the decorrelation distance."""
+LEAST_WHITE: Final = 1e-3
+"""Least standard deviation of the white part, relative to that of the residuals."""
+LEAST_SPREAD: Final = 1e-3
+"""Least standard deviation of a column of the design among readings of one node that tells it from the gains."""
+
+
+@dataclass(frozen=True)
+class FitOptions:
+    """What is fitted.
+
+    Attributes:
+        gains: whether each node has a gain; laws without gains ignore it.
+        heights: whether distances are those in space; None: if the heights of nodes and target are known.
+        noise: family of the white part; `auto`: that with the lower criterion of Akaike.
+        block: length (s) of the blocks of time from which intervals are computed; None: 10 s, or a twentieth of a
+            shorter recording.
+        seed: of the bootstrap.
+        in_sample: whether the law may be judged on readings that it was fitted to.
+    """
+
+    gains: bool = True
+    heights: bool | None = None
+    noise: Literal["auto", "normal", "student_t"] = "auto"
+    block: float | None = None
+    seed: int = 0
+    in_sample: bool = False
+
+    def __post_init__(self) -> None:
+        """Raises UsageError for an unknown family of noise, or a block without length."""
+        if self.noise not in ("auto", "normal", "student_t"):
+            raise UsageError(f"noise: must be auto, normal or student_t, is {self.noise!r}")
+        if self.block is not None and not 0.0 < self.block < math.inf:
+            raise UsageError(f"block: must be a positive number of seconds, is {self.block!r}")
+
+
+class _Residuals(NamedTuple):
+    """What the noise is fitted to.
+
+    Attributes:
+        values: (n,) residuals.
+        blocks: (n,) number of the block of each.
+        weights: (R, B) weightings of the blocks: one for each block first, then those of the bootstrap.
+        parameters: number of parameters of the expectation.
+    """
+
+    values: Floats
+    blocks: Ints
+    weights: Floats
+    parameters: int
+
+
+def fit_sample(sample: LocatedReadings, form: LawForm, options: FitOptions) -> Fit:
+    """Fit a law to the readings of a sample. Raises RunError if they do not determine it."""
+    heights = sample.has_heights if options.heights is None else options.heights
+    if heights and not sample.has_heights:
+        raise RunError("heights: the file of nodes or that of the trajectory has no column z")
+    count = len(sample.ids) if options.gains and form.gains else 0
+    _check_determined(sample, form, heights, count)
+    asked = dataclasses.replace(options, heights=heights)
+    if options.block is not None:
+        return _fit_in_blocks(sample, form, asked, count, options.block)
+    first = _fit_in_blocks(sample, form, asked, count, _block_length(sample, BLOCK))
+    wanted = _block_length(sample, max(BLOCK, CORRELATION_TIMES * _correlation_time(first)))
+    return first if wanted <= first.basis.seconds else _fit_in_blocks(sample, form, asked, count, wanted)
+
+
+def _fit_in_blocks(sample: LocatedReadings, form: LawForm, options: FitOptions, count: int, block: float) -> Fit:
+    """The fit with intervals from blocks of this length (s)."""
+    heights = bool(options.heights)
+    blocks = sample.blocks(block)
+    weights = _weights(int(blocks.max()) + 1, options.seed)
+    solved = _regression(sample, form, heights, count, blocks)
+    model = FittedModel(form, solved.values, solved.gains, Noise("normal", 1.0, math.inf, 0.0), heights)
+    left = _Residuals(model.residuals(sample), blocks, weights, len(solved.values) + count)
+    noise, values, aic = _fitted_noise(sample, left, form, options)
+    return Fit(
+        model._replace(noise=noise),
+        _coefficients(form, solved) | values,
+        _gains(sample, solved),
+        sample,
+        FitBasis(aic, weights.shape[1], block),
+        _plain(sample, model, blocks),
+    )
+
+
+def _regression(sample: LocatedReadings, form: LawForm, heights: bool, count: int, blocks: Ints) -> Coefficients:
+    distances = sample.distances(heights)
+    response = sample.readings - form.offset(distances)
+    return least_squares(form.design(distances), response, sample.nodes, count, blocks)
+
+
+def _plain(sample: LocatedReadings, model: FittedModel, blocks: Ints) -> FittedModel:
+    """The law without gains, and with one normal noise."""
+    solved = _regression(sample, model.form, model.heights, 0, blocks)
+    plain = model._replace(coefficients=solved.values, gains=np.empty(0))
+    variance = _variance(plain.residuals(sample), len(solved.values))
+    return plain._replace(noise=Noise("normal", math.sqrt(variance), math.inf, 0.0))
+
+
+def _check_determined(sample: LocatedReadings, form: LawForm, heights: bool, count: int) -> None:
+    """Raises RunError if there are too few readings, or distances do not vary enough."""
+    design = form.design(sample.distances(heights))
+    heard = len(np.unique(sample.nodes)) if count else 0
+    needed = design.shape[1] + heard + 2
+    if len(design) < needed:
+        raise RunError(f"{len(design)} readings cannot determine this law: at least {needed} are needed")
+    apart = design[:, 1:] - design[:, 1:].mean(axis=0)
+    if count:
+        sizes = np.maximum(np.bincount(sample.nodes, minlength=count), 1)
+        means = [np.bincount(sample.nodes, column, count) / sizes for column in apart.T]
+        apart -= np.column_stack([*means, np.empty((count, 0))])[sample.nodes]
+    if apart.size and apart.std(axis=0).min() < LEAST_SPREAD:
+        hint = "; without gains (--no-gains) it may be" if count else ""
+        raise RunError(f"the distances hardly vary, and {form.coefficients[1].name} is not determined{hint}")
+
+
+def _block_length(sample: LocatedReadings, wanted: float) -> float:
+    """The length of a block in s: as wanted, but short enough for `LEAST_BLOCKS` of them."""
+    total = sum(float(np.ptp(sample.times[own])) for _, own in sample.by_file() if own.any())
+    return min(wanted, total / LEAST_BLOCKS) or wanted
+
+
+def _correlation_time(fit: Fit) -> float:
+    """The time (s) in which the target travels the decorrelation distance, at its mean speed."""
+    if fit.model.noise.shadowing <= 0.0:
+        return 0.0
+    sample = fit.sample
+    seconds = sum(float(np.ptp(sample.times[own])) for _, own in sample.by_file())
+    travelled = sum(float(np.ptp(sample.travelled[own])) for _, own in sample.by_file())
+    return fit.values["decorrelation"].value * seconds / travelled if travelled > 0.0 else 0.0
+
+
+def _weights(blocks: int, seed: int) -> Floats:
+    """(R + 1, B) one for each block, then how often each is in a resample of the bootstrap."""
+    rng = np.random.default_rng(seed)
+    resamples = rng.multinomial(blocks, np.full(blocks, 1.0 / blocks), RESAMPLES)
+    return np.concatenate([np.ones((1, blocks)), resamples])
+
+
+def _variance(residuals: Floats, parameters: int) -> float:
+    return float((residuals**2).sum()) / max(len(residuals) - parameters, 1)
+
+
+def _fitted_noise(
+    sample: LocatedReadings, left: _Residuals, form: LawForm, options: FitOptions
+) -> tuple[Noise, dict[str, FittedValue], dict[Family, float]]:
+    """The noise, its values with intervals from the bootstrap, and the criterion of each family."""
+    total = _variances(left)
+    found = lagged(sample, left.values, left.blocks, sample.travelled)
+    mean = averaged(sample, left.parameters > len(form.coefficients))
+    parts = _significant(shadowing(found, mean, left.weights), total)
+    white = np.sqrt(np.maximum(total - parts.variances * parts.remaining, LEAST_WHITE**2 * total))
+    sd, spread = float(white[0]), math.sqrt(float(parts.variances[0]))
+    histogram = noises.histogram(left.values, left.blocks, math.sqrt(float(total[0])))
+    dofs, likelihoods = noises.student_t(histogram, sd, spread, left.weights)
+    normal = noises.normal_log_likelihood(histogram, math.hypot(sd, spread))
+    aic: dict[Family, float] = {
+        "normal": 2.0 * (left.parameters + 1) - 2.0 * normal,
+        "student_t": 2.0 * (left.parameters + 2) - 2.0 * float(likelihoods[0]),
+    }
+    family: Family = min(aic, key=lambda name: aic[name]) if options.noise == "auto" else options.noise
+    values = {"sd": _percentiles(white, form.unit, "standard deviation of the white part of the noise")}
+    if family == "student_t":
+        values["dof"] = _percentiles(dofs, "", "degrees of freedom of the white part")
+    if spread > 0.0:
+        values["shadowing"] = _percentiles(
+            np.sqrt(parts.variances), form.unit, "standard deviation of the part that is correlated along the path"
+        )
+        values["decorrelation"] = _percentiles(parts.distances, "m", "path over which that correlation falls to 1/e")
+    return Noise(family, sd, float(dofs[0]) if family == "student_t" else math.inf, spread), values, aic
+
+
+def _variances(left: _Residuals) -> Floats:
+    """(R,) variance of the residuals for each weighting of the blocks."""
+    squares = np.bincount(left.blocks, left.values**2)
+    counts = np.bincount(left.blocks)
+    freed = len(left.values) / max(len(left.values) - left.parameters, 1)
+    result: Floats = (left.weights @ squares) / np.maximum(left.weights @ counts, 1.0) * freed
+    return result
+
+
+def _significant(parts: Shadowing, total: Floats) -> Shadowing:
+    """The correlated parts, or none at all if more than one resample in two hundred has none."""
+    if np.quantile(parts.variances[1:], 0.005) > 0.0:
+        return parts
+    return Shadowing(np.zeros_like(total), np.full_like(total, np.nan), np.ones_like(total))
+
+
+def _percentiles(values: Floats, unit: str, about: str) -> FittedValue:
+    """The estimate, which is the first value, with the interval of the others."""
+    resampled = values[1:][np.isfinite(values[1:])]
+    low, high = np.quantile(resampled, [0.025, 0.975]).tolist() if resampled.size else (math.nan, math.nan)
+    return FittedValue(float(values[0]), low, high, unit, about)
+
+
+def _coefficients(form: LawForm, solved: Coefficients) -> dict[str, FittedValue]:
+    return {
+        column.name: FittedValue(value, value - reach, value + reach, column.unit, column.about)
+        for column, value, reach in zip(
+            form.coefficients, solved.values.tolist(), (solved.errors * solved.quantile).tolist(), strict=True
+        )
+    }
+
+
+def _gains(sample: LocatedReadings, solved: Coefficients) -> tuple[FittedGain, ...]:
+    counts = np.bincount(sample.nodes, minlength=len(sample.ids)).tolist()
+    reaches = (solved.gain_errors * solved.quantile).tolist()
+    rows = zip(sample.ids, counts, solved.gains.tolist(), reaches, strict=False)
+    return tuple(FittedGain(node, count, value, value - reach, value + reach) for node, count, value, reach in rows)

@@ -1,0 +1,183 @@
+"""What a fit to readings has found: values with intervals, the block of the scenario, figures on other readings."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from wsnsim.base.arrays import Floats
+from wsnsim.fitting.correlation import correlation_at
+from wsnsim.fitting.laws import LawForm
+from wsnsim.fitting.located_readings import DataFile, LocatedReadings
+from wsnsim.fitting.noise import Family, Noise
+
+
+class FittedValue(NamedTuple):
+    """An estimate, its 95 % interval (NaN where there is none), its unit, and what it is."""
+
+    value: float
+    low: float
+    high: float
+    unit: str
+    about: str
+
+
+class FittedGain(NamedTuple):
+    """The gain of a node with its 95 % interval, and its number of readings; 0 without any."""
+
+    node: str
+    readings: int
+    value: float
+    low: float
+    high: float
+
+
+class FittedModel(NamedTuple):
+    """The expectation and noise of readings.
+
+    Attributes:
+        form: the law.
+        coefficients: (C,) of the law.
+        gains: (S,) of the nodes; empty if all have the same.
+        noise: of a reading.
+        heights: whether distances are those in space.
+    """
+
+    form: LawForm
+    coefficients: Floats
+    gains: Floats
+    noise: Noise
+    heights: bool
+
+    def residuals(self, sample: LocatedReadings) -> Floats:
+        """(n,) readings minus their expectations."""
+        distances = sample.distances(self.heights)
+        expected = self.form.offset(distances) + self.form.design(distances) @ self.coefficients
+        if self.gains.size:
+            expected = expected + self.gains[sample.nodes]
+        return sample.readings - expected
+
+
+class ResidualFigures(NamedTuple):
+    """Figures of residuals: RMSE, skewness, kurtosis (3 if normal), correlation at 1 s, and mean log density."""
+
+    rmse: float
+    skewness: float
+    kurtosis: float
+    correlation: float
+    log_likelihood: float
+
+
+class Evaluation(NamedTuple):
+    """How the law does on a file.
+
+    Attributes:
+        file: the file.
+        in_sample: whether the law was fitted to it.
+        fitted: figures under the fitted law.
+        plain: figures under the law without gains, with one normal noise, fitted to the same readings.
+    """
+
+    file: DataFile
+    in_sample: bool
+    fitted: ResidualFigures
+    plain: ResidualFigures
+
+
+class FitBasis(NamedTuple):
+    """What intervals and the family of noise were decided from.
+
+    Attributes:
+        aic: Akaike's criterion of each family of noise, with readings taken as independent.
+        blocks: number of the blocks of time that intervals are computed from.
+        seconds: their length in s.
+    """
+
+    aic: Mapping[Family, float]
+    blocks: int
+    seconds: float
+
+
+@dataclass(frozen=True)
+class FittedLaw:
+    """A law fitted to recorded readings.
+
+    Attributes:
+        model: expectation and noise of readings.
+        values: estimates by the key of the scenario, with intervals: coefficients, sd, dof, shadowing, decorrelation.
+        gains: of the nodes, in the order of the deployment; empty if none were fitted.
+        sample: the readings that were fitted.
+        basis: what intervals and the family of noise were decided from.
+        plain: the law without gains and with one normal noise, fitted to the same readings.
+        test: how both do on other files, or on the same ones where that was asked for.
+    """
+
+    model: FittedModel
+    values: Mapping[str, FittedValue]
+    gains: tuple[FittedGain, ...]
+    sample: LocatedReadings
+    basis: FitBasis
+    plain: FittedModel
+    test: tuple[Evaluation, ...] = ()
+
+    @property
+    def digests(self) -> list[str]:
+        """The digests of the files that were fitted."""
+        return [file.digest for file in self.sample.files]
+
+    @property
+    def residuals(self) -> Floats:
+        """(n,) residuals of the readings in `sample`."""
+        return self.model.residuals(self.sample)
+
+    @property
+    def train(self) -> tuple[ResidualFigures, ResidualFigures]:
+        """Figures of the fitted readings under the fitted and under the plain law."""
+        return figures(self.model, self.sample), figures(self.plain, self.sample)
+
+    @property
+    def target_height(self) -> float | None:
+        """The median height (m) of the target, which filters take for known; None if heights are not used."""
+        return round(float(np.median(self.sample.points[:, 2])), 3) if self.model.heights else None
+
+    @property
+    def sensor(self) -> dict[str, Any]:
+        """The block `sensor` of a scenario, or the `law` of one with recorded readings."""
+        names = [column.name for column in self.model.form.coefficients]
+        block: dict[str, Any] = {"kind": self.model.form.kind}
+        if self.model.form.kind == "range":
+            noise = self.model.noise
+            return block | {"sd": _rounded(math.hypot(noise.total, float(self.model.coefficients[0])))}
+        block |= {name: _rounded(self.values[name].value) for name in names} | {"d0": 1.0}
+        block |= {"sd": _rounded(self.model.noise.sd)}
+        if self.gains:
+            block["gains"] = [round(gain.value, 3) for gain in self.gains]
+        if self.target_height is not None:
+            block["target_height"] = self.target_height
+        if math.isfinite(self.model.noise.dof):
+            block |= {"noise": "student_t", "dof": _rounded(self.model.noise.dof)}
+        if self.model.noise.shadowing > 0.0:
+            block |= {name: _rounded(self.values[name].value) for name in ("shadowing", "decorrelation")}
+        return block
+
+
+def figures(model: FittedModel, sample: LocatedReadings) -> ResidualFigures:
+    """The figures of a sample's residuals under a model."""
+    residuals = model.residuals(sample)
+    second = float((residuals**2).mean())
+    centred = residuals - residuals.mean()
+    variance = float((centred**2).mean())
+    skewness, kurtosis = (
+        float((centred**power).mean()) / variance ** (power / 2) if variance > 0.0 else math.nan for power in (3, 4)
+    )
+    likelihood = float(model.noise.log_density(residuals).mean())
+    return ResidualFigures(math.sqrt(second), skewness, kurtosis, correlation_at(sample, residuals, 1.0), likelihood)
+
+
+def _rounded(value: float) -> float:
+    """The value with six significant digits."""
+    return float(f"{value:.6g}")

@@ -1,0 +1,70 @@
+"""The laws that can be fitted to readings: what each expects as a linear function of its coefficients.
+
+LAWS["rssi"].design(distances (n,)) -> (n, C)      expectation = offset + design @ coefficients (+ gain of the node)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from wsnsim.base.arrays import Floats
+
+LEAST_DISTANCE: Final = 0.05
+"""Shorter distances (m) are taken as this, as by the sensor `rssi`."""
+
+
+class Coefficient(NamedTuple):
+    """A coefficient of a law: its key in the scenario, its unit, and what it is."""
+
+    name: str
+    unit: str
+    about: str
+
+
+class LawForm(NamedTuple):
+    """A law whose expected reading is linear in its coefficients.
+
+    Attributes:
+        kind: of the sensor in a scenario.
+        unit: of the residuals.
+        reading_unit: of the readings.
+        coefficients: one for each column of the design; the first is a constant.
+        design: (n,) distances -> (n, C) columns.
+        offset: (n,) distances -> (n,) the part of the expectation that has no coefficient.
+        gains: whether each node may have its own constant.
+        least: the least reading in a file.
+        greatest: the greatest reading in a file.
+    """
+
+    kind: str
+    unit: str
+    reading_unit: str
+    coefficients: tuple[Coefficient, ...]
+    design: Callable[[Floats], Floats]
+    offset: Callable[[Floats], Floats]
+    gains: bool
+    least: float
+    greatest: float
+
+
+def _log_distance(distances: Floats) -> Floats:
+    """z0 - 10 η log10(d / 1 m)."""
+    return np.column_stack([np.ones(len(distances)), -10.0 * np.log10(np.maximum(distances, LEAST_DISTANCE))])
+
+
+LAWS: Final = {
+    "rssi": LawForm(
+        "rssi", "dB", "dBm",
+        (Coefficient("z0", "dBm", "strength at 1 m"), Coefficient("eta", "", "exponent of the loss with distance")),
+        _log_distance, np.zeros_like, True, -150.0, 20.0,
+    ),
+    "range": LawForm(
+        "range", "m", "m", (Coefficient("bias", "m", "mean of reading minus distance"),),
+        lambda distances: np.ones((len(distances), 1)), lambda distances: distances, False, -1e7, 1e7,
+    ),
+}  # fmt: skip
+"""The laws, by their kind. A strength above 20 dBm or below -150 dBm is no reading of a radio: Bluetooth's own limits
+are -127 and 20 dBm (Core Specification, Read RSSI)."""

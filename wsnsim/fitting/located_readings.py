@@ -1,0 +1,129 @@
+"""Readings at known places of a target, as arrays: what laws are fitted to."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from wsnsim.base.arrays import Bools, Floats, Ints
+
+MOST_APART: Final = 60
+"""Pairs of one node's readings are at most this many readings apart, which bounds their number."""
+
+
+@dataclass(frozen=True)
+class DataFile:
+    """One file of readings.
+
+    Attributes:
+        path: the file as it was named.
+        digest: 'sha256:' and the digest of its content, decompressed.
+        readings: number of readings that are used.
+        bad_rows: what is wrong with each row that was skipped, with file and line.
+    """
+
+    path: str
+    digest: str
+    readings: int
+    bad_rows: tuple[str, ...] = ()
+
+
+class NodeTable(NamedTuple):
+    """The nodes in the order of the deployment: names, and places (S, 3) in m with NaN for an unknown z."""
+
+    ids: tuple[str, ...]
+    places: Floats
+
+
+@dataclass(frozen=True)
+class LocatedReadings:
+    """Readings in the order of track and time.
+
+    Attributes:
+        times: (n,) in s.
+        nodes: (n,) index of the node of each reading.
+        readings: (n,) in the unit of the law.
+        points: (n, 3) place of the target, in m; z is NaN where it is unknown.
+        tracks: (n,) index of the file of each reading.
+        deployment: the nodes.
+        files: the files.
+    """
+
+    times: Floats
+    nodes: Ints
+    readings: Floats
+    points: Floats
+    tracks: Ints
+    deployment: NodeTable
+    files: tuple[DataFile, ...]
+
+    @property
+    def ids(self) -> tuple[str, ...]:
+        """The names of the nodes, in the order of the deployment."""
+        return self.deployment.ids
+
+    @property
+    def places(self) -> Floats:
+        """(S, 3) places of the nodes in m; z is NaN where it is unknown."""
+        return self.deployment.places
+
+    def of(self, tracks: Iterable[int]) -> LocatedReadings:
+        """The readings of these files."""
+        chosen = list(tracks)
+        kept = np.isin(self.tracks, chosen)
+        files = tuple(self.files[index] for index in chosen)
+        numbers = np.searchsorted(chosen, self.tracks[kept])
+        kept_rows = (self.times[kept], self.nodes[kept], self.readings[kept], self.points[kept])
+        return LocatedReadings(*kept_rows, numbers, self.deployment, files)
+
+    @property
+    def has_heights(self) -> bool:
+        """Whether the heights of all nodes and of the target are known."""
+        return bool(np.isfinite(self.places[:, 2]).all() and np.isfinite(self.points[:, 2]).all())
+
+    def distances(self, heights: bool) -> Floats:
+        """(n,) distance in m between target and node: in space if `heights`, else in the plane."""
+        apart = self.points - self.places[self.nodes]
+        result: Floats = np.sqrt((apart[:, : 3 if heights else 2] ** 2).sum(axis=1))
+        return result
+
+    @cached_property
+    def travelled(self) -> Floats:
+        """(n,) path in the plane (m) that the target has travelled since the first reading of its track."""
+        steps = np.hypot(*np.diff(self.points[:, :2], axis=0).T)
+        steps[np.diff(self.tracks) != 0] = 0.0
+        total = np.concatenate([[0.0], np.cumsum(steps)])
+        starts = np.searchsorted(self.tracks, self.tracks)
+        result: Floats = total - total[starts]
+        return result
+
+    def blocks(self, seconds: float) -> Ints:
+        """(n,) number of the block of each reading: a track is cut into blocks of this length."""
+        parts = np.floor(self.times / seconds).astype(np.int64)
+        _, found = np.unique(np.column_stack([self.tracks, parts]), axis=0, return_inverse=True)
+        return found.ravel().astype(np.int64)
+
+    @cached_property
+    def pairs(self) -> tuple[Ints, Ints]:
+        """(P,), (P,) indices of pairs of readings of one node on one track, the earlier one first."""
+        order = np.lexsort((self.times, self.nodes, self.tracks))
+        series = np.column_stack([self.tracks, self.nodes])[order]
+        first, second = [], []
+        for apart in range(1, min(MOST_APART, len(order) - 1) + 1):
+            same: Bools = (series[apart:] == series[:-apart]).all(axis=1)
+            if not same.any():
+                break
+            first.append(order[:-apart][same])
+            second.append(order[apart:][same])
+        if not first:
+            return np.empty(0, np.int64), np.empty(0, np.int64)
+        return np.concatenate(first), np.concatenate(second)
+
+    def by_file(self) -> Iterator[tuple[DataFile, Bools]]:
+        """Each file, and which readings are its own."""
+        for index, file in enumerate(self.files):
+            yield file, self.tracks == index
