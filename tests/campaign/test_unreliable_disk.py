@@ -9,6 +9,7 @@ from __future__ import annotations
 import errno
 import os
 import random
+from collections import deque
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -127,6 +128,82 @@ def test_listings_that_lack_files_cost_work_and_double_nothing(
         patch.setattr(Path, "iterdir", lambda path: (one for one in whole(path) if chance.random() < 0.5))
         for _ in range(4):
             run(folder)
+    assert_whole(folder, truth)
+
+
+class Late:
+    """Answers of a disk as they were some calls before, as from the cache of a network file system; then of nothing."""
+
+    def __init__(self, calls: int) -> None:
+        self._calls = calls
+        self._answers: dict[Any, deque[Any]] = {}
+
+    def __call__(self, key: Any, answer: Any, nothing: Any) -> Any:
+        """The answer to this question some calls ago."""
+        answers = self._answers.setdefault(key, deque([nothing] * self._calls))
+        answers.append(answer)
+        return answers.popleft()
+
+
+@pytest.mark.parametrize("calls", [1, 2, 7])
+def test_listings_that_show_files_late_and_removed_ones_still_cost_sessions_only(
+    tmp_path: Path, truth: Any, calls: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder, late, iterdir, glob = begun(tmp_path / "c"), Late(calls), Path.iterdir, Path.glob
+    sessions = 0
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "iterdir", lambda path: iter(late(path, [*iterdir(path)], [])))
+        patch.setattr(Path, "glob", lambda path, *what: iter(late((path, *what), [*glob(path, *what)], [])))
+        complete = False
+        while not complete and sessions < SESSIONS:
+            before = files_of_disk(folder, glob)
+            complete = run(folder).complete
+            sessions += 1
+            assert before.items() <= files_of_disk(folder, glob).items(), "no finished file is written again"
+    assert complete and sessions > 1, "what was not shown was not there: the session ended incomplete"
+    assert_whole(folder, truth)
+
+
+def files_of_disk(folder: Folder, glob: Any) -> dict[str, int]:
+    """The time of modification of every result file, whatever listings say."""
+    return {str(place): place.stat().st_mtime_ns for place in glob(folder.path, "*/r*.h5")}
+
+
+def test_a_file_whose_existence_is_known_late_is_replaced_by_the_same_rows(
+    tmp_path: Path, truth: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder, late, iterdir, is_file = begun(tmp_path / "c"), Late(1), Path.iterdir, Path.is_file
+    assert run(folder).complete
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "iterdir", lambda path: iter(late(path, [*iterdir(path)], [])))
+        patch.setattr(
+            Path, "is_file", lambda path: late(path, is_file(path), False) if path.suffix == ".h5" else is_file(path)
+        )
+        assert run(folder).done == 2 * RUNS, "it could not know that they were there"
+    assert_whole(folder, truth)
+
+
+@pytest.mark.parametrize("listing", range(4))
+def test_while_a_slow_listing_is_made_another_session_may_finish_everything(
+    tmp_path: Path, truth: Any, listing: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The names are those of before; when they are known, each file is there."""
+    folder, iterdir = begun(tmp_path / "c"), Path.iterdir
+    lists, files = 0, dict[str, int]()
+
+    def slow(path: Path) -> Iterator[Path]:
+        nonlocal lists, files
+        names = [*iterdir(path)]
+        lists += 1
+        if lists == listing + 1:
+            assert run(folder).complete
+            files = files_of_disk(folder, Path.glob)
+        return iter(names)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "iterdir", slow)
+        assert run(folder).complete and files
+    assert files_of_disk(folder, Path.glob) == files, "what the other session has written stays"
     assert_whole(folder, truth)
 
 
