@@ -227,7 +227,8 @@ class Nodes:
         living = np.flatnonzero(self.living)
         tight = self.battery - self.ledger.spent[living] <= self._reserve
         for node in living[tight].tolist():
-            self._settle(node)
+            if self._settle(node) and self.consumption.runs_out(node, self.battery - self._spent[node]):
+                self._die(node, ())
         for nodes, cause, joules in self.consumption.pending_charges(living[~tight]):
             self.ledger.book_each(nodes, cause, np.maximum(joules, 0.0))
         self.consumption = Consumption()
