@@ -12,6 +12,8 @@ from typing import Any, Final
 import click
 import yaml
 
+from tests.fuzz.hdf5_edits import EDITS
+from tests.fuzz.hdf5_mutants import edited, random_mutants
 from tests.fuzz.judge import PROPERTIES, Case
 from tests.fuzz.mutation import CONTROL, NASTY, mutated_bytes, mutated_text
 from tests.fuzz.plugins import plugin
@@ -49,6 +51,13 @@ NODES: Final = "x,y,name\n" + "".join(f"{10 * i}.5,{-7 * i},n{i}\n" for i in ran
 POINTS: Final = "t,x,y\n0,0,0\n1.5,3,4\n2,3,5\n9,-8,1\n"
 ENDLESS: Final = ("reproduce", "sweep", "compare", "watch")
 """Commands that start other processes or take minutes: of these only what fails at once is tried."""
+
+READERS: Final[tuple[tuple[str, ...], ...]] = (
+    ("info", "x.h5"), ("plot", "x.h5", "--out", "x.png"), ("trace", "x.h5", "--step", "1"), ("check", "x.h5"),
+    ("export", "x.h5", "--parquet", "out"), ("diff", "x.h5", "x.h5"), ("verify", "x.h5"),
+    ("recover", "x.h5", "--out", "y.h5"),
+)  # fmt: skip
+"""Commands that read a result."""
 
 
 @cache
@@ -127,12 +136,16 @@ def _value(parameter: click.Parameter, rng: random.Random) -> str:
 
 def of_hdf5(rng: random.Random) -> Case:
     """A result with damaged bytes."""
-    commands: tuple[tuple[str, ...], ...] = (
-        ("info", "x.h5"), ("plot", "x.h5", "--out", "x.png"), ("trace", "x.h5", "--step", "1"), ("check", "x.h5"),
-        ("export", "x.h5", "--parquet", "out"), ("diff", "x.h5", "x.h5"), ("verify", "x.h5"),
-        ("recover", "x.h5", "--out", "y.h5"),
-    )  # fmt: skip
-    return Case(rng.choice(commands), {"x.h5": mutated_bytes(small_result(), rng)})
+    return Case(rng.choice(READERS), {"x.h5": mutated_bytes(small_result(), rng)})
+
+
+def of_mutant(rng: random.Random) -> Case:
+    """A result that somebody edited who knows HDF5, or with a damaged header whose checksum is right."""
+    if rng.random() < 0.5:
+        content = edited(small_result(), rng.choice(list(EDITS)))
+    else:
+        content = next(random_mutants(small_result(), rng.randrange(2**32))).content
+    return Case(rng.choice(READERS), {"x.h5": content}, fragile=True)
 
 
 def of_plugin(rng: random.Random) -> Case:
@@ -150,7 +163,7 @@ def of_run(rng: random.Random) -> Case:
 
 KINDS: Final[dict[str, Callable[[random.Random], Case]]] = {
     "scenario": of_scenario, "sweep": of_sweep, "csv": of_csv, "command": of_command, "hdf5": of_hdf5,
-    "plugin": of_plugin, "run": of_run,
+    "plugin": of_plugin, "run": of_run, "mutant": of_mutant,
 }  # fmt: skip
 
 

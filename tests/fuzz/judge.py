@@ -45,17 +45,19 @@ class Case:
         files: content of the files by name.
         known: the reason why the case still fails; '' if it must not.
         names: a word in small letters that the message of an error must hold; '' for none.
+        fragile: whether libhdf5 may end the process: see `docs/security.md`.
     """
 
     arguments: tuple[str, ...]
     files: dict[str, bytes] = field(default_factory=dict)
     known: str = ""
     names: str = ""
+    fragile: bool = False
 
     def text(self) -> str:
         """The case as JSON. Files that are no text are in base64."""
         files = {name: _written(content) for name, content in self.files.items()}
-        more = {name: value for name in ("known", "names") if (value := getattr(self, name))}
+        more = {name: value for name in ("known", "names", "fragile") if (value := getattr(self, name))}
         return json.dumps({"arguments": self.arguments, "files": files, **more}, indent=1) + "\n"
 
     @property
@@ -68,7 +70,8 @@ def case_of(text: str) -> Case:
     """The case of a JSON text."""
     values = json.loads(text)
     files = {name: _content(written) for name, written in values["files"].items()}
-    return Case(tuple(values["arguments"]), files, values.get("known", ""), values.get("names", ""))
+    more = {name: values[name] for name in ("known", "names", "fragile") if name in values}
+    return Case(tuple(values["arguments"]), files, **more)
 
 
 def _written(content: bytes) -> str | dict[str, str]:

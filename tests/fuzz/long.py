@@ -14,6 +14,7 @@ import contextlib
 import json
 import multiprocessing
 import os
+import resource
 import sys
 import tempfile
 import time
@@ -23,6 +24,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from tests.fuzz.cases import KINDS, case
+from tests.fuzz.hdf5_session import MEMORY
 from tests.fuzz.judge import PROPERTIES, Case, faults
 from tests.fuzz.properties import made
 from wsnsim.base.errors import ScenarioError
@@ -125,7 +127,8 @@ def judged_apart(one: Case, limit: float = LIMIT) -> tuple[list[str], bool]:
                 process.join(limit)
                 return answer
             process.join(limit)
-            return [f"the process ended with code {process.exitcode}"], False
+            code = process.exitcode or 0
+            return ([] if one.fragile and code < 0 else [f"the process ended with code {code}"]), False
         return [f"no end after {limit:g} s"], False
     finally:
         if process.is_alive():
@@ -138,6 +141,8 @@ def _judged(one: Case, sender: Connection) -> None:
     with tempfile.TemporaryDirectory() as folder, open(os.devnull, "r+") as nothing:  # noqa: PTH123
         for stream in (0, 1, 2):
             os.dup2(nothing.fileno(), stream)
+        if one.fragile:
+            resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
         found = faults(one, Path(folder))
         sender.send((found, _is_refused(one)))
 

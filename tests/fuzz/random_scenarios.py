@@ -32,6 +32,8 @@ ON_PLANES: Final = ("gmtt", "tsstp", "cluster", "ris", "trilateration")
 """Trackers that need distances in the plane."""
 PLAIN: Final = ("packing", "routing", "clock", "detection", "wakeup")
 """Roles of a network that take any values."""
+RECORDED: Final = "scenarios/recorded/ble/straight_01.csv.gz"
+"""A track that comes with wsnsim, from the folder in which the tests are run."""
 GUIDED: Final = 0.9
 """Probability that a choice avoids what `build` is known to refuse."""
 
@@ -64,7 +66,7 @@ class Sampler:
         tracker = self.tracker(motion in LINE)
         common |= {
             "record": dict.fromkeys(("covariances", "particles", "links", "tracker_state"), True),
-            "prior": {"sd": [self.rng.choice([0.1, 1.0, 5.0]) for _ in range(columns)]},
+            "prior": {"kind": "around_truth", "sd": [self.rng.choice([0.1, 1.0, 5.0]) for _ in range(columns)]},
             "targets": [self.motion(motion) for _ in range(1 + (self.rng.random() < 0.15))],
             "sensor": self.sensor(motion in LINE, tracker["kind"]),
             "tracker": tracker,
@@ -110,6 +112,8 @@ class Sampler:
         (x, y), speeds = self.place(), [round(self.rng.gauss(0.0, self.side / 10), 3) for _ in range(2)]
         if kind == "waypoints":
             return {"kind": kind, "points": [[i * self.step, *self.place()] for i in range(self.rng.randint(2, 9))]}
+        if kind == "recorded_track":
+            return {"kind": kind, "path": RECORDED, "q": self.rng.choice([0.05, 1.0])}
         if kind == "random_waypoint":
             values.update(width=self.side, height=self.side, speed=[1.0, 1.0 + abs(speeds[0])], pause=[0.0, self.step])
         if kind in STARTS:
@@ -153,6 +157,7 @@ class Sampler:
             values["wakeup"] = {"kind": "none"}
         values["clusters"].pop("threshold", None)
         values.update(sink=self.sink(), acquire=self.acquire(), detection=self.part("detection"))
+        values["workload"] = {"kind": "tracking"}
         if self.rng.random() < 0.5:
             values["faults"] = [self.fault() for _ in range(self.rng.randint(1, 3))]
         if self.rng.random() < 0.1:

@@ -6,6 +6,7 @@ of_fields(class, rng) -> {field: value}      a random value for each field witho
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 import random
 import types
@@ -26,13 +27,18 @@ GIVEN: Final = 0.5
 
 def of_fields(part: type[Any], rng: random.Random) -> dict[str, Any]:
     """Random values for the fields of a component; None stands for a field that is left out."""
-    hints = get_type_hints(part, include_extras=True)
+    hints = _hints(part)
     values = {}
     for field in dataclasses.fields(part):
         default = None if field.default is dataclasses.MISSING else field.default
         if field.init and (default is None or rng.random() < GIVEN):
             values[field.name] = _of_hint(hints[field.name], default, rng)
     return {name: value for name, value in values.items() if value is not None}
+
+
+@functools.cache
+def _hints(part: type[Any]) -> dict[str, Any]:
+    return get_type_hints(part, include_extras=True)
 
 
 def _of_hint(hint: Any, default: Any, rng: random.Random) -> Any:

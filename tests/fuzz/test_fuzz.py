@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import copy
 import dataclasses
+import os
+import signal
 import tempfile
 from pathlib import Path
 
@@ -25,6 +27,7 @@ from tests.fuzz.random_scenarios import sampled
 from tests.helpers.thorough import THOROUGH
 from wsnsim.base.errors import RunError, ScenarioError
 from wsnsim.base.tables import KIND
+from wsnsim.scenario.registry import ROLES
 
 CORPUS = sorted((Path(__file__).parent / "corpus").glob("*.json"))
 NUMBERS = st.integers(0, 2**32)
@@ -120,6 +123,23 @@ def test_most_random_scenarios_are_valid_and_all_kinds_of_cases_differ_by_their_
         assert len({case(kind, number).text() for number in range(10)}) > 3
 
 
+ALONE = {("deploy", "file")}
+"""Kinds that need a file of the user's beside the scenario: cases of the kind 'csv' have them."""
+LISTS = {"motion": "targets", "fault": "faults"}
+
+
+def test_every_kind_of_every_role_occurs_in_the_random_scenarios() -> None:
+    missing = {(name, info.kind) for name, role in ROLES.items() for info in role.kinds} - ALONE
+    for number in range(400):
+        values = sampled(number)
+        found = {name: values.get(LISTS.get(name, name), []) for name in ROLES}
+        parts = ((name, part) for name, held in found.items() for part in (held if isinstance(held, list) else [held]))
+        missing -= {(name, part.get("kind")) for name, part in parts}
+        if not missing:
+            break
+    assert not missing
+
+
 def made_setup(number: int) -> object:
     from wsnsim import scenario
 
@@ -208,6 +228,12 @@ def test_each_property_notices_a_table_in_which_it_is_broken(sound: Run) -> None
     assert set(DOCTORED) == {rule.__name__ for rule in (*OF_ALL, *OF_NETWORKS)}
     for name, change in DOCTORED.items():
         assert any(found.startswith(f"{name}: ") for found in broken(doctored(sound, *change))), name
+
+
+def test_a_mutant_may_end_the_process_that_reads_it_and_other_cases_may_not(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(long, "faults", lambda one, folder: os.kill(os.getpid(), signal.SIGKILL))
+    assert long.judged_apart(case("mutant", 3)) == ([], False)
+    assert long.judged_apart(case("hdf5", 3)) == ([f"the process ended with code {-signal.SIGKILL}"], False)
 
 
 def test_the_long_tier_goes_on_where_it_ended_and_keeps_what_failed(
