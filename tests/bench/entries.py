@@ -292,6 +292,7 @@ ENTRIES: tuple[Entry, ...] = (
     Entry("reception.add_common", "kernels.test_reception:add_common_twin", frames.interferer, NEAR, "neighbour"),
     Entry("reception.unlock", "kernels.test_reception:unlock_twin", frames.sending, NEAR, "neighbour"),
     Entry("reception.take_over", "kernels.test_reception:take_over_twin", frames.rivals, NEAR, "neighbour"),
+    Entry("bursty_losses.advance", "kernels.test_bursty_losses:advance_twin", frames.bursty_links, NEAR, "link"),
     Entry("sleeping.listening", "kernels.test_sleeping_kernel:listening_twin", frames.sleepers, NEAR, "neighbour"),
     Entry("sleeping.period_spans", "kernels.test_sleeping_kernel:period_spans_twin", frames.schedules, NEAR, "node"),
     Entry("sleeping.period_sums", "kernels.test_sleeping_kernel:period_sums_twin", frames.spells, NEAR, "node"),

@@ -86,3 +86,10 @@ def links(count: int) -> tuple[Any, ...]:
     sources, ids = np.full(count, count // 2), np.arange(1, count + 1)
     keys = (np.zeros(count, dtype=np.uint64) for _ in range(2))
     return positions, sources, ids, np.uint64(3), np.uint64(5), np.zeros(count), *keys
+
+
+def bursty_links(count: int) -> tuple[Any, ...]:
+    """The arguments of `advance` for many links that change once in a second or two, after two seconds."""
+    keys = np.random.default_rng(count).integers(0, 2**64, count, dtype=np.uint64)
+    durations, good = np.column_stack([np.full(count, 0.8), np.linspace(0.5, 2.0, count)]), np.arange(count) % 3 == 0
+    return keys, durations, 2.0, good, np.linspace(0.0, 3.0, count), np.full(count, 2)

@@ -73,7 +73,7 @@ seed: 2
         ({"record": {"events": "on"}}, ["record.events: error: expected true or false, got the text 'on'"]),
         ({"recrod": {}}, ["recrod: error: unknown key, did you mean 'record'?"]),
         ({"mac": 3}, ["mac: error: expected a mapping such as {kind: ideal}, got the number 3"]),
-        ({"link": {}}, ["link.kind: error: is missing; known: disk, log_normal"]),
+        ({"link": {}}, ["link.kind: error: is missing; known: disk, log_normal, recorded"]),
         ({"link": {"kind": 3}}, ["link.kind: error: expected the name of a kind, got the number 3"]),
         ({"sensor": None}, ["sensor: error: is missing: what a node measures of the target"]),
         ({"motion": None}, ["motion: error: is missing: how the target moves (or 'targets', a list of them)"]),

@@ -3,20 +3,25 @@
     parts(positions, reach) -> [node numbers of each part], the largest first
     note(setup, positions) -> a sentence        nobody(positions, reach) -> a sentence
 
-A disk of the communication range stands for the links, lossy ones included: beyond it no frame is received.
+A disk of the communication range stands for the links, lossy ones included: beyond it no frame is received. Recorded
+links are those that deliver half of the frames in both directions, in the first round.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Final
 
 import numpy as np
 
 from wsnsim.base.arrays import Floats, Ints
+from wsnsim.base.recorded_links import RecordsLinks
 from wsnsim.base.setups import BeaconSetup, NetworkSetup
 
 MOST: Final = 20_000
 """Nodes above which nothing is said: a graph of more takes seconds [our choice]."""
+USABLE: Final = 0.5
+"""Ratio of frames that a recorded link must deliver in both directions."""
 SHOWN: Final = 4
 """Parts whose sizes are given."""
 
@@ -28,11 +33,24 @@ def parts(positions: Floats, reach: float) -> list[Ints]:
         positions: (N, 2) positions in m.
         reach: communication range in m.
     """
-    import networkx as nx  # slow to import, as SciPy's trees; for `wsnsim check` alone
-    from scipy.spatial import KDTree
+    from scipy.spatial import KDTree  # slow to import; for `wsnsim check` alone
 
-    graph = nx.empty_graph(len(positions))
-    graph.add_edges_from(KDTree(positions).query_pairs(reach))
+    return _joined(len(positions), KDTree(positions).query_pairs(reach))
+
+
+def recorded_parts(link: RecordsLinks, nodes: int) -> list[Ints]:
+    """The nodes of each connected part of a network of recorded links, the largest first."""
+    found = [link.heard(0, source) for source in range(nodes)]
+    usable = {(i, to) for i, (ids, _, ratios) in enumerate(found) for to in ids[ratios >= USABLE].tolist()}
+    return _joined(nodes, {(a, b) for a, b in usable if (b, a) in usable})
+
+
+def _joined(nodes: int, pairs: Iterable[tuple[int, int]]) -> list[Ints]:
+    """The nodes of each part that pairs of linked nodes join, the largest first."""
+    import networkx as nx  # slow to import; for `wsnsim check` alone
+
+    graph = nx.empty_graph(nodes)
+    graph.add_edges_from(pairs)
     found = sorted(nx.connected_components(graph), key=lambda part: (-len(part), min(part)))
     return [np.array(sorted(part)) for part in found]
 
@@ -42,15 +60,18 @@ def note(setup: NetworkSetup | BeaconSetup, positions: Floats) -> str:
     reach = setup.link.reach
     if not 1 < len(positions) <= MOST or not np.isfinite(reach):
         return ""
-    if said := nobody(positions, reach):
+    if isinstance(setup.link, RecordsLinks):
+        found, links = recorded_parts(setup.link, len(positions)), "recorded link that delivers half of the frames"
+    elif said := nobody(positions, reach):
         return said
-    found = parts(positions, reach)
+    else:
+        found, links = parts(positions, reach), f"link of {reach:g} m"
     if len(found) == 1:
         return ""
     sizes = ", ".join(str(len(part)) for part in found[:SHOWN]) + (", ..." if len(found) > SHOWN else "")
     alone = sum(len(part) == 1 for part in found)
     lonely = f"; {alone} nodes have no neighbour" if alone else ""
-    return f"the network is in {len(found)} parts, of {sizes} nodes, that no link of {reach:g} m joins{lonely}"
+    return f"the network is in {len(found)} parts, of {sizes} nodes, that no {links} joins{lonely}"
 
 
 def nobody(positions: Floats, reach: float) -> str:

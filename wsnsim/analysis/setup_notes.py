@@ -21,6 +21,7 @@ from wsnsim.base.initial_conditions import sample_positions
 from wsnsim.base.metrics import LOST_WINDOW
 from wsnsim.base.ports import Field
 from wsnsim.base.radio import Mode
+from wsnsim.base.recorded_links import RecordsLinks
 from wsnsim.base.rng import Streams, derive_all
 from wsnsim.base.setups import RadioSetup, Setup, TrackingSetup
 
@@ -79,7 +80,7 @@ def steps_across_the_field(setup: Setup) -> Iterator[str]:
 
 def links_that_reach_nobody(setup: Setup) -> Iterator[str]:
     """A communication range within which no node has another, in the first run; looked for where nodes are sparse."""
-    if not isinstance(setup, RadioSetup):
+    if not isinstance(setup, RadioSetup) or isinstance(setup.link, RecordsLinks):
         return
     field, reach = setup.deploy.field, setup.link.reach
     if getattr(setup.deploy, "nodes", 0) * math.pi * reach**2 > SURELY_LINKED * field.width * field.height:

@@ -7,6 +7,7 @@ and link, and the values derived from them.
 from __future__ import annotations
 
 import inspect
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -242,10 +243,12 @@ def _derived_link(setup: RadioSetup) -> Iterator[InfoRow]:
     link = setup.link
     if "reach" not in vars(link):
         yield _row("reach", link.reach, "m", "distance at which the mean received power equals the sensitivity")
-    yield _row("audible", link.audible, "m", "distance beyond which nothing is received")
+    if math.isfinite(link.audible):
+        yield _row("audible", link.audible, "m", "distance beyond which nothing is received")
     floor = ("floor", "dBm", "weaker frames are neither received nor interfere")
     noise = ("noise", "mW", "noise of the receiver, derived from its sensitivity")
-    yield from _attributes(link, [floor, noise])
+    rounds = ("rounds", "", "rounds of the recording on this channel")
+    yield from _attributes(link, [floor, noise, rounds])
 
 
 def _on_air(mac: Any) -> int:

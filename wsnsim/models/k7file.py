@@ -5,11 +5,7 @@
 The first line is JSON, the second names the columns, and each further line is what one receiver heard of one burst of
 packets. A sender transmits `tx_length` packets, one every `interframe_duration` ms, while all others listen; `datetime`
 is when the receiver heard the first of them. Therefore the rows of one burst may have different times, up to its length
-apart. A receiver without a row heard nothing.
-
-Rows of one sender on one channel that are not farther apart than a burst belong together. A round of a channel is one
-burst of every sender on it. A new round begins with the second burst of any sender, or after a pause of more than half
-the usual time between two bursts of a sender.
+apart. A receiver without a row heard nothing. `link_bursts` finds bursts and rounds.
 
 Source: Brun-Laguna and others, https://github.com/keomabrun/k7 (the format). What a round is, is our reading of it.
 """
@@ -23,7 +19,6 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -32,6 +27,7 @@ import numpy as np
 from wsnsim.base.arrays import Bools, Floats, Ints
 from wsnsim.base.errors import RunError
 from wsnsim.models.csvfile import BadRow, bad_rows_text, open_text
+from wsnsim.models.link_bursts import Bursts, LinkRow
 
 COLUMNS: Final = ("datetime", "src", "dst", "channel", "mean_rssi", "pdr")
 """The columns that a file must have; `tx_count` may be missing, others are ignored."""
@@ -108,17 +104,6 @@ class _Header(NamedTuple):
     nodes: int
 
 
-class _Row(NamedTuple):
-    line: int
-    time: float
-    source: str
-    receiver: str
-    channel: int
-    power: float
-    ratio: float
-    packets: int
-
-
 @functools.lru_cache(maxsize=KEPT)
 def _read(path: str, skip_bad_rows: bool, version: tuple[int, ...]) -> LinkRecording:
     """The content of one version of a file."""
@@ -126,7 +111,7 @@ def _read(path: str, skip_bad_rows: bool, version: tuple[int, ...]) -> LinkRecor
         header = _header(path, file.readline())
         rows, bad = _rows(path, csv.reader(file), header)
     rows.sort(key=lambda row: row.time)
-    bursts = _Bursts(header.burst + SLACK)
+    bursts = Bursts(header.burst + SLACK)
     kept = []
     for row in rows:
         if said := bursts.add(row):
@@ -162,7 +147,7 @@ def _header(path: str, line: str) -> _Header:
     return _Header(packets, burst, channels, nodes)
 
 
-def _rows(path: str, lines: Any, header: _Header) -> tuple[list[_Row], list[BadRow]]:
+def _rows(path: str, lines: Any, header: _Header) -> tuple[list[LinkRow], list[BadRow]]:
     """The rows in the order of the file, and those that cannot be used."""
     names = [name.strip() for name in next(lines, [])]
     if missing := [name for name in COLUMNS if name not in names]:
@@ -189,7 +174,7 @@ def _rows(path: str, lines: Any, header: _Header) -> tuple[list[_Row], list[BadR
     return good, bad
 
 
-def _row(line: int, cells: Sequence[str], packets: str, header: _Header) -> _Row:
+def _row(line: int, cells: Sequence[str], packets: str, header: _Header) -> LinkRow:
     """One row. Raises ValueError with what is wrong and what is allowed."""
     when, source, receiver, channel, power, ratio = cells
     if not source or not receiver or source == receiver:
@@ -200,7 +185,7 @@ def _row(line: int, cells: Sequence[str], packets: str, header: _Header) -> _Row
     share = _number("pdr", ratio, 0.0, 1.0)
     level = _number("mean_rssi", power, *LEVELS) if share else math.nan
     count = _number("tx_count", packets, 1, 1e9) if packets else header.packets
-    return _Row(line, _seconds(when), source, receiver, int(number), level, share, int(count))
+    return LinkRow(line, _seconds(when), source, receiver, int(number), level, share, int(count))
 
 
 def _number(name: str, cell: str, least: float, most: float) -> float:
@@ -222,69 +207,7 @@ def _seconds(cell: str) -> float:
     return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
 
 
-class _Bursts:
-    """The bursts to which rows belong, which are given in the order of their times.
-
-    Attributes:
-        of_rows: The burst of each row that was added.
-        sources: The sender of each burst.
-        channels: The channel of each burst.
-        starts: The time of the first row of each burst, in s; ascending.
-    """
-
-    def __init__(self, longest: float) -> None:
-        self._longest = longest
-        self._last: dict[tuple[str, int], int] = {}
-        self._lines: dict[tuple[int, str], int] = {}
-        self.of_rows: list[int] = []
-        self.sources: list[str] = []
-        self.channels: list[int] = []
-        self.starts: list[float] = []
-
-    def add(self, row: _Row) -> str:
-        """Add a row; returns what is wrong if its receiver has a row in this burst already."""
-        sender = (row.source, row.channel)
-        burst = self._last.get(sender, -1)
-        if burst < 0 or row.time > self.starts[burst] + self._longest:
-            burst = self._last[sender] = len(self.starts)
-            self.sources.append(row.source)
-            self.channels.append(row.channel)
-            self.starts.append(row.time)
-        first = self._lines.setdefault((burst, row.receiver), row.line)
-        if first != row.line:
-            return (
-                f"a burst has one row for each receiver, but line {first} has what {row.receiver} heard of "
-                f"{row.source} on channel {row.channel} less than {self._longest:g} s before"
-            )
-        self.of_rows.append(burst)
-        return ""
-
-    def rounds(self) -> Ints:
-        """(B,) the number of the round of its channel to which each burst belongs."""
-        numbers = np.zeros(len(self.starts), dtype=np.int64)
-        channels = np.array(self.channels)
-        for channel in np.unique(channels).tolist():
-            bursts = np.flatnonzero(channels == channel).tolist()
-            longest = self._revisit(bursts) / 2.0
-            seen: set[str] = set()
-            number, before = 0, self.starts[bursts[0]]
-            for burst in bursts:
-                if self.sources[burst] in seen or self.starts[burst] - before > longest:
-                    number, seen = number + 1, set()
-                numbers[burst], before = number, self.starts[burst]
-                seen.add(self.sources[burst])
-        return numbers
-
-    def _revisit(self, bursts: Sequence[int]) -> float:
-        """Median time in s between two bursts of one sender; infinite if none has two."""
-        starts: dict[str, list[float]] = {}
-        for burst in bursts:
-            starts.setdefault(self.sources[burst], []).append(self.starts[burst])
-        between = [later - earlier for each in starts.values() for earlier, later in pairwise(each)]
-        return float(np.median(between)) if between else math.inf
-
-
-def _names(rows: Sequence[_Row], count: int) -> tuple[str, ...]:
+def _names(rows: Sequence[LinkRow], count: int) -> tuple[str, ...]:
     """The names of all nodes: 0, 1, ... if the first line counts so many and no row names another; else those named."""
     found = {row.source for row in rows} | {row.receiver for row in rows}
     numbered = [str(node) for node in range(min(count, 10 * len(found)))]
@@ -294,7 +217,7 @@ def _names(rows: Sequence[_Row], count: int) -> tuple[str, ...]:
 
 
 def _recording(
-    path: str, rows: Sequence[_Row], bursts: _Bursts, names: tuple[str, ...], bad: tuple[BadRow, ...]
+    path: str, rows: Sequence[LinkRow], bursts: Bursts, names: tuple[str, ...], bad: tuple[BadRow, ...]
 ) -> LinkRecording:
     index = {name: i for i, name in enumerate(names)}
     channels, numbers = np.array(bursts.channels), bursts.rounds()

@@ -63,6 +63,7 @@ class Network(ABC):
             self._nodes.assumed = Places(sensors.assumed)
         self._clock = StepClock(self._env, setup.dt)
         self._router = Router(stack.radio, setup.routing.weight, setup.link.audible)
+        stack.radio.topology.on_change = self._router.restore
         self._transport = Transport(stack.radio, stack.mac, self._router)
         self._energy_steps = EnergySteps(self._env, self._nodes, recorder)
 

@@ -73,6 +73,9 @@ _ROLES: Final = (
         Kind("log_normal", "wsnsim.models.links:LogNormal",
             "log-normal shadowing per link; the packet error rate follows from the received power",
             f"Zuniga, Krishnamachari (2004); {IEEE}"),
+        Kind("recorded", "wsnsim.models.recorded_links:RecordedLinks",
+            "packet delivery ratios measured in a testbed, link by link and round by round, from a K7 file",
+            "Gilbert (1960); Elliott (1963) for losses in bursts"),
     )),
     Role("mac", "when a frame gets the channel", "Mac", "ideal", (
         Kind("ideal", "wsnsim.models.access:IdealMac",

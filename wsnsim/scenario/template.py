@@ -34,7 +34,7 @@ energy:                          # energy of each action; `wsnsim info {name}.ya
   amplifier: 100 pJ/bit/m2
   battery: 2 J
 link:                            # which nodes receive each other
-  kind: disk                     # also: log_normal, where links differ and weak frames are lost
+  kind: disk                     # also: log_normal, where links differ and weak frames are lost; recorded
   reach: 75 m
 mac:                             # when a frame gets the channel
   kind: ideal                    # also: csma (IEEE 802.15.4, unslotted), tdma (slots inside a cluster)

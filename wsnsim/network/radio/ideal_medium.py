@@ -194,7 +194,7 @@ class IdealMedium:
         nodes = self._nodes
         if self._topology.distance_only and not nodes.disturbed:
             return burst.mask, burst.packets
-        probability = self._topology.probability(burst.source, node)
+        probability = self._topology.probability(burst.source, node, self._env.now)
         if nodes.disturbed:
             if nodes.jammed[burst.source] or nodes.jammed[node]:
                 return np.zeros(burst.mask.size, dtype=np.bool_), 0

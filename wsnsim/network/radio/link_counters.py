@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from wsnsim.base.arrays import Floats, Ints
-from wsnsim.network.radio.topology import Topology
+from wsnsim.network.radio.topology import Neighbours, Topology
 from wsnsim.network.radio.transmission import Transmission
 
 
@@ -22,44 +22,68 @@ class NoLinkCounters:
         return {}
 
 
+class _Counts:
+    """The broadcasts of one sender over one set of links: how many were sent, and `received` (n,) of them arrived."""
+
+    __slots__ = ("neighbours", "received", "sent")
+
+    def __init__(self, neighbours: Neighbours) -> None:
+        self.neighbours = neighbours
+        self.received = np.zeros(neighbours.ids.size, dtype=np.int64)
+        self.sent = 0
+
+
 class LinkCounters:
-    """How many broadcasts were sent over each link, and how many arrived; `chance` is for the size of the last one."""
+    """How many broadcasts were sent over each link, and how many arrived; `chance` is for the size of the last one.
+
+    Where links change, a link's row is about all broadcasts of its sender: `chance` is their mean, 0 in rounds without
+    the link, and `power` that of the last round in which it was heard.
+    """
 
     def __init__(self, positions: Floats, topology: Topology) -> None:
         self._positions = positions
         self._topology = topology
         self._last_bits = 0
-        self._received: dict[int, Ints] = {}
-        self._sent: dict[int, int] = {}
+        self._counts: dict[int, list[_Counts]] = {}
 
     def count(self, transmission: Transmission, received: Ints) -> None:
         """Count a broadcast on each link of its sender."""
-        source, neighbours, self._last_bits = transmission.source, transmission.neighbours, transmission.frame.bits
-        row = self._received.get(source)
-        if row is None:
-            row = self._received[source] = np.zeros(neighbours.ids.size, dtype=np.int64)
-        self._sent[source] = self._sent.get(source, 0) + 1
+        neighbours, self._last_bits = transmission.neighbours, transmission.frame.bits
+        counts = self._counts.setdefault(transmission.source, [])
+        if not counts or counts[-1].neighbours is not neighbours:
+            counts.append(_Counts(neighbours))
+        row = counts[-1]
+        row.sent += 1
         if received is neighbours.ids:
-            row += 1
+            row.received += 1
         else:
-            row[np.searchsorted(neighbours.ids, received)] += 1
+            row.received[np.searchsorted(neighbours.ids, received)] += 1
 
     def columns(self) -> dict[str, Any]:
         """Return the columns of the table: one row for every link of a node that sent; none if no node sent."""
-        sources = sorted(self._received)
+        sources = sorted(self._counts)
         if not sources:
             return {}
-        neighbours = [self._topology.neighbours(source) for source in sources]
-        repeats = [len(one.id_list) for one in neighbours]
-        ids = np.concatenate([one.ids for one in neighbours])
+        found = [self._of_sender(self._counts[source]) for source in sources]
+        repeats = [columns["node"].size for columns in found]
         source = np.repeat(np.array(sources, dtype=np.int64), repeats)
-        offsets = self._positions[source] - self._positions[ids]
-        return {
-            "source": source,
-            "node": ids,
-            "distance": np.sqrt((offsets**2).sum(axis=1)),
-            "power": np.concatenate([one.powers for one in neighbours]),
-            "chance": np.concatenate([self._topology.probabilities(one, self._last_bits) for one in neighbours]),
-            "sent": np.repeat(np.array([self._sent[source] for source in sources], dtype=np.int64), repeats),
-            "received": np.concatenate([self._received[source] for source in sources]),
-        }
+        joined = {name: np.concatenate([columns[name] for columns in found]) for name in found[0]}
+        offsets = self._positions[source] - self._positions[joined["node"]]
+        return {"source": source, "distance": np.sqrt((offsets**2).sum(axis=1)), **joined}
+
+    def _of_sender(self, counts: list[_Counts]) -> dict[str, Any]:
+        """The columns of one sender, over all sets of links that it had."""
+        chances = [self._topology.probabilities(each.neighbours, self._last_bits) for each in counts]
+        last, sent = counts[-1], sum(each.sent for each in counts)
+        if len(counts) == 1:
+            ids, powers, chance, received = last.neighbours.ids, last.neighbours.powers, chances[0], last.received
+        else:
+            ids = np.unique(np.concatenate([each.neighbours.ids for each in counts]))
+            powers, chance, received = np.zeros(ids.size), np.zeros(ids.size), np.zeros(ids.size, dtype=np.int64)
+            for each, probabilities in zip(counts, chances, strict=True):
+                at = np.searchsorted(ids, each.neighbours.ids)
+                powers[at] = each.neighbours.powers
+                chance[at] += probabilities * (each.sent / sent)
+                received[at] += each.received
+        sent_over_each = np.full(ids.size, sent, dtype=np.int64)
+        return {"node": ids, "power": powers, "chance": chance, "sent": sent_over_each, "received": received}

@@ -55,6 +55,7 @@ def make_radio_stack(
     env = simpy.Environment()
     nodes = make_nodes(env, setup, positions, traits, streams.key("sleep"))
     topology = Topology(nodes, setup.link, streams.key("shadowing"), PACKET_BITS)
+    topology.follow_rounds(env)
     clocks = Clocks(setup.clock, streams.key("clock"), nodes.size)
     links = LinkCounters(nodes.positions, topology) if count_links else NoLinkCounters()
     radio = RadioServices(env, nodes, topology, setup.energy, log, Counters())

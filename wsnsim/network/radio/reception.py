@@ -116,7 +116,7 @@ class Reception:
         """(thresholds, usable, numbers) of a frame, as `kernels.reception.outcomes` takes them."""
         if self._topology.distance_only:
             return NO_TIMES, ALL, NO_NUMBERS
-        thresholds, usable = self._topology.thresholds(sent.neighbours, sent.frame.bits)
+        thresholds, usable = self._topology.thresholds(sent.neighbours, sent.frame.bits, sent.start)
         if self._receivers is not None and sent.overlapping:
             thresholds = 1.0 - self._receivers.probabilities(sent)
         return thresholds, usable, self._numbers(sent.source)
@@ -251,7 +251,7 @@ class Reception:
         if self._receivers is not None and sent.overlapping:
             probabilities = self._receivers.probabilities(sent)
         else:
-            probabilities = self._topology.probabilities(neighbours, bits)
+            probabilities = self._topology.momentary(neighbours, bits, sent.start)
         if nodes.disturbed:
             probabilities = probabilities * (1.0 - nodes.loss[sent.source]) * (1.0 - nodes.loss[neighbours.ids])
         samples = uniforms(derive_all(derive(self._key, *self._numbers(sent.source)), neighbours.ids), 0)

@@ -2,7 +2,8 @@
 
     Router(radio, weight, longest).path(source, to) -> [source, ..., to], or None without a path
 
-In a small network one graph holds every usable link; it is built on first use. In a large one the graph holds a
+In a small network one graph holds every usable link; it is built on first use, and again after a round of recorded
+links. In a large one the graph holds a
 corridor: the nodes in an ellipse around both ends, wide enough that no path outside can be cheaper. SciPy's graphs are
 imported where a corridor holds many nodes: most runs need none.
 
@@ -52,7 +53,8 @@ class Router:
         weight: What a path minimises. 'energy': the joules of a bit for sender and receiver, divided by the
             probability of a packet on the link. 'hop': the number of hops. 'greedy': each hop goes to the neighbour
             nearest to the destination, by the positions that nodes assume; the others know their links (our choice).
-        longest: The distance in m beyond which no link is usable.
+        longest: The distance in m beyond which no link is usable; infinity if links do not depend on distance. Then
+            there are no corridors: one graph holds all links.
     """
 
     def __init__(self, radio: RadioServices, weight: str, longest: float) -> None:
@@ -93,11 +95,22 @@ class Router:
             return [source, to]
         if self._weight == "greedy":
             return self._greedy(source, to)
-        if self._nodes.size > SMALL or self._nodes.follows_schedules:
+        if np.isinf(self._longest) and self._nodes.follows_schedules:
+            return self._among_awake(source, to)
+        if np.isfinite(self._longest) and (self._nodes.size > SMALL or self._nodes.follows_schedules):
             return self._through_corridor(source, to)
         if self._graph is None:
             self._graph = LinkGraph(self._links(np.flatnonzero(self._nodes.living)))
         found = self._graph.cheapest(source, to)
+        return None if found is None else found[1]
+
+    def _among_awake(self, source: int, to: int) -> list[int] | None:
+        """The cheapest path over all nodes that are awake now."""
+        network = self._nodes
+        nodes = np.arange(network.size)
+        awake = network.hears(nodes, self._env.now)
+        awake[[source, to]] = True
+        found = _cheapest_of(self._links(nodes[awake]), source, to)
         return None if found is None else found[1]
 
     def _greedy(self, source: int, to: int) -> list[int] | None:

@@ -3,28 +3,34 @@
     topology.neighbours(node).ids      topology.connected(a, b)      topology.probability(a, b)
 
 The neighbours of a node are looked up in a grid of cells on first use, and cached. The random part of a link is a
-function of the stream's key and of its two nodes.
+function of the stream's key and of its two nodes. Recorded links come from the link model instead, and are looked up
+again after the end of each round.
 """
 
 from __future__ import annotations
 
 import itertools
+import math
+from collections.abc import Callable
 from typing import Final
 
 import numpy as np
+import simpy
 
 from wsnsim.base.arrays import Bools, Floats, Ints
 from wsnsim.base.radio import LinkModel
-from wsnsim.base.rng import derive
+from wsnsim.base.recorded_links import RecordsLinks
+from wsnsim.base.rng import derive, derive_all
 from wsnsim.kernels.reception import find_links
 from wsnsim.network.nodes import Nodes
+from wsnsim.network.radio.bursty_losses import LinkStates
 
 USABLE: Final = 0.5
 """A link is usable as a hop if the probability of a packet, in both directions, is at least this share of the
 probability over the best link (our choice)."""
 BEST: Final = 0.0
 """Received power of the best link, in dBm."""
-PAIR, DIRECTION = 0, 1
+PAIR, DIRECTION, BURSTS = 0, 1, 2
 SAMPLE: Final = 64
 """Nodes around which others are counted to estimate all pairs that may be linked."""
 MOST_PAIRS: Final = 4_000_000
@@ -42,6 +48,8 @@ class Neighbours:
         senses: (n,) whether the node takes the channel for busy during a transmission.
         probabilities: {bits: (n,) probability that a frame of this length arrives}, filled on demand.
         thresholds: {bits: (n,) one less that, and (n,) whether the link is usable}, filled on demand.
+        ratios: (n,) recorded packet delivery ratios; None: the link model says with which probability a frame arrives.
+        states: The states of links whose losses come in bursts; None: losses are independent.
     """
 
     __slots__ = (
@@ -52,7 +60,9 @@ class Neighbours:
         "ids",
         "powers",
         "probabilities",
+        "ratios",
         "senses",
+        "states",
         "thresholds",
     )
 
@@ -60,6 +70,8 @@ class Neighbours:
         self.ids = ids
         self.powers = powers
         self.senses = senses
+        self.ratios: Floats | None = None
+        self.states: LinkStates | None = None
         self.probabilities: dict[int, Floats] = {}
         self.thresholds: dict[int, tuple[Floats, Bools]] = {}
         self._id_list: list[int] | None = None
@@ -119,27 +131,50 @@ class Topology:
     Attributes:
         link: The link model.
         distance_only: Whether reception depends on distance alone: within range every undisturbed frame arrives.
+        on_change: Called when the links have changed, after a round of recorded ones.
     """
 
     def __init__(self, nodes: Nodes, link: LinkModel, key: int, packet_bits: int) -> None:
         self._nodes = nodes
+        self._key = key
         self._keys = np.uint64(derive(key, PAIR)), np.uint64(derive(key, DIRECTION))
         self._packet_bits = packet_bits
         self._neighbours: dict[int, Neighbours] = {}
         self._usable = USABLE * float(link.reception(np.array([BEST]), packet_bits, 0.0)[0])
+        self._recorded = link if isinstance(link, RecordsLinks) else None
+        self._round, self._round_began = 0, 0.0
         self.link = link
         self.distance_only = link.perfect and not link.captures
+        self.on_change: Callable[[], None] = _ignore_change
+
+    def follow_rounds(self, env: simpy.Environment) -> None:
+        """Look up recorded links again at the end of each round; other links do not change."""
+        if self._recorded is None or math.isinf(end := self._recorded.round_end(self._round)):
+            return
+
+        def begin(_: simpy.Event) -> None:
+            self._round, self._round_began = self._round + 1, end
+            self._neighbours.clear()
+            self.follow_rounds(env)
+            self.on_change()
+
+        timeout = env.timeout(end - env.now)
+        timeout.callbacks.append(begin)
 
     def neighbours(self, node: int) -> Neighbours:
         """The neighbours of a node."""
         found = self._neighbours.get(node)
-        if found is None:
+        if found is None and self._recorded is not None:
+            found = self._neighbours[node] = self._look_up(node, self._recorded)
+        elif found is None:
             ids = self._nodes.grid.within(self._nodes.positions[node], self.link.audible)
             found = self._neighbours[node] = self._find(node, ids[ids != node])
         return found
 
     def find_all(self) -> None:
         """Find the neighbours of all nodes together, which is faster than one by one, unless they may be too many."""
+        if self._recorded is not None:
+            return
         size, sample = self._nodes.size, self._nodes.positions[:: max(self._nodes.size // SAMPLE, 1)]
         near = self._nodes.grid.within_each(sample, self.link.audible)[0].size / len(sample)
         if near * size > MOST_PAIRS:
@@ -177,33 +212,61 @@ class Topology:
         """Whether a link is usable in this direction, so that a loss on it is logged."""
         return self.distance_only or self.probability(source, to) >= self._usable
 
-    def probability(self, source: int, to: int) -> float:
-        """The probability that an undisturbed packet arrives over a link."""
+    def probability(self, source: int, to: int, time: float | None = None) -> float:
+        """The probability that an undisturbed packet arrives over a link; at a time in s, or on average."""
         neighbours = self.neighbours(source)
         at = neighbours.index(to)
-        return float(self.probabilities(neighbours, self._packet_bits)[at]) if at >= 0 else 0.0
+        if at < 0:
+            return 0.0
+        bits = self._packet_bits
+        found = self.probabilities(neighbours, bits) if time is None else self.momentary(neighbours, bits, time)
+        return float(found[at])
 
     def probabilities(self, neighbours: Neighbours, bits: int) -> Floats:
         """(n,) the probability that each neighbour receives an undisturbed frame of this length."""
         found = neighbours.probabilities.get(bits)
         if found is None:
-            found = neighbours.probabilities[bits] = self.link.reception(neighbours.powers, bits, 0.0)
+            found = neighbours.ratios
+            if found is None:
+                found = self.link.reception(neighbours.powers, bits, 0.0)
+            neighbours.probabilities[bits] = found
         return found
 
-    def thresholds(self, neighbours: Neighbours, bits: int) -> tuple[Floats, Bools]:
-        """What a uniform random number must reach for an undisturbed frame to arrive (n,), and `reliable` (n,)."""
+    def momentary(self, neighbours: Neighbours, bits: int, time: float) -> Floats:
+        """(n,) `probabilities` for a frame that begins at a time in s, given the states of the links."""
+        return self.probabilities(neighbours, bits) if neighbours.states is None else neighbours.states.ratios(time)
+
+    def thresholds(self, neighbours: Neighbours, bits: int, time: float) -> tuple[Floats, Bools]:
+        """What a uniform random number must reach for an undisturbed frame to arrive (n,), and `reliable` (n,).
+
+        `time` is when the frame begins, in s.
+        """
         found = neighbours.thresholds.get(bits)
         if found is None:
             thresholds = np.asarray(1.0 - self.probabilities(neighbours, bits), dtype=np.float64)
             found = neighbours.thresholds[bits] = (thresholds, self.reliable(neighbours, bits))
-        return found
+        return found if neighbours.states is None else (1.0 - neighbours.states.ratios(time), found[1])
 
     def _find(self, node: int, ids: Ints) -> Neighbours:
         powers = self._powers(np.full(ids.size, node), ids)
         heard = np.isfinite(powers)
         return Neighbours(ids[heard], powers[heard], self.link.senses(powers[heard]))
 
+    def _look_up(self, node: int, recorded: RecordsLinks) -> Neighbours:
+        """The neighbours of a node in the present round of a recording."""
+        ids, powers, ratios = recorded.heard(self._round, node)
+        found = Neighbours(ids, powers, self.link.senses(powers))
+        found.ratios = ratios
+        if recorded.losses is not None:
+            keys = derive_all(derive(self._key, BURSTS, self._round, node), ids)
+            found.states = LinkStates(keys, ratios, recorded.losses, self._round_began)
+        return found
+
     def _powers(self, sources: Ints, ids: Ints) -> Floats:
         distances, pairs, directions = np.empty(ids.size), *(np.empty(ids.size, dtype=np.uint64) for _ in range(2))
         find_links(self._nodes.positions, sources, ids, *self._keys, distances, pairs, directions)
         return self.link.powers(distances, pairs, directions)
+
+
+def _ignore_change() -> None:
+    """Do nothing: nobody keeps what follows from the links."""
