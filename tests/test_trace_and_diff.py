@@ -106,3 +106,36 @@ def test_runs_over_other_links_part_on_the_same_truth_and_network(results, capsy
 def test_a_result_that_cannot_be_read_is_no_difference(results, capsys, tmp_path) -> None:
     assert main(["diff", str(results["one"]), str(tmp_path / "none.h5")]) == 2
     assert "no such file" in capsys.readouterr().err
+
+
+def test_the_first_differing_reading_is_named_with_its_step_and_node(capsys, tmp_path) -> None:
+    recorded = ["run", "pso_mhpf", *QUICK, "--set", "record.readings=true"]
+    assert main([*recorded, "--out", str(tmp_path / "a.h5")]) == 0
+    readings = wsnsim.read(tmp_path / "a.h5", "readings")
+    at = readings[readings["step"] == 5].iloc[0]
+    fault = f"faults=[{{kind: bias, offset: 7, nodes: [{int(at['node'])}], at: 0.18 s, duration: 0.1 s}}]"
+    assert main([*recorded, "--set", fault, "--out", str(tmp_path / "b.h5")]) == 0
+    capsys.readouterr()
+    assert main(["diff", str(tmp_path / "a.h5"), str(tmp_path / "b.h5")]) == 1
+    value = at["reading"]
+    words = f"step 5, node {int(at['node'])}, target 0: A {value:.6g}, B {value + 7.0:.6g}"
+    assert f"  first differing reading: {words}" in capsys.readouterr().out
+    assert main(["diff", str(tmp_path / "a.h5"), str(tmp_path / "b.h5"), "--json"]) == 1
+    found = json.loads(capsys.readouterr().out)["replicates"][0]["reading"]
+    assert (found["step"], found["node"], found["target"]) == (5, at["node"], 0)
+
+
+def test_recorded_readings_are_those_that_estimates_count_in_the_network_and_without(tmp_path) -> None:
+    for name, words in {"pso_mhpf": ("duration=0.4 s", "tracker.particles=40"), "indoor_pf": ()}.items():
+        scenario = wsnsim.load(name, [*words, "record.readings=true"])
+        wsnsim.run(scenario, replicates=2, out=tmp_path / f"{name}.h5")
+        readings, estimates = (wsnsim.read(tmp_path / f"{name}.h5", table) for table in ("readings", "estimates"))
+        counts = readings.groupby(["replicate", "step"]).size()
+        wanted = estimates.set_index(["replicate", "step"])["active"]
+        assert (counts.reindex(wanted.index).fillna(0) >= wanted).all() and counts.max() > 2
+        assert (readings["step"] == 0).any() and readings["reading"].notna().all()
+        assert not readings.duplicated(["replicate", "target", "step", "node"]).any()
+    other = wsnsim.load("indoor_pf", ["record.readings=false"])
+    wsnsim.run(other, replicates=2, out=tmp_path / "batch.h5")
+    alone = wsnsim.read(tmp_path / "batch.h5", "estimates")
+    assert alone.equals(estimates), "the batch engine and single runs give the same"

@@ -38,6 +38,8 @@ class ReplicateDifference:
         network: whether the nodes are equal; None if not recorded.
         event: (row within the run, in A, in B) of the first differing event, each as (time, step, words), or None after
             the last event.
+        reading: the first differing reading: step, target, node and `values` (A, B), None where a side has none; None
+            if all are equal or if they were not recorded.
         estimate: the first differing estimate: step and target, `apart` in the position's unit, differing columns.
         figures: {column of runs: (A, B)}.
     """
@@ -47,6 +49,7 @@ class ReplicateDifference:
     truth: bool | None
     network: bool | None
     event: tuple[int, Any, Any] | None
+    reading: Mapping[str, Any] | None
     estimate: Mapping[str, Any] | None
     figures: Mapping[str, Pair]
 
@@ -117,6 +120,7 @@ def _parting(
         (first["truth"] is None and _like(paths, "truth")) if "truth" in first else None,
         network,
         event,
+        _reading(paths, of_run["readings"]) if first.get("readings") is not None else None,
         _estimate(paths, of_run["estimates"]) if first.get("estimates") is not None else None,
         _figures(paths, of_run["runs"]) if "runs" in of_run else {},
     )  # fmt: skip
@@ -171,6 +175,21 @@ def _event(path: str, rows: slice, at: int) -> tuple[float, int, str] | None:
         return None
     (row,) = rows_in(path, slice(rows.start + at, rows.start + at + 1))
     return row.time, row.step, row_in_words(row)
+
+
+def _reading(paths: tuple[str, str], rows: tuple[slice, slice]) -> dict[str, Any] | None:
+    """The first reading, by step, target and node, that differs or that only one side has."""
+    names = ("step", "target", "node", "reading")
+    sides = []
+    for path, one in zip(paths, rows, strict=True):
+        table = recording.read_table(path, "readings", names, one)
+        step, target, node, reading = (table[name].tolist() for name in names)
+        sides.append(dict(zip(zip(step, target, node, strict=True), reading, strict=True)))
+    for key in sorted(sides[0].keys() | sides[1].keys()):
+        values = tuple(side.get(key) for side in sides)
+        if values[0] != values[1]:
+            return {**dict(zip(names, key, strict=False)), "values": values}
+    return None
 
 
 def _estimate(paths: tuple[str, str], rows: tuple[slice, slice]) -> dict[str, Any] | None:

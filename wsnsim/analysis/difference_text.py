@@ -42,6 +42,8 @@ def _parting_lines(one: ReplicateDifference, unit: str) -> list[str]:
         number, *sides = one.event
         lines.append(f"  first differing event: number {number + 1:,} of the run")
         lines += [f"    {name}: {_event_line(side)}" for name, side in zip("AB", sides, strict=True)]
+    if one.reading is not None:
+        lines.append(f"  first differing reading: {_reading_line(one.reading)}")
     if one.estimate is not None:
         lines.append(f"  first differing estimate: step {_estimate_line(one.estimate, unit)}")
     return lines + _figure_lines(one.figures)
@@ -49,6 +51,12 @@ def _parting_lines(one: ReplicateDifference, unit: str) -> list[str]:
 
 def _event_line(event: tuple[float, int, str] | None) -> str:
     return "no further event" if event is None else f"{event[0]:.9g} s, step {event[1]}, {event[2]}"
+
+
+def _reading_line(first: Mapping[str, Any]) -> str:
+    values = ", ".join(f"{name} {'has none' if value is None else f'{value:.6g}'}"
+                       for name, value in zip("AB", first["values"], strict=True))  # fmt: skip
+    return f"step {first['step']}, node {first['node']}, target {first['target']}: {values}"
 
 
 def _estimate_line(first: Mapping[str, Any], unit: str) -> str:

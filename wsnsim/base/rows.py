@@ -168,6 +168,24 @@ def deviation_rmse(columns: Mapping[str, Any], motion: MotionModel, truth: Float
     return deviations
 
 
+def write_readings(recorder: Recorder, key: Mapping[str, float], readings: Mapping[int, float]) -> None:
+    """Write the rows of the table `readings` of one step, by node, if they are wanted.
+
+    Args:
+        recorder: Where the rows go.
+        key: Replicate, target, step and time, by column name.
+        readings: {node: reading} of the nodes that have one.
+    """
+    if readings and recorder.wants("readings"):
+        nodes = sorted(readings)
+        recorder.write("readings", {**key, "node": nodes, "reading": [readings[node] for node in nodes]})
+
+
+def wants_steps(recorder: Recorder) -> bool:
+    """Whether the recorder keeps any of the tables that are written step by step, which no batch of runs writes."""
+    return wants_belief(recorder) or recorder.wants("readings")
+
+
 def wants_belief(recorder: Recorder) -> bool:
     """Whether the recorder keeps any of the tables that `write_belief` writes."""
     return recorder.wants("particles") or recorder.wants("tracker_state")

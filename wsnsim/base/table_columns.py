@@ -203,6 +203,14 @@ TABLES: Final[dict[str, tuple[Column, ...]]] = {
         _c("gaussian", "u1", "1", "1 if the posterior is Gaussian: linear Gaussian models and a filter exact for them"),
     ),
     "covariances": (_REPLICATE, _TARGET, _STEP),
+    "readings": (
+        _REPLICATE,
+        _TARGET,
+        _STEP,
+        _TIME,
+        _NODE,
+        _c("reading", "f8", "", "reading that the node took, in the unit of the sensor"),
+    ),
     "events": (
         _REPLICATE,
         _TIME,
@@ -289,5 +297,5 @@ TABLES: Final[dict[str, tuple[Column, ...]]] = {
         _c("value", "f8", "", "value at this index; the tracker defines its unit"),
     ),
 }
-OFF_BY_DEFAULT: Final = ("covariances", "links", "particles", "tracker_state")
+OFF_BY_DEFAULT: Final = ("covariances", "links", "particles", "readings", "tracker_state")
 RECORDED_BY_DEFAULT: Final = {name: name not in OFF_BY_DEFAULT for name in TABLES}

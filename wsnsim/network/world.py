@@ -15,6 +15,7 @@ from wsnsim.base.arrays import Floats, planar
 from wsnsim.base.ports import Estimate, Recorder
 from wsnsim.base.progress import OnTime
 from wsnsim.base.rng import Streams
+from wsnsim.base.rows import write_readings
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.network.clusters.coordination import ClusterCoordination
 from wsnsim.network.clusters.driver import DriverServices
@@ -129,6 +130,8 @@ class World(Network):
             for track in self._tracks:
                 self._log_crossing(track.target, step)
                 self._sensing.update(track.target)
+                key = {"replicate": self._replicate, "target": track.target, "step": step, "time": env.now}
+                write_readings(self._recorder, key, self._sensing.readings[track.target])
             for track in self._tracks:
                 self._tick(track)
             if progress:

@@ -24,7 +24,7 @@ from wsnsim.base.plugin_code import plugin_fault
 from wsnsim.base.ports import Recorder
 from wsnsim.base.results import Summary
 from wsnsim.base.rng import HEAD_KEY, Streams, derive, derive_all, derive_each
-from wsnsim.base.rows import wants_belief
+from wsnsim.base.rows import wants_steps
 from wsnsim.base.setups import NetworkSetup, Setup, TrackingSetup
 from wsnsim.base.standalone import StandaloneBlock, StandaloneRun, WholeRuns, offers_whole_runs
 from wsnsim.offline import block_rows
@@ -57,7 +57,7 @@ class Batches:
     def __init__(self, setup: Setup, recorder: Recorder, clock: Callable[[], float] = time.process_time) -> None:
         assert isinstance(setup, TrackingSetup), "only standalone runs are batched"
         self._setup, self._recorder, self._clock = setup, recorder, clock
-        self._size, self._composed = 1, wants_belief(recorder)
+        self._size, self._composed = 1, wants_steps(recorder)
         self.used = False
 
     def next(self, replicates: Sequence[int]) -> list[Summary]:

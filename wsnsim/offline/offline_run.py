@@ -21,7 +21,7 @@ from wsnsim.base.ports import Estimate, Recorder, Scene
 from wsnsim.base.requests import Flow, Request
 from wsnsim.base.results import RunResult, RunTotals, TrackResult
 from wsnsim.base.rng import Streams
-from wsnsim.base.rows import NAN, Issued, wants_belief, write_belief
+from wsnsim.base.rows import NAN, Issued, wants_belief, write_belief, write_readings
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.base.traits import gain_factors
 from wsnsim.offline.loopback import perform
@@ -68,9 +68,12 @@ class OfflineRun:
         cluster = OfflineCluster(setup, target, self._conditions, self._streams)
         estimates: dict[int, Issued] = {}
         try:
-            belief = self._perform(tracker.start(self._conditions.priors[target], cluster.scene(0, 0)), cluster)
+            scene = cluster.scene(0, 0)
+            self._write_readings(scene, cluster)
+            belief = self._perform(tracker.start(self._conditions.priors[target], scene), cluster)
             for step in range(1, setup.steps + 1):
                 scene = cluster.scene(step, 1)
+                self._write_readings(scene, cluster)
                 belief = self._perform(tracker.step(belief, scene), cluster)
                 estimates[step] = self._issue(scene, tracker.estimate(belief))
                 if wants_belief(self._recorder):
@@ -84,6 +87,12 @@ class OfflineRun:
         except (Exception, SystemExit) as reason:  # a plug-in may exit
             raise failed_run(step * setup.dt, setup.seed, self._replicate, reason) from reason
         return estimates
+
+    def _write_readings(self, scene: Scene, cluster: OfflineCluster) -> None:
+        if self._recorder.wants("readings"):
+            taken = {node: cluster.members[node].reading for node in scene.ids}
+            key = {"replicate": self._replicate, "target": scene.target, "step": scene.step, "time": scene.time}
+            write_readings(self._recorder, key, {node: value for node, value in taken.items() if value is not None})
 
     def _perform(self, flow: Flow[Any], cluster: OfflineCluster) -> Any:
         costs, members = self._costs, cluster.members

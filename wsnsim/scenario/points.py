@@ -22,7 +22,7 @@ from wsnsim.scenario.sweep_schema import Point
 
 LEFT_OUT: Final = ("name", "replicates")
 """Keys of a scenario that change none of its runs."""
-LATER_TABLES: Final = ("covariances", "tracker_state")
+LATER_TABLES: Final = ("covariances", "readings", "tracker_state")
 """Tables younger than the first campaigns: where they are off, the digest of a point is what it was without them."""
 WORLD: Final = (
     "seed", "step", "duration", "deploy", "motion", "targets", "sensor", "prior", "detection", "faults",
