@@ -76,8 +76,8 @@ def test_bytes_that_are_no_text_are_refused_in_words(tmp_path: Path) -> None:
 
 
 def test_at_most_fifty_rows_are_printed() -> None:
-    words = bad_rows_text("a.csv", [BadRow(line, "is wrong") for line in range(2, 102)], 500)
-    assert words.startswith("100 of 500 rows cannot be used:\n  a.csv:2: is wrong\n")
+    words = bad_rows_text("b/a.csv", [BadRow(line, "is wrong") for line in range(2, 102)], 500)
+    assert words.startswith("b/a.csv: 100 of 500 rows cannot be used:\n  a.csv:2: is wrong\n")
     assert len(words.splitlines()) == 52 and words.endswith("\n  and 50 more")
 
 

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
-from typing import Any, Final, Protocol, runtime_checkable
+from typing import Any, Final, NamedTuple, Protocol, runtime_checkable
 
-from wsnsim.base.arrays import Bools, Floats
+from wsnsim.base.arrays import Bools, Floats, Ints
 from wsnsim.base.requests import Member
 
 HEIGHT: Final = "height"
@@ -120,6 +120,55 @@ class MovesInSpace(Protocol):
 
     def heights(self, steps: int, dt: float) -> Floats | None:
         """(steps + 1,) height of the target in m at each step of a trajectory; None if it is unknown."""
+
+
+@runtime_checkable
+class LimitsReadings(Protocol):
+    """Optional port of a sensor model: which readings are possible. Recorded ones beyond are refused or left out."""
+
+    @property
+    def reading_limits(self) -> tuple[float, float]:
+        """The least and the greatest reading."""
+
+
+class Recording(NamedTuple):
+    """The recorded readings of one target, step by step.
+
+    Attributes:
+        readings: (steps + 1, N) the reading of each node; NaN where it has none.
+        counts: (steps + 1, N) how many readings of the file it stands for.
+    """
+
+    readings: Floats
+    counts: Ints
+
+
+@runtime_checkable
+class Replays(Protocol):
+    """Optional port of a sensor model whose readings were recorded: no reading is sampled from its law.
+
+    `law` is the sensor model that filters and bounds take the readings to follow.
+    """
+
+    @property
+    def law(self) -> Any: ...
+
+    def recordings(self, names: Sequence[str], targets: int, steps: int, dt: float) -> Sequence[Recording]:
+        """The readings of each target by nodes of these names. Raises RunError with file and line if some are bad."""
+
+
+@runtime_checkable
+class RecordedFile(Protocol):
+    """Optional port of a component whose values were recorded in the file `path`: what the provenance says of it."""
+
+    @property
+    def path(self) -> str: ...
+
+    @property
+    def digest(self) -> str: ...
+
+    def skipped_rows(self, setup: Any) -> Sequence[str]:
+        """The rows that are left out, as 'FILE:LINE: reason' each. `setup`: the scenario's setup."""
 
 
 @runtime_checkable

@@ -30,6 +30,16 @@ class Quantity:
     le: float | None = None
 
 
+@dataclass(frozen=True)
+class OfRole:
+    """Says that a field holds a component of a role, of any of its kinds: `Annotated[SensorModel, OfRole("sensor")]`.
+
+    In YAML it is a mapping with a key `kind`, as the role itself.
+    """
+
+    role: str
+
+
 @dataclass_transform(frozen_default=True, kw_only_default=True)
 def part(cls: type[T]) -> type[T]:
     """Return the class as a frozen, keyword-only dataclass. A plug-in class needs nothing else."""

@@ -29,12 +29,16 @@ from wsnsim.base.optional_ports import Drifts as Drifts
 from wsnsim.base.optional_ports import Foresees as Foresees
 from wsnsim.base.optional_ports import HasHeights as HasHeights
 from wsnsim.base.optional_ports import Informs as Informs
+from wsnsim.base.optional_ports import LimitsReadings as LimitsReadings
 from wsnsim.base.optional_ports import LinearGaussian as LinearGaussian
 from wsnsim.base.optional_ports import MeasuresEnergy as MeasuresEnergy
 from wsnsim.base.optional_ports import MovesInSpace as MovesInSpace
 from wsnsim.base.optional_ports import NamesNodes as NamesNodes
 from wsnsim.base.optional_ports import Portable as Portable
 from wsnsim.base.optional_ports import Ranks as Ranks
+from wsnsim.base.optional_ports import RecordedFile as RecordedFile
+from wsnsim.base.optional_ports import Recording as Recording
+from wsnsim.base.optional_ports import Replays as Replays
 from wsnsim.base.optional_ports import ReportsState as ReportsState
 from wsnsim.base.optional_ports import Snapshots as Snapshots
 from wsnsim.base.requests import Flow

@@ -21,6 +21,7 @@ from wsnsim.base.ports import (
     LinearGaussian,
     MotionModel,
     PriorModel,
+    Replays,
     SensorModel,
     Tracker,
 )
@@ -51,7 +52,9 @@ class TrackingSetup(Setup):
     """A scenario without its network: what is estimated, from what, and by whom.
 
     `motions` holds one model per target. `filter_motions` and `filter_sensor` are the models that the tracker assumes
-    (`tracker.assumes`). A track is lost if the mean error of its last `lost_window` steps exceeds `lost_limit`.
+    (`tracker.assumes`). `recorded` is where readings come from that were recorded, or None if `sensor` samples them;
+    `sensor` is then the law that the readings are taken to follow. A track is lost if the mean error of its last
+    `lost_window` steps exceeds `lost_limit`.
     """
 
     prior: PriorModel
@@ -60,6 +63,7 @@ class TrackingSetup(Setup):
     filter_motions: tuple[MotionModel, ...]
     filter_sensor: SensorModel
     tracker: Tracker[Any]
+    recorded: Replays | None = None
     lost_window: int = LOST_WINDOW
     lost_limit: float = LOST_ERROR
 

@@ -18,8 +18,9 @@ from typing import Any, Final
 from wsnsim.base.errors import UsageError
 from wsnsim.recording.code_digests import PACKAGE, digest_of, module_digests, package_digests
 from wsnsim.recording.folder import Folder, Manifest
+from wsnsim.scenario.fields import roles_of
 from wsnsim.scenario.kinds import AT_TOP
-from wsnsim.scenario.registry import ROLES, find
+from wsnsim.scenario.registry import ROLES, find, load_class
 from wsnsim.scenario.sweep_schema import Plan
 
 Code = Mapping[str, Mapping[str, str]]
@@ -138,7 +139,18 @@ def _plugin_modules(resolved: Mapping[str, Any]) -> set[str]:
     for key, role in AT_TOP.items():
         held = resolved.get(key)
         for component in held if isinstance(held, list) else [held]:
-            kind = component.get("kind") if isinstance(component, dict) else None
-            if isinstance(kind, str) and (info := find(role.name, kind)) not in ROLES[role.name].kinds:
-                modules.add(info.path.partition(":")[0])
+            modules |= _modules_in(role.name, component)
     return {module for module in modules if module.partition(".")[0] != PACKAGE}
+
+
+def _modules_in(role: str, component: Any) -> set[str]:
+    """The modules of a component's kind and of those of the components within it, if they are plug-ins."""
+    kind = component.get("kind") if isinstance(component, dict) else None
+    if not isinstance(kind, str):
+        return set()
+    info = find(role, kind)
+    modules = set() if info in ROLES[role].kinds else {info.path.partition(":")[0]}
+    if any(isinstance(value, dict) and "kind" in value for value in component.values()):
+        for field, inner in roles_of(load_class(info)).items():
+            modules |= _modules_in(inner, component.get(field))
+    return modules

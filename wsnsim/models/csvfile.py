@@ -149,10 +149,15 @@ def demand_digest(path: str, digest: str) -> None:
 
 def bad_rows_text(path: str, bad: Sequence[BadRow], rows: int) -> str:
     """A message that names the first bad rows of a file with their lines, of `rows` in all."""
-    listed = [f"{path}:{row.line}: {row.reason}" for row in bad[:MOST_PRINTED]]
+    listed = row_texts(path, bad[:MOST_PRINTED])
     more = len(bad) - len(listed)
     rest = [f"and {more} more"] if more else []
-    return "\n  ".join([f"{len(bad)} of {rows} rows cannot be used:", *listed, *rest])
+    return "\n  ".join([f"{path}: {len(bad)} of {rows} rows cannot be used:", *listed, *rest])
+
+
+def row_texts(path: str, bad: Sequence[BadRow]) -> list[str]:
+    """Bad rows as 'FILE:LINE: reason' each, without the file's folder."""
+    return [f"{Path(path).name}:{row.line}: {row.reason}" for row in bad]
 
 
 def _decompressed(path: str, file: Any) -> Any:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import cached_property
-from typing import Annotated, ClassVar, Final, NamedTuple
+from typing import Annotated, Any, ClassVar, Final, NamedTuple
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import Issue, RunError
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.setups import TrackingSetup
-from wsnsim.models.csvfile import BadRow, CsvRows, Wanted, bad_rows_text, demand_digest, read_rows
+from wsnsim.models.csvfile import BadRow, CsvRows, Wanted, bad_rows_text, demand_digest, read_rows, row_texts
 from wsnsim.models.waypoints import FARTHEST_POINT, INTENSITY, Straight, sampled
 
 SAME_PLACE: Final = 1e-3
@@ -90,10 +90,9 @@ class RecordedTrack(Straight):
         origin = float(times[0]) if self.time_origin is None else self.time_origin
         return Track(times - origin, points, origin)
 
-    @property
-    def skipped(self) -> tuple[BadRow, ...]:
-        """The rows that are left out; none unless `skip_bad_rows` allows it."""
-        return self._rows[1] if self.skip_bad_rows else ()
+    def skipped_rows(self, setup: Any) -> list[str]:
+        """The rows that are left out, as 'FILE:LINE: reason' each; none unless `skip_bad_rows` allows it."""
+        return row_texts(self.path, self._rows[1]) if self.skip_bad_rows else []
 
     def check(self, setup: TrackingSetup) -> Iterator[Issue]:
         """Yield an issue if the file cannot be read, has rows that cannot be used, or is not that of the digest."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from functools import cached_property
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Any, ClassVar, Final, Literal
 
 import numpy as np
 
@@ -43,6 +43,9 @@ class Rssi(OfDistance):
     Source: Ruan, Wang, Yang, Zhang (2020), eq. 4, without gains and heights; R is 1/4 dB². z0, from the paper's indoor
     fit, and the least d are our choice.
     """
+
+    reading_limits: ClassVar[tuple[float, float]] = (-200.0, 0.0)
+    """Least and greatest strength (dBm) that a receiver of low power can report; recorded readings are within them."""
 
     z0: Annotated[float, Quantity("dBm", ge=-1e6, le=1e6), "strength at the distance d0"] = -37.8
     eta: Annotated[float, Quantity("", ge=1e-3, le=100), "η: exponent of the loss with distance"] = 2.3

@@ -29,7 +29,7 @@ from wsnsim.base.setups import NetworkSetup, Setup, TrackingSetup
 from wsnsim.base.standalone import StandaloneBlock, StandaloneRun, WholeRuns, offers_whole_runs
 from wsnsim.offline import block_rows
 from wsnsim.offline.block_rows import FollowedTarget
-from wsnsim.offline.measurements import HEAD, sample_readings
+from wsnsim.offline.measurements import HEAD, recorded_readings, sample_readings
 from wsnsim.offline.offline_run import node_rows
 
 BLOCK_SECONDS: Final = 1.0
@@ -144,7 +144,9 @@ def _standalone(setup: TrackingSetup, target: int, conditions: InitialConditions
     """One target of one run: its readings are those of `OfflineCluster`."""
     points = measured_points(setup.motions[target], setup.sensor, conditions.truths[target], setup.dt)
     sense, track = (derive(streams.key(name), target) for name in ("sense", "tracker"))
-    readings = sample_readings(setup.sensor, points, conditions.positions, conditions.traits, sense)
+    readings = recorded_readings(setup, target, len(conditions.positions))
+    if readings is None:
+        readings = sample_readings(setup.sensor, points, conditions.positions, conditions.traits, sense)
     keys = derive_each(derive_all(track, np.arange(setup.steps + 1)), np.array([HEAD_KEY], np.uint64))
     return StandaloneRun(conditions.priors[target], readings, conditions.assumed, conditions.traits, keys)
 

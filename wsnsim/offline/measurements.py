@@ -8,6 +8,7 @@ import numpy as np
 
 from wsnsim.base.arrays import Floats, planar
 from wsnsim.base.initial_conditions import InitialConditions, measured_points
+from wsnsim.base.node_names import node_names
 from wsnsim.base.ports import Detects, Scene, SensorModel
 from wsnsim.base.requests import Member
 from wsnsim.base.rng import HEAD_KEY, Streams, derive, derive_all, derive_each, reading_noise
@@ -29,6 +30,7 @@ class OfflineCluster:
         self._track_key = derive(streams.key("tracker"), target)
         truth = conditions.truths[target]
         self._points = measured_points(setup.motions[target], setup.sensor, truth, setup.dt)
+        self._recorded = recorded_readings(setup, target, len(self._positions))
         self._length = max(1, min(len(truth), MOST_AHEAD // len(self._positions)))
         self._block = _Block(0, [], [], [])
         self._ids: tuple[int, ...] = ()
@@ -66,15 +68,21 @@ class OfflineCluster:
     def _block_of(self, step: int) -> _Block:
         """The block of steps that holds this one, computed if it is not the present one."""
         if not self._block.first <= step < self._block.first + len(self._block.ids):
-            points = self._points[step : step + self._length]
-            numbers = np.arange(step, step + len(points))
-            sensor = self._setup.sensor
-            readings = sample_readings(sensor, points, self._positions, self._traits, self._sense_key, step)
+            readings = self._readings(step)
+            numbers = np.arange(step, step + len(readings))
             nodes = np.arange(len(self.members), dtype=np.uint64)
             keys = derive_each(derive_all(self._track_key, numbers)[:, None], nodes[None, :])
             ids = [tuple(np.flatnonzero(known).tolist()) for known in np.isfinite(readings)]
             self._block = _Block(step, ids, readings.tolist(), keys.tolist())
         return self._block
+
+    def _readings(self, first: int) -> Floats:
+        """(T, S) the measurements of the steps from `first` on; NaN where a sensor has none."""
+        steps = slice(first, first + self._length)
+        if self._recorded is not None:
+            return self._recorded[steps]
+        sensor = self._setup.sensor
+        return sample_readings(sensor, self._points[steps], self._positions, self._traits, self._sense_key, first)
 
 
 class _Block(NamedTuple):
@@ -87,6 +95,14 @@ class _Block(NamedTuple):
     ids: list[tuple[int, ...]]
     readings: list[list[float]]
     keys: list[list[int]]
+
+
+def recorded_readings(setup: TrackingSetup, target: int, sensors: int) -> Floats | None:
+    """(steps + 1, S) the recorded measurements of a target, NaN where a sensor has none; None if they are sampled."""
+    if setup.recorded is None:
+        return None
+    names = node_names(setup, sensors)
+    return setup.recorded.recordings(names, len(setup.motions), setup.steps, setup.dt)[target].readings
 
 
 def sample_readings(

@@ -62,7 +62,7 @@ def resolved(scenario: Scenario) -> dict[str, Any]:
 
 def plugins(scenario: Scenario) -> tuple[str, ...]:
     """Return the kinds that do not come with wsnsim, for provenance: 'tracker mine (mylab 1.0)'."""
-    chosen = {(role.name, model.kind) for role, _, model in _models(scenario)}
+    chosen = {pair for role, _, model in _models(scenario) for pair in _kinds_in(role.name, model)}
     infos = [(role, find(role, kind)) for role, kind in sorted(chosen)]
     added = [(role, info) for role, info in infos if info not in ROLES[role].kinds]
     return tuple(f"{role} {info.kind}" + (f" ({info.plugin})" if info.plugin else "") for role, info in added)
@@ -83,6 +83,15 @@ def _models(scenario: Scenario) -> list[tuple[Role, Keys, Any]]:
     """Return the models of each role that the run uses, with their paths."""
     used = filter(scenario.scope.uses, ROLES.values())
     return [(role, path, model) for role in used for path, model in scenario.written(role)]
+
+
+def _kinds_in(role: str, model: Any) -> Iterator[tuple[str, str]]:
+    """Yield (role, kind) of a model and of the components within it."""
+    from wsnsim.scenario.fields import roles_of
+
+    yield role, model.kind
+    for field, inner in roles_of(model.part).items():
+        yield from _kinds_in(inner, getattr(model, field))
 
 
 def _built(scenario: Scenario) -> tuple[dict[Keys, Any], list[Issue]]:
@@ -112,7 +121,8 @@ def _setup(scenario: Scenario, components: dict[Keys, Any]) -> TrackingSetup | B
     }
     if scope.network:
         common["faults"] = tuple(components[path] for path, _ in scenario.written(ROLES["fault"]))
-    roles = {str(path[0]): part for path, part in components.items() if path[0] in ROLES and path[0] != "motion"}
+    of_targets = ("motion", "sensor")
+    roles = {str(path[0]): part for path, part in components.items() if path[0] in ROLES and path[0] not in of_targets}
     if not scope.targets:
         return BeaconSetup(**common, **roles)
     roles.pop("workload", None)
@@ -123,13 +133,18 @@ def _setup(scenario: Scenario, components: dict[Keys, Any]) -> TrackingSetup | B
 
 
 def _of_targets(scenario: Scenario, components: dict[Keys, Any]) -> dict[str, Any]:
-    """Return the fields of a setup about targets: their motions, the filter's models, the limit of a lost track."""
+    """Return the fields of a setup about targets: motions, sensor, the filter's models, the limit of a lost track."""
+    from wsnsim.base.ports import Replays
+
+    sensor = components["sensor",]
     motions = tuple(components[path] for path, _ in scenario.written(ROLES["motion"]))
     assumes = scenario.tracker.assumes  # type: ignore[attr-defined]
     return {
         "motions": motions,
+        "sensor": sensor.law if isinstance(sensor, Replays) else sensor,
+        "recorded": sensor if isinstance(sensor, Replays) else None,
         "filter_motions": tuple(motion.assumed(assumes.noise_scale) for motion in motions),
-        "filter_sensor": components["sensor",].assumed(assumes.gains, assumes.inflate),
+        "filter_sensor": sensor.assumed(assumes.gains, assumes.inflate),
         "lost_window": scenario.lost.window,
         "lost_limit": scenario.lost.limit,
     }

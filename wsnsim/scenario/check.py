@@ -8,15 +8,17 @@ kinds then finds all other issues in one pass.
 
 from __future__ import annotations
 
+import functools
+import operator
 from collections.abc import Iterator
-from typing import Any, Final
+from typing import Any, Final, cast
 
 from pydantic import ValidationError
 
 from wsnsim.base.errors import Issue
 from wsnsim.base.regular_files import file_digest
 from wsnsim.scenario.datasheets import with_fields
-from wsnsim.scenario.fields import PartError, PartModel, described, names_of
+from wsnsim.scenario.fields import PartError, PartModel, described, names_of, roles_of
 from wsnsim.scenario.kinds import AT_TOP, ROLES
 from wsnsim.scenario.located_values import (
     BROKEN,
@@ -35,7 +37,15 @@ from wsnsim.scenario.messages import issues_of
 from wsnsim.scenario.plugin_access import is_missing, not_found, permit
 from wsnsim.scenario.registry import kinds
 from wsnsim.scenario.roles import Role, Scope
-from wsnsim.scenario.schema import Chosen, Scenario, is_without_target, part_model, scenario_model
+from wsnsim.scenario.schema import (
+    Chosen,
+    Scenario,
+    inner_models,
+    is_without_target,
+    part_model,
+    scenario_model,
+    with_inner,
+)
 
 BEACON_STEP: Final = 1.0
 """Time (s) between result rows of a network without a target, unless the scenario gives `step`."""
@@ -127,7 +137,7 @@ def _choose(tree: LocatedValue, scope: Scope) -> tuple[Chosen, list[Issue]]:
     chosen: dict[str, tuple[type[PartModel] | None, ...]] = {}
     issues: list[Issue] = []
     for key, components in _components(tree, scope, issues):
-        models = tuple(_model_at(node, path, issues) for path, node in components)
+        models = tuple(_model_at(node, path, AT_TOP[key], issues) for path, node in components)
         if any(models) or not models:
             chosen[key] = models
     return tuple(chosen.items()), issues
@@ -164,8 +174,8 @@ def _items(several: LocatedValue, role: Role, issues: list[Issue]) -> list[tuple
     return [((role.listed, i), node) for i, node in enumerate(several.value)]
 
 
-def _model_at(node: LocatedValue, path: Keys, issues: list[Issue]) -> type[PartModel] | None:
-    role = AT_TOP[str(path[0])]
+def _model_at(node: LocatedValue, path: Keys, role: Role, issues: list[Issue]) -> type[PartModel] | None:
+    """Return the model of the kind that a node names, with those of the components within it; None with an issue."""
     kind_path = (*path, "kind")
     written = child(node, "kind")
     if node.value is BROKEN or (written is not None and written.value is BROKEN):
@@ -181,10 +191,13 @@ def _model_at(node: LocatedValue, path: Keys, issues: list[Issue]) -> type[PartM
         issues.append((written or node).spot.issue(kind_path, problem))
         return None
     try:
-        return _permitted(role.name, kind, (written or node).spot)
+        model = _permitted(role.name, kind, (written or node).spot)
     except (LookupError, ImportError, PartError) as error:
         issues.append((written or node).spot.issue(kind_path, str(error.args[0])))
         return None
+    given = [(field, ROLES[name], child(node, field)) for field, name in roles_of(model.part).items()]
+    inner = [(field, _model_at(held, (*path, field), of, issues)) for field, of, held in given if held is not None]
+    return with_inner(model, tuple(inner))
 
 
 def _located(tree: LocatedValue, chosen: Chosen) -> dict[str, Any]:
@@ -193,18 +206,30 @@ def _located(tree: LocatedValue, chosen: Chosen) -> dict[str, Any]:
     A component with a field `digest` gets the digest of its file, unless the text gives one.
     """
     data: dict[str, Any] = plain(tree)
+    for path, model in _chosen_models(chosen):
+        names = names_of(model.part)
+        for field in filter(is_path, names):
+            node = at(tree, (*path, field))
+            if node is not None and isinstance(node.value, str) and node.value:
+                component = functools.reduce(operator.getitem, path, cast(Any, data))
+                component[field] = str((node.spot.origin.folder / node.value).resolve())
+                if "digest" in names and component.get("digest", "") == "":
+                    component["digest"] = _digest_of(component[field])
+    return data
+
+
+def _chosen_models(chosen: Chosen) -> Iterator[tuple[Keys, type[PartModel]]]:
+    """Yield every known model with the path of its component, those within others too."""
     for key, models in chosen:
         for i, model in enumerate(models):
-            path: Keys = (key, i) if key == AT_TOP[key].listed else (key,)
-            names = names_of(model.part) if model else []
-            for field in filter(_is_path, names):
-                node = at(tree, (*path, field))
-                if node is not None and isinstance(node.value, str) and node.value:
-                    component = data[key][i] if len(path) > 1 else data[key]
-                    component[field] = str((node.spot.origin.folder / node.value).resolve())
-                    if "digest" in names and component.get("digest", "") == "":
-                        component["digest"] = _digest_of(component[field])
-    return data
+            if model is not None:
+                yield from _with_inner_models((key, i) if key == AT_TOP[key].listed else (key,), model)
+
+
+def _with_inner_models(path: Keys, model: type[PartModel]) -> Iterator[tuple[Keys, type[PartModel]]]:
+    yield path, model
+    for field, inner in inner_models(model).items():
+        yield from _with_inner_models((*path, field), inner)
 
 
 def _digest_of(file: str) -> str:
@@ -215,5 +240,6 @@ def _digest_of(file: str) -> str:
         return ""
 
 
-def _is_path(field: str) -> bool:
+def is_path(field: str) -> bool:
+    """Return whether a field of this name holds the name of a file."""
     return field == "path" or field.endswith("_path")

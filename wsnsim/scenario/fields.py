@@ -4,7 +4,7 @@
 
 A real number takes a quantity with unit ('60 m'), a whole number takes 400.0 but not 400.5, neither takes true or NaN;
 infinity is allowed only where there is no bound on that side. A field whose type is a component becomes a mapping of
-the fields of that component.
+the fields of that component; one that holds any component of a role (`OfRole`) any mapping, until its kind is known.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
-from wsnsim.base.part import Quantity
+from wsnsim.base.part import OfRole, Quantity
 from wsnsim.scenario.units import UnitError, shown, si, wanted
 
 FROZEN: Final = ConfigDict(
@@ -240,6 +240,23 @@ def nested_of(part: Any) -> Mapping[str, Any]:
     return types.MappingProxyType(found)
 
 
+def roles_of(part: Any) -> Mapping[str, str]:
+    """Return the fields of a component that hold a component of any kind of a role, with the role's name."""
+    return _roles_of(part)
+
+
+@functools.cache
+def _roles_of(part: Any) -> Mapping[str, str]:
+    hints = get_type_hints(part, include_extras=True)
+    found = {name: _role_in(hints[name]) for name in names_of(part)}
+    return types.MappingProxyType({name: role for name, role in found.items() if role})
+
+
+def _role_in(hint: Any) -> str:
+    notes = get_args(hint)[1:] if get_origin(hint) is Annotated else ()
+    return next((note.role for note in notes if isinstance(note, OfRole)), "")
+
+
 def fields_of(part: type[Any]) -> dict[str, tuple[Any, Any]]:
     """Return the fields of a component as arguments of pydantic's `create_model`.
 
@@ -264,5 +281,6 @@ def _field(field: dataclasses.Field[Any], hint: Any) -> tuple[Any, Any]:
         default = {"default": dataclasses.asdict(written) if _is_part(type(written)) else written}
     elif field.default_factory is not dataclasses.MISSING:
         default = {"default_factory": field.default_factory}
-    annotation = annotation_of(get_args(hint)[0] if get_origin(hint) is Annotated else hint, quantity)
+    kind = get_args(hint)[0] if get_origin(hint) is Annotated else hint
+    annotation = dict[str, Any] if _role_in(hint) else annotation_of(kind, quantity)
     return annotation, Field(description=" ".join(piece for piece in (about.words, unit) if piece) or None, **default)

@@ -56,6 +56,8 @@ _ROLES: Final = (
             "the target's coordinate along an axis of the node: linear, the Kalman filter is exact"),
         Kind("rssi", "wsnsim.models.rssi:Rssi",
             "received signal strength, which falls with the logarithm of the distance", f"{RUAN}, eq. 4"),
+        Kind("recorded", "wsnsim.models.recorded_readings:RecordedSensor",
+            "readings that were recorded, from a CSV file; filters believe the law that is given for them"),
         Kind("squared", "wsnsim.models.ungm:Squared", "the square of a scalar state, divided by 20",
             f"{WEI}, experiment 1"),
     )),

@@ -135,12 +135,12 @@ def spot_of(root: LocatedValue, path: Keys, of_key: bool = False) -> Spot:
 def merged(base: LocatedValue, over: LocatedValue, path: Keys = ()) -> LocatedValue:
     """Return `base` with `over` merged into it.
 
-    Mappings are merged key by key; all other values, and roles whose kind changes, are replaced.
+    Mappings are merged key by key; all other values, and components whose kind changes, are replaced.
     """
     if not (isinstance(base.value, dict) and isinstance(over.value, dict)):
         return over
     new = child(over, "kind")
-    if len(path) == 1 and new is not None and plain(new) != _kind(base, path):
+    if path and new is not None and plain(new) != _kind(base, path):
         return over
     kept = base.value if path else {key: entry for key, entry in base.value.items() if not _is_replaced(key, over)}
     overlay = {
@@ -153,7 +153,7 @@ def merged(base: LocatedValue, over: LocatedValue, path: Keys = ()) -> LocatedVa
 def _kind(node: LocatedValue, path: Keys) -> Any:
     """Return the kind of a role, written or by default."""
     written = child(node, "kind")
-    role = AT_TOP.get(str(path[0]))
+    role = AT_TOP.get(str(path[0])) if len(path) == 1 else None
     return plain(written) if written else role.default if role else None
 
 
@@ -179,7 +179,7 @@ def assigned(node: LocatedValue, path: Keys, new: LocatedValue, depth: int = 0) 
         return sequence(items, node.spot)
     if not isinstance(node.value, dict):
         raise LookupError(f"{here} is a single value and has no '{key}'")
-    if depth > 0 and path[depth:] == ("kind",) and plain(new) != _kind(node, path):
+    if depth > 0 and path[depth:] == ("kind",) and plain(new) != _kind(node, path[:depth]):
         return mapping({"kind": Entry(new.spot, new)}, new.spot)
     old = node.value.get(str(key))
     inner = assigned(old.node if old else LocatedValue({}, new.spot), path, new, depth + 1)

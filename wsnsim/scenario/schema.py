@@ -36,6 +36,7 @@ from wsnsim.scenario.fields import (
     made_model,
     names_of,
     refusal,
+    roles_of,
 )
 from wsnsim.scenario.kinds import AT_TOP
 from wsnsim.scenario.located_values import Keys, LocatedValue, Spot, spot_of
@@ -277,6 +278,22 @@ def part_model(role: str, kind: str) -> type[PartModel]:
         return made_model(part, base, {"kind": choice, **fields})
     except PartError as error:
         raise PartError(f"{info.path} {error}") from None
+
+
+@functools.cache
+def with_inner(model: type[PartModel], inner: tuple[tuple[str, type[PartModel] | None], ...]) -> type[PartModel]:
+    """Return the model of a kind whose fields hold components of these kinds; None for one whose kind has an issue."""
+    fields: dict[str, Any] = {
+        name: (Any if chosen is None else chosen, Field(description=model.model_fields[name].description))
+        for name, chosen in inner
+    }
+    return create_model(model.__name__, __base__=model, __module__=model.__module__, **fields) if fields else model
+
+
+def inner_models(model: type[PartModel]) -> dict[str, type[PartModel]]:
+    """Return the models of the components of a role that a component holds, by field, where their kinds are known."""
+    held = {name: model.model_fields[name].annotation for name in roles_of(model.part)}
+    return {name: kind for name, kind in held.items() if isinstance(kind, type) and issubclass(kind, PartModel)}
 
 
 @functools.cache

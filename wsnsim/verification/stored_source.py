@@ -6,15 +6,17 @@ compare(content, overrides, resolved) -> (what differs, what could not be compar
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from wsnsim.base.errors import ScenarioError
 from wsnsim.base.leaves import differing_leaves
 from wsnsim.scenario.build import resolved as resolved_of
+from wsnsim.scenario.check import is_path
 from wsnsim.scenario.files import shipped
 from wsnsim.scenario.load import ScenarioText, assignments_of, load, tree_of, validated
-from wsnsim.scenario.located_values import LocatedValue, Origin, mapping, merged
+from wsnsim.scenario.located_values import Entry, Keys, LocatedValue, Origin, mapping, merged, sequence
 from wsnsim.scenario.plugin_access import Plugins
 from wsnsim.scenario.reader import of_dict, read
 
@@ -39,8 +41,9 @@ def compare(
     tree, issues = read(content, origin)
     if tree is None or issues or not isinstance(tree.value, dict):
         return ["its source text is not a scenario"], []
-    base, own, unknown = _base_of(tree, resolved)
-    assignments, wrong = assignments_of(overrides, plugins)
+    base, own, unknown = _base_of(_with_stored_files(tree, resolved), resolved)
+    written, wrong = assignments_of(overrides, plugins)
+    assignments = [(keys, _with_stored_files(node, _at(resolved, keys), str(keys[-1]))) for keys, node in written]
     text = ScenarioText(own if base is None else merged(base, own), wrong, ("", ""))
     try:
         known, found = load(resolved, plugins=plugins), validated(text, assignments)
@@ -71,3 +74,36 @@ def _base_of(tree: LocatedValue, resolved: Mapping[str, Any]) -> tuple[LocatedVa
             return tree_of(path)[0], own, []
     note = f"what its source text takes from {name!r}, a file that does not come with wsnsim"
     return of_dict(dict(resolved), tree.spot.origin)[0], own, [note]
+
+
+def _with_stored_files(node: LocatedValue, stored: Any, key: str = "") -> LocatedValue:
+    """The values with the stored file where a relative name ends it: the folder of the text is not known."""
+    if isinstance(node.value, dict):
+        held = stored if isinstance(stored, dict) else {}
+        items = node.value.items()
+        return mapping(
+            {name: Entry(one.spot, _with_stored_files(one.node, held.get(name), name)) for name, one in items},
+            node.spot,
+        )
+    if isinstance(node.value, list):
+        kept = stored if isinstance(stored, list) and len(stored) == len(node.value) else [None] * len(node.value)
+        return sequence([_with_stored_files(one, held) for one, held in zip(node.value, kept, strict=True)], node.spot)
+    if is_path(key) and isinstance(node.value, str) and isinstance(stored, str) and _ends(stored, node.value):
+        return replace(node, value=stored)
+    return node
+
+
+def _ends(stored: str, written: str) -> bool:
+    """Whether a stored path ends with a relative one, apart from steps to parent folders."""
+    parts = [part for part in Path(written).parts if part not in (".", "..")]
+    return bool(parts) and not Path(written).is_absolute() and list(Path(stored).parts[-len(parts) :]) == parts
+
+
+def _at(stored: Any, keys: Keys) -> Any:
+    """The stored value at a path of keys; None if there is none."""
+    for key in keys:
+        try:
+            stored = stored[key]
+        except (KeyError, IndexError, TypeError):
+            return None
+    return stored

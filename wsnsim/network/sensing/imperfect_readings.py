@@ -16,6 +16,7 @@ import numpy as np
 from wsnsim.base.arrays import Bools, Floats, Ints, Keys, planar
 from wsnsim.base.initial_conditions import measured_points
 from wsnsim.base.mechanisms import SensorDefect
+from wsnsim.base.node_names import node_names
 from wsnsim.base.ports import Detection, Detects
 from wsnsim.base.rng import HEAD_KEY, derive, derive_all, normals, uniforms
 from wsnsim.base.setups import NetworkSetup
@@ -23,6 +24,8 @@ from wsnsim.network.clocks import Clocks
 from wsnsim.network.faults.mechanisms import change_readings
 from wsnsim.network.nodes import Nodes
 from wsnsim.network.sensing.readings import Readings, SensorArray
+from wsnsim.network.sensing.replayed_readings import ReplayedReadings
+from wsnsim.network.sensing.reports import Reports
 
 DISTORTION: Final = HEAD_KEY
 """In a random key, stands for a target: for what distorts a node's readings at every step."""
@@ -68,22 +71,14 @@ class ImperfectReadings(Readings):
         self._imperfections = imperfections
         self._times = np.arange(len(points)) * imperfections.dt
         self._extent = float(np.hypot(*np.ptp(sensors.positions, axis=0)))
-        self._taken: dict[int, dict[int, float]] = {}
-        self._stuck_at: dict[tuple[int, int], float] = {}
-        self._last: dict[int, float] = {}
+        self._reports = Reports(self._take, imperfections.defects)
 
     def readings(self, step: int) -> dict[int, float]:
         """{node: reading} of the nodes that report one at a step, ascending, whether they are up or not."""
-        return dict(self._at(step))
+        return dict(self._reports.at(step))
 
     def _ids_at(self, step: int) -> Iterable[int]:
-        return self._at(step)
-
-    def _at(self, step: int) -> dict[int, float]:
-        if step not in self._taken:
-            self._taken.pop(step - 2, None)
-            self._taken[step] = self._take(step)
-        return self._taken[step]
+        return self._reports.at(step)
 
     def _take(self, step: int) -> dict[int, float]:
         detection, at_step = self._imperfections.detection, derive(self._key, step)
@@ -102,9 +97,7 @@ class ImperfectReadings(Readings):
         noise = normals(derive_all(at_step, nodes), 0)
         readings = self._sensor.measure(points, self._positions[nodes], self._traits[nodes], noise)
         reported = detection.distort(readings, derive_all(self._distortion, nodes))
-        taken = self._with_defects(dict(zip(nodes.tolist(), reported.tolist(), strict=True)))
-        self._last.update(taken)
-        return taken
+        return dict(zip(nodes.tolist(), reported.tolist(), strict=True))
 
     def _in_range(self, step: int) -> tuple[Ints, Floats]:
         """Nodes with the target in range when their clocks show the time of the step, and where it is for each of them.
@@ -163,21 +156,6 @@ class ImperfectReadings(Readings):
         """(count, 1) the target's height at a step, or (count, 0) where points have none."""
         return np.repeat(self._points[step : step + 1, 2:], count, axis=0)
 
-    def _with_defects(self, readings: dict[int, float]) -> dict[int, float]:
-        """Readings with the defects of this instant: offsets first, since a sensor that is stuck ignores them."""
-        defects = self._imperfections.defects
-        for number, node in [key for key in self._stuck_at if key[0] not in defects]:
-            del self._stuck_at[number, node]
-        for number, defect in sorted(defects.items(), key=lambda item: item[1].stuck):
-            for node in defect.nodes.intersection(readings):
-                if not defect.stuck:
-                    readings[node] += defect.offset
-                elif defect.value is not None:
-                    readings[node] = defect.value
-                else:
-                    readings[node] = self._stuck_at.setdefault((number, node), self._last.get(node, readings[node]))
-        return readings
-
 
 def make_readings(
     setup: NetworkSetup, trajectories: Sequence[Floats], nodes: Nodes, clocks: Clocks, key: int
@@ -198,6 +176,10 @@ def make_search_readings(
 def _readings(
     setup: NetworkSetup, trajectories: Sequence[Floats], nodes: Nodes, imperfections: Imperfections, key: int
 ) -> list[Readings]:
+    if setup.recorded is not None:
+        steps, names = len(trajectories[0]) - 1, node_names(setup, len(nodes.positions))
+        recordings = setup.recorded.recordings(names, len(setup.motions), steps, imperfections.dt)
+        return [ReplayedReadings(recording, imperfections.defects) for recording in recordings]
     sensors = SensorArray(nodes.positions, nodes.traits, setup.sensor, nodes.grid, key)
     perfect, dt = not imperfections.matter() and not change_readings(setup.faults), imperfections.dt
     result: list[Readings] = []

@@ -1,0 +1,219 @@
+"""Runs on recorded readings: what reaches the filter, in and out of a network, and what a scenario may not change."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import wsnsim
+from wsnsim import scenario
+from wsnsim.base.errors import RunError, ScenarioError
+from wsnsim.base.recorders import Memory
+from wsnsim.experiment import load, replicate_of
+from wsnsim.scenario import build
+
+STEPS, DT = 20, 0.5
+PLACES = {"east": (10.0, 0.0), "north": (0.0, 10.0), "west": (-10.0, 0.0), "south": (0.0, -10.0)}
+
+
+def distances(step: int) -> dict[str, float]:
+    """The distance of a target that moves along x at 0.4 m/s from each node."""
+    x = 0.2 * step - 2.0
+    return {name: float(np.hypot(x - place[0], 1.0 - place[1])) for name, place in PLACES.items()}
+
+
+def world(folder: Path, silent: set[tuple[int, str]] | None = None, **changed: float) -> dict[str, Any]:
+    """A scenario on files in this folder. `changed`: readings as STEP_NAME=value; `silent`: those that are missing."""
+    rows = ["time,node,reading"]
+    for step in range(1, STEPS + 1):
+        for name, distance in distances(step).items():
+            if (step, name) not in (silent or set()):
+                rows.append(f"{step * DT},{name},{changed.get(f's{step}_{name}', distance)}")
+    (folder / "readings.csv").write_text("\n".join(rows))
+    (folder / "track.csv").write_text("time,x,y\n0,-2,1\n10,2,1\n")
+    (folder / "nodes.csv").write_text("id,x,y\n" + "".join(f"{n},{x},{y}\n" for n, (x, y) in PLACES.items()))
+    return {
+        "name": "recorded", "network": "none", "seed": 1, "duration": STEPS * DT, "step": DT,
+        "prior": {"sd": [0.5, 0.2, 0.5, 0.2]},
+        "deploy": {"kind": "file", "path": str(folder / "nodes.csv"), "width": 40, "height": 40, "cover": False},
+        "motion": {"kind": "recorded_track", "path": str(folder / "track.csv"), "q": 0.01},
+        "sensor": {
+            "kind": "recorded", "path": str(folder / "readings.csv"), "time_origin": 0.0,
+            "law": {"kind": "range", "sd": 0.1, "reach": 5},
+        },
+        "tracker": {"kind": "ekf"},
+    }  # fmt: skip
+
+
+def network_world(folder: Path, **keys: Any) -> dict[str, Any]:
+    """The same in a network."""
+    data = world(folder, **keys)
+    del data["network"]
+    data["motion"]["time_origin"] = 0.0
+    data["sensor"]["law"]["reach"] = 100
+    return data | {
+        "energy": {"kind": "first_order", "battery": 10},
+        "link": {"kind": "disk", "reach": 100},
+        "clusters": {"kind": "central"},
+        "acquire": {"kind": "readings"},
+        "detection": {"kind": "perfect"},
+    }
+
+
+def estimates(data: Any, table: str = "estimates", replicate: int = 0) -> dict[str, Any]:
+    """A table of one run, composed step by step."""
+    memory = Memory()
+    replicate_of(build(load(data)), replicate, memory)
+    return memory.table(table)
+
+
+def first_difference(one: dict[str, Any], other: dict[str, Any]) -> int:
+    """The first step at which the estimates differ; 0: none does."""
+    differing = (one["px"] != other["px"]) | (one["py"] != other["py"])
+    return int(one["step"][differing][0]) if differing.any() else 0
+
+
+def test_the_filter_sees_the_rows_of_the_file_and_no_sample(tmp_path: Path) -> None:
+    """Readings without noise: the estimate comes to the track; another seed changes the prior alone."""
+    found = estimates(world(tmp_path))
+    assert found["readings"].tolist() == [4] * STEPS
+    assert found["error"][-1] < 0.05
+    bias = {f"s{step}_east": distances(step)["east"] + 1.0 for step in range(1, STEPS + 1)}
+    assert estimates(world(tmp_path, **bias))["error"][-1] > 0.2
+
+
+@pytest.mark.parametrize("make", [world, network_world])
+def test_one_changed_reading_changes_the_estimates_from_its_step_on(tmp_path: Path, make: Any) -> None:
+    before, after = estimates(make(tmp_path)), estimates(make(tmp_path, s8_north=9.5))
+    assert first_difference(before, after) == 8
+
+
+@pytest.mark.parametrize("make", [world, network_world])
+def test_a_gap_is_silence_wherever_the_target_is(tmp_path: Path, make: Any) -> None:
+    """The law's sensing range of 5 m would have none of the readings."""
+    found = estimates(make(tmp_path, silent={(8, "north"), (9, "north"), (9, "east")}))
+    assert found["readings"].tolist() == [4] * 7 + [3, 2] + [4] * 11
+
+
+def test_a_node_that_crashed_or_sleeps_does_not_measure(tmp_path: Path) -> None:
+    crashed = network_world(tmp_path) | {"faults": [{"kind": "crash", "at": 5.0, "nodes": [3]}]}
+    assert estimates(crashed)["readings"].tolist() == [4] * 9 + [3] * 11
+    asleep = network_world(tmp_path) | {"sleep": {"kind": "duty_cycle", "period": 4.0, "awake_share": 0.25}}
+    assert 0 < estimates(asleep)["readings"].sum() < 4 * STEPS
+
+
+def test_a_node_out_of_radio_range_of_the_head_is_not_heard(tmp_path: Path) -> None:
+    data = network_world(tmp_path) | {"clusters": {"kind": "central", "x": 10.0, "y": 0.0}}
+    near = estimates(data | {"link": {"kind": "disk", "reach": 14.5}, "routing": {"kind": "minimum_hop"}})
+    assert set(near["readings"].tolist()) <= {3, 4}
+
+
+def test_a_sensor_fault_changes_what_was_recorded(tmp_path: Path) -> None:
+    data = network_world(tmp_path)
+    biased = data | {"faults": [{"kind": "bias", "at": 5.0, "nodes": [1], "offset": 2.0}]}
+    assert first_difference(estimates(data), estimates(biased)) == 10
+
+
+def test_many_runs_at_once_give_the_same_as_one_by_one(tmp_path: Path) -> None:
+    data = world(tmp_path)
+    for batch in (True, False):
+        wsnsim.run(data, replicates=3, out=tmp_path / f"{batch}.h5", batch=batch)
+    one, other = (wsnsim.read(tmp_path / f"{batch}.h5", "estimates") for batch in (True, False))
+    assert one.equals(other) and one["px"].nunique() > STEPS
+
+
+def test_two_targets_have_readings_of_their_own(tmp_path: Path) -> None:
+    data = world(tmp_path)
+    rows = (tmp_path / "readings.csv").read_text().splitlines()
+    both = [rows[0] + ",target", *(row + ",0" for row in rows[1:]), *(row + ",1" for row in rows[1:9])]
+    (tmp_path / "readings.csv").write_text("\n".join(both))
+    motion = data.pop("motion")
+    found = estimates(data | {"targets": [motion, motion]})
+    counts = [found["readings"][found["target"] == target].tolist() for target in (0, 1)]
+    assert counts == [[4] * STEPS, [4, 4] + [0] * (STEPS - 2)]
+
+
+def issues(data: Any, *overrides: str) -> str:
+    """The message of a scenario that is refused."""
+    with pytest.raises(ScenarioError) as caught:
+        build(load(data, overrides))
+    return str(caught.value)
+
+
+def test_a_scenario_that_samples_what_was_recorded_is_refused(tmp_path: Path) -> None:
+    data = network_world(tmp_path)
+    assert "detection errors of the world" in issues(data | {"detection": {"kind": "imperfect", "missed": 0.1}})
+    walk = data | {"motion": {"kind": "random_waypoint"}}
+    assert "motion.kind: error: readings were recorded of one trajectory" in issues(walk)
+
+
+def test_two_origins_of_time_that_differ_are_refused(tmp_path: Path) -> None:
+    data = world(tmp_path)
+    del data["sensor"]["time_origin"]
+    assert "begins at 0 s, the readings at 0.5 s: give time_origin for both" in issues(data)
+    data["sensor"]["time_origin"] = data["motion"]["time_origin"] = 0.25
+    assert estimates(data)["readings"].tolist() == [4] * STEPS
+
+
+@pytest.mark.parametrize(
+    ("override", "message"),
+    [
+        ("sensor.law.kind=rang", "law.kind: error: unknown sensor 'rang' (did you mean 'range'?)"),
+        ("sensor.law.sdd=2", "law.sdd: error: unknown key, did you mean 'sd'?"),
+        ("sensor.law.sd=-2", "law.sd: error: must be at least 1e-06, is -2"),
+        ("sensor.law.reach=1e8", "law.reach: error: must be at most 1e+07, or .inf, is 1e+08"),
+        ("sensor.law=5", "law: error: expected a mapping such as {kind: acoustic_energy}, got the number 5"),
+        ("sensor.law={}", "law.kind: is missing; known: acoustic_energy, "),
+        ("sensor.columns.node=who", "readings.csv:1: the header must name the columns who, time and reading"),
+        ("sensor.columns=who", "sensor.columns: error: expected a mapping, got the text 'who'"),
+        ("sensor.path=none.csv", "none.csv: cannot be read: No such file"),
+        ("deploy.columns.id=y", "the node '0.0' stands in line"),
+    ],
+)
+def test_a_wrong_value_within_a_component_is_named_by_its_keys(tmp_path: Path, override: str, message: str) -> None:
+    assert message in issues(world(tmp_path), override).replace("--set sensor", "sensor")
+
+
+def test_a_law_that_is_missing_is_named(tmp_path: Path) -> None:
+    data = world(tmp_path)
+    del data["sensor"]["law"]
+    assert "sensor.law: error: is missing: the sensor model that filters take" in issues(data)
+
+
+def test_values_of_the_law_can_be_set_replaced_and_are_stored(tmp_path: Path) -> None:
+    data = world(tmp_path)
+    loaded = scenario.load(data, ["sensor.law.sd=0.4"])
+    assert build(loaded).sensor.sd == 0.4 and scenario.load(scenario.resolved(loaded)) == loaded
+    assert scenario.resolved(loaded)["sensor"]["law"]["reach"] == 5.0
+    data["sensor"]["law"] = {"kind": "acoustic_energy", "decay": 2.0}
+    other = build(scenario.load(data, ["sensor.law.kind=range", "sensor.law.sd=2"]))
+    assert type(other.sensor).__name__ == "Range" and other.sensor.sd == 2.0
+
+
+def test_a_law_may_be_a_plugin_which_the_provenance_names(tmp_path: Path) -> None:
+    data = world(tmp_path)
+    data["sensor"]["law"] = {"kind": "wsnsim.models.ranging:Range", "sd": 0.1}
+    assert scenario.plugins(scenario.load(data)) == ("sensor wsnsim.models.ranging:Range",)
+
+
+def test_a_file_that_changed_or_is_gone_is_refused_with_its_result(tmp_path: Path) -> None:
+    path, out = tmp_path / "readings.csv", tmp_path / "out.h5"
+    wsnsim.run(world(tmp_path), replicates=1, out=out)
+    assert estimates(out)["readings"].sum() == 4 * STEPS
+    text = path.read_text()
+    path.write_text(text.replace(",east,", ",west,", 1).replace(",west,", ",east,", 1) + "\n10.5,east,3\n")
+    assert "readings.csv: the file has changed: its digest is" in issues(out)
+    path.unlink()
+    assert "readings.csv: cannot be read: No such file" in issues(out)
+    path.write_text(text)
+    assert estimates(out)["readings"].sum() == 4 * STEPS
+
+
+def test_a_file_that_changes_after_the_scenario_was_read_is_refused(tmp_path: Path) -> None:
+    loaded = scenario.load(world(tmp_path))
+    (tmp_path / "readings.csv").write_text("time,node,reading\n0.5,east,1\n")
+    with pytest.raises((RunError, ScenarioError), match="the file has changed"):
+        estimates(loaded)

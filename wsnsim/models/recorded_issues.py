@@ -1,0 +1,63 @@
+"""What a scenario with recorded readings must not change: trajectory, detection and clocks are those of the recording.
+
+recorded_issues(sensor, setup) -> Iterator[Issue]
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, Final
+
+import numpy as np
+
+from wsnsim.base.errors import Issue
+from wsnsim.base.ports import Detection, MotionModel
+from wsnsim.base.setups import NetworkSetup, TrackingSetup
+from wsnsim.models.recorded_track import RecordedTrack
+
+SAME_TIME: Final = 1e-9
+"""s: difference of two origins of time that is rounding."""
+MOST_STEPS: Final = 20
+"""Steps of a trajectory that are compared."""
+
+
+def recorded_issues(sensor: Any, setup: TrackingSetup) -> Iterator[Issue]:
+    """Yield an issue for each component that samples what was recorded, and if times may have different origins."""
+    for number, motion in enumerate(setup.motions):
+        key = ("motion", "kind") if len(setup.motions) == 1 else ("targets", number, "kind")
+        if not _is_given(motion, setup):
+            message = "readings were recorded of one trajectory, and this one is sampled at random: use recorded_track"
+            yield Issue(key, f"{message} (or waypoints)")
+        elif isinstance(motion, RecordedTrack):
+            yield from _other_origin(sensor, motion)
+    if isinstance(setup, NetworkSetup) and not _is_perfect(setup.detection):
+        message = "recorded readings have the detection errors of the world that they come from: use kind: perfect"
+        yield Issue(("detection", "kind"), message)
+
+
+def _is_perfect(detection: Detection) -> bool:
+    """Whether all readings are reported as they are taken."""
+    probe = np.ones(1)
+    return detection.missed == detection.false_alarm == 0 and (
+        detection.distort(probe, np.zeros(1, dtype=np.uint64)) is probe
+    )
+
+
+def _is_given(motion: MotionModel, setup: TrackingSetup) -> bool:
+    """Whether a trajectory is the same with all random numbers."""
+    steps = min(setup.steps, MOST_STEPS)
+    one, other = (motion.truth(steps, setup.dt, np.random.default_rng(seed)) for seed in (1, 2))
+    return bool(np.array_equal(one, other))
+
+
+def _other_origin(sensor: Any, motion: RecordedTrack) -> Iterator[Issue]:
+    """Yield an issue if the time 0 of readings and trajectory follows from their files, and differs."""
+    if None not in (sensor.time_origin, motion.time_origin):
+        return
+    apart = motion.track.origin - sensor.origin
+    if abs(apart) > SAME_TIME:
+        message = (
+            f"the trajectory begins at {motion.track.origin:.9g} s, the readings at {sensor.origin:.9g} s: give "
+            "time_origin for both"
+        )
+        yield Issue(("sensor", "time_origin"), message)

@@ -1,0 +1,221 @@
+"""The sensor model of readings that were recorded: a file in place of samples from a law.
+
+recordings(names, targets, steps, dt) -> one Recording per target, (steps + 1, N)
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from functools import cached_property
+from typing import Annotated, Any, ClassVar, Final, Literal, NamedTuple
+
+import numpy as np
+
+from wsnsim.base.arrays import Floats, Ints
+from wsnsim.base.errors import Issue, RunError
+from wsnsim.base.node_names import node_names
+from wsnsim.base.part import OfRole, Quantity, part
+from wsnsim.base.ports import LimitsReadings, Recording, Replays, SensorModel
+from wsnsim.base.setups import TrackingSetup
+from wsnsim.models.csvfile import BadRow, CsvRows, Wanted, bad_rows_text, demand_digest, read_rows, row_texts
+from wsnsim.models.recorded_issues import recorded_issues
+
+TIME: Final = Quantity("s", ge=-1e15, le=1e15)
+ROUNDING: Final = 1e-9
+"""s: a reading this much later than a step still belongs to it."""
+NO_LIMITS: Final = (-math.inf, math.inf)
+
+
+@part
+class ReadingColumns:
+    """The names of the columns of a file with recorded readings."""
+
+    sheet: ClassVar[str] = ""
+
+    time: Annotated[str, "the time, in s"] = "time"
+    node: Annotated[str, "the name of the node"] = "node"
+    reading: Annotated[str, "the reading, in the unit of the law"] = "reading"
+    target: Annotated[str, "the number of the target, from 0; a file of one target may lack it"] = "target"
+
+
+class _Table(NamedTuple):
+    """The good rows of a file in the order of time: names[codes[i]] is the node of row i. `bad`: the other rows."""
+
+    lines: Ints
+    times: Floats
+    names: tuple[str, ...]
+    codes: Ints
+    readings: Floats
+    targets: Ints
+    bad: tuple[BadRow, ...]
+
+
+@part
+class RecordedSensor:
+    """Readings that were recorded, from a CSV file with a row per reading: time, node, reading, and perhaps target.
+
+    Rows may stand in any order. A reading at the time t belongs to the first step k with k dt >= t - `time_origin`, so
+    that no step uses a reading of the future; those before the origin belong to step 0, those after the last step are
+    not used. A node without a reading in a step is silent. Of several readings of a node in a step, the `mean` or the
+    `last` counts. Nodes are known by the names that the deployment gives them, else by their numbers. No reading is
+    sampled, and where the target is plays no part in who has one. `law` is what filters, heads and bounds take the
+    readings to follow. All of this is our choice.
+    """
+
+    path: Annotated[str, "CSV file, also .gz, with a header that names time, node and reading; more are ignored"]
+    law: Annotated[SensorModel, OfRole("sensor"), "the sensor model that filters take the readings to follow"]
+    columns: Annotated[ReadingColumns, "the names of the file's columns, where they differ"] = ReadingColumns()
+    several: Annotated[Literal["mean", "last"], "which reading counts, of several of a node in a step"] = "mean"
+    time_origin: Annotated[
+        float | None, TIME, "time in the file that is 0 in the run; default: the first reading's"
+    ] = None
+    skip_bad_rows: Annotated[bool, "whether rows that cannot be used are left out and counted, instead of refused"] = (
+        False
+    )
+    digest: Annotated[str, "digest of the file; '': that of the present file, which the result stores"] = ""
+
+    def __post_init__(self) -> None:
+        """Raises ValueError if the law is itself a recording."""
+        if isinstance(self.law, Replays):
+            raise ValueError("law: must be a sensor model that can be computed, not recorded readings")
+
+    @property
+    def reach(self) -> float:
+        """The law's sensing range."""
+        return self.law.reach
+
+    @property
+    def trait_names(self) -> tuple[str, ...]:
+        """The law's traits."""
+        return self.law.trait_names
+
+    def draw_traits(self, nodes: int, rng: np.random.Generator) -> Floats:
+        """(nodes, T) as the law."""
+        return self.law.draw_traits(nodes, rng)
+
+    def measure(self, points: Floats, positions: Floats, traits: Floats, noise: Floats) -> Floats:
+        """(n,) readings that the law would give; no run uses them."""
+        return self.law.measure(points, positions, traits, noise)
+
+    def log_likelihood(
+        self, points: Floats, readings: Floats, positions: Floats, traits: Floats, owners: Ints | None = None
+    ) -> Floats:
+        """(N,) as the law."""
+        return self.law.log_likelihood(points, readings, positions, traits, owners)
+
+    def linearise(self, points: Floats, positions: Floats, traits: Floats) -> tuple[Floats, Floats, Floats]:
+        """Expected readings, gradients and variances, as the law."""
+        return self.law.linearise(points, positions, traits)
+
+    def assumed(self, gains: str, inflate: bool) -> SensorModel:
+        """The model that a filter assumes: that of the law."""
+        return self.law.assumed(gains, inflate)
+
+    def recordings(self, names: Sequence[str], targets: int, steps: int, dt: float) -> list[Recording]:
+        """The readings of each target by nodes of these names, (steps + 1, N) each.
+
+        Raises:
+            RunError: the file cannot be read, is not that of the digest, or has rows that cannot be used. The message
+                names file and lines.
+        """
+        table, nodes, bad = self._table, self._nodes(names), self._bad(names, targets)
+        if bad and not self.skip_bad_rows:
+            raise RunError(bad_rows_text(self.path, bad, len(table.lines) + len(table.bad)))
+        used = (nodes >= 0) & (table.targets >= 0) & (table.targets < targets)
+        numbers = np.ceil((table.times - self.origin - ROUNDING) / dt)
+        used &= numbers <= steps
+        where = np.maximum(numbers[used], 0.0).astype(np.int64), nodes[used]
+        values, of = table.readings[used], table.targets[used]
+        shape = (steps + 1, len(names))
+        return [self._of_target([axis[of == target] for axis in where], values[of == target], shape)
+                for target in range(targets)]  # fmt: skip
+
+    @property
+    def origin(self) -> float:
+        """The time (s) in the file that is 0 in the run."""
+        return float(self._table.times[0]) if self.time_origin is None else self.time_origin
+
+    def skipped_rows(self, setup: TrackingSetup) -> list[str]:
+        """The rows that are left out, as 'FILE:LINE: reason' each; none unless `skip_bad_rows` allows it."""
+        if not self.skip_bad_rows:
+            return []
+        return row_texts(self.path, self._bad(node_names(setup), len(setup.motions)))
+
+    def check(self, setup: TrackingSetup) -> Iterator[Issue]:
+        """Yield an issue if the file cannot be used, or if the scenario changes what was recorded."""
+        for issue in self.law.check(setup) if hasattr(self.law, "check") else ():
+            path = ("sensor", "law", *issue.path[1:]) if issue.path[:1] == ("sensor",) else issue.path
+            yield Issue(path, issue.message)
+        try:
+            self.recordings(node_names(setup), len(setup.motions), setup.steps, setup.dt)
+        except RunError as error:
+            yield Issue(("sensor", "path"), str(error))
+            return
+        yield from recorded_issues(self, setup)
+
+    def _of_target(self, where: Sequence[Ints], values: Floats, shape: tuple[int, int]) -> Recording:
+        """The recording of one target, from (steps, nodes) and values in the order of time."""
+        cells = np.ravel_multi_index((where[0], where[1]), shape)
+        counts = np.bincount(cells, minlength=shape[0] * shape[1])
+        readings = np.full(shape[0] * shape[1], np.nan)
+        if self.several == "last":
+            readings[cells] = values  # of equal indices, the last value stays
+        else:
+            heard = counts > 0
+            readings[heard] = np.bincount(cells, values, minlength=len(counts))[heard] / counts[heard]
+        return Recording(readings.reshape(shape), counts.reshape(shape))
+
+    def _nodes(self, names: Sequence[str]) -> Ints:
+        """(n,) the number of each row's node; -1 for one that the deployment does not have."""
+        number = {name: node for node, name in enumerate(names)}
+        codes = np.array([number.get(name, -1) for name in self._table.names], dtype=np.int64)
+        result: Ints = codes[self._table.codes]
+        return result
+
+    def _bad(self, names: Sequence[str], targets: int) -> list[BadRow]:
+        """All rows that cannot be used, ascending: those of unknown nodes and targets too."""
+        table, known = self._table, ", ".join(names[:6]) + (", ..." if len(names) > 6 else "")
+        bad = list(table.bad)
+        for row in np.flatnonzero(self._nodes(names) < 0).tolist():
+            reason = f"the deployment has no node '{table.names[table.codes[row]]}' (its nodes: {known})"
+            bad.append(BadRow(int(table.lines[row]), reason))
+        for row in np.flatnonzero((table.targets < 0) | (table.targets >= targets)).tolist():
+            reason = f"there is no target {table.targets[row]}: allowed are 0 to {targets - 1}"
+            bad.append(BadRow(int(table.lines[row]), reason))
+        return sorted(bad, key=lambda one: one.line)
+
+    @cached_property
+    def _table(self) -> _Table:
+        """The rows of the file. Raises RunError if it cannot be read, or is not that of the digest."""
+        demand_digest(self.path, self.digest)
+        names = self.columns
+        numbers = {"time": names.time, "reading": names.reading, "target": names.target}
+        rows = read_rows(self.path, Wanted({"node": names.node}, numbers, optional=("target",)), "readings")
+        kinds, codes = np.unique(np.array(rows.texts["node"], dtype=object), return_inverse=True)
+        targets = rows.numbers.get("target", np.zeros(len(rows.lines)))
+        bad = {row.line: row for row in self._refused(rows, codes, targets)}
+        good = np.array([line not in bad for line in rows.lines.tolist()], dtype=np.bool_)
+        order = np.flatnonzero(good)[np.argsort(rows.numbers["time"][good], kind="stable")]
+        if not order.size:
+            raise RunError(bad_rows_text(self.path, [*rows.bad, *bad.values()], len(rows.lines) + len(rows.bad)))
+        every = tuple(sorted([*rows.bad, *bad.values()], key=lambda row: row.line))
+        columns = (rows.numbers["time"], rows.numbers["reading"])
+        times, readings = (column[order] for column in columns)
+        whole = targets[order].astype(np.int64)
+        return _Table(rows.lines[order], times, tuple(kinds.tolist()), codes[order], readings, whole, every)
+
+    def _refused(self, rows: CsvRows, codes: Any, targets: Floats) -> Iterator[BadRow]:
+        """Yield the rows whose reading the law cannot give, whose target is no number of one, or that repeat a row."""
+        least, most = self.law.reading_limits if isinstance(self.law, LimitsReadings) else NO_LIMITS
+        times, readings, lines = rows.numbers["time"].tolist(), rows.numbers["reading"].tolist(), rows.lines.tolist()
+        first: dict[tuple[float, int, float], int] = {}
+        for line, *key, reading in zip(lines, times, codes.tolist(), targets.tolist(), readings, strict=True):
+            time, code, target = key
+            if not least <= reading <= most:
+                allowed = f"{self.columns.reading} must be between {least:g} and {most:g}"
+                yield BadRow(line, f"{allowed}, is {reading:g}")
+            elif target != math.floor(target) or abs(target) > 1e9:
+                yield BadRow(line, f"{self.columns.target} must be a whole number, is {target:g}")
+            elif (before := first.setdefault((time, code, target), line)) != line:
+                yield BadRow(line, f"repeats time, node and target of line {before}")
