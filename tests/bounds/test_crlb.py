@@ -24,6 +24,14 @@ ON_THE_LINE = {
     "sensor": {"kind": "range", "sd": 0.7, "reach": ".inf"},
     "tracker": {"kind": "ekf"},
 }  # fmt: skip
+RECEIVERS = {
+    "name": "receivers", "seed": 3, "network": "none", "step": 1, "duration": 20,
+    "prior": {"sd": [1.0, 0.5, 1.0, 0.5]},
+    "deploy": {"kind": "anchors", "places": [[0, 0], [20, 0], [0, 20], [20, 20], [10, 10]]},
+    "motion": {"kind": "constant_velocity", "noise_input": "diagonal", "variances": [0.02], "start": [4, 0.5, 5, 0.4]},
+    "sensor": {"kind": "rssi", "sd": 3, "gain_spread": 4},
+    "tracker": {"kind": "ekf"},
+}  # fmt: skip
 JIANG = {"extends": "scenarios/central_pf.yaml", "duration": "2 s"}
 
 
@@ -52,6 +60,14 @@ def test_unknown_gains_never_lower_the_bound_and_matter_where_they_differ():
     assert same[0] == pytest.approx(same[1], rel=1e-6)
     loose = [bound(JIANG, range(3), gains=gains).rmse for gains in GAINS]
     assert np.array_equal(*loose), "the posterior bound is that for known gains"
+
+
+def test_gains_of_received_power_count_as_unknown_whether_filters_ignore_or_estimate_them():
+    known, unknown = (bound(RECEIVERS, range(3), "per_trajectory", gains) for gains in GAINS)
+    assert np.all(unknown.each >= known.each * (1 - 1e-9)) and unknown.time_mean > 1.05 * known.time_mean
+    for assumed in ("estimated", "unknown"):
+        queried = bound({**RECEIVERS, "tracker": {"kind": "ekf", "gains": assumed}}, range(3), "per_trajectory")
+        assert queried.query.gains == "unknown" and np.array_equal(queried.each, unknown.each)
 
 
 def test_more_sensors_never_raise_the_bound_and_fewer_readings_never_lower_it():

@@ -124,7 +124,7 @@ def test_constant_gains_give_the_bound_of_the_joint_information_matrix_of_all_un
     told = unknown_gains.LinearisedReadings(
         rng.normal(size=(len(pairs), 2)), rng.normal(size=len(pairs)), rng.uniform(0, 2, len(pairs))
     )
-    found = unknown_gains.along_trajectory([(slope[None], noise)] * steps, prior, told, used, PLANE, 0.3)
+    found = unknown_gains.along_trajectory([(slope[None], noise)] * steps, prior, told, used, PLANE, 0.03)
     assert unknown_gains.gain_slots(used)[1] <= nodes
     whole = np.zeros((size * (steps + 1) + nodes,) * 2)
     whole[:size, :size] = np.linalg.inv(prior)

@@ -179,7 +179,7 @@ class SensorModel(Protocol):
         """At points (P, N): expected readings (S, N), their gradients (S, P, N), their variances (S, N)."""
 
     def assumed(self, gains: str, inflate: bool) -> SensorModel:
-        """The model that a filter assumes: gains 'known' or 'unknown', variance inflated for unknown gains or not."""
+        """The model that a filter assumes: gains 'known', 'unknown' or 'estimated', variance inflated or not."""
 
 
 class Deployment(Protocol):

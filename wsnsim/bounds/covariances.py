@@ -84,8 +84,8 @@ def _with_unknown_gains(
         readings = unknown_gains.linearised_readings(setup.sensor, truth[:, columns], run.positions, run.traits, used)
         readings = readings._replace(weights=detected * readings.weights)
         motions = _linearised(motion, truth[None], setup.dt)
-        spread = setup.sensor.gain_spread  # type: ignore[attr-defined]
-        result.append(unknown_gains.along_trajectory(motions, priors[row], readings, used, columns, spread))
+        variance = unknown_gains.gain_variance(setup.sensor)
+        result.append(unknown_gains.along_trajectory(motions, priors[row], readings, used, columns, variance))
     return np.array(result)
 
 

@@ -232,9 +232,9 @@ def _bound_for(
 
 
 def _assumed_gains(scenario: Any) -> str:
-    """Whether the scenario's tracker assumes known gains; `known` if it assumes nothing."""
-    gains: str = getattr(getattr(getattr(scenario, "tracker", None), "assumes", None), "gains", "known")
-    return gains
+    """Whether the scenario's tracker assumes known gains; `known` if it assumes nothing. Estimated ones are unknown."""
+    assumes = getattr(getattr(scenario, "tracker", None), "assumes", None)
+    return "known" if getattr(assumes, "gains", "known") == "known" else "unknown"
 
 
 def _checked(query: BoundQuery) -> BoundQuery:

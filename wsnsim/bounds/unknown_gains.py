@@ -6,8 +6,8 @@ Each gain is a further unknown beside the state. The joint covariance of both is
 information about a gain is kept and its correlation with the state counts. The state's block of it is the inverse of
 the Schur complement of the gains in the joint information matrix.
 
-The prior of a gain is a Gaussian with the variance γ²/3 of the uniform distribution that gains are sampled from: a
-density with jumps has no Fisher information (our choice). A gain is dropped after its node's last reading.
+The prior of a gain is a Gaussian with the variance of the distribution that gains are sampled from, γ²/3 where it is
+uniform: a density with jumps has no Fisher information (our choice). A gain is dropped after its node's last reading.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ import numpy as np
 
 from wsnsim.base.arrays import Floats, Ints
 from wsnsim.base.ports import Informs, SensorModel
+from wsnsim.base.traits import gain_column
 from wsnsim.bounds.information import STEPS_PER_BLOCK, UsedReadings
 from wsnsim.bounds.recursion import LinearisedMotion, predicted
 
@@ -42,7 +43,13 @@ class LinearisedReadings(NamedTuple):
 
 def has_gains(sensor: Any) -> bool:
     """Whether the sensor model has random gains, which a filter may not know."""
-    return "gain" in sensor.trait_names and getattr(sensor, "gain_spread", 0.0) > 0.0
+    return gain_column(sensor.trait_names) is not None and gain_variance(sensor) > 0.0
+
+
+def gain_variance(sensor: Any) -> float:
+    """The variance of the gains, in the square of their unit; 0 if the sensor model does not say."""
+    variance: float = getattr(sensor, "gain_variance", 0.0)
+    return variance
 
 
 def along_trajectory(
@@ -51,7 +58,7 @@ def along_trajectory(
     readings: LinearisedReadings,
     used: UsedReadings,
     place: list[int],
-    spread: float,
+    variance: float,
 ) -> Floats:
     """The covariances of the state along one trajectory, (T, D, D); row 0 is step 1.
 
@@ -61,7 +68,7 @@ def along_trajectory(
         readings: one row per used reading.
         used: step and node of each reading; those of step 0 do not count.
         place: the state columns of the position.
-        spread: half the width γ of the distribution of gains.
+        variance: the variance of the gains.
     """
     size, later = len(prior), used.steps > 0
     used = UsedReadings(*(values[later] for values in used))
@@ -79,7 +86,7 @@ def along_trajectory(
         joint[size:, :size] = joint[:size, size:].T
         if step + 1 < len(cuts):
             now = slice(cuts[step], cuts[step + 1])
-            _add_gains(joint, size + slots[now][first[now]], spread**2 / 3.0)
+            _add_gains(joint, size + slots[now][first[now]], variance)
             joint = _updated(joint, LinearisedReadings(*(values[now] for values in readings)), place, size + slots[now])
         result.append(joint[:size, :size].copy())
     return np.array(result)
@@ -90,7 +97,7 @@ def linearised_readings(
 ) -> LinearisedReadings:
     """The used readings linearised at the target's positions (T, P); each is a scalar with a gain."""
     assert isinstance(sensor, Informs), "a bound is computed only for a sensor model that has an information matrix"
-    column = sensor.trait_names.index("gain")
+    column = gain_column(sensor.trait_names)
     result = LinearisedReadings(np.empty((len(used.steps), points.shape[1])), *np.empty((2, len(used.steps))))
     for first in range(0, len(points), STEPS_PER_BLOCK):
         begin, end = np.searchsorted(used.steps, [first, first + STEPS_PER_BLOCK])

@@ -73,6 +73,11 @@ class Rssi(OfDistance):
             return self.gain_spread**2
         return math.fsum(gain**2 for gain in self.gains) / len(self.gains)
 
+    @property
+    def gain_prior(self) -> float:
+        """The variance of a gain that the filter estimates: 0, it knows the gains."""
+        return 0.0
+
     def draw_traits(self, nodes: int, rng: np.random.Generator) -> Floats:
         """(nodes, T) gain in dB of each node, and its height: 0 until the deployment gives it.
 

@@ -42,6 +42,11 @@ class AcousticEnergy:
     noise: Annotated[float, POWER_OF_SOUND, "σ²: energy of the background noise"] = 1.0
     gain_spread: Annotated[float, Quantity("", ge=0, lt=1), "γ: half the width of the gains about 1"] = 0.3
 
+    @property
+    def gain_variance(self) -> float:
+        """The variance γ²/3 of the gains."""
+        return self.gain_spread**2 / 3.0
+
     def draw_traits(self, nodes: int, rng: np.random.Generator) -> Floats:
         """(nodes, 1) the gain of each node."""
         return rng.uniform(1.0 - self.gain_spread, 1.0 + self.gain_spread, (nodes, 1))
@@ -147,7 +152,7 @@ class UncalibratedAcousticEnergy:
 
     def law(self) -> kernels.Law:
         """The constants for the kernels, with the variance of the gain if it inflates R."""
-        return self.sensor.law(self.sensor.gain_spread**2 / 3.0 if self.inflate else 0.0)
+        return self.sensor.law(self.sensor.gain_variance if self.inflate else 0.0)
 
 
 def coordinates(points: Floats) -> tuple[Floats, Floats]:

@@ -217,13 +217,29 @@ def _missing_abilities(scenario: Scenario, setup: TrackingSetup) -> Iterator[Iss
             )
     if tracker.assumes.gains != "known" and not has_gains(setup.sensor):
         yield Issue(("tracker", "assumes", "gains"), f"{sensor.kind} has no gains that could be unknown")
+    elif tracker.assumes.gains == "estimated":
+        yield from _cannot_estimate_gains(scenario, setup)
+
+
+def _cannot_estimate_gains(scenario: Scenario, setup: TrackingSetup) -> Iterator[Issue]:
+    """Yield an issue if the tracker does not estimate gains, or the sensor's gains cannot be taken off a reading."""
+    sensor, tracker = scenario.sensor, scenario.tracker  # type: ignore[attr-defined]
+    path, allowed = ("tracker", "assumes", "gains"), scenario.spot(("tracker", "kind")).origin.plugins
+    if not getattr(setup.tracker, "estimates_gains", False):
+        able = ", ".join(_kinds_with("tracker", "estimates_gains", allowed))
+        yield Issue(path, f"{tracker.kind} keeps no gains of sensors beside the state; these do: {able}")
+    if not hasattr(setup.filter_sensor, "gain_prior"):
+        able = ", ".join(_kinds_with("sensor", "gain_prior", allowed))
+        yield Issue(
+            path, f"gains of {sensor.kind} are factors of the signal, which no filter estimates; it can: {able}"
+        )
 
 
 def _kinds_with(role: str, ability: str, allowed: Plugins) -> Iterator[str]:
-    """Yield the kinds of a role whose class has a method of this name, and that the scenario might name."""
+    """Yield the kinds of a role whose class has something of this name, and that the scenario might name."""
     for info in kinds(role).values() if allowed else ROLES[role].kinds:
         try:
-            if callable(getattr(load_class(info), ability, None)):
+            if getattr(load_class(info), ability, None):
                 yield info.kind
         except ImportError:
             continue

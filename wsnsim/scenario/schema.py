@@ -110,7 +110,9 @@ class Assumes(BaseModel):
     """What the filter assumes about the models of the ground truth."""
 
     model_config = FROZEN
-    gains: Literal["known", "unknown"] = Field("known", description="whether the filter knows each sensor's gain")
+    gains: Literal["known", "unknown", "estimated"] = Field(
+        "known", description="whether the filter knows each sensor's gain, ignores it or estimates it beside the state"
+    )
     inflate: _Flag = Field(False, description="widen the reading's variance for unknown gains")
     noise_scale: _Scale = Field(1.0, description="factor on the filter's process covariance")
 
@@ -121,7 +123,9 @@ class TrackerModel(PartModel):
     assumes: Assumes = Field(
         Assumes.model_construct(), description="what the filter assumes about the models of the ground truth"
     )
-    gains: Literal["known", "unknown"] | None = Field(None, exclude=True, description="short for assumes.gains")
+    gains: Literal["known", "unknown", "estimated"] | None = Field(
+        None, exclude=True, description="short for assumes.gains"
+    )
     inflate: _Flag | None = Field(None, exclude=True, description="short for assumes.inflate")
     filter_noise_scale: _Scale | None = Field(None, exclude=True, description="short for assumes.noise_scale")
 

@@ -11,9 +11,12 @@ from typing import Annotated, ClassVar
 
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Scene
+from wsnsim.base.requests import Flow
 from wsnsim.base.standalone import BlockEstimates, StandaloneBlock
 from wsnsim.trackers.shared.dealing import Pool
+from wsnsim.trackers.shared.gains import gain_prior
 from wsnsim.trackers.shared.heads import CloudBelief, HeadCloud, bootstrap
+from wsnsim.trackers.shared.marginalised import bootstrap_with_gains
 from wsnsim.trackers.shared.readings import Evidence
 from wsnsim.trackers.shared.whole_runs import cloud_runs
 
@@ -27,6 +30,7 @@ class CentralPf(HeadCloud):
     state: ClassVar[str] = "particles in the head"
     messages: ClassVar[str] = "a reading up per member"
     variants: ClassVar[str] = "handover particles|gaussian"
+    estimates_gains: ClassVar[bool] = True
 
     threshold: Annotated[float, Quantity("", ge=0, le=1), "resample below this fraction of effective particles"] = 0.5
 
@@ -34,7 +38,13 @@ class CentralPf(HeadCloud):
         """Predict, weight with all readings; resample if the effective number, which is reported, is too small."""
         return bootstrap(pool, seen, scene, self.threshold)
 
-    def whole_runs(self, block: StandaloneBlock) -> BlockEstimates:
-        """All steps of many standalone runs: `base.standalone.WholeRuns`."""
+    def filtered_with_gains(self, belief: CloudBelief, seen: Evidence, scene: Scene) -> Flow[CloudBelief]:
+        """As `filtered`, with the gains of sensors marginalised: see `shared.marginalised`."""
+        return bootstrap_with_gains(belief, seen, scene, self.threshold)
+
+    def whole_runs(self, block: StandaloneBlock) -> BlockEstimates | None:
+        """All steps of many standalone runs: `base.standalone.WholeRuns`; not with gains that are estimated."""
+        if gain_prior(block.sensor):
+            return None
         outcome = cloud_runs(block, self.particles, self.threshold)
         return outcome.closed(self.block_cycles(outcome.counts))

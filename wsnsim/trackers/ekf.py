@@ -8,7 +8,7 @@ Requests of a step:
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
@@ -19,6 +19,7 @@ from wsnsim.base.ports import NO_INNOVATION, Estimate, Innovation, Scene
 from wsnsim.base.requests import Compute, Flow, Gather, Member, Parcel, Scatter
 from wsnsim.base.standalone import BlockEstimates, StandaloneBlock
 from wsnsim.kernels.relay import kalman
+from wsnsim.trackers.shared.gains import Gains, gain_prior, gains_before, no_gains
 from wsnsim.trackers.shared.heads import GaussianBelief, HeadFilter
 from wsnsim.trackers.shared.moments import predicted
 from wsnsim.trackers.shared.parcels import parcel
@@ -54,6 +55,7 @@ class ExtendedKalman(HeadFilter):
     messages: ClassVar[str] = "a reading up per member; or a poll down and a reading up, of the nearest"
     variants: ClassVar[str] = "readings all|nearest"
     linear_gaussian: ClassVar[bool] = True
+    estimates_gains: ClassVar[bool] = True
 
     readings: Annotated[Literal["all", "nearest"], "whose readings update the filter"] = "all"
 
@@ -66,6 +68,9 @@ class ExtendedKalman(HeadFilter):
         else:
             seen = yield from gather_readings(scene)
         yield Compute(_cycles(mean.size, place.size, len(seen.ids), scene.steps))
+        if prior := gain_prior(scene.sensor):
+            gains = gains_before(belief.gains or no_gains(mean.size), scene, belief.mean).with_nodes(seen.ids, prior)
+            return (yield from _updated_with_gains(KalmanBelief(mean, cov, scene.head, gains=gains), seen, scene))
         innovation = NO_INNOVATION
         if seen.ids:
             linear = scene.sensor.linearise(mean[place, None], seen.positions, seen.traits)
@@ -81,12 +86,37 @@ class ExtendedKalman(HeadFilter):
         return Estimate(belief.mean, belief.cov, innovation=innovation)
 
     def whole_runs(self, block: StandaloneBlock) -> BlockEstimates | None:
-        """All steps of many standalone runs: `base.standalone.WholeRuns`; not for the nearest sensor alone."""
-        if self.readings == "nearest":
+        """All steps of many standalone runs: `base.standalone.WholeRuns`; not for the nearest one, nor with gains."""
+        if self.readings == "nearest" or gain_prior(block.sensor):
             return None
         outcome, motion = kalman_runs(block), block.motion
         size, place = len(motion.columns), len(motion.position)
         return outcome.closed(outcome.sums(lambda count: _cycles(size, place, count, 1)))
+
+
+def _updated_with_gains(belief: KalmanBelief, seen: Evidence, scene: Scene) -> Flow[KalmanBelief]:
+    """The belief at the time of the scene, updated with readings as one augmented state of the target and the gains.
+
+    A reading has the slope 1 in the gain of its node.
+    """
+    gains, size, place = belief.gains, belief.mean.size, list(scene.motion.position)
+    assert gains is not None, "the gains of the nodes heard are added before the update"
+    yield Compute(_augmentation_cycles(size, len(gains.nodes), len(seen.ids)))
+    if not seen.ids:
+        return belief
+    linear = scene.sensor.linearise(belief.mean[place, None], seen.positions, seen.traits)
+    rows, count = gains.rows(seen.ids), len(seen.ids)
+    expected, variances = linear[0] + gains.mean[rows, None], np.ascontiguousarray(linear[2])
+    slopes = np.concatenate([linear[1], np.eye(count)[:, :, None]], axis=1)
+    mean, cov = (
+        np.concatenate([belief.mean, gains.mean]),
+        np.block([[belief.cov, gains.cross], [gains.cross.T, gains.cov]]),
+    )
+    columns = np.array([*place, *(size + row for row in rows)])
+    square, used = kalman(mean, cov, expected, slopes, variances, seen.readings, columns)
+    after = Gains(gains.nodes, mean[size:].copy(), cov[size:, size:].copy(), cov[:size, size:].copy())
+    innovation = Innovation(square, used) if used else NO_INNOVATION
+    return replace(belief, mean=mean[:size].copy(), cov=cov[:size, :size].copy(), innovation=innovation, gains=after)
 
 
 def _nearest_reading(point: Floats, scene: Scene) -> Flow[Evidence]:
@@ -116,3 +146,9 @@ def _cycles(size: int, place: int, sensors: int, steps: int) -> float:
     innovation = 4.0 * place + 2.0 * place * size + LINEARISE_CYCLES  # ν, S = H P⁻ Hᵀ + R
     update = 3.0 * size + 8.0 * size**2  # x⁺ = x⁻ + G ν; P⁺ in Joseph's form
     return prediction + sensors * (innovation + update)
+
+
+def _augmentation_cycles(size: int, gains: int, sensors: int) -> float:
+    """Further operations of a step with as many gains beside the state: P_xg⁻ = F P_xg, and a larger update."""
+    larger = size + gains
+    return 2.0 * size * size * gains + sensors * (2.0 * larger + 8.0 * (larger**2 - size**2))

@@ -27,6 +27,7 @@ from wsnsim.kernels.gaussian import sample
 from wsnsim.kernels.gravity import attract
 from wsnsim.kernels.swarm import LARGEST_STATE, fly
 from wsnsim.trackers.shared.dealing import PREDICT_CYCLES, Pool
+from wsnsim.trackers.shared.gains import gain_prior
 from wsnsim.trackers.shared.heads import (
     MOVE_CYCLES,
     WEIGH_CYCLES,
@@ -38,6 +39,7 @@ from wsnsim.trackers.shared.heads import (
     score_of,
     summary,
 )
+from wsnsim.trackers.shared.marginalised import weighed_with_gains
 from wsnsim.trackers.shared.readings import gather_readings
 from wsnsim.trackers.shared.stacks import DRAW, MOVE, Score, place_of, propagated_by, snapshot
 from wsnsim.trackers.shared.whole_runs import gaussian_runs
@@ -81,6 +83,8 @@ class HeadSampling(HeadFilter):
         keys = keys_of(scene, self.particles, DRAW)
         drawn, _ = sample(np.ascontiguousarray(belief.mean[:, None]), np.ascontiguousarray(belief.cov[None]), keys)
         _, predicted = propagated_by(scene.key, drawn, scene)
+        if gain_prior(scene.sensor):
+            return (yield from weighed_with_gains(belief, drawn, predicted, seen, scene))
         cloud, log_weights = self.moved(predicted, score_of(seen, scene), scene)
         mean, cov, effective = summary(cloud, log_weights)
         return CloudBelief(mean, cov, scene.head, effective, Pool(cloud, log_weights))
@@ -107,13 +111,16 @@ class GaussianPf(HeadSampling):
     state: ClassVar[str] = "mean and covariance in the head"
     messages: ClassVar[str] = "a reading up per member"
     variants: ClassVar[str] = ""
+    estimates_gains: ClassVar[bool] = True
 
     def moved(self, cloud: Floats, score: Score, scene: Scene) -> tuple[Floats, Floats]:
         """The predicted particles, unmoved, and their log-likelihoods."""
         return cloud, score(cloud)
 
-    def whole_runs(self, block: StandaloneBlock) -> BlockEstimates:
-        """All steps of many standalone runs: `base.standalone.WholeRuns`."""
+    def whole_runs(self, block: StandaloneBlock) -> BlockEstimates | None:
+        """All steps of many standalone runs: `base.standalone.WholeRuns`; not with gains that are estimated."""
+        if gain_prior(block.sensor):
+            return None
         outcome = gaussian_runs(block, self.particles)
         return outcome.closed(outcome.sums(lambda count: self._cycles(count, 1) if count else PREDICT_CYCLES))
 

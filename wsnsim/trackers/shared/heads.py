@@ -9,7 +9,7 @@ particle filter in the head: a tracker of this kind says how its prediction is w
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, Literal, NamedTuple, cast
 
 import numpy as np
@@ -32,6 +32,7 @@ from wsnsim.trackers.shared.dealing import (
     send_all,
     send_moments,
 )
+from wsnsim.trackers.shared.gains import Gains, gain_prior, gains_before, reported, send_gains
 from wsnsim.trackers.shared.moments import forecast, predicted
 from wsnsim.trackers.shared.readings import Evidence, gather_readings
 from wsnsim.trackers.shared.stacks import PREDICT, Score, place_of, propagated_by, snapshot
@@ -47,12 +48,13 @@ RESTORE = 5
 
 @dataclass(frozen=True, slots=True)
 class GaussianBelief:
-    """Mean (D,) and covariance (D, D) in the head."""
+    """Mean (D,) and covariance (D, D) in the head, and the gains of sensors if the filter estimates them."""
 
     mean: Floats
     cov: Floats
     head: int
     effective: float = float("nan")
+    gains: Gains | None = field(default=None, kw_only=True)
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +91,10 @@ class HeadFilter:
     def hand_over(self, belief: Any, scene: Scene, successor: int) -> Flow[Any]:
         """The packets of a mean and a covariance: 4 for a state of four."""
         arrival = yield from send_moments(belief.mean, belief.cov, successor)
-        return None if arrival is None else GaussianBelief(arrival.mean, arrival.cov, successor)
+        if arrival is None:
+            return None
+        gains = yield from self._hand_over_gains(belief, scene, successor)
+        return GaussianBelief(arrival.mean, arrival.cov, successor, gains=gains)
 
     def estimate(self, belief: Any) -> Estimate:
         """The belief's mean and covariance, with the effective number of its particles if it has any."""
@@ -98,6 +103,15 @@ class HeadFilter:
     def forecast(self, belief: Any, scene: Scene, ahead: int) -> Estimate:
         """The estimate `ahead` steps on."""
         return forecast(self.estimate(belief), scene, ahead)
+
+    def report_state(self, belief: Any) -> dict[str, Floats]:
+        """The estimated gains, for the table `tracker_state`; nothing if the filter estimates none."""
+        return reported(getattr(belief, "gains", None))
+
+    def _hand_over_gains(self, belief: Any, scene: Scene, successor: int) -> Flow[Gains | None]:
+        """What reaches the next head of the gains that this one estimates; without any, nothing is sent."""
+        gains = getattr(belief, "gains", None)
+        return None if gains is None else (yield from send_gains(gains, scene, successor))
 
 
 @part
@@ -125,9 +139,13 @@ class HeadCloud(HeadFilter):
         raise NotImplementedError
 
     def filtered(self, pool: Pool, seen: Evidence, scene: Scene) -> CloudBelief:
-        """The belief after a prediction of the pool and at least one reading."""
+        """The belief after a prediction of the pool and at least one reading, of filters that estimate no gains."""
         before, cloud = propagated_by(scene.key, pool.cloud, scene)
         return self.weighed(Prediction(before, cloud, pool.log_weights), seen, scene)
+
+    def filtered_with_gains(self, belief: CloudBelief, seen: Evidence, scene: Scene) -> Flow[CloudBelief]:
+        """As `filtered`, of a filter that estimates the gains of sensors beside the state."""
+        raise NotImplementedError
 
     def start(self, prior: Estimate, scene: Scene) -> Flow[CloudBelief]:
         """Draw the particles from the prior."""
@@ -143,11 +161,14 @@ class HeadCloud(HeadFilter):
         seen = yield from gather_readings(scene)
         used = self.move_cycles + self.reading_cycles * len(seen.ids) if seen.ids else 0.0
         yield Compute((PREDICT_CYCLES * scene.steps + used) * self.particles)
+        if seen.ids and gain_prior(scene.sensor):
+            return (yield from self.filtered_with_gains(belief, seen, scene))
         if seen.ids:
             return self.filtered(belief.pool, seen, scene)
         _, cloud = propagated_by(scene.key, belief.pool.cloud, scene)
-        mean, cov = predicted(belief.mean, belief.cov, scene)
-        return replace(belief, mean=mean, cov=cov, pool=replace(belief.pool, cloud=cloud), head=scene.head)
+        after = only_predicted(belief, scene)
+        pool = replace(belief.pool, cloud=cloud)
+        return replace(belief, mean=after.mean, cov=after.cov, gains=after.gains, pool=pool, head=scene.head)
 
     def hand_over(self, belief: CloudBelief, scene: Scene, successor: int) -> Flow[CloudBelief | None]:
         """N_p + ceil(N_p / 4) + 4 packets to the successor, or the 4 of the moments alone (of a state of four)."""
@@ -157,7 +178,8 @@ class HeadCloud(HeadFilter):
             arrival = yield from send_all(belief.pool, belief.mean, belief.cov, successor)
         if arrival is None:
             return None
-        return CloudBelief(arrival.mean, arrival.cov, successor, pool=arrival.pool)
+        gains = yield from self._hand_over_gains(belief, scene, successor)
+        return CloudBelief(arrival.mean, arrival.cov, successor, pool=arrival.pool, gains=gains)
 
     def snapshot(self, belief: CloudBelief, members: Sequence[Member]) -> Iterator[tuple[int, Floats, Floats]]:
         """(head, particles (D, n), weights (n,)): all of them."""
@@ -180,7 +202,8 @@ class HeadCloud(HeadFilter):
 
 def only_predicted(belief: GaussianBelief, scene: Scene) -> GaussianBelief:
     """The Gaussian when nothing arrived: the motion's prediction, its covariance grown."""
-    return GaussianBelief(*predicted(belief.mean, belief.cov, scene), scene.head)
+    gains = None if belief.gains is None else gains_before(belief.gains, scene, belief.mean)
+    return GaussianBelief(*predicted(belief.mean, belief.cov, scene), scene.head, gains=gains)
 
 
 def score_of(seen: Evidence, scene: Scene) -> Score:
