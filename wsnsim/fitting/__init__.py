@@ -1,9 +1,9 @@
-"""Laws are fitted to recorded readings.
+"""Laws are fitted to recorded readings, and a link model to recorded links.
 
     found = wsnsim.fit(["straight_01.csv.gz", "straight_02.csv.gz"], nodes="receivers.csv", test=["straight_04.csv.gz"])
     found.sensor        the block `sensor` of a scenario: {"kind": "rssi", "z0": -62.4, ...}
 
-fit(files, nodes, law, test, **options) -> Fit
+fit(files, nodes, law, test, **options) -> Fit | LinkFit
 """
 
 from __future__ import annotations
@@ -11,58 +11,75 @@ from __future__ import annotations
 import dataclasses
 import os
 from collections.abc import Sequence
-from typing import Any, TypeAlias
+from typing import Any, Final, TypeAlias
 
 from wsnsim.base.errors import UsageError, did_you_mean
 from wsnsim.fitting.data_files import ReadingOptions
 from wsnsim.fitting.estimation import FitOptions
 from wsnsim.fitting.fitted_law import Evaluation, FittedGain, FittedValue
 from wsnsim.fitting.laws import LAWS
+from wsnsim.fitting.link_result import LinkFit
+from wsnsim.fitting.links import LinkOptions, fit_links
 from wsnsim.fitting.readings import fit_readings
 from wsnsim.fitting.result import Fit
 
-__all__ = ["Evaluation", "Fit", "FitOptions", "FittedGain", "FittedValue", "ReadingOptions", "fit"]
+__all__ = [
+    "Evaluation", "Fit", "FitOptions", "FittedGain", "FittedValue", "LinkFit", "LinkOptions", "ReadingOptions", "fit",
+]  # fmt: skip
 
 Paths: TypeAlias = str | os.PathLike[str] | Sequence[str | os.PathLike[str]]
+LINKS: Final = "log_normal"
 
 
-def fit(files: Paths, nodes: str | os.PathLike[str], law: str = "rssi", test: Paths = (), **options: Any) -> Fit:
-    """Fit a law to recorded readings at known places of a target.
+def fit(
+    files: Paths, nodes: str | os.PathLike[str] | None = None, law: str = "rssi", test: Paths = (), **options: Any
+) -> Any:
+    """Fit a law to recorded readings at known places of a target, or the link `log_normal` to recorded links.
 
     Args:
-        files: CSV files with the columns time (s), node, reading, x, y and perhaps z (m); may be compressed (.gz).
-        nodes: CSV file with the columns id, x, y and perhaps z (m) of the nodes, in the order of the deployment.
-        law: `rssi` (dBm) or `range` (m).
+        files: CSV files with the columns time (s), node, reading, x, y and perhaps z (m); for links, K7 files. They may
+            be compressed (.gz).
+        nodes: CSV file with the columns id, x, y and perhaps z (m) of the nodes, in the order of the deployment. Links
+            can be fitted without; then their path loss is not.
+        law: `rssi` (dBm), `range` (m) or `log_normal`, the link.
         test: files on which the fitted law is judged.
-        **options: fields of `FitOptions` (gains, heights, noise, block, seed, in_sample) and of `ReadingOptions`
-            (columns, tracks, skip_bad_rows).
+        **options: for readings, fields of `FitOptions` (gains, heights, noise, block, seed, in_sample) and of
+            `ReadingOptions` (columns, tracks, skip_bad_rows); for links, of `LinkOptions` (power, frame, columns,
+            skip_bad_rows, seed, in_sample).
 
     Returns:
-        The fit: `sensor` is the block of a scenario, `values` and `gains` have intervals, `test` the held-out figures.
+        A `Fit`, whose `sensor` is the block of a scenario, or a `LinkFit`, whose `link` is. Their `values` have
+        intervals, and `test` has the held-out figures.
 
     Raises:
         UsageError: an option is unknown, or a test file is one of the fitted files and `in_sample` is not said.
         RunError: a file cannot be used, or the readings do not determine the law; the message names file and line.
     """
-    if law not in LAWS:
-        raise UsageError(f"unknown law '{law}' ({did_you_mean(law, LAWS)})")
     paths = _paths(files)
     if not paths:
-        raise UsageError("fit needs at least one file of readings")
-    reading, wanted = _split(options)
-    return fit_readings(paths, os.fspath(nodes), LAWS[law], _paths(test), reading, wanted)
+        raise UsageError("fit needs at least one file")
+    place = None if nodes is None else os.fspath(nodes)
+    if law == LINKS:
+        (how,) = _split(options, LinkOptions)
+        return fit_links(paths, place, _paths(test), how)
+    if law not in LAWS:
+        raise UsageError(f"unknown law '{law}' ({did_you_mean(law, [*LAWS, LINKS])})")
+    if place is None:
+        raise UsageError(f"law {law} needs the file of the nodes: nodes")
+    reading, wanted = _split(options | {"tracks": _paths(options.get("tracks", ()))}, ReadingOptions, FitOptions)
+    return fit_readings(paths, place, LAWS[law], _paths(test), reading, wanted)
 
 
-def _split(options: dict[str, Any]) -> tuple[ReadingOptions, FitOptions]:
-    """The options by the class that has them."""
-    reading, fitting = ({field.name for field in dataclasses.fields(kind)} for kind in (ReadingOptions, FitOptions))
+def _split(options: dict[str, Any], *kinds: type[Any]) -> tuple[Any, ...]:
+    """The options as objects of these classes, each option in the class that has it."""
+    known = [{field.name for field in dataclasses.fields(kind)} for kind in kinds]
+    names = set().union(*known)
     for name in options:
-        if name not in reading | fitting:
-            raise UsageError(f"fit: unknown option '{name}' ({did_you_mean(name, reading | fitting)})")
-    options = options | {"tracks": _paths(options.get("tracks", ()))}
-    return (
-        ReadingOptions(**{name: value for name, value in options.items() if name in reading}),
-        FitOptions(**{name: value for name, value in options.items() if name in fitting}),
+        if name not in names:
+            raise UsageError(f"fit: unknown option '{name}' ({did_you_mean(name, names)})")
+    return tuple(
+        kind(**{name: value for name, value in options.items() if name in own})
+        for kind, own in zip(kinds, known, strict=True)
     )
 
 

@@ -132,7 +132,7 @@ def _read_file(path: str, track: str, nodes: NodeTable, form: LawForm, options: 
     index = {name: number for number, name in enumerate(nodes.ids)}
     found = np.array([index.get(name, -1) for name in rows.texts["node"]])
     notes = tuple(f"{path}:{row.line}: {row.reason}" for row in every)
-    file = DataFile(path, _digest(path), int(good.sum()), notes)
+    file = DataFile(path, digest_of(path), int(good.sum()), notes)
     numbers = rows.numbers
     return _Rows(numbers["time"][good], found[good], numbers["reading"][good], points[good], file)
 
@@ -200,7 +200,7 @@ def _names_in(path: str, columns: Mapping[str, str], reading: tuple[str, ...]) -
     }
 
 
-def _digest(path: str) -> str:
+def digest_of(path: str) -> str:
     """The digest of a file that was just read."""
     try:
         return content_digest(path)

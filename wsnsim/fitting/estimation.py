@@ -190,6 +190,10 @@ def _fitted_noise(
         "normal": 2.0 * (left.parameters + 1) - 2.0 * normal,
         "student_t": 2.0 * (left.parameters + 2) - 2.0 * float(likelihoods[0]),
     }
+    if sd < noises.LEAST_WHITE_SHARE * spread:
+        aic["student_t"] = math.inf
+        if options.noise == "student_t":
+            raise RunError("noise: nearly all of it is correlated along the path, so that its family cannot be told")
     family: Family = min(aic, key=lambda name: aic[name]) if options.noise == "auto" else options.noise
     values = {"sd": _percentiles(white, form.unit, "standard deviation of the white part of the noise")}
     if family == "student_t":

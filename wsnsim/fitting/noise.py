@@ -16,8 +16,10 @@ from scipy import special
 from wsnsim.base.arrays import Floats, Ints
 
 Family: TypeAlias = Literal["normal", "student_t"]
-NODES: Final = 24
+NODES: Final = 64
 """Nodes of the quadrature over the correlated part."""
+LEAST_WHITE_SHARE: Final = 0.3
+"""Below this ratio of the white to the correlated part, the family of the white part cannot be told."""
 GRID: Final = 2.0 + np.geomspace(0.1, 200.0, 60)
 """Degrees of freedom that are tried."""
 PER_SD: Final = 20

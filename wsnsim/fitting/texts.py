@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 
+from wsnsim.base.errors import MOST_PRINTED
 from wsnsim.base.version import __version__
-from wsnsim.fitting.fitted_law import Evaluation, FittedLaw, ResidualFigures
+from wsnsim.fitting.fitted_law import Evaluation, FittedLaw, FittedValue, ResidualFigures
 from wsnsim.fitting.located_readings import DataFile
 
 FIGURES: Final = ("RMSE", "skewness", "kurtosis", "correlation at 1 s", "mean log density")
@@ -20,12 +21,12 @@ def fit_text(fit: FittedLaw) -> str:
     readings = f"{len(fit.sample.readings):,}".replace(",", " ")
     place = "in space" if fit.model.heights else "in the plane"
     lines = [f"law {form.kind} of distances {place}, fitted to {readings} readings of {len(fit.sample.files)} tracks:"]
-    lines += [f"  {_file_text(file)}" for file in fit.sample.files]
-    lines += ["", *_table(["", "estimate", "95 % interval", "unit", "description"], _value_rows(fit))]
+    lines += [f"  {file_text(file)}" for file in fit.sample.files]
+    lines += ["", *table_lines(["", "estimate", "95 % interval", "unit", "description"], _value_rows(fit))]
     if fit.gains:
-        rows = [[g.node, f"{g.value:.2f}", _interval(g.low, g.high), str(g.readings)] for g in fit.gains]
-        lines += ["", *_table(["node", f"gain [{form.unit}]", "95 % interval", "readings"], rows)]
-    lines += ["", *_table(["readings", "law", *FIGURES], list(_figure_rows(fit)))]
+        rows = [[g.node, f"{g.value:.2f}", interval_text(g.low, g.high), str(g.readings)] for g in fit.gains]
+        lines += ["", *table_lines(["node", f"gain [{form.unit}]", "95 % interval", "readings"], rows)]
+    lines += ["", *table_lines(["readings", "law", *FIGURES], list(_figure_rows(fit)))]
     lines += ["", *_notes(fit)]
     return "\n".join(lines)
 
@@ -34,16 +35,11 @@ def sensor_yaml(fit: FittedLaw) -> str:
     """The block `sensor` with its origin in comments: train and test files, intervals and held-out figures."""
     head = [
         f"Law '{fit.model.form.kind}', fitted by wsnsim fit {__version__}; a scenario can extend this file.",
-        *(f"train: {_file_text(file)}, {file.digest}" for file in fit.sample.files),
+        *(f"train: {file_text(file)}, {file.digest}" for file in fit.sample.files),
         *(f"test: {_test_text(row, fit.model.form.unit)}, {row.file.digest}" for row in fit.test),
         *([] if fit.test else ["test: none"]),
     ]
-    body = ["sensor:"]
-    for name, value in fit.sensor.items():
-        fitted = fit.values.get(name)
-        note = f"   # 95 %: {_interval(fitted.low, fitted.high)}" if fitted is not None else ""
-        body.append(f"  {name}: {json.dumps(value, ensure_ascii=False)}{note}")
-    return "\n".join([*(f"# {_one_line(line)}" for line in head), *body]) + "\n"
+    return "\n".join([*(f"# {one_line(line)}" for line in head), *block_lines("sensor", fit.sensor, fit.values)]) + "\n"
 
 
 def fit_json(fit: FittedLaw) -> dict[str, Any]:
@@ -58,12 +54,12 @@ def fit_json(fit: FittedLaw) -> dict[str, Any]:
         "aic": dict(fit.basis.aic),
         "blocks": {"count": fit.basis.blocks, "seconds": fit.basis.seconds},
         "train": {
-            "files": [_file_json(file) for file in fit.sample.files],
+            "files": [file_json(file) for file in fit.sample.files],
             "fitted": fitted._asdict(),
             "plain": plain._asdict(),
         },
         "test": [
-            _file_json(row.file)
+            file_json(row.file)
             | {"in_sample": row.in_sample, "fitted": row.fitted._asdict(), "plain": row.plain._asdict()}
             for row in fit.test
         ],
@@ -72,7 +68,7 @@ def fit_json(fit: FittedLaw) -> dict[str, Any]:
 
 def _value_rows(fit: FittedLaw) -> list[list[str]]:
     return [
-        [name, f"{value.value:.4g}", _interval(value.low, value.high), value.unit, value.about]
+        [name, f"{value.value:.4g}", interval_text(value.low, value.high), value.unit, value.about]
         for name, value in fit.values.items()
     ]
 
@@ -111,42 +107,60 @@ def _notes(fit: FittedLaw) -> Iterator[str]:
         yield "No part of the noise is correlated along the path beyond doubt: shadowing is left out."
     if fit.model.form.kind == "range":
         yield "The sensor `range` has no bias: its sd is that of reading minus distance about 0."
-    skipped = sum(len(file.bad_rows) for file in [*fit.sample.files, *(row.file for row in fit.test)])
-    if skipped:
-        yield f"{skipped} bad row{'s were' if skipped > 1 else ' was'} skipped:"
-        for file in [*fit.sample.files, *(row.file for row in fit.test)]:
-            yield from (f"  {row}" for row in file.bad_rows)
+    yield from bad_row_notes([*fit.sample.files, *(row.file for row in fit.test)])
     if not fit.test:
         yield "Not judged on other readings: name some with --test."
 
 
-def _file_text(file: DataFile) -> str:
+def bad_row_notes(files: Sequence[DataFile]) -> Iterator[str]:
+    """Which rows were skipped, if any were."""
+    skipped = [row for file in files for row in file.bad_rows]
+    if skipped:
+        yield f"{len(skipped)} bad row{'s were' if len(skipped) > 1 else ' was'} skipped:"
+        yield from (f"  {row}" for row in skipped[:MOST_PRINTED])
+    if len(skipped) > MOST_PRINTED:
+        yield f"  and {len(skipped) - MOST_PRINTED} more"
+
+
+def block_lines(role: str, block: Mapping[str, Any], values: Mapping[str, FittedValue]) -> Iterator[str]:
+    """The block of a role in YAML, with the interval of each fitted value in a comment."""
+    yield f"{role}:"
+    for name, value in block.items():
+        fitted = values.get(name)
+        note = f"   # 95 %: {interval_text(fitted.low, fitted.high)}" if fitted is not None else ""
+        yield f"  {name}: {json.dumps(value, ensure_ascii=False)}{note}"
+
+
+def file_text(file: DataFile, what: str = "readings") -> str:
+    """A file with the number of its readings, and of rows that were skipped."""
     bad = f" ({len(file.bad_rows)} bad rows skipped)" if file.bad_rows else ""
-    return f"{file.path}, {file.readings} readings{bad}"
+    return f"{file.path}, {file.readings} {what}{bad}"
 
 
 def _test_text(row: Evaluation, unit: str) -> str:
     what = "IN SAMPLE, " if row.in_sample else ""
     figures = f"RMSE {row.fitted.rmse:.3f} {unit}, mean log density {row.fitted.log_likelihood:.3f}"
-    return f"{_file_text(row.file)}, {what}{figures}"
+    return f"{file_text(row.file)}, {what}{figures}"
 
 
-def _file_json(file: DataFile) -> dict[str, Any]:
+def file_json(file: DataFile) -> dict[str, Any]:
+    """A file as plain values."""
     return {"path": file.path, "digest": file.digest, "readings": file.readings, "bad_rows": list(file.bad_rows)}
 
 
-def _interval(low: float, high: float) -> str:
+def interval_text(low: float, high: float) -> str:
+    """An interval as text."""
     if not (math.isfinite(low) and math.isfinite(high)):
         return "unknown"
-    return f"{low:.3g} to {high:.3g}"
+    return f"{low:.4g} to {high:.4g}"
 
 
-def _one_line(text: str) -> str:
+def one_line(text: str) -> str:
     """The text without line breaks, which would end a comment."""
     return "".join(sign if sign.isprintable() else "?" for sign in text)
 
 
-def _table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+def table_lines(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
     """Lines with columns of equal width."""
     widths = [max(len(row[i]) for row in [heads, *rows]) for i in range(len(heads))]
     return [

@@ -1,0 +1,122 @@
+"""The command that fits a law to recorded readings or links."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import click
+
+from wsnsim.base.errors import UsageError
+from wsnsim.cli.shared import PATH, echo, echo_json, group, json_option, writable
+
+if TYPE_CHECKING:
+    from wsnsim.fitting import Fit, LinkFit
+
+FAMILIES: Final = ("auto", "normal", "student_t")
+LAWS: Final = ("rssi", "range", "log_normal")
+
+
+@group.command()
+@click.argument("data", metavar="DATA...", nargs=-1, required=True, type=PATH)
+@click.option("--nodes", type=PATH, metavar="FILE", help="CSV with id, x, y and perhaps z of the nodes, in m.")
+@click.option("--law", type=click.Choice(LAWS), default="rssi", show_default=True, help="What is fitted.")
+@click.option("--test", type=PATH, multiple=True, metavar="FILE", help="Readings on which the fitted law is judged.")
+@click.option(
+    "--track", type=PATH, multiple=True, metavar="FILE",
+    help="Trajectory with time, x, y and perhaps z: one for all files, or one for each, tests last.",
+)  # fmt: skip
+@click.option("--column", multiple=True, metavar="OURS=THEIRS", help="Another name of a column: reading=level.")
+@click.option("--gains/--no-gains", default=True, show_default=True, help="Whether each node has a gain.")
+@click.option("--heights/--no-heights", default=None, help="Distances in space or in the plane; default: as known.")
+@click.option(
+    "--noise", type=click.Choice(FAMILIES), default="auto", show_default=True, help="Family of the white noise."
+)
+@click.option("--block", type=float, metavar="S", help="Length of the blocks of time that intervals come from.")
+@click.option("--seed", type=click.IntRange(min=0), default=0, metavar="S", help="Seed of the bootstrap; default 0.")
+@click.option("--in-sample", is_flag=True, help="Judge the law on readings that it was fitted to, and say so.")
+@click.option("--skip-bad-rows", is_flag=True, help="Leave out and name rows that cannot be used.")
+@click.option("--out", "-o", type=PATH, metavar="YAML", help="Write the block that a scenario can extend.")
+@click.option("--plot", "figure", type=PATH, metavar="PLOT", help="Write the residual plots: .png, .svg or .pdf.")
+@click.option("--power", type=float, metavar="DBM", help="For links: their transmit power; default 0 dBm.")
+@click.option(
+    "--frame", type=click.IntRange(1, 127), metavar="BYTES", help="For links: length of packets; default 100."
+)
+@json_option
+def fit(
+    data: tuple[Path, ...],
+    nodes: Path | None,
+    law: str,
+    test: tuple[Path, ...],
+    track: tuple[Path, ...],
+    column: tuple[str, ...],
+    out: Path | None,
+    figure: Path | None,
+    as_json: bool,
+    **options: Any,
+) -> None:
+    """Fit a law to recorded readings or links, and write its block of a scenario.
+
+    DATA are CSV files with time, node, reading, and the x, y and perhaps z of the target; each is a track. With the law
+    log_normal, DATA are recorded links (K7). Both may be compressed (.gz).
+    """
+    import wsnsim.fitting as fitting
+
+    read = [*data, *([nodes] if nodes else []), *test, *track]
+    asked = _asked(click.get_current_context(), options)
+    asked |= ({"tracks": track} if track else {}) | ({"columns": _columns(column)} if column else {})
+    targets = [_target(path, default, read) for path, default in ((out, "law.yaml"), (figure, "residuals.png"))]
+    if figure is not None:
+        from wsnsim.analysis.figure_style import suffix_of
+
+        suffix_of(figure)
+    found = fitting.fit(data, nodes, law, test, **asked)
+    written = _write(found, *targets)
+    if as_json:
+        echo_json(found.as_json() | {"written": [str(path) for path in written]})
+        return
+    echo(found.text())
+    for path in written:
+        echo(f"{path}: written")
+
+
+def _asked(context: click.Context, options: Mapping[str, Any]) -> dict[str, Any]:
+    """The options that the command line gives: others do not exist for every law."""
+    default = click.core.ParameterSource.DEFAULT
+    return {name: value for name, value in options.items() if context.get_parameter_source(name) is not default}
+
+
+def _target(path: Path | None, default: str, read: Sequence[Path]) -> Path | None:
+    """The path of a file to be written, which must not be one that is read."""
+    if path is None:
+        return None
+    writable(path, Path(default))
+    for other in read:
+        if path.exists() and other.exists() and path.samefile(other):
+            raise UsageError(f"{path} is one of the files that are read; write to another one")
+    return path
+
+
+def _columns(texts: Sequence[str]) -> dict[str, str]:
+    """The names of columns by ours."""
+    found = {}
+    for text in texts:
+        ours, sign, theirs = text.partition("=")
+        if not (ours and sign and theirs):
+            raise UsageError(f"--column {text}: must be OURS=THEIRS, such as reading=rssi")
+        found[ours.strip()] = theirs.strip()
+    return found
+
+
+def _write(found: Fit | LinkFit, out: Path | None, figure: Path | None) -> list[Path]:
+    """Write the block and the figure that were asked for; returns their paths."""
+    written = []
+    if out is not None:
+        from wsnsim.recording.atomic_files import write_text_atomically
+
+        write_text_atomically(out, found.yaml())
+        written.append(out)
+    if figure is not None:
+        written.append(found.plot(figure))
+    return written

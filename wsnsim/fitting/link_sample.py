@@ -1,0 +1,122 @@
+"""Recorded links of one or several files as arrays: rows, pairs of nodes, and their distances."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from wsnsim.base.arrays import Bools, Floats, Ints
+from wsnsim.base.errors import RunError
+from wsnsim.fitting.data_files import digest_of, read_nodes
+from wsnsim.fitting.link_curve import CLEAR
+from wsnsim.fitting.located_readings import DataFile
+from wsnsim.models.k7file import read_links
+
+
+@dataclass(frozen=True)
+class LinkRows:
+    """Bursts that were heard, of all files.
+
+    Attributes:
+        sources: (n,) index of the sender.
+        receivers: (n,) index of the receiver.
+        powers: (n,) mean received power in dBm.
+        ratios: (n,) packet delivery ratio.
+        nodes: names of the nodes.
+        places: (N, 3) of the nodes in m, NaN for an unknown z; None without positions.
+        files: the files.
+    """
+
+    sources: Ints
+    receivers: Ints
+    powers: Floats
+    ratios: Floats
+    nodes: tuple[str, ...]
+    places: Floats | None
+    files: tuple[DataFile, ...]
+
+    @cached_property
+    def directed(self) -> Floats:
+        """(N, N) mean power of clear bursts from each node to each other; NaN without any."""
+        count = len(self.nodes)
+        clear = self.ratios >= CLEAR
+        cells = (self.sources * count + self.receivers)[clear]
+        numbers = np.bincount(cells, minlength=count * count)
+        sums = np.bincount(cells, self.powers[clear], count * count)
+        means = np.full(count * count, np.nan)
+        means[numbers > 0] = sums[numbers > 0] / numbers[numbers > 0]
+        table: Floats = means.reshape(count, count)
+        return table
+
+    @cached_property
+    def pairs(self) -> tuple[Ints, Ints]:
+        """(P,), (P,) both nodes of each pair."""
+        first, second = np.triu_indices(len(self.nodes), 1)
+        return first.astype(np.int64), second.astype(np.int64)
+
+    @property
+    def differences(self) -> Floats:
+        """(P,) mean power of one direction minus that of the other, of each pair; NaN where one was not clear."""
+        first, second = self.pairs
+        result: Floats = self.directed[first, second] - self.directed[second, first]
+        return result
+
+    @property
+    def means(self) -> Floats:
+        """(P,) mean power of both directions of a pair, or of the only clear one; -inf where none was."""
+        first, second = self.pairs
+        both = np.stack([self.directed[first, second], self.directed[second, first]])
+        heard: Bools = np.isfinite(both)
+        sums = np.where(heard, both, 0.0).sum(axis=0)
+        result: Floats = np.where(heard.any(axis=0), sums / np.maximum(heard.sum(axis=0), 1), -np.inf)
+        return result
+
+    @property
+    def distances(self) -> Floats:
+        """(P,) distance in m between the nodes of each pair, at least 1 m; in space if all heights are known."""
+        assert self.places is not None, "only links between nodes at known places have distances"
+        first, second = self.pairs
+        axes = 3 if np.isfinite(self.places[:, 2]).all() else 2
+        apart = (self.places[first] - self.places[second])[:, :axes]
+        result: Floats = np.maximum(np.sqrt((apart**2).sum(axis=1)), 1.0)
+        return result
+
+
+def read_link_rows(
+    files: Sequence[str], nodes: str | None, columns: Mapping[str, str], skip_bad_rows: bool
+) -> LinkRows:
+    """The bursts of K7 files, with the places of their nodes if a file has them.
+
+    Raises:
+        RunError: a file cannot be used, or the place of a node is missing; the message names file and line.
+    """
+    recordings = [read_links(file, skip_bad_rows) for file in files]
+    names = tuple(dict.fromkeys(name for recording in recordings for name in recording.nodes))
+    index = {name: number for number, name in enumerate(names)}
+    parts: list[tuple[Ints, Ints, Floats, Floats]] = []
+    described = []
+    for file, recording in zip(files, recordings, strict=True):
+        heard = np.isfinite(recording.powers)
+        own = np.array([index[name] for name in recording.nodes])
+        parts.append((
+            own[recording.sources[heard]], own[recording.receivers[heard]],
+            recording.powers[heard], recording.ratios[heard],
+        ))  # fmt: skip
+        bad = tuple(f"{file}:{row.line}: {row.reason}" for row in recording.bad)
+        described.append(DataFile(file, digest_of(file), int(heard.sum()), bad))
+    sources, receivers, powers, ratios = (np.concatenate(column) for column in zip(*parts, strict=True))
+    places = None if nodes is None else _places(nodes, names, columns)
+    return LinkRows(sources, receivers, powers, ratios, names, places, tuple(described))
+
+
+def _places(path: str, names: Sequence[str], columns: Mapping[str, str]) -> Floats:
+    """(N, 3) the places of the nodes of these names."""
+    table = read_nodes(path, columns)
+    index = {name: number for number, name in enumerate(table.ids)}
+    missing = [name for name in names if name not in index]
+    if missing:
+        raise RunError(f"{path}: lacks the place of {len(missing)} nodes of the links, such as '{missing[0]}'")
+    return table.places[[index[name] for name in names]]

@@ -1,0 +1,200 @@
+"""The log-normal link is fitted to recorded links: sensitivity and asymmetry, and path loss where positions are known.
+
+- Sensitivity: the delivery ratio of a burst, as a function of its mean power, is fitted by least squares.
+- Asymmetry: root mean square of the difference between both directions of a pair.
+- Path loss: maximum likelihood of the mean powers of pairs. A pair whose power is below the least one that is always
+  received, or that was not heard at all, enters as below it (censored regression: Tobin 1958, "Estimation of
+  relationships for limited dependent variables"); without this, far links seem too good.
+
+Intervals come from a bootstrap of nodes, since all pairs of a node share its antenna: a pair counts as often as its
+nodes are drawn, multiplied (Davison, Hinkley 1997, "Bootstrap methods and their application", for resampled units).
+
+fit_links(files, nodes, test, options) -> LinkFit
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Final, NamedTuple
+
+import numpy as np
+from scipy import optimize, special
+
+from wsnsim.base.arrays import Bools, Floats
+from wsnsim.base.errors import RunError, UsageError
+from wsnsim.fitting.fitted_law import FittedValue
+from wsnsim.fitting.link_curve import delivery, margin
+from wsnsim.fitting.link_result import LinkEvaluation, LinkFit
+from wsnsim.fitting.link_sample import LinkRows, read_link_rows
+
+RESAMPLES: Final = 200
+LOSS_RESAMPLES: Final = 60
+STEP: Final = 0.05
+TRIED: Final = -110.0 + STEP * np.arange(1001)
+"""Sensitivities (dBm) that are tried; the best one and its neighbours are joined by a parabola."""
+BIN: Final = 0.1
+"""Width (dB) of the bins of power in which delivery ratios are summed."""
+FEWEST_PAIRS: Final = 10
+
+
+@dataclass(frozen=True)
+class LinkOptions:
+    """How links are fitted.
+
+    Attributes:
+        power: transmit power (dBm) of the recording, which its files do not state.
+        frame: length (bytes) of the recorded packets, headers included, which its files do not state reliably.
+        columns: names of the columns id, x, y and z of the file of places, where they differ.
+        skip_bad_rows: whether rows that cannot be used are left out and counted, instead of refused.
+        seed: of the bootstrap.
+        in_sample: whether the links may be judged on files that they were fitted to.
+    """
+
+    power: float = 0.0
+    frame: int = 100
+    columns: Mapping[str, str] = field(default_factory=dict)
+    skip_bad_rows: bool = False
+    seed: int = 0
+    in_sample: bool = False
+
+
+def fit_links(files: Sequence[str], nodes: str | None, test: Sequence[str], options: LinkOptions) -> LinkFit:
+    """Fit the link `log_normal` to K7 files and judge it on others.
+
+    Args:
+        files: K7 files, also .gz.
+        nodes: CSV file with id, x, y and perhaps z of the nodes; None: no path loss is fitted.
+        test: K7 files on which the fitted link is judged.
+        options: how.
+
+    Raises:
+        UsageError: a test file is one of the fitted files, and `in_sample` is not said.
+        RunError: a file cannot be used, or too few links were recorded.
+    """
+    rows = read_link_rows(files, nodes, options.columns, options.skip_bad_rows)
+    judged = test or (files if options.in_sample else ())
+    tests = [read_link_rows([file], nodes, options.columns, options.skip_bad_rows) for file in judged]
+    known = {file.digest: file.path for file in rows.files}
+    for each in tests:
+        (file,) = each.files
+        if file.digest in known and not options.in_sample:
+            raise UsageError(
+                f"{file.path} has the same rows as {known[file.digest]}: links must not be judged on what they were "
+                "fitted to; give another file with --test, or say --in-sample"
+            )
+    fitted = fit_link_rows(rows, options)
+    return dataclasses.replace(
+        fitted, test=tuple(_evaluated(fitted, each, each.files[0].digest in known) for each in tests)
+    )
+
+
+def fit_link_rows(rows: LinkRows, options: LinkOptions) -> LinkFit:
+    """Fit the link to the bursts of files. Raises RunError if too few were recorded."""
+    heard = np.isfinite(rows.means)
+    if heard.sum() < FEWEST_PAIRS:
+        raise RunError(f"only {heard.sum()} pairs of nodes have clear bursts: at least {FEWEST_PAIRS} are needed")
+    rng = np.random.default_rng(options.seed)
+    count = len(rows.nodes)
+    drawn = rng.multinomial(count, np.full(count, 1.0 / count), RESAMPLES)
+    weights = np.concatenate([np.ones((1, count)), drawn]).astype(np.float64)
+    sensitivities = _sensitivities(rows, weights, options.frame)
+    values = {
+        "sensitivity": _value(sensitivities, "dBm", "power at which 1 % of frames of 20 bytes are lost"),
+        "asymmetry": _value(_asymmetries(rows, weights), "dB", "standard deviation between both directions"),
+    }
+    if rows.places is not None:
+        clear = values["sensitivity"].value + margin(options.frame)
+        losses = _losses(rows, weights[: LOSS_RESAMPLES + 1], clear)
+        values["loss_at_1m"] = _value(options.power - losses[:, 0], "dB", "path loss at 1 m")
+        values["exponent"] = _value(losses[:, 1], "", "path-loss exponent")
+        values["shadowing"] = _value(np.exp(losses[:, 2]), "dB", "standard deviation from link to link")
+    return LinkFit(rows, values, options.power, options.frame)
+
+
+def _sensitivities(rows: LinkRows, weights: Floats, frame: int) -> Floats:
+    """(R,) the sensitivity with the least squares between delivery ratios and the model, for weightings of nodes."""
+    cells, cell = np.unique(np.rint(rows.powers / BIN), return_inverse=True)
+    expected = delivery(cells * BIN - TRIED[:, None], frame)
+    numbers, sums = np.empty((len(cells), len(weights))), np.empty((len(cells), len(weights)))
+    for column, weight in enumerate(weights):
+        each = weight[rows.sources] * weight[rows.receivers]
+        numbers[:, column] = np.bincount(cell.ravel(), each, len(cells))
+        sums[:, column] = np.bincount(cell.ravel(), each * rows.ratios, len(cells))
+    costs = expected**2 @ numbers - 2.0 * expected @ sums
+    best = np.clip(np.argmin(costs, axis=0), 1, len(TRIED) - 2)
+    before, least, after = (costs[best + step, np.arange(len(weights))] for step in (-1, 0, 1))
+    bend = before - 2.0 * least + after
+    between = np.where(bend > 0.0, 0.5 * (before - after) / np.where(bend > 0.0, bend, 1.0), 0.0)
+    result: Floats = TRIED[best] + STEP * np.clip(between, -1.0, 1.0)
+    return result
+
+
+def _asymmetries(rows: LinkRows, weights: Floats) -> Floats:
+    """(R,) root mean square of the difference between the two directions, for weightings of nodes."""
+    first, second = rows.pairs
+    squares = rows.differences**2
+    known = np.isfinite(squares)
+    each = weights[:, first[known]] * weights[:, second[known]]
+    total = each.sum(axis=1)
+    result: Floats = np.sqrt((each @ squares[known]) / np.where(total > 0.0, total, np.nan))
+    return result
+
+
+def _losses(rows: LinkRows, weights: Floats, clear: float) -> Floats:
+    """(R, 3) mean power at 1 m, exponent and log of the shadowing, for weightings of nodes."""
+    first, second = rows.pairs
+    logs, powers = 10.0 * np.log10(rows.distances), rows.means
+    if np.ptp(logs) < 0.1:
+        raise RunError("all nodes are equally far from each other: the exponent is not determined")
+    seen = powers >= clear
+    if seen.sum() < FEWEST_PAIRS:
+        raise RunError(f"only {seen.sum()} pairs have clear links: at least {FEWEST_PAIRS} are needed")
+    slope, level = np.polyfit(logs[seen], powers[seen], 1)
+    start = np.array([level, max(-slope, 1.0), math.log(float((powers[seen] - level - slope * logs[seen]).std()))])
+    data = _Censored(logs, np.where(seen, powers, clear), seen)
+    found: list[Floats] = []
+    for weight in weights:
+        solution = optimize.minimize(data.cost, start, weight[first] * weight[second], method="BFGS", jac=True)
+        start = solution.x if not found else start
+        found.append(solution.x)
+    return np.array(found)
+
+
+class _Censored(NamedTuple):
+    """Pairs: 10 log10 of their distances (P,), their powers or the limit that these are below (P,), and which it is."""
+
+    logs: Floats
+    powers: Floats
+    seen: Bools
+
+    def cost(self, values: Floats, weights: Floats) -> tuple[float, Floats]:
+        """The negative log-likelihood of level, exponent and log of the spread, and its gradient (3,)."""
+        spread = math.exp(min(max(float(values[2]), -5.0), 5.0))
+        apart = (self.powers - values[0] + values[1] * self.logs) / spread
+        below = special.log_ndtr(apart)
+        density = np.exp(-0.5 * apart**2 - below) / math.sqrt(2.0 * math.pi)
+        terms = np.where(self.seen, -0.5 * apart**2 - math.log(spread), below)
+        slopes = weights * np.where(self.seen, -apart, density)  # by `apart`
+        by_spread = -float(slopes @ apart) - float(weights @ self.seen)
+        gradient = np.array([-slopes.sum() / spread, slopes @ self.logs / spread, by_spread])
+        return -float(weights @ terms), -gradient
+
+
+def _value(values: Floats, unit: str, about: str) -> FittedValue:
+    """The first value, with the interval of the others."""
+    low, high = np.nanquantile(values[1:], [0.025, 0.975]).tolist()
+    return FittedValue(float(values[0]), low, high, unit, about)
+
+
+def _evaluated(fit: LinkFit, rows: LinkRows, in_sample: bool) -> LinkEvaluation:
+    """The errors of delivery ratios given powers, and of powers given distances."""
+    expected = delivery(rows.powers - fit.values["sensitivity"].value, fit.frame)
+    ratio = float(np.sqrt(((rows.ratios - expected) ** 2).mean()))
+    power = math.nan
+    if rows.places is not None:
+        heard = np.isfinite(rows.means)
+        power = float(np.sqrt(((rows.means - fit.mean_power(rows.distances))[heard] ** 2).mean()))
+    return LinkEvaluation(rows.files[0], in_sample, ratio, power)
