@@ -7,13 +7,20 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 
 import wsnsim
 from wsnsim import scenario
+from wsnsim.analysis import notes
+from wsnsim.analysis.result_info import info_text
 from wsnsim.base.errors import RunError, ScenarioError
 from wsnsim.base.recorders import Memory
+from wsnsim.base.regular_files import file_digest
+from wsnsim.bounds import crlb
 from wsnsim.experiment import load, replicate_of
+from wsnsim.recording import read_json
 from wsnsim.scenario import build
+from wsnsim.scenario.sweep import load_sweep
 
 STEPS, DT = 20, 0.5
 PLACES = {"east": (10.0, 0.0), "north": (0.0, 10.0), "west": (-10.0, 0.0), "south": (0.0, -10.0)}
@@ -217,3 +224,56 @@ def test_a_file_that_changes_after_the_scenario_was_read_is_refused(tmp_path: Pa
     (tmp_path / "readings.csv").write_text("time,node,reading\n0.5,east,1\n")
     with pytest.raises((RunError, ScenarioError), match="the file has changed"):
         estimates(loaded)
+
+
+def test_the_result_names_its_files_and_the_rows_that_were_left_out(tmp_path: Path) -> None:
+    data = world(tmp_path)
+    with (tmp_path / "readings.csv").open("a") as file:
+        file.write("\n3,east,nan\n4,nobody,5\n")
+    data["sensor"]["skip_bad_rows"] = True
+    report = wsnsim.run(data, replicates=1, out=tmp_path / "out.h5")
+    stored = read_json(tmp_path / "out.h5", "provenance_json")
+    digests = {name: file_digest(tmp_path / name) for name in ("readings.csv", "track.csv")}
+    assert stored["recorded_files"] == digests and stored["skipped_rows"] == {"readings.csv": 2}
+    assert [row.split(": ")[0] for row in stored["skipped"]] == ["readings.csv:82", "readings.csv:83"]
+    text = info_text(tmp_path / "out.h5")
+    assert f"recorded     readings.csv ({digests['readings.csv']}), 2 rows left out\n" in text
+    assert "readings.csv:83: the deployment has no node 'nobody' (its nodes: east, north, west, south)" in text
+    (note,) = notes.of_report(report, {"without_estimate": 0, "steps": STEPS, "targets": 1})
+    assert note.startswith("2 rows of readings.csv left out, such as readings.csv:82: reading must be a finite number")
+
+
+def test_silence_of_all_nodes_is_noted(tmp_path: Path) -> None:
+    gap = {(step, name) for step in (3, 4, 5) for name in PLACES}
+    assert notes.of_setup(build(load(world(tmp_path, silent=gap)))) == [
+        "no node has a recorded reading of target 0 at 3 of 20 steps"
+    ]
+
+
+def test_a_bound_uses_the_readings_that_were_recorded_under_the_law(tmp_path: Path) -> None:
+    """Along a given trajectory of a motion model; a recorded one has no bound, and says why."""
+    reason = crlb.bound(world(tmp_path), range(1), "per_trajectory").reason
+    assert reason == "the trajectory was recorded: it is no sample of a motion model"
+    found = []
+    for silent in (set(), {(step, "east") for step in range(1, STEPS + 1)}):
+        data = world(tmp_path, silent=silent)
+        data["motion"] = {"kind": "constant_velocity", "start": [-2, 0.4, 1, 0], "truth_noise": False}
+        found.append(crlb.bound(data, range(1), "per_trajectory"))
+    assert "readings were recorded: the bound is that of the law (sensor.law), which they need not follow" in (
+        found[0].cautions
+    )
+    assert found[0].rmse[-1] < found[1].rmse[-1]
+
+
+def points_of(data: dict[str, Any], folder: Path) -> list[Any]:
+    """The points of a sweep over the law's noise."""
+    (folder / "base.yaml").write_text(yaml.safe_dump(data))
+    sweep = {"name": "noise", "scenario": str(folder / "base.yaml"), "grid": {"sensor.law.sd": [0.1, 0.2]}}
+    return list(load_sweep(sweep).points)
+
+
+def test_a_changed_file_is_another_point_of_a_campaign(tmp_path: Path) -> None:
+    before, after = points_of(world(tmp_path), tmp_path), points_of(world(tmp_path, s8_north=9.5), tmp_path)
+    assert len({point.id for point in (*before, *after)}) == 4
+    assert [point.settings["sensor.law.sd"] for point in before] == [0.1, 0.2]
+    assert points_of(world(tmp_path), tmp_path) == before

@@ -29,6 +29,7 @@ from wsnsim.base.initial_conditions import (
 from wsnsim.base.plugin_code import plugin_classes
 from wsnsim.base.ports import Recorder
 from wsnsim.base.progress import OnTime, Progress, throttled
+from wsnsim.base.recorded_files import provenance_of
 from wsnsim.base.results import RunResult, Summary, summarise
 from wsnsim.base.rng import Streams
 from wsnsim.base.setups import BeaconSetup, NetworkSetup, Setup, TrackingSetup
@@ -220,7 +221,7 @@ def run(  # noqa: PLR0913
         resolved = {**scenarios.resolved(loaded), "replicates": len(chosen)}
         file.set_text("scenario/resolved_json", json.dumps(resolved))
         made_by = provenance(command_line, setup.seed, scenarios.plugins(loaded), loaded.overrides)
-        made_by |= {"code": code} if code else {}
+        made_by |= provenance_of(setup) | ({"code": code} if code else {})
         file.set_text("provenance_json", json.dumps({**made_by, "engine": "composed"}))
         batches = (
             Batches(setup, file, time_without_compilation)

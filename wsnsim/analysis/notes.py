@@ -13,10 +13,14 @@ import numpy as np
 
 import wsnsim.scenario as scenarios
 from wsnsim.analysis import connectivity
+from wsnsim.analysis.phrases import counted
+from wsnsim.analysis.plot_data import stored_json
 from wsnsim.analysis.setup_notes import of_values
 from wsnsim.base.arrays import Floats, planar
 from wsnsim.base.errors import RunError
 from wsnsim.base.initial_conditions import InitialConditions, sample_initial_conditions, sample_positions
+from wsnsim.base.node_names import node_names
+from wsnsim.base.recorded_files import COUNTS, ROWS, provenance_of
 from wsnsim.base.setups import BeaconSetup, NetworkSetup, Setup, TrackingSetup
 from wsnsim.experiment import Report
 
@@ -77,7 +81,11 @@ def of_setup(setup: Setup, replicate: int = 0) -> list[str]:
         conditions = sample_initial_conditions(setup, replicate)
     except RunError as error:
         return [*found, f"run {replicate} cannot start: {error}"]
-    found += _visibility_notes(setup, [_visibilities(setup, conditions, setup.steps)], f"run {replicate}")
+    found += _skipped(provenance_of(setup))
+    if setup.recorded is not None:
+        found += _silent_steps(setup)
+    else:
+        found += _visibility_notes(setup, [_visibilities(setup, conditions, setup.steps)], f"run {replicate}")
     return found + (_parted(setup, conditions.positions, replicate) if isinstance(setup, NetworkSetup) else [])
 
 
@@ -91,9 +99,12 @@ def of_report(report: Report, figures: Mapping[str, Any]) -> list[str]:
         count = f"{missing:,.4g} of {steps:,} steps"
         notes = [f"{count} have no estimate (mean of the runs); errors are over the others"]
     poor = [summary for summary in report.summaries if any(track["tracked"] < 1.0 for track in summary.tracks)]
+    notes += _skipped(stored_json(report.out, "provenance_json"))
     setup = scenarios.build(report.scenario) if poor else None
     if not isinstance(setup, TrackingSetup):
         return notes
+    if setup.recorded is not None:
+        return notes + _silent_steps(setup)
     seen = [
         _visibilities(setup, sample_initial_conditions(setup, summary.run["replicate"]), summary.run["steps"])
         for summary in poor
@@ -102,6 +113,28 @@ def of_report(report: Report, figures: Mapping[str, Any]) -> list[str]:
         f"run {poor[0].run['replicate']}" if len(poor) == 1 else f"mean of the {len(poor)} runs with steps not tracked"
     )
     return notes + _visibility_notes(setup, seen, when)
+
+
+def _skipped(provenance: Mapping[str, Any]) -> list[str]:
+    """How many rows of recorded files are left out, and which is the first of each file."""
+    rows: Sequence[str] = provenance.get(ROWS, ())
+    first = {name: next((row for row in rows if row.startswith(f"{name}:")), "") for name in provenance.get(COUNTS, {})}
+    return [
+        f"{counted(count, 'row')} of {name} left out" + (f", such as {first[name]}" if first[name] else "")
+        for name, count in provenance.get(COUNTS, {}).items()
+    ]
+
+
+def _silent_steps(setup: TrackingSetup) -> list[str]:
+    """At how many steps no node has a recorded reading of a target."""
+    assert setup.recorded is not None, "readings are sampled"
+    recordings = setup.recorded.recordings(node_names(setup), len(setup.motions), setup.steps, setup.dt)
+    silent = [int((recording.counts[1:].sum(axis=1) == 0).sum()) for recording in recordings]
+    return [
+        f"no node has a recorded reading of target {target} at {count:,} of {setup.steps:,} steps"
+        for target, count in enumerate(silent)
+        if count
+    ]
 
 
 def _parted(setup: BeaconSetup | NetworkSetup, positions: Floats, replicate: int) -> list[str]:

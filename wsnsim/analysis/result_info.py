@@ -11,6 +11,7 @@ from typing import Any
 from wsnsim.analysis.phrases import counted
 from wsnsim.analysis.plot_data import stored_json
 from wsnsim.analysis.quantities import QUANTITIES, position_unit, read_arrays, values, worth_showing
+from wsnsim.base.recorded_files import COUNTS, FILES, ROWS
 from wsnsim.recording import attributes, read_table, tables
 
 
@@ -81,7 +82,19 @@ def _provenance_lines(origin: dict[str, Any], version: str) -> list[str]:
         f"from, to     {origin.get('start')}, {origin.get('end', 'not ended')}",
         *(["engine       batch: many standalone runs at once"] if origin.get("engine") == "batch" else []),
         f"machine      {origin.get('platform')} ({' '.join(origin.get('cpu_features', []))})",
+        *_recorded_lines(origin),
     ]
+
+
+def _recorded_lines(origin: dict[str, Any]) -> list[str]:
+    """The recorded files that the runs read, their digests, and the rows that were left out."""
+    counts, rows = origin.get(COUNTS, {}), origin.get(ROWS, [])
+    lines = []
+    for name, digest in origin.get(FILES, {}).items():
+        skipped = f", {counted(counts[name], 'row')} left out" if name in counts else ""
+        lines.append(f"recorded     {name} ({digest}){skipped}")
+        lines += [f"             {row}" for row in rows if row.startswith(f"{name}:")]
+    return lines
 
 
 def _table_lines(sizes: dict[str, dict[str, Any]]) -> list[str]:

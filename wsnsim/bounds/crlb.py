@@ -30,11 +30,12 @@ from wsnsim.base import metrics
 from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import ResultError, UsageError, did_you_mean
 from wsnsim.base.initial_conditions import InitialConditions, sample_initial_conditions
+from wsnsim.base.node_names import node_names
 from wsnsim.base.ports import Informs
 from wsnsim.base.progress import tracked
 from wsnsim.base.setups import BeaconSetup, NetworkSetup, TrackingSetup
 from wsnsim.bounds.covariances import ReadingsOf, covariances
-from wsnsim.bounds.information import in_range
+from wsnsim.bounds.information import UsedReadings, in_range
 from wsnsim.bounds.initial_conditions import (
     cautions,
     reason_without_bound,
@@ -276,7 +277,11 @@ def _bound(
 
 
 def _all_in_range(setup: TrackingSetup, conditions: Sequence[InitialConditions]) -> ReadingsOf:
-    """The rule that every node in range has a reading."""
+    """The rule that every node in range has a reading; of recorded readings, those that were recorded."""
+    if setup.recorded is not None:
+        names = node_names(setup, len(conditions[0].positions))
+        recordings = setup.recorded.recordings(names, len(setup.motions), setup.steps, setup.dt)
+        return lambda _row, target: UsedReadings(*np.nonzero(recordings[target].counts))
     places = [list(motion.position) for motion in setup.motions]
     return lambda row, target: in_range(
         setup.sensor, conditions[row].truths[target][:, places[target]], conditions[row].positions

@@ -23,6 +23,8 @@ def reason_without_bound(motion: MotionModel, kind: str) -> str:
     The posterior bound holds for trajectories sampled from the motion model that filters are given. Along one
     trajectory, the motion model only determines how fast past information decays.
     """
+    if getattr(motion, "recorded", False):
+        return "the trajectory was recorded: it is no sample of a motion model"
     if isinstance(motion, Continuous):
         return "the target moves in straight lines between way-points: its motion has no probability density"
     if kind == "per_trajectory":
@@ -50,6 +52,8 @@ def cautions(setup: TrackingSetup, conditions: Sequence[InitialConditions]) -> I
     yield from sorted({reason_without_bound(motion, "unconditional") for motion in setup.motions} - {""})
     if getattr(setup.sensor, "beyond", "") == "noise" and math.isfinite(setup.sensor.reach):
         yield "sensors out of range read noise, which tells where the target is not: the bound does not count that"
+    if setup.recorded is not None:
+        yield "readings were recorded: the bound is that of the law (sensor.law), which they need not follow"
     if setup.position_error:
         yield "the bound takes node positions as known: the filters have only assumed ones (deploy.position_error)"
     for target, motion in enumerate(setup.motions):

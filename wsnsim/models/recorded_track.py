@@ -50,6 +50,8 @@ class RecordedTrack(Straight):
     in the plane. All of this is our choice.
     """
 
+    recorded: ClassVar[bool] = True
+
     path: Annotated[str, "CSV file, also .gz, with a header that names time, x and y, and perhaps z"]
     header: Annotated[TrackColumns, "the names of the file's columns, where they differ"] = TrackColumns()
     time_origin: Annotated[
