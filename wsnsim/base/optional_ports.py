@@ -123,6 +123,22 @@ class MovesInSpace(Protocol):
 
 
 @runtime_checkable
+class IsShadowed(Protocol):
+    """Optional port of a sensor model: sampled readings have an error that is correlated along the target's path.
+
+    See `base.shadowing`. Recorded readings are left as they are.
+    """
+
+    @property
+    def shadowing(self) -> float:
+        """Its standard deviation, in the unit of a reading; 0: there is none."""
+
+    @property
+    def decorrelation(self) -> float:
+        """The length (m) of path after which its correlation has fallen to 1/e."""
+
+
+@runtime_checkable
 class LimitsReadings(Protocol):
     """Optional port of a sensor model: which readings are possible. Recorded ones beyond are refused or left out."""
 

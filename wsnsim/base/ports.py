@@ -29,6 +29,7 @@ from wsnsim.base.optional_ports import Drifts as Drifts
 from wsnsim.base.optional_ports import Foresees as Foresees
 from wsnsim.base.optional_ports import HasHeights as HasHeights
 from wsnsim.base.optional_ports import Informs as Informs
+from wsnsim.base.optional_ports import IsShadowed as IsShadowed
 from wsnsim.base.optional_ports import LimitsReadings as LimitsReadings
 from wsnsim.base.optional_ports import LinearGaussian as LinearGaussian
 from wsnsim.base.optional_ports import MeasuresEnergy as MeasuresEnergy

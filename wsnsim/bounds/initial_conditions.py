@@ -13,7 +13,7 @@ import numpy as np
 
 from wsnsim.base.arrays import Floats
 from wsnsim.base.initial_conditions import InitialConditions
-from wsnsim.base.ports import Continuous, MotionModel
+from wsnsim.base.ports import Continuous, IsShadowed, MotionModel
 from wsnsim.base.setups import TrackingSetup
 
 
@@ -52,8 +52,7 @@ def cautions(setup: TrackingSetup, conditions: Sequence[InitialConditions]) -> I
     yield from sorted({reason_without_bound(motion, "unconditional") for motion in setup.motions} - {""})
     if getattr(setup.sensor, "beyond", "") == "noise" and math.isfinite(setup.sensor.reach):
         yield "sensors out of range read noise, which tells where the target is not: the bound does not count that"
-    if setup.recorded is not None:
-        yield "readings were recorded: the bound is that of the law (sensor.law), which they need not follow"
+    yield from _of_readings(setup)
     if setup.position_error:
         yield "the bound takes node positions as known: the filters have only assumed ones (deploy.position_error)"
     for target, motion in enumerate(setup.motions):
@@ -62,6 +61,14 @@ def cautions(setup: TrackingSetup, conditions: Sequence[InitialConditions]) -> I
         if bound is not None and np.any(np.abs(positions) > bound):
             yield "the target turns back at a line: the information in that sudden turn is not counted"
             return
+
+
+def _of_readings(setup: TrackingSetup) -> Iterator[str]:
+    """The reasons that are in the readings: what of them the bound takes to be otherwise than it is."""
+    if setup.recorded is not None:
+        yield "readings were recorded: the bound is that of the law (sensor.law), which they need not follow"
+    elif isinstance(setup.sensor, IsShadowed) and setup.sensor.shadowing:
+        yield "shadowing correlates readings along the path: the bound takes them as independent, without shadowing"
 
 
 def _starts_elsewhere(prior: Any, motion: Any) -> bool:

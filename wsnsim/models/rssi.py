@@ -28,6 +28,7 @@ LARGEST_EXPONENT: Final = 600.0
 DECIBEL: Final = Quantity("dB", ge=0, le=1e6)
 """A standard deviation that may be 0."""
 GAIN_OF_NODE: Final = Quantity("dB", ge=-1e6, le=1e6)
+HowGains = Literal["known", "unknown", "estimated"]
 ELEVATION: Final = Quantity("m", ge=-1e6, le=1e6)
 
 
@@ -37,11 +38,12 @@ class Rssi(OfDistance):
 
     The gain g of a node is constant over a run: 0, normal with the standard deviation `gain_spread`, or as listed in
     `gains`. With `target_height` d is the distance in space: d² = dx² + dy² + (h_node - h_target)², with the heights of
-    the nodes from the deployment. Without it, d is the distance in the plane. v has the standard
-    deviation `sd`, whether it is normal or Student's t.
+    the nodes from the deployment. Without it, d is the distance in the plane. v has the standard deviation `sd`,
+    whether it is normal or Student's t. `shadowing` is added to readings that are sampled: Gaussian, correlated along
+    the target's path, independent between nodes and targets (Gudmundson (1991), see `base.shadowing`).
 
-    Source: Ruan, Wang, Yang, Zhang (2020), eq. 4, without gains and heights; R is 1/4 dB². z0, from the paper's indoor
-    fit, and the least d are our choice.
+    Source: Ruan, Wang, Yang, Zhang (2020), eq. 4, without gains, heights and shadowing; R is 1/4 dB². z0, from the
+    paper's indoor fit, and the least d are our choice.
     """
 
     reading_limits: ClassVar[tuple[float, float]] = (-200.0, 0.0)
@@ -58,6 +60,8 @@ class Rssi(OfDistance):
     gain_spread: Annotated[float, DECIBEL, "standard deviation of the gains of nodes, normal"] = 0.0
     gains: Annotated[tuple[float, ...], GAIN_OF_NODE, "gain of each node, in their order; none: drawn"] = ()
     target_height: Annotated[float | None, ELEVATION, "height of the target; none: heights are ignored"] = None
+    shadowing: Annotated[float, DECIBEL, "standard deviation of shadowing, correlated along the target's path"] = 0.0
+    decorrelation: Annotated[float, LENGTH, "δ: length of path after which its correlation is 1/e"] = 2.0
 
     @property
     def trait_names(self) -> tuple[str, ...]:
@@ -120,10 +124,14 @@ class Rssi(OfDistance):
         return np.sqrt(np.maximum(ranges**2 - (traits[:, 1] - self.target_height) ** 2, 0.0))
 
     def assumed(self, gains: str, inflate: bool) -> Rssi | AssumedRssi:
-        """The model that a filter assumes: gains are 'known', 'unknown' (taken as 0 dB) or 'estimated'."""
-        if gains == "known" or not self.gain_variance:
+        """The model that a filter assumes: gains are 'known', 'unknown' (taken as 0 dB) or 'estimated'.
+
+        With `inflate`, the variances of unknown gains and of shadowing are added to that of a reading.
+        """
+        how: HowGains = gains if gains in ("unknown", "estimated") and self.gain_variance else "known"  # type: ignore[assignment]
+        if how == "known" and not (inflate and self.shadowing):
             return self
-        return AssumedRssi(sensor=self, gains="estimated" if gains == "estimated" else "unknown", inflate=inflate)
+        return AssumedRssi(sensor=self, gains=how, inflate=inflate)
 
     def check(self, setup: TrackingSetup) -> Iterator[Issue]:
         """Yield an issue if the range is finite and too long, and if other than one gain a node is listed."""
@@ -166,15 +174,15 @@ class Rssi(OfDistance):
 
 @part
 class AssumedRssi(OfDistance):
-    """The model that a filter assumes of an `Rssi` whose gains it does not know: every gain is 0 dB.
+    """The model that a filter assumes of an `Rssi` of which it does not know all: gains that are not known are 0 dB.
 
-    With `inflate`, the variance of unknown gains is added to that of a reading: R' = R + σ_g² (our choice). A filter
-    that estimates the gains beside the state (`estimated`) takes them off the readings itself: `gain_prior` is the
-    variance with which it begins.
+    With `inflate`, the variances of unknown gains and of shadowing are added to that of a reading, as if both were
+    independent from step to step: R' = R + σ_g² + σ² (our choice). A filter that estimates the gains beside the state
+    (`estimated`) takes them off the readings itself: `gain_prior` is the variance with which it begins.
     """
 
     sensor: Rssi
-    gains: Literal["unknown", "estimated"]
+    gains: HowGains
     inflate: bool
 
     @property
@@ -189,16 +197,16 @@ class AssumedRssi(OfDistance):
 
     @property
     def trait_names(self) -> tuple[str, ...]:
-        """The names of a node's traits; the gain is not used."""
+        """The names of a node's traits, as of `Rssi`."""
         return self.sensor.trait_names
 
     def draw_traits(self, nodes: int, rng: np.random.Generator) -> Floats:
-        """(nodes, T) zeros: the gain of every node, and its height until the deployment gives it."""
-        return np.zeros((nodes, len(self.trait_names)))
+        """(nodes, T) the traits of each node that the filter knows: gains are 0 if it does not."""
+        return self._known(self.sensor.draw_traits(nodes, rng))
 
     def measure(self, points: Floats, positions: Floats, traits: Floats, noise: Floats) -> Floats:
-        """(n,) readings of sensors without gains, with the variance that the filter assumes."""
-        expected = self.sensor.measure(points, positions, traits * (0.0, 1.0)[: traits.shape[1]], np.zeros(len(noise)))
+        """(n,) readings as the filter assumes them: without gains that it does not know, with its variance."""
+        expected = self.sensor.measure(points, positions, self._known(traits), np.zeros(len(noise)))
         return expected + math.sqrt(self._law[3]) * unit_noise(noise, self._dof)
 
     def ranges(self, readings: Floats) -> Floats:
@@ -207,7 +215,7 @@ class AssumedRssi(OfDistance):
 
     def ranges_in_plane(self, readings: Floats, traits: Floats) -> Floats:
         """(S,) as `ranges`, in the plane."""
-        return self.sensor.in_plane(self.sensor.ranges(readings), traits)
+        return self.sensor.ranges_in_plane(readings, self._known(traits))
 
     def assumed(self, gains: str, inflate: bool) -> Rssi | AssumedRssi:
         """The model that another filter assumes of the same sensor."""
@@ -216,10 +224,17 @@ class AssumedRssi(OfDistance):
     def _places(self, positions: Floats, traits: Floats) -> Floats:
         return self.sensor.places(positions, traits)
 
+    def _gains(self, traits: Floats) -> Floats | None:
+        return np.ascontiguousarray(traits[:, 0]) if self.gains == "known" and self.trait_names else None
+
+    def _known(self, traits: Floats) -> Floats:
+        """The traits (n, T) with gains that are not known as 0 dB."""
+        return traits if self.gains == "known" else traits * (0.0, 1.0)[: traits.shape[1]]
+
     @cached_property
     def _law(self) -> kernels.Law:
-        unknown = self.sensor.gain_variance if self.inflate and self.gains == "unknown" else 0.0
-        return self.sensor.law(unknown)
+        unknown = self.sensor.gain_variance if self.gains == "unknown" else 0.0
+        return self.sensor.law(unknown + self.sensor.shadowing**2 if self.inflate else 0.0)
 
     @property
     def _dof(self) -> float:

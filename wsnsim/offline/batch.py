@@ -26,10 +26,11 @@ from wsnsim.base.results import Summary
 from wsnsim.base.rng import HEAD_KEY, Streams, derive, derive_all, derive_each
 from wsnsim.base.rows import wants_steps
 from wsnsim.base.setups import NetworkSetup, Setup, TrackingSetup
+from wsnsim.base.shadowing import path_shadowing
 from wsnsim.base.standalone import StandaloneBlock, StandaloneRun, WholeRuns, offers_whole_runs
 from wsnsim.offline import block_rows
 from wsnsim.offline.block_rows import FollowedTarget
-from wsnsim.offline.measurements import HEAD, recorded_readings, sample_readings
+from wsnsim.offline.measurements import HEAD, recorded_readings, sample_readings, with_shadowing
 from wsnsim.offline.offline_run import node_rows
 
 BLOCK_SECONDS: Final = 1.0
@@ -147,6 +148,7 @@ def _standalone(setup: TrackingSetup, target: int, conditions: InitialConditions
     readings = recorded_readings(setup, target, len(conditions.positions))
     if readings is None:
         readings = sample_readings(setup.sensor, points, conditions.positions, conditions.traits, sense)
+        readings = with_shadowing(readings, path_shadowing(setup.sensor, points, sense))
     keys = derive_each(derive_all(track, np.arange(setup.steps + 1)), np.array([HEAD_KEY], np.uint64))
     return StandaloneRun(conditions.priors[target], readings, conditions.assumed, conditions.traits, keys)
 

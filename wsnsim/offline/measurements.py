@@ -13,6 +13,7 @@ from wsnsim.base.ports import Detects, Scene, SensorModel
 from wsnsim.base.requests import Member
 from wsnsim.base.rng import HEAD_KEY, Streams, derive, derive_all, derive_each, reading_noise
 from wsnsim.base.setups import TrackingSetup
+from wsnsim.base.shadowing import PathShadowing, path_shadowing
 
 HEAD: Final = 0
 """The sensor that is the head of the cluster for the whole run."""
@@ -31,6 +32,7 @@ class OfflineCluster:
         truth = conditions.truths[target]
         self._points = measured_points(setup.motions[target], setup.sensor, truth, setup.dt)
         self._recorded = recorded_readings(setup, target, len(self._positions))
+        self._shadowing = path_shadowing(setup.sensor, self._points, self._sense_key)
         self._length = max(1, min(len(truth), MOST_AHEAD // len(self._positions)))
         self._block = _Block(0, [], [], [])
         self._ids: tuple[int, ...] = ()
@@ -81,8 +83,9 @@ class OfflineCluster:
         steps = slice(first, first + self._length)
         if self._recorded is not None:
             return self._recorded[steps]
-        sensor = self._setup.sensor
-        return sample_readings(sensor, self._points[steps], self._positions, self._traits, self._sense_key, first)
+        sensor, points = self._setup.sensor, self._points[steps]
+        readings = sample_readings(sensor, points, self._positions, self._traits, self._sense_key, first)
+        return with_shadowing(readings, self._shadowing, first)
 
 
 class _Block(NamedTuple):
@@ -103,6 +106,16 @@ def recorded_readings(setup: TrackingSetup, target: int, sensors: int) -> Floats
         return None
     names = node_names(setup, sensors)
     return setup.recorded.recordings(names, len(setup.motions), setup.steps, setup.dt)[target].readings
+
+
+def with_shadowing(readings: Floats, shadowing: PathShadowing | None, first: int = 0) -> Floats:
+    """(T, S) measurements of the steps from `first` on, NaN where there is none, with what shadowing adds to them."""
+    if shadowing is None:
+        return readings
+    steps, nodes = np.nonzero(np.isfinite(readings))
+    result = readings.copy()
+    result[steps, nodes] += shadowing.at(first + steps, nodes)
+    return result
 
 
 def sample_readings(

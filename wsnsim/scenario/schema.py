@@ -113,7 +113,7 @@ class Assumes(BaseModel):
     gains: Literal["known", "unknown", "estimated"] = Field(
         "known", description="whether the filter knows each sensor's gain, ignores it or estimates it beside the state"
     )
-    inflate: _Flag = Field(False, description="widen the reading's variance for unknown gains")
+    inflate: _Flag = Field(False, description="widen the reading's variance for unknown gains and shadowing")
     noise_scale: _Scale = Field(1.0, description="factor on the filter's process covariance")
 
 

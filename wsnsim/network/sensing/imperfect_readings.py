@@ -8,7 +8,7 @@ last bit, those of `Readings`.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -20,6 +20,7 @@ from wsnsim.base.node_names import node_names
 from wsnsim.base.ports import Detection, Detects
 from wsnsim.base.rng import HEAD_KEY, derive, derive_all, normals, uniforms
 from wsnsim.base.setups import NetworkSetup
+from wsnsim.base.shadowing import PathShadowing, path_shadowing
 from wsnsim.network.clocks import Clocks
 from wsnsim.network.faults.mechanisms import change_readings
 from wsnsim.network.nodes import Nodes
@@ -37,11 +38,15 @@ MISSED, DISTANCE, ANGLE = 2, 3, 4
 
 @dataclass(slots=True)
 class Imperfections:
-    """What makes readings wrong: detection, clocks, and the sensor defects of this instant, by fault number."""
+    """What makes readings wrong: detection, clocks, and the sensor defects of this instant, by fault number.
+
+    `key` is that of the stream `sense`, on which shadowing depends at steps and between them.
+    """
 
     detection: Detection
     clocks: Clocks
     dt: float
+    key: int = 0
     defects: dict[int, SensorDefect] = field(default_factory=dict)
 
     def matter(self) -> bool:
@@ -60,9 +65,18 @@ class ImperfectReadings(Readings):
         target: Number of the target.
         points: (steps, P) its positions.
         imperfections: What makes readings wrong.
+        shadowing: What shadowing adds to the readings, at the step's time whatever a clock shows; None: nothing.
     """
 
-    def __init__(self, sensors: SensorArray, target: int, points: Floats, imperfections: Imperfections) -> None:
+    def __init__(
+        self,
+        sensors: SensorArray,
+        target: int,
+        points: Floats,
+        imperfections: Imperfections,
+        shadowing: PathShadowing | None = None,
+    ) -> None:
+        self._shadowing = shadowing
         self._points, self._positions, self._traits = points, sensors.positions, sensors.traits
         self._sensor = sensors.model
         self._grid = sensors.grid
@@ -96,6 +110,8 @@ class ImperfectReadings(Readings):
             nodes, points = nodes[order], points[order]
         noise = normals(derive_all(at_step, nodes), 0)
         readings = self._sensor.measure(points, self._positions[nodes], self._traits[nodes], noise)
+        if self._shadowing is not None:
+            readings = readings + self._shadowing.at(np.full(nodes.size, step), nodes)
         reported = detection.distort(readings, derive_all(self._distortion, nodes))
         return dict(zip(nodes.tolist(), reported.tolist(), strict=True))
 
@@ -161,7 +177,7 @@ def make_readings(
     setup: NetworkSetup, trajectories: Sequence[Floats], nodes: Nodes, clocks: Clocks, key: int
 ) -> tuple[list[Readings], Imperfections]:
     """Return the readings of each target at each step, and the imperfections, to which faults add their defects."""
-    imperfections = Imperfections(setup.detection, clocks, setup.dt)
+    imperfections = Imperfections(setup.detection, clocks, setup.dt, key)
     return _readings(setup, trajectories, nodes, imperfections, key), imperfections
 
 
@@ -169,7 +185,7 @@ def make_search_readings(
     setup: NetworkSetup, trajectories: Sequence[Floats], nodes: Nodes, imperfections: Imperfections, key: int
 ) -> list[Readings]:
     """Return the readings of each target at the instants at which nodes search, `setup.polls` per step."""
-    between = Imperfections(setup.detection, imperfections.clocks, setup.dt / setup.polls, imperfections.defects)
+    between = replace(imperfections, dt=setup.dt / setup.polls)
     return _readings(setup, trajectories, nodes, between, key)
 
 
@@ -185,8 +201,12 @@ def _readings(
     result: list[Readings] = []
     for target, (trajectory, motion) in enumerate(zip(trajectories, setup.motions, strict=True)):
         points = measured_points(motion, setup.sensor, trajectory, dt)
+        instants, sense = round(setup.dt / dt), derive(imperfections.key, target)
+        shadowing = path_shadowing(setup.sensor, points, sense, instants)
         result.append(
-            Readings(sensors, target, points) if perfect else ImperfectReadings(sensors, target, points, imperfections)
+            Readings(sensors, target, points, shadowing)
+            if perfect
+            else ImperfectReadings(sensors, target, points, imperfections, shadowing)
         )
     return result
 

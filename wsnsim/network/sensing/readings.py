@@ -18,6 +18,7 @@ from wsnsim.base.arrays import Bools, Floats, Ints, planar
 from wsnsim.base.cell_grid import CellGrid
 from wsnsim.base.ports import Detects, SensorModel
 from wsnsim.base.rng import derive, reading_noise
+from wsnsim.base.shadowing import PathShadowing
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,9 +39,12 @@ class Readings:
         sensors: The sensors of all nodes.
         target: Number of the target.
         points: Its positions (steps, P).
+        shadowing: What shadowing adds to the readings; None: nothing.
     """
 
-    def __init__(self, sensors: SensorArray, target: int, points: Floats) -> None:
+    def __init__(
+        self, sensors: SensorArray, target: int, points: Floats, shadowing: PathShadowing | None = None
+    ) -> None:
         model, positions = sensors.model, sensors.positions
         steps, nodes = sensors.grid.within_each(planar(points), model.reach)
         if isinstance(model, Detects):
@@ -48,6 +52,8 @@ class Readings:
             steps, nodes = steps[detected], nodes[detected]
         noise = reading_noise(derive(sensors.key, target), steps, nodes)
         readings = model.measure(points[steps], positions[nodes], sensors.traits[nodes], noise)
+        if shadowing is not None:
+            readings = readings + shadowing.at(steps, nodes)
         ids: list[int] = nodes.tolist()
         values: list[float] = readings.tolist()
         self.ids = [ids[a:b] for a, b in _slices(steps, len(points))]
