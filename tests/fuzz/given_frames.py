@@ -53,7 +53,7 @@ class Given:
         packets: the packets in it.
         sequence: the number of its burst.
         since: when the MAC got it, in s.
-        neighbours: (n,) the nodes that its sender may reach.
+        neighbours: (n,) the nodes that its sender may reach, when it was last sent or else given.
         usable: (n,) whether the links to them are usable, so that a loss is logged.
         attempts: when it was on the air.
         told: {node: packets that it received} as the MAC says; None as long as the MAC has not said anything.
@@ -99,14 +99,23 @@ class Frames:
 
     def add(self, what: Any, source: int, to: int, packets: int, sequence: int, bits: int | None = None) -> Given:
         """Note something that was given. `what`: the frame or the burst. `bits` of a frame."""
-        topology = self._radio.topology
-        neighbours = topology.neighbours(source)
-        usable = [topology.is_reliable(source, node) for node in neighbours.id_list] if bits is None else ()
-        reliable = np.array(usable, dtype=bool) if bits is None else topology.reliable(neighbours, bits)
-        given = Given(source, to, packets, sequence, self.now, neighbours.ids, reliable)
+        given = Given(source, to, packets, sequence, self.now, *self._links(source, bits))
         self.given.append(given)
         self._of.setdefault(id(what), (what, []))[1].append(given)
         return given
+
+    def aim(self, given: Given, bits: int | None) -> None:
+        """Note the links again, when something is sent: recorded links change from round to round."""
+        given.neighbours, given.usable = self._links(given.source, bits)
+
+    def _links(self, source: int, bits: int | None) -> tuple[np.ndarray, np.ndarray]:
+        """(n,) the neighbours of a sender, and whether the links to them are usable."""
+        topology = self._radio.topology
+        neighbours = topology.neighbours(source)
+        if bits is not None:
+            return neighbours.ids, topology.reliable(neighbours, bits)
+        usable = [topology.is_reliable(source, node) for node in neighbours.id_list]
+        return neighbours.ids, np.array(usable, dtype=bool)
 
     def of(self, what: Any) -> list[Given]:
         """What is known of a frame or burst; nothing of acknowledgements."""
@@ -188,6 +197,7 @@ def _transmitting(frames: Frames, whole: Whole) -> Whole:
 
         sent = whole(self, source, frame, ended, *more)
         for given in frames.of(frame):
+            frames.aim(given, frame.bits)
             attempts.append(Attempt(sent.number, sent.start, sent.end))
             given.attempts.append(attempts[-1])
         return sent
@@ -226,8 +236,9 @@ def _carrying(frames: Frames, whole: Whole) -> Whole:
         before, bits = self._counters.frames_sent, burst.bits
         if not frames.of(burst):
             frames.add(burst, burst.source, burst.to, burst.packets, burst.sequence)
-        whole(self, burst)
         (given,) = frames.of(burst)
+        frames.aim(given, None)
+        whole(self, burst)
         now = frames.now
         if self._counters.frames_sent > before:
             given.attempts.append(Attempt(before + 1, now - bits * self._seconds_per_bit, now, ended=True))

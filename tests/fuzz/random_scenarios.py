@@ -34,6 +34,8 @@ PLAIN: Final = ("packing", "routing", "clock", "detection", "wakeup")
 """Roles of a network that take any values."""
 RECORDED: Final = "scenarios/recorded/ble/straight_01.csv.gz"
 """A track that comes with wsnsim, from the folder in which the tests are run."""
+RECORDED_LINKS: Final = "scenarios/recorded/links/grenoble_first_half.k7.gz"
+"""Links between 50 nodes, likewise."""
 GUIDED: Final = 0.9
 """Probability that a choice avoids what `build` is known to refuse."""
 
@@ -205,6 +207,12 @@ class Sampler:
         if values["kind"] == "disk":
             values["reach"] = self.rng.choice([0.4, 0.8, 1.5]) * self.side
             return values
+        if values["kind"] == "recorded":
+            return {
+                "kind": "recorded", "path": RECORDED_LINKS, "channel": self.rng.randint(11, 26), "wrap": True,
+                "map": self.rng.sample(range(50), self.nodes), "round_length": self.rng.choice([1.5, 10.0]) * self.step,
+                "burstiness": values.get("burstiness", "none"), "reach": self.side,
+            }  # fmt: skip
         kept = ("shadowing", "asymmetry", "cca_mode", "interference", "capture_margin")
         return {"kind": "log_normal", **{name: values[name] for name in kept if name in values}}
 

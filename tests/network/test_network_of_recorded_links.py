@@ -154,6 +154,7 @@ def test_links_may_join_nodes_that_are_far_apart_and_collide_there(tmp_path: Pat
     net = network(written(tmp_path, *rows))
     burst = net.unicast(0, 2)
     assert burst.packets == 1 and net.unicast(0, 1).packets == 0
+    assert [event["node"] for event in net.rows("drop")] == [1] * 4 and net.counters.in_range == 5
     assert net.router.path(0, 1) == [0, 2, 1]
     (datagram,) = net.carry(Datagram(0, 1, PARCEL))
     assert datagram.arrived and datagram.hops == 2
