@@ -20,7 +20,7 @@ from wsnsim.base.part import Quantity, part
 from wsnsim.base.recorded_links import BurstyLosses, HeardLinks
 from wsnsim.base.setups import Setup
 from wsnsim.models.bounds import LENGTH
-from wsnsim.models.csvfile import demand_digest
+from wsnsim.models.csvfile import demand_digest, row_texts
 from wsnsim.models.k7file import HIGHEST_CHANNEL, LinkRecording, read_links
 
 SHARE = Quantity("", ge=0.0, le=1.0)
@@ -140,6 +140,10 @@ class RecordedLinks:
     def senses(self, powers: Floats) -> Bools:
         """(n,) whether a node takes the channel for busy: it does if it has heard the sender in this round."""
         return np.isfinite(powers)
+
+    def skipped_rows(self, setup: Setup) -> list[str]:
+        """The rows that are left out, as 'FILE:LINE: reason' each."""
+        return row_texts(self.path, self.recording.bad)
 
     def check(self, setup: Setup) -> Iterator[Issue]:
         """Yield issues: a file, a channel, nodes or rounds that there are not, or a run that lasts longer."""

@@ -18,7 +18,7 @@ from wsnsim.base.arrays import Ints
 from wsnsim.base.continuous_power import continuous_power
 from wsnsim.base.frames import EVERYONE, MacFrame
 from wsnsim.base.medium_access import FramedMac
-from wsnsim.base.tables import CAUSE, EVENT_CAUSE
+from wsnsim.base.tables import CAUSE, EVENT_CAUSE, KIND
 from wsnsim.network.event_log import event
 from wsnsim.network.radio.capture import HEADER_BITS, CapturingReceivers
 from wsnsim.network.radio.link_counters import LinkCounters, NoLinkCounters
@@ -26,6 +26,7 @@ from wsnsim.network.radio.radio_services import RadioServices
 from wsnsim.network.radio.reception import Reception
 from wsnsim.network.radio.transmission import OnEnd, Transmission, overlap, received_by_none
 
+DROP: Final = KIND["drop"]
 TX, SWITCH = EVENT_CAUSE["tx"], CAUSE["switch"]
 WHOLE: Final = 1.0
 
@@ -170,6 +171,8 @@ class Channel:
             received = self._reception.resolve(transmission)
             if frame.to == EVERYONE:
                 self._links.count(transmission, received)
+            elif frame.to not in transmission.neighbours.members:
+                self._log_unheard(transmission)
         frame.sends += 1
         if frame.packets:
             counters = self._counters
@@ -177,6 +180,16 @@ class Channel:
             counters.packets_sent += frame.packets
             counters.frames_lost += (transmission.cut or transmission.missed) if frame.to == EVERYONE else not received
         transmission.on_end(transmission, received)
+
+    def _log_unheard(self, sent: Transmission) -> None:
+        """Log a frame whose destination hears nothing of it: the link ended while the frame waited."""
+        frame = sent.frame
+        self._log.add(
+            event(self._env.now, self._log.step, frame.target, frame.to, DROP, frame.code, sent.number,
+                  frame.sequence, sent.source, frame.packets)
+        )  # fmt: skip
+        if frame.packets and self._nodes.alive[frame.to]:
+            self._counters.in_range += 1
 
     def _pay(self, transmission: Transmission, share: float) -> bool:
         """Charge and log the sending of a share of a frame; returns whether it was sent completely."""

@@ -58,8 +58,6 @@ class Reception:
     def resolve(self, sent: Transmission) -> Received:
         """Return the result of a frame that was sent completely."""
         nodes, ids = self._nodes, sent.neighbours.ids
-        if sent.frame.to != EVERYONE and sent.frame.to not in sent.neighbours.members:
-            self._log_unheard(sent)
         listening = None if nodes.all_listen else nodes.hears(ids, sent.start)
         if self._receivers is not None:
             self._receivers.lock_started()
@@ -68,12 +66,6 @@ class Reception:
         if sent.frame.to == EVERYONE and self._topology.distance_only and (listening is None or listening.all()):
             return self._broadcast_alone(sent) if sent.overlapping is None else self._broadcast_overlapped(sent)
         return self._in_one_pass(sent, listening)
-
-    def _log_unheard(self, sent: Transmission) -> None:
-        """Log a frame whose destination hears nothing of it, for a link that ended while the frame waited."""
-        self._log_each(sent, DROP, np.array([sent.frame.to]), 0, 0.0, NONE)
-        if sent.frame.packets and self._nodes.alive[sent.frame.to]:
-            self._counters.in_range += 1
 
     def _in_one_pass(self, sent: Transmission, listening: Bools | None) -> Received:
         """The result of a frame that no fault disturbs and of which nobody can die: that of `_sort_out`."""
