@@ -14,7 +14,7 @@ from wsnsim.scenario import load
 
 @pytest.fixture(scope="module")
 def walks(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[str], str]:
-    return Walks(tracks=3, shadowing=0.0).write(tmp_path_factory.mktemp("walks"), 4)
+    return Walks(tracks=3).write(tmp_path_factory.mktemp("walks"), 4)
 
 
 def test_the_block_that_is_written_loads_in_a_scenario_that_extends_it(

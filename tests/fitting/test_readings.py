@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import json
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +11,9 @@ import pytest
 
 import wsnsim
 from tests.helpers.recorded_walks import HEIGHT, Walks
-from wsnsim.base.errors import RunError, UsageError
+from wsnsim.base.errors import RunError, ScenarioError, UsageError
 from wsnsim.fitting import Fit
+from wsnsim.scenario import build, load
 from wsnsim.scenario.files import shipped
 
 BLE = next(iter(shipped().values())).parent / "recorded" / "ble"
@@ -54,7 +56,7 @@ def test_every_parameter_of_a_known_law_lies_in_its_interval_for_most_seeds(tmp_
 def test_independent_normal_noise_is_found_to_be_that(tmp_path: Path) -> None:
     files, nodes = Walks(shadowing=0.0).write(tmp_path, 3)
     found = wsnsim.fit(files, nodes)
-    assert found.sensor.keys() == {"kind", "z0", "eta", "d0", "sd", "gains", "target_height"}
+    assert found.sensor.keys() == {"kind", "z0", "eta", "d0", "sd", "gains", "target_height", "fitted_on"}
     assert found.sensor["target_height"] == HEIGHT
     assert abs(found.sensor["sd"] - 4.0) < 0.2
 
@@ -92,7 +94,7 @@ def test_columns_may_have_other_names_and_the_trajectory_may_be_a_file_of_its_ow
     track.write_text("\n".join(["at,x,y,z", *(f"{row[0]},{row[3]},{row[4]},{row[5]}" for row in rows)]))
     columns = {"time": "at", "node": "who", "reading": "dbm"}
     apart = wsnsim.fit(readings, nodes, tracks=[track], columns=columns | {"id": "id"})
-    assert apart.sensor == wsnsim.fit(files[0], nodes).sensor
+    assert apart.sensor | {"fitted_on": []} == wsnsim.fit(files[0], nodes).sensor | {"fitted_on": []}
 
 
 def test_the_law_of_distances_has_the_spread_about_zero(tmp_path: Path) -> None:
@@ -104,7 +106,7 @@ def test_the_law_of_distances_has_the_spread_about_zero(tmp_path: Path) -> None:
     (tmp_path / "ranges.csv").write_text("\n".join(lines))
     found = wsnsim.fit(tmp_path / "ranges.csv", tmp_path / "nodes.csv", law="range")
     assert found.values["bias"].low < 0.5 < found.values["bias"].high
-    assert found.sensor.keys() == {"kind", "sd"}
+    assert found.sensor.keys() == {"kind", "sd", "fitted_on"}
     assert abs(found.sensor["sd"] - np.hypot(0.5, 1.0)) < 0.1
 
 
@@ -173,6 +175,22 @@ def test_a_law_is_not_judged_on_what_it_was_fitted_to(walks: tuple[list[str], st
         assert row.in_sample
     assert [row.in_sample for row in wsnsim.fit(files[1:], nodes, test=files[0]).test] == [False]
     assert [row.in_sample for row in wsnsim.fit(files[:2], nodes, in_sample=True).test] == [True, True]
+
+
+def test_a_scenario_that_judges_a_law_on_its_own_readings_is_refused(tmp_path: Path) -> None:
+    law = wsnsim.fit(ble("straight_02"), BLE / "receivers.csv", noise="student_t").sensor
+    assert {"gains", "target_height", "dof", "shadowing", "decorrelation", "fitted_on"} <= law.keys()
+    repacked = tmp_path / "mine.csv.gz"
+    repacked.write_bytes(gzip.compress(gzip.decompress((BLE / "straight_02.csv.gz").read_bytes()), mtime=7))
+    for path, allowed, issues in ((repacked, False, 1), (repacked, True, 0), (BLE / "straight_01.csv.gz", False, 0)):
+        overrides = [f"sensor.path={path}", f"sensor.in_sample={str(allowed).lower()}", f"motion.path={path}"]
+        overrides += [f"sensor.law.{key}={json.dumps(value)}" for key, value in law.items()]
+        found = load("recorded_track", overrides)
+        if not issues:
+            build(found)
+            continue
+        with pytest.raises(ScenarioError, match="among those that the law was fitted to"):
+            build(found)
 
 
 def test_readings_that_do_not_determine_the_law_are_refused(tmp_path: Path) -> None:

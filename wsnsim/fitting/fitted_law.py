@@ -150,8 +150,8 @@ class FittedLaw:
         names = [column.name for column in self.model.form.coefficients]
         block: dict[str, Any] = {"kind": self.model.form.kind}
         if self.model.form.kind == "range":
-            noise = self.model.noise
-            return block | {"sd": _rounded(math.hypot(noise.total, float(self.model.coefficients[0])))}
+            spread = math.hypot(self.model.noise.total, float(self.model.coefficients[0]))
+            return block | {"sd": _rounded(spread), "fitted_on": self.digests}
         block |= {name: _rounded(self.values[name].value) for name in names} | {"d0": 1.0}
         block |= {"sd": _rounded(self.model.noise.sd)}
         if self.gains:
@@ -162,7 +162,7 @@ class FittedLaw:
             block |= {"noise": "student_t", "dof": _rounded(self.model.noise.dof)}
         if self.model.noise.shadowing > 0.0:
             block |= {name: _rounded(self.values[name].value) for name in ("shadowing", "decorrelation")}
-        return block
+        return block | {"fitted_on": self.digests}
 
 
 def figures(model: FittedModel, sample: LocatedReadings) -> ResidualFigures:

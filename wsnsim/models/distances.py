@@ -23,6 +23,7 @@ from wsnsim.models.sensing import coordinates, fisher
 
 REACH: Final = Quantity("m", ge=1e-3)
 """A sensing range that may be infinite: up to 1e7 m, or .inf (see `reach_issues`)."""
+FITTED_ON: Final = "digests of the files of readings that the law was fitted to, as `wsnsim fit` writes them"
 
 
 class OfDistance:

@@ -19,7 +19,7 @@ from wsnsim.base.errors import Issue
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.setups import NetworkSetup, TrackingSetup
 from wsnsim.kernels import ranging as kernels
-from wsnsim.models.distances import REACH, OfDistance, reach_issues, squared_distances
+from wsnsim.models.distances import FITTED_ON, REACH, OfDistance, reach_issues, squared_distances
 from wsnsim.models.rssi import Rssi
 from wsnsim.models.sensing import fisher
 
@@ -45,6 +45,7 @@ class Range(OfDistance):
     reach: Annotated[float, REACH, "sensing range; .inf: unlimited"] = 400.0
     beyond: Annotated[Literal["silent", "noise"], "reading of a target out of range"] = "silent"
     own_cell: Annotated[bool, "whether only the sensor nearest to the target has a reading"] = False
+    fitted_on: Annotated[tuple[str, ...], FITTED_ON] = ()
 
     def detects(self, points: Floats, positions: Floats) -> Bools:
         """(n, S) whether each sensor has a reading of a target at each of the points (n, P): all if `beyond: noise`.

@@ -1,5 +1,7 @@
 """What a scenario with recorded readings must not change: trajectory, detection and clocks are those of the recording.
 
+Nor may it judge a law on the readings that it was fitted to.
+
 recorded_issues(sensor, setup) -> Iterator[Issue]
 """
 
@@ -10,6 +12,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from wsnsim.base.content_digests import content_digest
 from wsnsim.base.errors import Issue
 from wsnsim.base.ports import Detection, MotionModel
 from wsnsim.base.setups import NetworkSetup, TrackingSetup
@@ -22,7 +25,13 @@ MOST_STEPS: Final = 20
 
 
 def recorded_issues(sensor: Any, setup: TrackingSetup) -> Iterator[Issue]:
-    """Yield an issue for each component that samples what was recorded, and if times may have different origins."""
+    """Yield an issue for each component that samples what was recorded, for other origins of time, and in-sample laws.
+
+    What is judged must not be in what was fitted: a law whose `fitted_on` has the digest of the readings is refused.
+    """
+    if not sensor.in_sample and _is_in_sample(sensor):
+        message = "these readings are among those that the law was fitted to: use others, or say in_sample: true"
+        yield Issue(("sensor", "path"), message)
     for number, motion in enumerate(setup.motions):
         key = ("motion", "kind") if len(setup.motions) == 1 else ("targets", number, "kind")
         if not _is_given(motion, setup):
@@ -33,6 +42,12 @@ def recorded_issues(sensor: Any, setup: TrackingSetup) -> Iterator[Issue]:
     if isinstance(setup, NetworkSetup) and not _is_perfect(setup.detection):
         message = "recorded readings have the detection errors of the world that they come from: use kind: perfect"
         yield Issue(("detection", "kind"), message)
+
+
+def _is_in_sample(sensor: Any) -> bool:
+    """Whether the law was fitted to the file of readings; its content counts, not its name or compression."""
+    fitted_on = getattr(sensor.law, "fitted_on", ())
+    return bool(fitted_on) and content_digest(sensor.path) in fitted_on
 
 
 def _is_perfect(detection: Detection) -> bool:

@@ -73,6 +73,7 @@ class RecordedSensor:
     skip_bad_rows: Annotated[bool, "whether rows that cannot be used are left out and counted, instead of refused"] = (
         False
     )
+    in_sample: Annotated[bool, "whether the law may be one that was fitted to these readings (its `fitted_on`)"] = False
     digest: Annotated[str, "digest of the file; '': that of the present file, which the result stores"] = ""
 
     def __post_init__(self) -> None:

@@ -21,7 +21,7 @@ from wsnsim.base.setups import TrackingSetup
 from wsnsim.base.traits import GAIN_DB, HEIGHT
 from wsnsim.kernels import ranging as kernels
 from wsnsim.models.bounds import LENGTH
-from wsnsim.models.distances import REACH, OfDistance, reach_issues, squared_distances, unit_noise
+from wsnsim.models.distances import FITTED_ON, REACH, OfDistance, reach_issues, squared_distances, unit_noise
 
 LARGEST_EXPONENT: Final = 600.0
 """e to this power times any d0 is finite."""
@@ -62,6 +62,7 @@ class Rssi(OfDistance):
     target_height: Annotated[float | None, ELEVATION, "height of the target; none: heights are ignored"] = None
     shadowing: Annotated[float, DECIBEL, "standard deviation of shadowing, correlated along the target's path"] = 0.0
     decorrelation: Annotated[float, LENGTH, "δ: length of path after which its correlation is 1/e"] = 2.0
+    fitted_on: Annotated[tuple[str, ...], FITTED_ON] = ()
 
     @property
     def trait_names(self) -> tuple[str, ...]:
