@@ -110,6 +110,7 @@ def _read(path: str, skip_bad_rows: bool, version: tuple[int, ...]) -> LinkRecor
     with open_text(path) as file:
         header = _header(path, file.readline())
         rows, bad = _rows(path, csv.reader(file), header)
+    total = len(rows) + len(bad)
     rows.sort(key=lambda row: row.time)
     bursts = Bursts(header.burst + SLACK)
     kept = []
@@ -120,7 +121,7 @@ def _read(path: str, skip_bad_rows: bool, version: tuple[int, ...]) -> LinkRecor
             kept.append(row)
     bad.sort(key=lambda row: row.line)
     if bad and not skip_bad_rows:
-        raise RunError(bad_rows_text(path, bad, len(rows) + len(bad)))
+        raise RunError(bad_rows_text(path, bad, total))
     if not kept:
         raise RunError(f"{path}: contains no row that can be used")
     return _recording(path, kept, bursts, _names(kept, header.nodes), tuple(bad))
