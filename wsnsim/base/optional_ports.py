@@ -147,6 +147,17 @@ class LimitsReadings(Protocol):
         """The least and the greatest reading."""
 
 
+@runtime_checkable
+class ConstantGaussian(Protocol):
+    """Optional port of a sensor model: whether the noise of its readings is Gaussian with one constant variance R.
+
+    The mean of n readings then says as much of the state as all of them, with the variance R / n.
+    """
+
+    @property
+    def constant_gaussian(self) -> bool: ...
+
+
 class Recording(NamedTuple):
     """The recorded readings of one target, step by step.
 
@@ -163,11 +174,15 @@ class Recording(NamedTuple):
 class Replays(Protocol):
     """Optional port of a sensor model whose readings were recorded: no reading is sampled from its law.
 
-    `law` is the sensor model that filters and bounds take the readings to follow.
+    `law` is the sensor model that filters and bounds take the readings to follow. With `counted`, filters are given how
+    many readings each one stands for: as a further trait of its node, which changes from step to step.
     """
 
     @property
     def law(self) -> Any: ...
+
+    @property
+    def counted(self) -> bool: ...
 
     def recordings(self, names: Sequence[str], targets: int, steps: int, dt: float) -> Sequence[Recording]:
         """The readings of each target by nodes of these names. Raises RunError with file and line if some are bad."""

@@ -23,6 +23,7 @@ from wsnsim.base.estimate import NO_INNOVATION as NO_INNOVATION
 from wsnsim.base.estimate import Estimate as Estimate
 from wsnsim.base.estimate import Innovation as Innovation
 from wsnsim.base.optional_ports import HEIGHT as HEIGHT
+from wsnsim.base.optional_ports import ConstantGaussian as ConstantGaussian
 from wsnsim.base.optional_ports import Continuous as Continuous
 from wsnsim.base.optional_ports import Detects as Detects
 from wsnsim.base.optional_ports import Drifts as Drifts

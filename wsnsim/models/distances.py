@@ -38,6 +38,11 @@ class OfDistance:
         """The names of a node's traits: none, all nodes have the same sensor."""
         return ()
 
+    @property
+    def constant_gaussian(self) -> bool:
+        """Whether the noise is Gaussian: its variance is constant, so a mean of n readings has the variance R / n."""
+        return self._dof == math.inf
+
     def draw_traits(self, nodes: int, rng: np.random.Generator) -> Floats:
         """(nodes, 0) nothing: all nodes have the same sensor."""
         return np.empty((nodes, 0))

@@ -14,7 +14,7 @@ import numpy as np
 
 from wsnsim.base.content_digests import content_digest
 from wsnsim.base.errors import Issue
-from wsnsim.base.ports import Detection, MotionModel
+from wsnsim.base.ports import ConstantGaussian, Detection, MotionModel
 from wsnsim.base.setups import NetworkSetup, TrackingSetup
 from wsnsim.models.recorded_track import RecordedTrack
 
@@ -39,6 +39,8 @@ def recorded_issues(sensor: Any, setup: TrackingSetup) -> Iterator[Issue]:
             yield Issue(key, f"{message} (or waypoints)")
         elif isinstance(motion, RecordedTrack):
             yield from _other_origin(sensor, motion)
+    if sensor.counted:
+        yield from _cannot_count(sensor, setup)
     if isinstance(setup, NetworkSetup) and not _is_perfect(setup.detection):
         message = "recorded readings have the detection errors of the world that they come from: use kind: perfect"
         yield Issue(("detection", "kind"), message)
@@ -48,6 +50,18 @@ def _is_in_sample(sensor: Any) -> bool:
     """Whether the law was fitted to the file of readings; its content counts, not its name or compression."""
     fitted_on = getattr(sensor.law, "fitted_on", ())
     return bool(fitted_on) and content_digest(sensor.path) in fitted_on
+
+
+def _cannot_count(sensor: Any, setup: TrackingSetup) -> Iterator[Issue]:
+    """Yield an issue if a filter cannot be told of how many readings one is the mean."""
+    key = ("sensor", "several")
+    if isinstance(setup, NetworkSetup):
+        yield Issue(key, "in a network, nodes send one reading a step and not how many it stands for: use mean or last")
+    if not (isinstance(sensor.law, ConstantGaussian) and sensor.law.constant_gaussian):
+        yield Issue(key, "all needs a law whose noise is Gaussian with a constant variance: use mean or last")
+    if getattr(getattr(setup.filter_sensor, "law", None), "inflate", False):
+        message = "what widens the noise is common to all readings of a node: use several: mean or last"
+        yield Issue(("tracker", "assumes", "inflate"), message)
 
 
 def _is_perfect(detection: Detection) -> bool:

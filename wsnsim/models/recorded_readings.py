@@ -20,6 +20,7 @@ from wsnsim.base.ports import LimitsReadings, Recording, Replays, SensorModel
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.models.csvfile import BadRow, CsvRows, Wanted, bad_rows_text, demand_digest, read_rows, row_texts
 from wsnsim.models.recorded_issues import recorded_issues
+from wsnsim.models.repeated_readings import RepeatedReadings
 
 TIME: Final = Quantity("s", ge=-1e15, le=1e15)
 ROUNDING: Final = 1e-9
@@ -58,15 +59,16 @@ class RecordedSensor:
     Rows may stand in any order. A reading at the time t belongs to the first step k with k dt >= t - `time_origin`, so
     that no step uses a reading of the future; those before the origin belong to step 0, those after the last step are
     not used. A node without a reading in a step is silent. Of several readings of a node in a step, the `mean` or the
-    `last` counts. Nodes are known by the names that the deployment gives them, else by their numbers. No reading is
-    sampled, and where the target is plays no part in who has one. `law` is what filters, heads and bounds take the
-    readings to follow. All of this is our choice.
+    `last` counts as one reading, or `all` enter the likelihood: the mean of n readings, with the variance R / n. Nodes
+    are known by the names that the deployment gives them, else by their numbers. No reading is sampled, and where the
+    target is plays no part in who has one. `law` is what filters, heads and bounds take the readings to follow. All of
+    this is our choice.
     """
 
     path: Annotated[str, "CSV file, also .gz, with a header that names time, node and reading; more are ignored"]
     law: Annotated[SensorModel, OfRole("sensor"), "the sensor model that filters take the readings to follow"]
     columns: Annotated[ReadingColumns, "the names of the file's columns, where they differ"] = ReadingColumns()
-    several: Annotated[Literal["mean", "last"], "which reading counts, of several of a node in a step"] = "mean"
+    several: Annotated[Literal["mean", "last", "all"], "which reading counts, of several of a node in a step"] = "mean"
     time_origin: Annotated[
         float | None, TIME, "time in the file that is 0 in the run; default: the first reading's"
     ] = None
@@ -110,8 +112,14 @@ class RecordedSensor:
         return self.law.linearise(points, positions, traits)
 
     def assumed(self, gains: str, inflate: bool) -> SensorModel:
-        """The model that a filter assumes: that of the law."""
-        return self.law.assumed(gains, inflate)
+        """The model that a filter assumes: that of the law, or of means of its readings."""
+        assumed = self.law.assumed(gains, inflate)
+        return RepeatedReadings(law=assumed) if self.counted else assumed
+
+    @property
+    def counted(self) -> bool:
+        """Whether filters are told how many readings a mean stands for."""
+        return self.several == "all"
 
     def recordings(self, names: Sequence[str], targets: int, steps: int, dt: float) -> list[Recording]:
         """The readings of each target by nodes of these names, (steps + 1, N) each.

@@ -30,7 +30,7 @@ from wsnsim.base.shadowing import path_shadowing
 from wsnsim.base.standalone import StandaloneBlock, StandaloneRun, WholeRuns, offers_whole_runs
 from wsnsim.offline import block_rows
 from wsnsim.offline.block_rows import FollowedTarget
-from wsnsim.offline.measurements import HEAD, recorded_readings, sample_readings, with_shadowing
+from wsnsim.offline.measurements import HEAD, recording, sample_readings, with_shadowing
 from wsnsim.offline.offline_run import node_rows
 
 BLOCK_SECONDS: Final = 1.0
@@ -42,10 +42,10 @@ MOST_NUMBERS: Final = 4_000_000
 
 
 def offers_batch(setup: Setup) -> bool:
-    """Whether the batch engine might run a scenario: it has no network, and its tracker offers whole runs."""
+    """Whether the batch engine might run a scenario: no network, a tracker that offers whole runs, constant traits."""
     if not isinstance(setup, TrackingSetup) or isinstance(setup, NetworkSetup):
         return False
-    return offers_whole_runs(setup.tracker)
+    return offers_whole_runs(setup.tracker) and not (setup.recorded and setup.recorded.counted)
 
 
 class Batches:
@@ -145,8 +145,10 @@ def _standalone(setup: TrackingSetup, target: int, conditions: InitialConditions
     """One target of one run: its readings are those of `OfflineCluster`."""
     points = measured_points(setup.motions[target], setup.sensor, conditions.truths[target], setup.dt)
     sense, track = (derive(streams.key(name), target) for name in ("sense", "tracker"))
-    readings = recorded_readings(setup, target, len(conditions.positions))
-    if readings is None:
+    recorded = recording(setup, target, len(conditions.positions))
+    if recorded:
+        readings = recorded.readings
+    else:
         readings = sample_readings(setup.sensor, points, conditions.positions, conditions.traits, sense)
         readings = with_shadowing(readings, path_shadowing(setup.sensor, points, sense))
     keys = derive_each(derive_all(track, np.arange(setup.steps + 1)), np.array([HEAD_KEY], np.uint64))

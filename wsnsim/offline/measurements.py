@@ -9,7 +9,7 @@ import numpy as np
 from wsnsim.base.arrays import Floats, planar
 from wsnsim.base.initial_conditions import InitialConditions, measured_points
 from wsnsim.base.node_names import node_names
-from wsnsim.base.ports import Detects, Scene, SensorModel
+from wsnsim.base.ports import Detects, Recording, Scene, SensorModel
 from wsnsim.base.requests import Member
 from wsnsim.base.rng import HEAD_KEY, Streams, derive, derive_all, derive_each, reading_noise
 from wsnsim.base.setups import TrackingSetup
@@ -31,7 +31,9 @@ class OfflineCluster:
         self._track_key = derive(streams.key("tracker"), target)
         truth = conditions.truths[target]
         self._points = measured_points(setup.motions[target], setup.sensor, truth, setup.dt)
-        self._recorded = recorded_readings(setup, target, len(self._positions))
+        recorded = recording(setup, target, len(self._positions))
+        self._recorded = recorded.readings if recorded else None
+        self._counts = recorded.counts if recorded and setup.recorded and setup.recorded.counted else None
         self._shadowing = path_shadowing(setup.sensor, self._points, self._sense_key)
         self._length = max(1, min(len(truth), MOST_AHEAD // len(self._positions)))
         self._block = _Block(0, [], [], [])
@@ -46,6 +48,7 @@ class OfflineCluster:
         before, ids, row = self._ids, block.ids[step - block.first], step - block.first
         if ids != before:
             self._ids, self._rows = ids, np.array(ids, dtype=np.int64)
+        traits = self._traits_at(step)
         for member, value, key in zip(self.members.values(), block.readings[row], block.keys[row], strict=True):
             member.reading, member.key = None if value != value else value, key
         return Scene(
@@ -57,7 +60,7 @@ class OfflineCluster:
             head=HEAD,
             ids=ids,
             positions=self._assumed[self._rows],
-            traits=self._traits[self._rows],
+            traits=traits[self._rows],
             roster=tuple(self.members),
             joined=() if ids == before else tuple([node for node in ids if node not in before]),
             left=() if ids == before else tuple([node for node in before if node not in ids]),
@@ -66,6 +69,15 @@ class OfflineCluster:
             sensor=setup.filter_sensor,
             key=derive(self._track_key, step, HEAD_KEY),
         )
+
+    def _traits_at(self, step: int) -> Floats:
+        """(S, T) the traits of the sensors; with the number of readings that each measurement is the mean of."""
+        if self._counts is None:
+            return self._traits
+        traits = np.column_stack([self._traits, np.maximum(self._counts[step], 1)])
+        for member, own in zip(self.members.values(), traits, strict=True):
+            member.traits = own
+        return traits
 
     def _block_of(self, step: int) -> _Block:
         """The block of steps that holds this one, computed if it is not the present one."""
@@ -100,12 +112,12 @@ class _Block(NamedTuple):
     keys: list[list[int]]
 
 
-def recorded_readings(setup: TrackingSetup, target: int, sensors: int) -> Floats | None:
-    """(steps + 1, S) the recorded measurements of a target, NaN where a sensor has none; None if they are sampled."""
+def recording(setup: TrackingSetup, target: int, sensors: int) -> Recording | None:
+    """The recorded measurements of a target; None if they are sampled."""
     if setup.recorded is None:
         return None
     names = node_names(setup, sensors)
-    return setup.recorded.recordings(names, len(setup.motions), setup.steps, setup.dt)[target].readings
+    return setup.recorded.recordings(names, len(setup.motions), setup.steps, setup.dt)[target]
 
 
 def with_shadowing(readings: Floats, shadowing: PathShadowing | None, first: int = 0) -> Floats:
