@@ -6,6 +6,10 @@ PYTHON   ?=
 
 # Folders of tests that are targets of their own.
 APART    := documentation campaign_cluster browser
+SUITE    := -n 2 --dist worksteal -m "not thorough" $(APART:%=--ignore=tests/%)
+
+# What `make matrix` tries; `make lowest` takes the first that is installed.
+PYTHONS  ?= 3.11 3.12 3.13 3.14
 
 VENV     := .venv
 PY       := $(VENV)/bin/python
@@ -28,7 +32,7 @@ CHOSEN      = $(if $(REPLICATES),--replicates $(REPLICATES)) $(ARGS)
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help run test thorough verify documentation cluster browser fuzz wheel matrix check interpreted format lint types imports bench sweep compare reproduce figures readme lock clean moved asked
+.PHONY: help run test thorough verify documentation cluster browser fuzz wheel matrix lowest check interpreted format lint types imports bench sweep compare reproduce figures readme lock clean moved asked
 .DELETE_ON_ERROR:
 
 help:  ## list the targets
@@ -40,7 +44,7 @@ run: $(READY)  ## run a scenario: summary, result file and HTML page; SCENARIO=.
 	@$(PY) -m wsnsim run "$(SCENARIO)" --report $(ARGS)
 
 test: $(READY)  ## run the test suite; ARGS='-k handover'
-	@$(PY) -m pytest -n 2 --dist worksteal -m "not thorough" $(APART:%=--ignore=tests/%) $(ARGS)
+	@$(PY) -m pytest $(SUITE) $(ARGS)
 
 thorough: $(READY)  ## test the same with more seeds, examples and combinations
 	@WSNSIM_THOROUGH=1 $(PY) -m pytest -n 2 --dist worksteal -m "thorough or hypothesis" $(APART:%=--ignore=tests/%) $(ARGS)
@@ -63,8 +67,11 @@ fuzz: $(READY)  ## try random files, plug-ins, commands and scenarios for an hou
 wheel: $(READY)  ## install the wheel into an empty environment and run a scenario there
 	@$(PY) -m tests.packaging.wheel $(PY)
 
-matrix: $(READY)  ## the same with every supported Python that is installed
-	@$(PY) -m tests.packaging.wheel python3.11 python3.12 python3.13
+matrix: $(READY)  ## run the suite with every installed Python of PYTHONS='3.11 3.12 3.13 3.14' and the newest packages
+	@$(PY) -m tests.packaging.versions newest $(PYTHONS) -- $(SUITE) $(ARGS)
+
+lowest: $(READY)  ## run the suite with the lowest versions of the packages that pyproject.toml allows
+	@$(PY) -m tests.packaging.versions lowest $(PYTHONS) -- $(SUITE) $(ARGS)
 
 check: format lint types imports test thorough verify documentation cluster browser interpreted  ## check format, lint, types, import contracts, all tests
 
@@ -120,8 +127,8 @@ lock:  ## regenerate requirements.lock from pyproject.toml (needs uv)
 	uv pip compile --quiet --universal --generate-hashes --python-version 3.11 --extra dev --no-header --no-annotate \
 	    -o requirements.lock pyproject.toml
 
-clean:  ## remove .venv and all caches; results stay
-	rm -rf $(VENV) build dist .mypy_cache .ruff_cache .import_linter_cache .hypothesis .pytest_cache
+clean:  ## remove .venv, .venv-matrix and all caches; results stay
+	rm -rf $(VENV) .venv-matrix build dist .mypy_cache .ruff_cache .import_linter_cache .hypothesis .pytest_cache
 	find wsnsim tests -name __pycache__ -prune -exec rm -rf {} +
 
 # Written last, so that an interrupted installation is repeated.

@@ -75,23 +75,43 @@ class _ProgressBar:
         self._bar: Any = None
 
     def step(self, progress: Any) -> None:
-        with contextlib.suppress(*ENDED):
-            self._draw(progress)
-
-    def _draw(self, progress: Any) -> None:
         from tqdm import tqdm
 
         total = self._form.total(progress)
         if self._bar is None:
-            self._bar = tqdm(total=total, desc="wsnsim", bar_format=self._form.bar, leave=False, file=sys.stderr)
+            file: Any = _Stderr()
+            self._bar = tqdm(
+                total=total, desc="wsnsim", bar_format=self._form.bar, leave=False, file=file, dynamic_ncols=True
+            )
         self._bar.total = total
         self._bar.n = self._form.share(progress) * total
         self._bar.set_postfix_str(self._form.postfix(progress))
 
     def close(self) -> None:
         if self._bar is not None:
-            with contextlib.suppress(*ENDED):
-                self._bar.close()
+            self._bar.close()
+
+
+@final
+class _Stderr:
+    """Stderr of which tqdm sees no error: a bar whose first drawing fails would fail again when it is removed."""
+
+    def write(self, text: str) -> None:
+        with contextlib.suppress(*ENDED):
+            sys.stderr.write(text)
+
+    def flush(self) -> None:
+        with contextlib.suppress(*ENDED):
+            sys.stderr.flush()
+
+    def fileno(self) -> int:
+        """The number by which tqdm asks for the terminal's width; it takes a default if there is none."""
+        return sys.stderr.fileno()
+
+    @property
+    def encoding(self) -> str:
+        """Without blocks in it, tqdm draws the bar in ASCII."""
+        return sys.stderr.encoding or "ascii"
 
 
 @final

@@ -7,9 +7,10 @@ Keys are required only in files that extend no other file.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, final
 
 from pydantic import BaseModel, Field, create_model
+from pydantic.json_schema import GenerateJsonSchema
 
 from wsnsim.scenario.build import plain_json
 from wsnsim.scenario.fields import PartError, PartModel
@@ -29,7 +30,7 @@ def json_schema() -> dict[str, Any]:
         about = Field(description=role.purpose)
         fields |= {key: (list[one] if key == role.listed else one, about) for key in role.keys}
     model: type[BaseModel] = create_model("Scenario", __base__=Scenario, **fields)
-    schema = model.model_json_schema()
+    schema = model.model_json_schema(schema_generator=_Generator)
     strict = _demands(schema)
     for definition in schema["$defs"].values():
         definition.pop("required", None)
@@ -40,6 +41,16 @@ def json_schema() -> dict[str, Any]:
     whole = {"$schema": DIALECT, **schema, "if": {"required": ["extends"]}, "then": {}, "else": strict}
     plain: dict[str, Any] = plain_json(whole)
     return plain
+
+
+@final
+class _Generator(GenerateJsonSchema):
+    """Writes default values whose classes pydantic has not built yet; before 2.14 it cannot do so itself."""
+
+    def encode_default(self, dft: Any) -> Any:
+        if isinstance(dft, BaseModel):
+            type(dft).model_rebuild(force=True)
+        return super().encode_default(dft)
 
 
 def _alternatives(role: str) -> list[type[PartModel]]:
