@@ -75,6 +75,28 @@ def test_the_coefficients_are_those_of_an_independent_least_squares(walks: tuple
     np.testing.assert_allclose([g.value for g in found.gains], constants - np.mean(constants), atol=1e-5)
 
 
+def test_intervals_are_those_of_a_sandwich_over_blocks(walks: tuple[list[str], str]) -> None:
+    """An independent computation with dummy variables for all nodes, z0 being their mean."""
+    files, nodes = walks
+    found = wsnsim.fit(files[:1], nodes, block=5.0)
+    table = np.genfromtxt(files[0], delimiter=",", skip_header=1, converters={1: lambda text: float(text[1:])})
+    places = np.genfromtxt(nodes, delimiter=",", skip_header=1)[:, 1:]
+    node, block = table[:, 1].astype(int), (table[:, 0] // 5.0).astype(int)
+    matrix = np.column_stack([
+        node[:, None] == np.arange(8), -10 * np.log10(np.linalg.norm(table[:, 3:6] - places[node], axis=1)),
+    ])  # fmt: skip
+    left = table[:, 2] - matrix @ np.linalg.lstsq(matrix, table[:, 2], rcond=None)[0]
+    scores = np.stack([(matrix * left[:, None])[block == b].sum(axis=0) for b in range(12)])
+    bread = np.linalg.inv(matrix.T @ matrix)
+    spread = bread @ scores.T @ scores @ bread * 12 / 11 * (len(left) - 1) / (len(left) - 9)
+    of_gains = np.column_stack([np.eye(8) - 1 / 8, np.zeros(8)])
+    quantile = 2.200985160082949  # of Student's t with 11 degrees of freedom, 97.5 %
+    expected = quantile * np.sqrt(np.diag(of_gains @ spread @ of_gains.T))
+    np.testing.assert_allclose([gain.high - gain.value for gain in found.gains], expected, rtol=1e-6)
+    eta = found.values["eta"]
+    np.testing.assert_allclose(eta.high - eta.value, quantile * np.sqrt(spread[8, 8]), rtol=1e-6)
+
+
 def test_the_same_files_give_the_same_fit_in_any_order_of_rows(walks: tuple[list[str], str], tmp_path: Path) -> None:
     files, nodes = walks
     head, *rows = Path(files[0]).read_text().splitlines()
@@ -199,6 +221,10 @@ def test_readings_that_do_not_determine_the_law_are_refused(tmp_path: Path) -> N
     (tmp_path / "rest.csv").write_text("\n".join(["time,node,reading,x,y", *rows]))
     with pytest.raises(RunError, match="eta is not determined; without gains"):
         wsnsim.fit(tmp_path / "rest.csv", tmp_path / "nodes.csv")
+    files, nodes = Walks(tracks=1).write(tmp_path, 1)
+    with pytest.raises(RunError, match="within one block of 1000 s"):
+        wsnsim.fit(files, nodes, block=1000.0)
+    (tmp_path / "nodes.csv").write_text("id,x,y\na,0,0\nb,10,0\n")
     (tmp_path / "few.csv").write_text("time,node,reading,x,y\n0,a,-60,1,1\n")
     with pytest.raises(RunError, match="1 readings cannot determine this law"):
         wsnsim.fit(tmp_path / "few.csv", tmp_path / "nodes.csv")

@@ -100,6 +100,8 @@ def _fit_in_blocks(sample: LocatedReadings, form: LawForm, options: FitOptions, 
     """The fit with intervals from blocks of this length (s)."""
     heights = bool(options.heights)
     blocks = sample.blocks(block)
+    if not blocks.any():
+        raise RunError(f"the readings lie within one block of {block:g} s: intervals need at least two")
     weights = _weights(int(blocks.max()) + 1, options.seed)
     solved = _regression(sample, form, heights, count, blocks)
     model = FittedModel(form, solved.values, solved.gains, Noise("normal", 1.0, math.inf, 0.0), heights)

@@ -11,12 +11,10 @@ from __future__ import annotations
 from typing import Final, NamedTuple
 
 import numpy as np
-from scipy import stats
+from scipy import linalg, stats
 
 from wsnsim.base.arrays import Floats, Ints
 
-RIDGE: Final = 1e-9
-"""Weight of the gains' squares, relative to the readings: it makes their sum 0, and its shrinkage is negligible."""
 CONFIDENCE: Final = 0.95
 
 
@@ -49,29 +47,27 @@ def least_squares(design: Floats, response: Floats, nodes: Ints, count: int, blo
         blocks: (n,) number of the block of each reading.
     """
     columns = design.shape[1]
-    indicators = nodes[:, None] == np.arange(count)
-    matrix = np.column_stack([design, indicators])
-    normal = matrix.T @ matrix
-    normal[columns:, columns:] += RIDGE * len(matrix) * np.eye(count)
-    inverse = np.linalg.pinv(normal, hermitian=True) if count == 0 else np.linalg.inv(normal)
+    heard = np.flatnonzero(np.bincount(nodes, minlength=count)[:count])
+    contrasts = np.zeros((count, max(len(heard) - 1, 0)))
+    if len(heard) > 1:
+        contrasts[heard] = linalg.helmert(len(heard)).T
+    matrix = np.column_stack([design, contrasts[nodes]]) if count else design
+    inverse = np.linalg.inv(matrix.T @ matrix)
     solution = inverse @ (matrix.T @ response)
     residuals = response - matrix @ solution
-    errors, quantile = _sandwich(inverse, matrix * residuals[:, None], blocks, len(solution))
-    heard = np.bincount(nodes, minlength=count)[:count] > 0
-    level = float(solution[columns:][heard].mean()) if count else 0.0
-    gains = np.where(heard, solution[columns:] - level, 0.0)
-    values = solution[:columns] + level * (np.arange(columns) == 0)
-    return Coefficients(values, errors[:columns], gains, np.where(heard, errors[columns:], np.nan), quantile)
+    spread, quantile = _sandwich(inverse, matrix * residuals[:, None], blocks)
+    gain_errors = np.full(count, np.nan)
+    gain_errors[heard] = np.sqrt(np.einsum("ij,jk,ik->i", contrasts, spread[columns:, columns:], contrasts))[heard]
+    errors = np.sqrt(np.diag(spread)[:columns])
+    return Coefficients(solution[:columns], errors, contrasts @ solution[columns:], gain_errors, quantile)
 
 
-def _sandwich(inverse: Floats, scores: Floats, blocks: Ints, parameters: int) -> tuple[Floats, float]:
-    """Standard errors (C,) and the quantile of Student's t; infinite for a single block."""
+def _sandwich(inverse: Floats, scores: Floats, blocks: Ints) -> tuple[Floats, float]:
+    """Covariance (C, C) of the estimates, and the quantile of Student's t. There must be at least two blocks."""
     count = int(blocks.max()) + 1
-    if count < 2:
-        return np.full(len(inverse), np.inf), 1.0
     sums = np.zeros((count, scores.shape[1]))
     np.add.at(sums, blocks, scores)
-    readings = len(blocks)
+    readings, parameters = scores.shape
+    root = sums @ inverse
     factor = count / (count - 1) * (readings - 1) / max(readings - parameters, 1)
-    spread = inverse @ (sums.T @ sums) @ inverse * factor
-    return np.sqrt(np.maximum(np.diag(spread), 0.0)), float(stats.t.ppf(0.5 + CONFIDENCE / 2.0, count - 1))
+    return root.T @ root * factor, float(stats.t.ppf(0.5 + CONFIDENCE / 2.0, count - 1))
