@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import json
+
 import pytest
 
+import wsnsim
 from wsnsim.analysis import comparison_bounds
+from wsnsim.analysis.comparison import compare
 from wsnsim.analysis.comparison_bounds import PointBounds
+from wsnsim.analysis.comparison_text import text
+from wsnsim.recording.folder import Folder
 from wsnsim.recording.kept_answers import KeptAnswers
 from wsnsim.scenario import Plugins, load, resolved
 
@@ -42,3 +48,24 @@ def test_bounds_that_depend_on_a_plug_in_are_not_kept(found, monkeypatch):
     scenario = resolved(load("ungm_pf", ["duration=3 s"]))
     monkeypatch.setattr(comparison_bounds, "plugins", lambda _: ("sensor mine",))
     assert [found(scenario, 1.0), found(scenario, 2.0)] == [1.0, 2.0]
+
+
+def test_what_a_bound_takes_of_the_readings_is_kept_with_it_and_noted(tmp_path):
+    scenario = {
+        "name": "receivers", "seed": 3, "network": "none", "step": 1, "duration": 4,
+        "prior": {"sd": [1.0, 0.5, 1.0, 0.5]},
+        "deploy": {"kind": "anchors", "places": [[0, 0], [20, 0], [0, 20]]},
+        "motion": {"kind": "constant_velocity", "noise_input": "diagonal", "variances": [0.02],
+                   "start": [4, 0.5, 5, 0.4]},
+        "sensor": {"kind": "rssi", "sd": 3, "gain_spread": 4, "shadowing": 3},
+        "tracker": {"kind": "ekf", "gains": "unknown"},
+    }  # fmt: skip
+    kept = KeptAnswers(tmp_path / "bounds.json")
+    for _ in range(2):
+        about = comparison_bounds._kept_bounds(kept, resolved(load(scenario)), (0,), Plugins.NONE).about
+        assert "takes them as independent" in about[0] and "takes gains as known" in about[1]
+    (tmp_path / "receivers.yaml").write_text(json.dumps(scenario))
+    sweep = {"scenario": str(tmp_path / "receivers.yaml"), "grid": {"tracker.kind": ["ekf", "pf"]}, "replicates": 2}
+    wsnsim.sweep(sweep, out=tmp_path / "receivers", workers=1)
+    found = comparison_bounds.with_bounds(compare(tmp_path / "receivers"), Folder(tmp_path / "receivers"))
+    assert found.of_bounds == "; ".join(about) and f"  of the bound: {found.of_bounds}" in text(found)

@@ -55,6 +55,7 @@ class Comparison:
             are NaN.
         unpaired: why rows have no difference.
         unbounded: why `comparison_bounds.with_bounds` found no bound for some rows.
+        of_bounds: what bounds take of the readings that may be otherwise, such as that they are independent.
         unit: the unit of the metric.
     """
 
@@ -66,6 +67,7 @@ class Comparison:
     table: pd.DataFrame
     unpaired: str
     unbounded: str = ""
+    of_bounds: str = ""
     unit: str = "m"
 
 
@@ -137,6 +139,7 @@ def as_json(found: Comparison) -> dict[str, Any]:
         "conclusions": conclusions_of(found),
         "unpaired": found.unpaired,
         "unbounded": found.unbounded,
+        "of_bounds": found.of_bounds,
     }
 
 

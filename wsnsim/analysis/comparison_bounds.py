@@ -38,11 +38,13 @@ class PointBounds(NamedTuple):
         each: the median over runs of the trajectory-conditional CRLB.
         unconditional: the posterior CRLB.
         reason: why there is none.
+        about: what they take of the readings that may be otherwise, a sentence each.
     """
 
     each: float
     unconditional: float
     reason: str
+    about: Sequence[str] = ()
 
 
 def with_bounds(found: Comparison, folder: Folder, plugins: Plugins | None = None) -> Comparison:
@@ -72,7 +74,8 @@ def with_bounds(found: Comparison, folder: Folder, plugins: Plugins | None = Non
         bound_unconditional=np.array([limit.unconditional for limit in limits], dtype=np.float64),
     )
     reasons = dict.fromkeys(limit.reason for limit in limits if limit.reason)
-    return dataclasses.replace(found, table=table, unbounded="; ".join(reasons))
+    about = dict.fromkeys(sentence for limit in limits for sentence in limit.about)
+    return dataclasses.replace(found, table=table, unbounded="; ".join(reasons), of_bounds="; ".join(about))
 
 
 def _kept_bounds(
@@ -115,4 +118,5 @@ def _point_bounds(scenario: dict[str, object], replicates: Sequence[int], allowe
         float(np.median(each.of_replicates)) if not each.reason else nothing,
         float(whole.of_replicates[0]) if not whole.reason else nothing,
         each.reason,
+        tuple(dict.fromkeys((*each.of_readings, *whole.of_readings))),
     )

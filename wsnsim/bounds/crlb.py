@@ -38,9 +38,11 @@ from wsnsim.bounds.covariances import ReadingsOf, covariances
 from wsnsim.bounds.information import UsedReadings, in_range
 from wsnsim.bounds.initial_conditions import (
     cautions,
+    cautions_of_readings,
     reason_without_bound,
 )
 from wsnsim.bounds.recorded_readings import RecordedReadings
+from wsnsim.bounds.unknown_gains import has_gains
 from wsnsim.experiment import rerun_source
 from wsnsim.recording import read_table, table_names
 from wsnsim.scenario import Plugins, build, load
@@ -48,6 +50,7 @@ from wsnsim.scenario import Plugins, build, load
 KINDS: Final = ("unconditional", "per_trajectory")
 READINGS: Final = ("in_range", "active", "arrived")
 GAINS: Final = ("known", "unknown")
+KNOWN_GAINS: Final = "the posterior CRLB takes gains as known, and filters do not know them: it may be loose"
 NO_TARGET: Final = "the scenario has no target"
 
 
@@ -70,6 +73,7 @@ class Bound:
         covariances: (R, targets, steps, D, D); R is the number of runs per trajectory, else 1.
         reason: why there is no bound; R is 0 then.
         cautions: why the bound is not strict, a sentence each.
+        of_readings: what the bound takes of the readings that may be otherwise, a sentence each.
     """
 
     query: BoundQuery
@@ -77,6 +81,7 @@ class Bound:
     covariances: Floats = field(repr=False)
     reason: str = ""
     cautions: tuple[str, ...] = ()
+    of_readings: tuple[str, ...] = ()
 
     @property
     def each(self) -> Floats:
@@ -273,7 +278,10 @@ def _bound(
         found = covariances(setup, conditions, readings_of, query.kind, query.gains, detected)
     except ValueError as reason:
         return _no_bound(query, str(reason))
-    return Bound(query, tuple(setup.motions[0].position), found, "", tuple(cautions(setup, conditions)))
+    place, about = tuple(setup.motions[0].position), tuple(cautions_of_readings(setup))
+    if query.gains == "unknown" and query.kind == "unconditional" and has_gains(setup.sensor):
+        about = (*about, KNOWN_GAINS)
+    return Bound(query, place, found, "", tuple(cautions(setup, conditions)), about)
 
 
 def _all_in_range(setup: TrackingSetup, conditions: Sequence[InitialConditions]) -> ReadingsOf:

@@ -1,6 +1,6 @@
 """Which bounds the initial conditions of a scenario allow.
 
-reason_without_bound(motion, kind) -> text or ''      cautions(setup, conditions) -> texts
+reason_without_bound(motion, kind) -> text or ''      cautions(setup, conditions), cautions_of_readings(setup) -> texts
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def cautions(setup: TrackingSetup, conditions: Sequence[InitialConditions]) -> I
     yield from sorted({reason_without_bound(motion, "unconditional") for motion in setup.motions} - {""})
     if getattr(setup.sensor, "beyond", "") == "noise" and math.isfinite(setup.sensor.reach):
         yield "sensors out of range read noise, which tells where the target is not: the bound does not count that"
-    yield from _of_readings(setup)
+    yield from cautions_of_readings(setup)
     if setup.position_error:
         yield "the bound takes node positions as known: the filters have only assumed ones (deploy.position_error)"
     for target, motion in enumerate(setup.motions):
@@ -63,8 +63,8 @@ def cautions(setup: TrackingSetup, conditions: Sequence[InitialConditions]) -> I
             return
 
 
-def _of_readings(setup: TrackingSetup) -> Iterator[str]:
-    """The reasons that are in the readings: what of them the bound takes to be otherwise than it is."""
+def cautions_of_readings(setup: TrackingSetup) -> Iterator[str]:
+    """Those of the cautions that are about readings: what the bound takes to be otherwise than it is."""
     if setup.recorded is not None:
         yield "readings were recorded: the bound is that of the law (sensor.law), which they need not follow"
     elif isinstance(setup.sensor, IsShadowed) and setup.sensor.shadowing:

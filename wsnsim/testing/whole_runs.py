@@ -6,7 +6,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from wsnsim.base.arrays import planar
+from wsnsim.base.arrays import Floats, planar
+from wsnsim.base.part import part
 from wsnsim.base.ports import MotionModel, SensorModel, Tracker
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.base.standalone import offers_whole_runs
@@ -44,6 +45,16 @@ def demand_whole_runs(tracker: Tracker[Any], motion: MotionModel, sensor: Sensor
     _demand_equal(alone, block, 0.0, "a run alone differs from the same run in a block")
 
 
+@part
+class _Anchors(Anchors):
+    """Anchors with heights, for sensor models that need them."""
+
+    @property
+    def heights(self) -> Floats:
+        """(N,) from 0 to 3 m."""
+        return np.linspace(0.0, 3.0, len(self.places))
+
+
 def _setup(tracker: Tracker[Any], motion: MotionModel, sensor: SensorModel, seed: int) -> TrackingSetup:
     """Eight sensors around the start of a target."""
     rng = np.random.default_rng(seed)
@@ -55,7 +66,7 @@ def _setup(tracker: Tracker[Any], motion: MotionModel, sensor: SensorModel, seed
         seed=seed,
         steps=STEPS,
         dt=DT,
-        deploy=Anchors(places=tuple((float(x), float(y)) for x, y in places)),
+        deploy=_Anchors(places=tuple((float(x), float(y)) for x, y in places)),
         prior=AroundTruth(sd=(2.0,) * start.size),
         motions=(motion,),
         sensor=sensor,
