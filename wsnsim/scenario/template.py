@@ -70,12 +70,12 @@ prior:                           # initial distribution given to every filter
 deploy:                          # where the sensors stand; default: one, at the origin
   kind: anchors
   places: [[0, 0], [200, 0], [0, 200], [200, 200]]
-motion:                          # also: ungm, constant_acceleration, bounded_velocity
+motion:                          # also: ungm, constant_acceleration, bounded_velocity, recorded_track
   kind: constant_velocity
   noise_input: diagonal          # independent process noise on each column of the state
   variances: [0.5]
   start: [70, 5, 21, 8]          # px, vx, py, vy
-sensor:                          # also: rssi, coordinate, range_from_origin, squared, acoustic_energy
+sensor:                          # also: rssi, coordinate, range_from_origin, squared, acoustic_energy, recorded
   kind: range
   sd: 1 m
   reach: .inf
