@@ -12,6 +12,8 @@ from wsnsim.base.version import __version__
 from wsnsim.fitting.fitted_law import Evaluation, FittedLaw, FittedValue, ResidualFigures
 from wsnsim.fitting.located_readings import DataFile
 
+SKEWED: Final = 0.2
+"""Skewness from which it is said that the families of noise have none."""
 FIGURES: Final = ("RMSE", "skewness", "kurtosis", "correlation at 1 s", "mean log density")
 
 
@@ -101,6 +103,9 @@ def _notes(fit: FittedLaw) -> Iterator[str]:
         f"Noise: {fit.model.noise.family}; AIC {normal:.1f} (normal) and {student:.1f} (student_t), with readings "
         "taken as independent."
     )
+    skewness = fit.train[0].skewness
+    if abs(skewness) > SKEWED:
+        yield f"The residuals have a skewness of {skewness:.2f}; both families are symmetric."
     if fit.gains:
         yield "Gains have the sum 0 over the nodes with readings, and are not shrunk; a node without readings has 0."
     if fit.model.noise.shadowing <= 0.0:
