@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from tests.models.test_k7file import row, written
 from wsnsim import load
 from wsnsim.analysis import connectivity, notes
 from wsnsim.analysis.connectivity import parts
@@ -37,3 +40,21 @@ def test_a_network_of_one_node_and_a_very_large_one_are_not_looked_at(monkeypatc
     assert connectivity.note(setup, np.zeros((1, 2))) == ""
     monkeypatch.setattr(connectivity, "MOST", 1)
     assert connectivity.note(setup, np.array([[0.0, 0.0], [9e9, 0.0]])) == ""
+
+
+def test_parts_of_recorded_links_are_joined_by_links_that_deliver_half_in_both_directions(tmp_path: Path) -> None:
+    far = ["deploy.nodes=4", "deploy.width=1e6", "deploy.height=1e6", "link.channel=11", "duration=10 s"]
+    rows = [
+        *(row(0, 0, other, ratio) for other, ratio in ((1, 0.5), (2, 0.5), (3, 1.0))),
+        *(row(20, 1, other, ratio) for other, ratio in ((0, 0.7), (3, 0.9))),
+        *(row(40, 2, other, ratio) for other, ratio in ((0, 0.49), (1, 1.0))),
+        row(60, 3, 2, 1.0),
+    ]
+    path = written(tmp_path, *rows)
+    (said,) = notes.of_setup(build(load("recorded_links", [f"link.path={path}", *far])))
+    assert said == (
+        "run 0: the network is in 3 parts, of 2, 1, 1 nodes, that no recorded link that delivers half of the frames "
+        "joins; 2 nodes have no neighbour"
+    )
+    written(tmp_path, *rows, row(60, 3, 1, 0.5), row(40, 2, 3, 1.0))
+    assert notes.of_setup(build(load("recorded_links", [f"link.path={path}", *far]))) == []

@@ -21,6 +21,7 @@ from tests.bench.timing import row, seconds_of_a_timeout
 from wsnsim import scenario
 from wsnsim.base.tables import Memory
 from wsnsim.experiment import replicate_of
+from wsnsim.models.k7file import _read
 
 LINKS: dict[str, dict[str, Any]] = {
     "disk": {"kind": "disk", "reach": f"{REACH} m"},
@@ -64,7 +65,23 @@ def lossy_rows(repeats: int) -> Iterator[dict[str, Any]]:
             costs.append(seconds / run["in_range"] / timeout)
         note = f"{run['in_range'] / run['frames_sent']:.1f} receptions in range a frame, best of {len(costs)}"
         yield row(f"beacons, {link}, N={nodes}: CPU a reception in range, timeouts", min(costs), "", bound, note=note)
+    yield from _recorded_rows(repeats)
     yield from _ns3_rows()
+
+
+def _recorded_rows(repeats: int) -> Iterator[dict[str, Any]]:
+    """The recording of links that comes with wsnsim: how long it takes to read it, and a reception over its links."""
+    found: list[tuple[float, float]] = []
+    for _ in range(max(repeats, LEAST_TURNS)):
+        _read.cache_clear()
+        timeout, began = seconds_of_a_timeout(), time.process_time()
+        parts = scenario.build(scenario.load("recorded_links", ("duration=1000 s", "record.events=false")))
+        read = time.process_time() - began
+        seconds, run = _cpu(parts)
+        found.append((read, seconds / run["in_range"] / timeout))
+    reading, costs = zip(*found, strict=True)
+    yield row("recorded links: 54,586 rows read and checked, CPU", min(reading), "s", 1.0)
+    yield row("recorded links, 50 nodes: CPU a reception in range, timeouts", min(costs), "")
 
 
 def _built(link: str, nodes: int) -> Any:

@@ -87,7 +87,10 @@ class ContinuousPower(Protocol):
 
 
 class LinkModel(Protocol):
-    """Which nodes receive each other's frames, with which power and probability."""
+    """Which nodes receive each other's frames, with which power and probability.
+
+    A model that knows each link by itself also has the port `recorded_links.RecordsLinks`.
+    """
 
     @property
     def reach(self) -> float:
