@@ -10,6 +10,7 @@ import pytest
 from tests.helpers.recorded_walks import Walks
 from wsnsim.cli import main
 from wsnsim.scenario import load
+from wsnsim.scenario.files import shipped
 
 
 @pytest.fixture(scope="module")
@@ -63,3 +64,17 @@ def test_wrong_use_is_said_in_one_message(
     files, nodes = walks
     assert main(["fit", *files, "--nodes", nodes, *(word.format(*files) for word in more)]) in (1, 2)
     assert said in capsys.readouterr().err
+
+
+def test_fitted_links_are_written_as_a_block_that_loads(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    links = next(iter(shipped().values())).parent / "recorded" / "links" / "grenoble_first_half.k7.gz"
+    block = tmp_path / "link.yaml"
+    assert main(["fit", str(links), "--law", "log_normal", "--out", str(block), "--json"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["written"] == [str(block)]
+    scenario = tmp_path / "mine.yaml"
+    scenario.write_text("extends: ekf_real\nname: mine\n" + block.read_text())
+    link = load(str(scenario)).link
+    assert (link.kind, link.sensitivity) == ("log_normal", answer["link"]["sensitivity"])
+    assert main(["fit", str(links), "--law", "log_normal", "--gains"]) == 2
+    assert "unknown option 'gains'" in capsys.readouterr().err

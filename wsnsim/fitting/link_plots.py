@@ -18,6 +18,8 @@ from wsnsim.fitting.link_curve import delivery, mean_power
 from wsnsim.fitting.link_sample import LinkRows
 
 MOST_POINTS: Final = 20_000
+TICKS: Final = [digit * 10.0**power for power in range(6) for digit in (1, 2, 5)]
+"""Distances (m) that the axis may name."""
 
 
 class LinkFigure(NamedTuple):
@@ -82,5 +84,8 @@ def _powers(axes: Axes, shown: LinkFigure) -> None:
     axes.plot(along, mean, color=BLUE, label="fitted, ±1 sd")
     axes.fill_between(along, mean - spread, mean + spread, color=BLUE, alpha=0.15, linewidth=0)
     axes.set_xscale("log")
+    shown_at = [tick for tick in TICKS if distances.min() <= tick <= distances.max()]
+    axes.set_xticks(shown_at, [f"{tick:g}" for tick in shown_at])
+    axes.minorticks_off()
     axes.set(title="Path loss", xlabel="distance [m]", ylabel="mean received power [dBm]")
     axes.legend(frameon=False)
