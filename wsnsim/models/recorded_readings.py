@@ -40,7 +40,7 @@ class ReadingColumns:
     target: Annotated[str, "the number of the target, from 0; a file of one target may lack it"] = "target"
 
 
-class _Table(NamedTuple):
+class _ReadingRows(NamedTuple):
     """The good rows of a file in the order of time: names[codes[i]] is the node of row i. `bad`: the other rows."""
 
     lines: Ints
@@ -195,7 +195,7 @@ class RecordedSensor:
         return sorted(bad, key=lambda one: one.line)
 
     @cached_property
-    def _table(self) -> _Table:
+    def _table(self) -> _ReadingRows:
         """The rows of the file. Raises RunError if it cannot be read, or is not that of the digest."""
         demand_digest(self.path, self.digest)
         names = self.columns
@@ -212,7 +212,7 @@ class RecordedSensor:
         columns = (rows.numbers["time"], rows.numbers["reading"])
         times, readings = (column[order] for column in columns)
         whole = targets[order].astype(np.int64)
-        return _Table(rows.lines[order], times, tuple(kinds.tolist()), codes[order], readings, whole, every)
+        return _ReadingRows(rows.lines[order], times, tuple(kinds.tolist()), codes[order], readings, whole, every)
 
     def _refused(self, rows: CsvRows, codes: Any, targets: Floats) -> Iterator[BadRow]:
         """Yield the rows whose reading the law cannot give, whose target is no number of one, or that repeat a row."""

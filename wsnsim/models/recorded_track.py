@@ -32,7 +32,7 @@ class TrackColumns:
     z: Annotated[str, "the height, in m; a file may lack it"] = "z"
 
 
-class Track(NamedTuple):
+class TrackRows(NamedTuple):
     """A trajectory as it was recorded: times (n,) in s from the origin, ascending, and points (n, 2 or 3) in m."""
 
     times: Floats
@@ -77,7 +77,7 @@ class RecordedTrack(Straight):
         return heights
 
     @cached_property
-    def track(self) -> Track:
+    def track(self) -> TrackRows:
         """The trajectory. Raises RunError with file and line if it cannot be read."""
         demand_digest(self.path, self.digest)
         rows, bad = self._rows
@@ -90,7 +90,7 @@ class RecordedTrack(Straight):
             raise RunError(f"{self.path}: at least two points of different times are needed")
         points = np.column_stack([rows.numbers[name][used][first] for name in "xyz" if name in rows.numbers])
         origin = float(times[0]) if self.time_origin is None else self.time_origin
-        return Track(times - origin, points, origin)
+        return TrackRows(times - origin, points, origin)
 
     def skipped_rows(self, setup: Any) -> list[str]:
         """The rows that are left out, as 'FILE:LINE: reason' each; none unless `skip_bad_rows` allows it."""
