@@ -144,6 +144,39 @@ def test_two_targets_have_readings_of_their_own(tmp_path: Path) -> None:
     assert counts == [[4] * STEPS, [4, 4] + [0] * (STEPS - 2)]
 
 
+@pytest.mark.parametrize("make", [world, network_world])
+def test_sampled_readings_have_the_heights_of_nodes_and_of_a_recorded_track(tmp_path: Path, make: Any) -> None:
+    data = make(tmp_path)
+    (tmp_path / "track.csv").write_text("time,x,y,z\n0,-2,1,0\n10,2,1,2\n")
+    nodes = [f"{name},{x},{y},3" for name, (x, y) in PLACES.items()]
+    (tmp_path / "nodes.csv").write_text("\n".join(["id,x,y,z", *nodes]))
+    law = {"kind": "rssi", "z0": -40, "eta": 2, "d0": 1, "sd": 1e-6, "target_height": 1.0, "reach": 100}
+    data |= {"sensor": law, "record": {"readings": True}}
+    memory = Memory({"readings": True})
+    replicate_of(build(load(data)), 0, memory)
+    found = memory.table("readings")
+    places = np.array(list(PLACES.values()))[found["node"]]
+    part = found["step"] / STEPS
+    apart = np.column_stack([-2 + 4 * part - places[:, 0], 1 - places[:, 1], 2 * part - 3])
+    expected = -40 - 20 * np.log10(np.linalg.norm(apart, axis=1))
+    assert len(expected) >= 4 * STEPS and np.abs(found["reading"] - expected).max() < 1e-4
+
+
+def test_nodes_that_search_between_steps_find_what_was_recorded_there(tmp_path: Path) -> None:
+    """The recording has readings at the steps alone, and so have the instants of a search."""
+    data = network_world(tmp_path) | {
+        "clusters": {"kind": "moving_head", "main": "detection"},
+        "acquire": {"kind": "readings", "poll": 0.1},
+        "sleep": {"kind": "ris", "period": 1.0, "probability": 0.6},
+        "wakeup": {"kind": "directed_flood"},
+    }
+    setup = build(load(data))
+    assert setup.polls == 5 and setup.recorded is not None
+    (between,) = setup.recorded.recordings(tuple(PLACES), 1, STEPS * 5, DT / 5)
+    assert np.flatnonzero(between.counts.any(axis=1)).tolist() == [5 * step for step in range(1, STEPS + 1)]
+    assert estimates(data)["readings"].max() == 4
+
+
 def issues(data: Any, *overrides: str) -> str:
     """The message of a scenario that is refused."""
     with pytest.raises(ScenarioError) as caught:
