@@ -46,7 +46,7 @@ def demand_whole_runs(tracker: Tracker[Any], motion: MotionModel, sensor: Sensor
 
 
 @part
-class _Anchors(Anchors):
+class _AnchorsInSpace(Anchors):
     """Anchors with heights, for sensor models that need them."""
 
     @property
@@ -66,7 +66,7 @@ def _setup(tracker: Tracker[Any], motion: MotionModel, sensor: SensorModel, seed
         seed=seed,
         steps=STEPS,
         dt=DT,
-        deploy=_Anchors(places=tuple((float(x), float(y)) for x, y in places)),
+        deploy=_AnchorsInSpace(places=tuple((float(x), float(y)) for x, y in places)),
         prior=AroundTruth(sd=(2.0,) * start.size),
         motions=(motion,),
         sensor=sensor,
