@@ -104,7 +104,7 @@ seed: 2
             "tracker.measurements: error: unknown value 'al' (did you mean 'all'?)",
         ]),
         ({"tracker": {"kind": kind("Tracker"), "assumes": {"gains": "no"}}}, [
-            "tracker.assumes.gains: error: unknown value 'no' (known: known, unknown)",
+            "tracker.assumes.gains: error: unknown value 'no' (known: estimated, known, unknown)",
         ]),
         ({"tracker": {"kind": kind("Tracker"), "filter_noise_scale": 0}}, [
             "tracker.filter_noise_scale: error: must be at least 1e-09, is 0",
