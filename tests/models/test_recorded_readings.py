@@ -88,7 +88,7 @@ BAD = """time,node,reading
 def test_every_row_that_cannot_be_used_is_named_at_once(tmp_path: Path) -> None:
     with pytest.raises(RunError, match="5 of 7 rows cannot be used") as caught:
         sensor(tmp_path, BAD, law=Rssi()).recordings(NAMES, 1, 4, 1.0)
-    places = [line.split("readings.csv:")[1] for line in str(caught.value).splitlines()[1:]]
+    places = [line.split("readings.csv:")[1] for line in str(caught.value).splitlines()[1:-1]]
     assert places == [
         "3: reading must be between -200 and 0, is 42",
         "4: the deployment has no node 'c' (its nodes: a, b)",

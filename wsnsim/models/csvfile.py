@@ -26,6 +26,8 @@ from wsnsim.base.regular_files import file_digest, why_not_regular
 
 Row = tuple[str, tuple[float, ...]]
 
+SKIPPING: Final = "skip_bad_rows: true leaves them out, and the result names them"
+"""What helps a scenario whose file has bad rows."""
 GZIP_MAGIC: Final = b"\x1f\x8b"
 DELIMITERS: Final = {";": "semicolons", "\t": "tabs", "|": "vertical bars"}
 
@@ -147,11 +149,11 @@ def demand_digest(path: str, digest: str) -> None:
         raise RunError(f"{path}: the file has changed: its digest is {found}, the scenario was made with {digest}")
 
 
-def bad_rows_text(path: str, bad: Sequence[BadRow], rows: int) -> str:
-    """A message that names the first bad rows of a file with their lines, of `rows` in all."""
+def bad_rows_text(path: str, bad: Sequence[BadRow], rows: int, remedy: str = "") -> str:
+    """A message that names the first bad rows of a file with their lines, of `rows` in all, and what helps."""
     listed = row_texts(path, bad[:MOST_PRINTED])
     more = len(bad) - len(listed)
-    rest = [f"and {more} more"] if more else []
+    rest = [words for words in (f"and {more} more" if more else "", remedy) if words]
     return "\n  ".join([f"{path}: {len(bad)} of {rows} rows cannot be used:", *listed, *rest])
 
 

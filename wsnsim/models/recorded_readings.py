@@ -18,7 +18,7 @@ from wsnsim.base.node_names import node_names
 from wsnsim.base.part import OfRole, Quantity, part
 from wsnsim.base.ports import LimitsReadings, Recording, Replays, SensorModel
 from wsnsim.base.setups import TrackingSetup
-from wsnsim.models.csvfile import BadRow, CsvRows, Wanted, bad_rows_text, demand_digest, read_rows, row_texts
+from wsnsim.models.csvfile import SKIPPING, BadRow, CsvRows, Wanted, bad_rows_text, demand_digest, read_rows, row_texts
 from wsnsim.models.recorded_issues import recorded_issues
 from wsnsim.models.repeated_readings import RepeatedReadings
 
@@ -130,7 +130,7 @@ class RecordedSensor:
         """
         table, nodes, bad = self._table, self._nodes(names), self._bad(names, targets)
         if bad and not self.skip_bad_rows:
-            raise RunError(bad_rows_text(self.path, bad, len(table.lines) + len(table.bad)))
+            raise RunError(bad_rows_text(self.path, bad, len(table.lines) + len(table.bad), SKIPPING))
         used = (nodes >= 0) & (table.targets >= 0) & (table.targets < targets)
         numbers = np.ceil((table.times - self.origin - ROUNDING) / dt)
         used &= numbers <= steps

@@ -12,7 +12,7 @@ from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import Issue, RunError
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.setups import TrackingSetup
-from wsnsim.models.csvfile import BadRow, CsvRows, Wanted, bad_rows_text, demand_digest, read_rows, row_texts
+from wsnsim.models.csvfile import SKIPPING, BadRow, CsvRows, Wanted, bad_rows_text, demand_digest, read_rows, row_texts
 from wsnsim.models.waypoints import FARTHEST_POINT, INTENSITY, Straight, sampled
 
 SAME_PLACE: Final = 1e-3
@@ -82,7 +82,7 @@ class RecordedTrack(Straight):
         demand_digest(self.path, self.digest)
         rows, bad = self._rows
         if bad and not self.skip_bad_rows:
-            raise RunError(bad_rows_text(self.path, bad, len(rows.lines) + len(rows.bad)))
+            raise RunError(bad_rows_text(self.path, bad, len(rows.lines) + len(rows.bad), SKIPPING))
         refused = {row.line for row in bad}
         used = np.array([line not in refused for line in rows.lines.tolist()], dtype=np.bool_)
         times, first = np.unique(rows.numbers["time"][used], return_index=True)
