@@ -11,6 +11,7 @@ import wsnsim
 from wsnsim.base.ports import ReportsState
 from wsnsim.base.tables import RECORDED_BY_DEFAULT, Memory
 from wsnsim.trackers.ekf import ExtendedKalman
+from wsnsim.trackers.pso_mhpf import PsoMhpf
 from wsnsim.trackers.relay_kalman import RelayKalman
 
 IN_A_NETWORK = ("duration=40 s", "link.reach=2000", "sensor.reach=3000", "clusters.kind=central")
@@ -52,7 +53,7 @@ def test_the_table_is_off_by_default_and_does_not_change_the_run():
     assert recorded.state_names.all() == ("node", "probability")
 
 
-def test_names_of_any_tracker_reach_the_file_and_a_tracker_without_the_port_writes_no_row(tmp_path):
+def test_names_of_any_tracker_reach_the_file_and_a_tracker_that_has_nothing_to_report_writes_no_row(tmp_path):
     changes = ("duration=10 s", "record.tracker_state=true")
     source = wsnsim.load("rkf", [*changes, f"tracker.kind={__name__}:Growing"])
     table = wsnsim.read(wsnsim.run(source, replicates=1, out=tmp_path / "x.h5").out, "tracker_state")
@@ -62,4 +63,4 @@ def test_names_of_any_tracker_reach_the_file_and_a_tracker_without_the_port_writ
     assert np.array_equal(mean.to_numpy(), estimates[["px", "vx", "ax"]].to_numpy())
     ekf = wsnsim.load("rkf", [*changes, "tracker.kind=ekf"])
     assert wsnsim.read(wsnsim.run(ekf, replicates=1, out=tmp_path / "ekf.h5").out, "tracker_state").empty
-    assert isinstance(RelayKalman(), ReportsState) and not isinstance(ExtendedKalman(), ReportsState)
+    assert isinstance(RelayKalman(), ReportsState) and not isinstance(PsoMhpf(), ReportsState)
