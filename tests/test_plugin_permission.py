@@ -104,6 +104,7 @@ OF_OTHERS = {
     "compare": ("campaign", 0, True),
     "diff": ("lab.h5 lab.h5", 0, False),
     "export": ("lab.h5 --parquet parquet", 0, False),
+    "fit": ("lab.h5 --nodes lab.yaml", 1, False),
     "info": ("lab.yaml", 2, True),
     "plot": ("lab.h5 --out lab.png", 0, True),
     "report": ("lab.h5 --out lab.html", 0, True),
