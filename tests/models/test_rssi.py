@@ -147,3 +147,8 @@ def test_the_table_nodes_holds_gains_as_factors(tmp_path: Any) -> None:
 def test_too_few_listed_gains_are_an_issue_of_the_scenario() -> None:
     with pytest.raises(ScenarioError, match="3 gains for 4 nodes: list one for each node, in the order"):
         wsnsim.simulate(wsnsim.load(scenario(gains=[1, 2, 3])))
+
+
+def test_a_law_with_heights_is_refused_where_the_deployment_knows_none() -> None:
+    with pytest.raises(ScenarioError, match="error: deploy: the sensor's law needs the heights of the nodes"):
+        wsnsim.simulate(wsnsim.load("indoor_pf", ["sensor.target_height=1.5"]))

@@ -15,12 +15,13 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from wsnsim.base.deprecation import uses_former
-from wsnsim.base.errors import Issue, ScenarioError
+from wsnsim.base.errors import Issue, RunError, ScenarioError
 from wsnsim.scenario.kinds import AT_TOP
 from wsnsim.scenario.plugin_access import Plugins
 from wsnsim.scenario.registry import ROLES, Role, find, kinds, load_class
 
 if TYPE_CHECKING:
+    from wsnsim.base.ports import Deployment
     from wsnsim.base.setups import BeaconSetup, Setup, TrackingSetup
     from wsnsim.scenario.schema import Scenario
 
@@ -204,7 +205,7 @@ def _other_columns(scenario: Scenario, setup: TrackingSetup) -> Iterator[Issue]:
 
 def _missing_abilities(scenario: Scenario, setup: TrackingSetup) -> Iterator[Issue]:
     """Yield an issue for each ability that the tracker needs, or assumes, and the sensor does not have."""
-    from wsnsim.base.traits import has_gains
+    from wsnsim.base.traits import HEIGHT, has_gains
 
     sensor, tracker = scenario.sensor, scenario.tracker  # type: ignore[attr-defined]
     for ability in getattr(setup.tracker, "needs", ()):
@@ -219,6 +220,17 @@ def _missing_abilities(scenario: Scenario, setup: TrackingSetup) -> Iterator[Iss
         yield Issue(("tracker", "assumes", "gains"), f"{sensor.kind} has no gains that could be unknown")
     elif tracker.assumes.gains == "estimated":
         yield from _cannot_estimate_gains(scenario, setup)
+    if HEIGHT in setup.sensor.trait_names and _lacks_heights(setup.deploy):
+        able = "kind: file has them, in its column z"
+        yield Issue(("deploy",), f"the sensor's law needs the heights of the nodes: {able}")
+
+
+def _lacks_heights(deploy: Deployment) -> bool:
+    """Whether a deployment knows no heights; one whose file cannot be read says so itself."""
+    try:
+        return getattr(deploy, "heights", None) is None
+    except RunError:
+        return False
 
 
 def _cannot_estimate_gains(scenario: Scenario, setup: TrackingSetup) -> Iterator[Issue]:
