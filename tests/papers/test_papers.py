@@ -17,7 +17,7 @@ from wsnsim.base.errors import ScenarioError
 from wsnsim.papers import paper as papers
 from wsnsim.papers import reproduce
 from wsnsim.papers.measures import computing
-from wsnsim.papers.paper import FOLDER, PAGES, Paper, paper
+from wsnsim.papers.paper import FOLDER, PAGES, REALITY, Paper, paper
 from wsnsim.papers.reasons import rendered
 from wsnsim.papers.reproduction import BASES, ClaimRow
 from wsnsim.papers.verdicts import Judgement
@@ -49,6 +49,10 @@ def named(pair):
 @pytest.mark.parametrize("pair", EXPERIMENTS, ids=named)
 def test_every_experiment_is_a_campaign_of_scenarios_that_load(pair, full):
     name, experiment = pair
+    if name == REALITY:  # every track has the same variants
+        track = next(iter(experiment.variants)).partition(", ")[0]
+        few = {key: variant for key, variant in experiment.variants.items() if key.startswith(f"{track}, ")}
+        experiment = replace(experiment, variants=few)
     plan = reproduce.plan(name, experiment, full)
     assert [point.settings["variant"] for point in plan.points] == list(experiment.variants)
     assert plan.replicates == (experiment.full if full else experiment.quick) >= 5
@@ -60,7 +64,7 @@ def test_every_experiment_is_a_campaign_of_scenarios_that_load(pair, full):
 def test_what_a_claim_measures_is_recorded(pair):
     _, experiment = pair
     for claim in experiment.claims:
-        family, _, rest = claim.measure.partition(":")
+        family, _, rest = (claim.measure.partition("; ")[2] or claim.measure).partition(":")  # of a ratio: its terms
         own = rest if rest in OWN else re.sub(r"_\d+$", "", rest)
         needed = TABLES.get(family, OWN.get(own, set()))
         recorded = {*experiment.record, *(["events", "estimates", "clusters"] if rest == "arrived" else ())}

@@ -45,6 +45,7 @@ MAX_REASONS: Final = 3
 @click.option("--out", "-o", type=PATH, default=Path("results/reproduce"), show_default=True, metavar="DIR",
               help="Folder of the campaigns.")  # fmt: skip
 @click.option("--figures", type=PATH, metavar="DIR", help="Also draw the papers' figures into this folder.")
+@click.option("--data", type=PATH, metavar="DIR", help="For `reality`: a folder of tracks with receivers.csv.")
 @click.option("--only", metavar="EXPERIMENT", help="Run only this experiment: table_2, figure_3, ...")
 @jobs_option
 @batch_option
@@ -55,19 +56,22 @@ MAX_REASONS: Final = 3
 @progress_option
 @click.pass_obj
 def reproduce(interrupts: Interrupts, papers: tuple[str, ...], quick: bool, out: Path, figures: Path | None,
-              only: str | None, jobs: int | None, batch: bool, accept_code_change: bool, as_json: bool,
-              markdown: bool, quiet: bool, progress: str) -> int:  # fmt: skip
+              data: Path | None, only: str | None, jobs: int | None, batch: bool, accept_code_change: bool,
+              as_json: bool, markdown: bool, quiet: bool, progress: str) -> int:  # fmt: skip
     """Reproduce the tables and figures of the papers, with a verdict on each published value.
 
     Each row shows the published value, the measured one and the bound. PAPER is jiang2013, liu2012, wei2022, ruan2020
     or li2012; all of them by default. Verdicts on means and RMSEs need 200 runs (--full). `frontier` is our own
-    comparison: error against energy of every tracker on one field. Finished runs are not repeated.
+    comparison: error against energy of every tracker on one field. `reality` compares recorded readings with simulated
+    ones, on the tracks that come with wsnsim or on those of --data. Finished runs are not repeated.
     """
     from wsnsim.papers import reproduce as reproducing
 
     if as_json and markdown:
         raise UsageError("--json cannot be combined with --markdown")
-    chosen = reproducing.chosen(papers, only)
+    if data is not None and only is not None:
+        raise UsageError("--only cannot be combined with --data")
+    chosen = reproducing.chosen(papers, only) if data is None else reproducing.on_data(papers, data)
     if figures:
         _check_folder(figures)
     where = out / ("quick" if quick else "full")

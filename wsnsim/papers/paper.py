@@ -25,38 +25,54 @@ if TYPE_CHECKING:
     from wsnsim.papers.measures import Data, OwnMeasure
 
 PAPERS: Final = ("jiang2013", "liu2012", "wei2022", "ruan2020", "li2012")
-PAGES: Final = (*PAPERS, "frontier")
-"""Every name that `wsnsim reproduce` takes; the frontier is a comparison of our own."""
+REALITY: Final = "reality"
+"""The comparison whose variants come from a folder of recorded tracks."""
+PAGES: Final = (*PAPERS, "frontier", REALITY)
+"""Every name that `wsnsim reproduce` takes; the frontier and reality are comparisons of our own."""
 FOLDER: Final = Path(__file__).parent
 
 
 @functools.cache
-def paper(name: str) -> Paper:
-    """The paper of a name in PAGES.
+def paper(name: str, data: Path | None = None) -> Paper:
+    """The paper of a name in PAGES; of `reality`, on the tracks of a folder, or on those that come with wsnsim.
 
     Raises:
-        UsageError: no such paper.
+        UsageError: no such paper, or it takes no data.
         ScenarioError: its file is wrong; every issue found in the part that is wrong.
     """
     if name not in PAGES:
         raise UsageError(f"there is no paper '{name}' ({did_you_mean(name, PAGES)})")
-    return Paper(name, read_document(FOLDER / f"{name}.yaml", PaperDocument))
+    if data is not None and name != REALITY:
+        raise UsageError(f"{name} takes no data: only '{REALITY}' does")
+    return Paper(name, read_document(FOLDER / f"{name}.yaml", PaperDocument), data)
 
 
 @final
 class Paper:
     """A source paper."""
 
-    def __init__(self, name: str, document: Document[PaperDocument]) -> None:
+    def __init__(self, name: str, document: Document[PaperDocument], data: Path | None = None) -> None:
         self.name = name
+        self._data = data
         self.source = document.content.source
         self.published: Mapping[str, Any] = document.content.published
         self._document = document
 
     @functools.cached_property
     def experiments(self) -> tuple[Experiment, ...]:
-        """The experiments, checked. Raises ScenarioError."""
-        found = [experiment_of(self._document, index) for index in range(len(self._document.content.experiments))]
+        """The experiments, checked.
+
+        Raises:
+            ScenarioError: the paper's file is wrong.
+            UsageError: the folder of recorded tracks has no receivers, or fewer than two tracks.
+            RunError: a recorded track cannot be used.
+        """
+        document = self._document
+        if self.name == REALITY:
+            from wsnsim.papers.reality.variants import filled  # SciPy, and tracks are read
+
+            document = filled(document, self._data)
+        found = [experiment_of(document, index) for index in range(len(document.content.experiments))]
         issues = [issue for experiment, named in found for issue in self._issues(experiment, named)]
         if issues:
             raise ScenarioError(dict.fromkeys(issues))

@@ -20,7 +20,7 @@ from wsnsim.base.errors import UsageError, did_you_mean
 from wsnsim.base.progress import tracked
 from wsnsim.campaign.local_engine import LocalEngine, available_cores
 from wsnsim.papers.measures import VARIANT, Data
-from wsnsim.papers.paper import PAPERS
+from wsnsim.papers.paper import PAPERS, REALITY
 from wsnsim.papers.paper import paper as load_paper
 from wsnsim.papers.reasons import rendered
 from wsnsim.papers.reproduction import ClaimRow, Experiment, row_of
@@ -35,6 +35,18 @@ from wsnsim.scenario.sweep_schema import Plan
 def experiments(paper: str) -> tuple[Experiment, ...]:
     """The experiments of a paper. Raises UsageError for an unknown one."""
     return load_paper(paper).experiments
+
+
+def on_data(papers: Sequence[str], data: Path) -> list[tuple[str, Experiment]]:
+    """(paper, experiment) of each experiment of these papers on the recorded tracks of a folder.
+
+    Raises:
+        UsageError: the papers are not `reality` alone, or the folder has no receivers or fewer than two tracks.
+        RunError: a file of the folder cannot be used.
+    """
+    if tuple(papers) != (REALITY,):
+        raise UsageError(f"--data is for '{REALITY}' alone: wsnsim reproduce {REALITY} --data {data}")
+    return [(REALITY, experiment) for experiment in load_paper(REALITY, data.resolve()).experiments]
 
 
 def chosen(papers: Sequence[str], only: str | None = None) -> list[tuple[str, Experiment]]:

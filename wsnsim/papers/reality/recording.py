@@ -1,0 +1,155 @@
+"""A folder of recorded tracks, and the laws that are fitted to all but one of them.
+
+recording(folder) -> TrackFolder      .tracks -> name, file, length, shape      .laws(name) -> fitted to the others
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from wsnsim.base.arrays import Bools, Floats
+from wsnsim.base.errors import UsageError
+from wsnsim.fitting.data_files import ReadingOptions, read_nodes, read_sample
+from wsnsim.fitting.estimation import FitOptions, fit_sample
+from wsnsim.fitting.laws import LAWS
+from wsnsim.fitting.located_readings import LocatedReadings
+from wsnsim.fitting.result import Fit
+from wsnsim.scenario.files import shipped
+
+RECEIVERS: Final = "receivers.csv"
+TRACKS: Final = ("*.csv", "*.csv.gz")
+FORM: Final = LAWS["rssi"]
+BLOCK: Final = 10.0
+"""Length (s) of the blocks for intervals, which are not used here."""
+CLOSED: Final = 0.1
+"""A track is rectangular if its end is nearer to its start than this share of its path (registered)."""
+HEADER: Final = ("time", "receiver", "rssi", "x", "y")
+
+
+class WalkedTrack(NamedTuple):
+    """A track: its name, its file, its length in s and in m, and whether it returns to its start."""
+
+    name: str
+    path: Path
+    seconds: float
+    metres: float
+    rectangular: bool
+
+
+class Laws(NamedTuple):
+    """The laws for a track, each as the mapping of a sensor `rssi`.
+
+    Attributes:
+        plain: path loss alone, with independent normal noise.
+        gains: path loss and a gain of each receiver; the noise has the variance of all that is left.
+        whole: the same with what is left split into a correlated part and an independent one of the fitted family.
+        spread: standard deviation of the gains, in dB.
+    """
+
+    plain: Mapping[str, Any]
+    gains: Mapping[str, Any]
+    whole: Mapping[str, Any]
+    spread: float
+
+
+@dataclass(frozen=True)
+class TrackFolder:
+    """The tracks of a folder."""
+
+    folder: Path
+    tracks: tuple[WalkedTrack, ...]
+    sample: LocatedReadings
+
+    @property
+    def nodes(self) -> Path:
+        """The file of the receivers."""
+        return self.folder / RECEIVERS
+
+    @functools.cached_property
+    def fits(self) -> dict[str, Fit]:
+        """For each track, the law with gains that is fitted to all others."""
+        count = len(self.tracks)
+        return {
+            track.name: fit_sample(
+                self.sample.of([i for i in range(count) if i != index]), FORM, FitOptions(block=BLOCK)
+            )
+            for index, track in enumerate(self.tracks)
+        }
+
+    def laws(self, name: str) -> Laws:
+        """The laws that are fitted to all tracks but this one."""
+        fit = self.fits[name]
+        plain = fit.plain
+        whole = fit.sensor | {"fitted_on": list(fit.digests)}
+        common: dict[str, Any] = {key: whole[key] for key in ("d0", "target_height", "fitted_on") if key in whole}
+        columns = [column.name for column in FORM.coefficients]
+        gains: dict[str, Any] = {"kind": "rssi", **{key: whole[key] for key in (*columns, "gains")}, **common}
+        loss: dict[str, Any] = {
+            "kind": "rssi",
+            **dict(zip(columns, map(_rounded, plain.coefficients), strict=True)),
+            **common,
+        }
+        spread = float(np.std(whole["gains"]))
+        return Laws(
+            loss | {"sd": _rounded(plain.noise.total)}, gains | {"sd": _rounded(fit.model.noise.total)}, whole, spread
+        )
+
+    def of(self, name: str) -> LocatedReadings:
+        """The readings of a track."""
+        return self.sample.of([index for index, track in enumerate(self.tracks) if track.name == name])
+
+
+def shipped_folder() -> Path:
+    """The folder of the recorded tracks that come with wsnsim."""
+    return shipped()["recorded_track"].parent / "recorded" / "ble"
+
+
+@functools.cache
+def recording(folder: Path) -> TrackFolder:
+    """The tracks of a folder: files with time, receiver, rssi, x and y (perhaps z), and `receivers.csv`.
+
+    Raises:
+        UsageError: there are no receivers, or fewer than two tracks.
+        RunError: a file cannot be used; names file and line.
+    """
+    if not (folder / RECEIVERS).is_file():
+        raise UsageError(f"{folder}: a folder of recorded tracks needs {RECEIVERS} with receiver, x and y (perhaps z)")
+    files = [path for path in sorted({path for form in TRACKS for path in folder.glob(form)}) if _is_track(path)]
+    if len(files) < 2:
+        raise UsageError(
+            f"{folder}: needs at least two tracks (CSV files with the columns {', '.join(HEADER)}), has {len(files)}: "
+            "the law of a track is fitted to the others"
+        )
+    names = [path.name.removesuffix(".gz").removesuffix(".csv") for path in files]
+    nodes = read_nodes(str(folder / RECEIVERS), {})
+    sample = read_sample([str(path) for path in files], nodes, FORM, ReadingOptions(skip_bad_rows=True))
+    own = [sample.tracks == index for index in range(len(files))]
+    return TrackFolder(folder, tuple(map(functools.partial(_track, sample), names, files, own)), sample)
+
+
+def _is_track(path: Path) -> bool:
+    """Whether the header of a file names the columns of a track."""
+    from wsnsim.models.csvfile import open_text
+
+    with open_text(str(path)) as file:
+        return set(HEADER) <= {name.strip() for name in file.readline().split(",")}
+
+
+def _track(sample: LocatedReadings, name: str, path: Path, own: Bools) -> WalkedTrack:
+    times: Floats = sample.times[own]
+    metres = float(sample.travelled[own].max())
+    ends = sample.points[own][[0, -1], :2]
+    rectangular = math.dist(*ends.tolist()) < CLOSED * metres
+    return WalkedTrack(name, path, float(times.max() - times.min()), metres, rectangular)
+
+
+def _rounded(value: float) -> float:
+    """The value with six significant digits."""
+    return float(f"{value:.6g}")
