@@ -36,6 +36,25 @@ def test_the_block_that_is_written_loads_in_a_scenario_that_extends_it(
     assert load(str(scenario)).sensor.kind == "rssi"
 
 
+def test_the_block_for_recorded_readings_runs_on_them_and_not_on_those_that_were_fitted(
+    walks: tuple[list[str], str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    files, nodes = walks
+    sensor = tmp_path / "sensor.yaml"
+    arguments = ["fit", *files[:2], "--nodes", nodes, "--noise", "normal", "--out", str(sensor), "--readings"]
+    assert main([*arguments, files[0]]) == 2
+    assert "the law was fitted to these readings; give others" in capsys.readouterr().err
+    assert not sensor.exists()
+    assert main([*arguments, files[2]]) == 0
+    scenario = tmp_path / "mine.yaml"
+    scenario.write_text(
+        "extends: sensor.yaml\nname: mine\nnetwork: none\nduration: 4 s\nstep: 1 s\n"
+        "deploy: {kind: file, path: " + nodes + ", width: 40 m, height: 40 m, centre: [10 m, 10 m], cover: false}\n"
+        "motion: {kind: recorded_track, path: " + files[2] + "}\ntracker: {kind: pf}\n"
+    )
+    assert main(["run", str(scenario), "--out", str(tmp_path / "x.h5"), "--quiet"]) == 0
+
+
 def test_json_is_one_object_with_train_and_test(
     walks: tuple[list[str], str], capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -55,6 +74,7 @@ def test_json_is_one_object_with_train_and_test(
         (["--column", "redding=x"], "unknown column 'redding' (did you mean 'reading'?)"),
         (["--out", "{0}"], "is one of the files that are read"),
         (["--plot", "x.bmp"], "a figure cannot have the suffix '.bmp'"),
+        (["--readings", "{2}"], "--readings goes with --out"),
         (["--block", "-1"], "block: must be a positive number of seconds"),
     ],
 )

@@ -155,7 +155,7 @@ def test_gains_predict_a_track_that_was_not_fitted() -> None:
 
 
 def test_a_corrupt_row_is_refused_or_skipped_and_named() -> None:
-    with pytest.raises(RunError, match=r"straight_05\.csv\.gz:176: reading 42 dBm must be between -150 and 20"):
+    with pytest.raises(RunError, match=r"straight_05\.csv\.gz:176: reading 42 dBm must be between -200 and 0"):
         wsnsim.fit(ble("straight_05"), BLE / "receivers.csv")
     (file,) = wsnsim.fit(ble("straight_05"), BLE / "receivers.csv", skip_bad_rows=True).sample.files
     assert [row.rpartition(":")[0].rpartition(":")[2] for row in file.bad_rows] == ["176", "2004"]

@@ -38,6 +38,10 @@ LAWS: Final = ("rssi", "range", "log_normal")
 @click.option("--in-sample", is_flag=True, help="Judge the law on readings that it was fitted to, and say so.")
 @click.option("--skip-bad-rows", is_flag=True, help="Leave out and name rows that cannot be used.")
 @click.option("--out", "-o", type=PATH, metavar="YAML", help="Write the block that a scenario can extend.")
+@click.option(
+    "--readings", type=PATH, metavar="FILE",
+    help="With --out: a sensor whose readings are those of this file, and of which filters believe the law.",
+)  # fmt: skip
 @click.option("--plot", "figure", type=PATH, metavar="PLOT", help="Write the residual plots: .png, .svg or .pdf.")
 @click.option("--power", type=float, metavar="DBM", help="For links: their transmit power; default 0 dBm.")
 @click.option(
@@ -52,6 +56,7 @@ def fit(
     track: tuple[Path, ...],
     column: tuple[str, ...],
     out: Path | None,
+    readings: Path | None,
     figure: Path | None,
     as_json: bool,
     **options: Any,
@@ -63,16 +68,21 @@ def fit(
     """
     import wsnsim.fitting as fitting
 
-    read = [*data, *([nodes] if nodes else []), *test, *track]
+    if readings is not None and (out is None or law == "log_normal"):
+        raise UsageError("--readings goes with --out and a law of readings")
+    read = [*data, *(path for path in (nodes, readings) if path), *test, *track]
     asked = _asked(click.get_current_context(), options)
     asked |= ({"tracks": track} if track else {}) | ({"columns": _columns(column)} if column else {})
-    targets = [_target(path, default, read) for path, default in ((out, "law.yaml"), (figure, "residuals.png"))]
+    out, figure = _target(out, "law.yaml", read), _target(figure, "residuals.png", read)
     if figure is not None:
         from wsnsim.analysis.figure_style import suffix_of
 
         suffix_of(figure)
     found = fitting.fit(data, nodes, law, test, **asked)
-    written = _write(found, *targets)
+    recorded = None
+    if readings is not None and out is not None:
+        recorded = found.recorded_sensor(readings, out.parent, asked.get("columns"), options["in_sample"])
+    written = _write(found, out, figure, recorded)
     if as_json:
         echo_json(found.as_json() | {"written": [str(path) for path in written]})
         return
@@ -109,13 +119,15 @@ def _columns(texts: Sequence[str]) -> dict[str, str]:
     return found
 
 
-def _write(found: Fit | LinkFit, out: Path | None, figure: Path | None) -> list[Path]:
+def _write(
+    found: Fit | LinkFit, out: Path | None, figure: Path | None, recorded: Mapping[str, Any] | None
+) -> list[Path]:
     """Write the block and the figure that were asked for; returns their paths."""
     written = []
     if out is not None:
         from wsnsim.recording.atomic_files import write_text_atomically
 
-        write_text_atomically(out, found.yaml())
+        write_text_atomically(out, found.yaml(recorded) if recorded else found.yaml())  # type: ignore[call-arg]
         written.append(out)
     if figure is not None:
         written.append(found.plot(figure))

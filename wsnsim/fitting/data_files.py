@@ -70,7 +70,7 @@ def read_nodes(path: str, columns: Mapping[str, str]) -> NodeTable:
     Raises:
         RunError: the file cannot be used; the message names file and line.
     """
-    names = _names_in(path, columns, ("reading",))
+    names = names_in(path, columns, ("reading",))
     wanted = Wanted({"id": names["id"]}, {axis: names[axis] for axis in "xyz"}, ("z",))
     rows = read_rows(path, wanted, "nodes")
     seen: dict[str, int] = {}
@@ -113,7 +113,7 @@ def read_sample(files: Sequence[str], nodes: NodeTable, form: LawForm, options: 
 
 def _read_file(path: str, track: str, nodes: NodeTable, form: LawForm, options: ReadingOptions) -> _Rows:
     """The usable rows of one file; refuses the others unless they are to be skipped."""
-    names = _names_in(path, options.columns, ("reading", form.kind))
+    names = names_in(path, options.columns, ("reading", form.kind))
     axes = "" if track else "xyz"
     wanted = Wanted(
         {"node": names["node"], "target": names["target"]},
@@ -169,7 +169,7 @@ def _places_of(rows: CsvRows, track: str, columns: Mapping[str, str]) -> tuple[F
     count = len(rows.lines)
     if not track:
         return _points(rows), np.ones(count, dtype=np.bool_)
-    names = _names_in(track, columns, ())
+    names = names_in(track, columns, ())
     wanted = Wanted({}, {name: names[name] for name in ("time", "x", "y", "z")}, ("z",))
     path = read_rows(track, wanted, "points of a trajectory")
     if path.bad:
@@ -189,8 +189,14 @@ def _points(rows: CsvRows) -> Floats:
     return np.column_stack([rows.numbers.get(axis, unknown) for axis in "xyz"])
 
 
-def _names_in(path: str, columns: Mapping[str, str], reading: tuple[str, ...]) -> dict[str, str]:
-    """The names of our columns in a file: as `columns` says, else the first of the usual names that it has."""
+def names_in(path: str, columns: Mapping[str, str], reading: tuple[str, ...]) -> dict[str, str]:
+    """The names of our columns in a file: as `columns` says, else the first of the usual names that it has.
+
+    Args:
+        path: The file.
+        columns: The names that are given.
+        reading: The usual names of the column of readings.
+    """
     with open_text(path) as file:
         header = {name.strip() for name in next(csv.reader(file), [])}
     usual = {**NAMES, "reading": reading or NAMES["reading"]}

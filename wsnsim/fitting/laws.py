@@ -11,6 +11,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from wsnsim.base.arrays import Floats
+from wsnsim.models.rssi import Rssi
 
 LEAST_DISTANCE: Final = 0.05
 """Shorter distances (m) are taken as this, as by the sensor `rssi`."""
@@ -59,12 +60,11 @@ LAWS: Final = {
     "rssi": LawForm(
         "rssi", "dB", "dBm",
         (Coefficient("z0", "dBm", "strength at 1 m"), Coefficient("eta", "", "exponent of the loss with distance")),
-        _log_distance, np.zeros_like, True, -150.0, 20.0,
+        _log_distance, np.zeros_like, True, *Rssi.reading_limits,
     ),
     "range": LawForm(
         "range", "m", "m", (Coefficient("bias", "m", "mean of reading minus distance"),),
         lambda distances: np.ones((len(distances), 1)), lambda distances: distances, False, -1e7, 1e7,
     ),
 }  # fmt: skip
-"""The laws, by their kind. A strength above 20 dBm or below -150 dBm is no reading of a radio: Bluetooth's own limits
-are -127 and 20 dBm (Core Specification, Read RSSI)."""
+"""The laws, by their kind."""

@@ -33,15 +33,23 @@ def fit_text(fit: FittedLaw) -> str:
     return "\n".join(lines)
 
 
-def sensor_yaml(fit: FittedLaw) -> str:
-    """The block `sensor` with its origin in comments: train and test files, intervals and held-out figures."""
+def sensor_yaml(fit: FittedLaw, recorded: Mapping[str, Any] | None = None) -> str:
+    """The block `sensor` with its origin in comments: train and test files, intervals and held-out figures.
+
+    With `recorded`, the keys of a sensor with recorded readings, the law is what filters believe of these.
+    """
     head = [
         f"Law '{fit.model.form.kind}', fitted by wsnsim fit {__version__}; a scenario can extend this file.",
         *(f"train: {file_text(file)}, {file.digest}" for file in fit.sample.files),
         *(f"test: {_test_text(row, fit.model.form.unit)}, {row.file.digest}" for row in fit.test),
         *([] if fit.test else ["test: none"]),
     ]
-    return "\n".join([*(f"# {one_line(line)}" for line in head), *block_lines("sensor", fit.sensor, fit.values)]) + "\n"
+    if recorded is None:
+        block = [*block_lines("sensor", fit.sensor, fit.values)]
+    else:
+        law = (f"  {line}" for line in block_lines("law", fit.sensor, fit.values))
+        block = [*block_lines("sensor", recorded, {}), *law]
+    return "\n".join([*(f"# {one_line(line)}" for line in head), *block]) + "\n"
 
 
 def fit_json(fit: FittedLaw) -> dict[str, Any]:
