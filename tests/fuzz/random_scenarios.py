@@ -34,6 +34,8 @@ PLAIN: Final = ("packing", "routing", "clock", "detection", "wakeup")
 """Roles of a network that take any values."""
 RECORDED: Final = "scenarios/recorded/ble/straight_01.csv.gz"
 """A track that comes with wsnsim, from the folder in which the tests are run."""
+RECEIVERS: Final = "scenarios/recorded/ble/receivers.csv"
+"""The nodes that heard it, with their heights."""
 RECORDED_LINKS: Final = "scenarios/recorded/links/grenoble_first_half.k7.gz"
 """Links between 50 nodes, likewise."""
 GUIDED: Final = 0.9
@@ -73,9 +75,32 @@ class Sampler:
             "sensor": self.sensor(motion in LINE, tracker["kind"]),
             "tracker": tracker,
         }
+        if motion == "recorded_track" and self.rng.random() < 0.7:
+            common |= self.recording()
         if common["sensor"]["kind"] == "acoustic_energy" and self.rng.random() < 0.3:
             tracker["assumes"] = {"gains": "unknown", "inflate": self.rng.random() < 0.5, "noise_scale": 2.0}
-        return {**common, **self.of_network(tracker["kind"])} if self.network else {**common, "network": "none"}
+        if not self.network:
+            return {**common, "network": "none"}
+        radio = self.of_network(tracker["kind"])
+        if common["sensor"]["kind"] == "recorded" and self.rng.random() < GUIDED:
+            radio["detection"] = {"kind": "perfect"}
+        return {**common, **radio}
+
+    def recording(self) -> Values:
+        """Readings of a recorded track, and the nodes that took them."""
+        law = self.part("sensor", "rssi")
+        law = {name: value for name, value in law.items() if name not in ("gains", "fitted_on")}
+        return {
+            "deploy": {
+                "kind": "file", "path": RECEIVERS, "columns": {"id": "receiver"}, "width": 21.0, "height": 19.4,
+                "centre": [9.5, 9.0], "cover": False,
+            },
+            "targets": [self.motion("recorded_track")],
+            "sensor": {
+                "kind": "recorded", "path": RECORDED, "columns": {"node": "receiver", "reading": "rssi"},
+                "several": self.rng.choice(["mean", "last"]), "law": {**law, "reach": self.rng.choice([5.0, 30.0])},
+            },
+        }  # fmt: skip
 
     def beacons(self) -> Values:
         """A network without a target."""
@@ -100,7 +125,7 @@ class Sampler:
         return [round(self.rng.uniform(-self.side / 2, self.side / 2), 3) for _ in range(2)]
 
     def deploy(self) -> Values:
-        """Nodes on a small field; those of a file are a list here, since a scenario is one text."""
+        """Nodes on a small field; a list in place of a file of one's own, since a scenario is one text."""
         kind = self.kind("deploy")
         if kind in ("file", "anchors"):
             field = {"width": self.side, "height": self.side, "centre": [0.0, 0.0]}
@@ -141,6 +166,7 @@ class Sampler:
         if kind in ONLINE:
             values["reach"] = self.rng.choice([0.3, 0.6, 2.0]) * self.side
             values.pop("beyond", None)
+            values.pop("target_height", None)  # the nodes of a recording alone have heights
         return values
 
     def tracker(self, line: bool) -> Values:

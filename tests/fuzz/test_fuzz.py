@@ -123,13 +123,11 @@ def test_most_random_scenarios_are_valid_and_all_kinds_of_cases_differ_by_their_
         assert len({case(kind, number).text() for number in range(10)}) > 3
 
 
-ALONE = {("deploy", "file")}
-"""Kinds that need a file of the user's beside the scenario: cases of the kind 'csv' have them."""
 LISTS = {"motion": "targets", "fault": "faults"}
 
 
 def test_every_kind_of_every_role_occurs_in_the_random_scenarios() -> None:
-    missing = {(name, info.kind) for name, role in ROLES.items() for info in role.kinds} - ALONE
+    missing = {(name, info.kind) for name, role in ROLES.items() for info in role.kinds}
     for number in range(400):
         values = sampled(number)
         found = {name: values.get(LISTS.get(name, name), []) for name in ROLES}

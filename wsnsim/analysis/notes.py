@@ -99,7 +99,8 @@ def of_report(report: Report, figures: Mapping[str, Any]) -> list[str]:
         count = f"{missing:,.4g} of {steps:,} steps"
         notes = [f"{count} have no estimate (mean of the runs); errors are over the others"]
     poor = [summary for summary in report.summaries if any(track["tracked"] < 1.0 for track in summary.tracks)]
-    notes += _skipped(stored_json(report.out, "provenance_json"))
+    if report.out.is_file():  # it may have been moved since
+        notes += _skipped(stored_json(report.out, "provenance_json"))
     setup = scenarios.build(report.scenario) if poor else None
     if not isinstance(setup, TrackingSetup):
         return notes
