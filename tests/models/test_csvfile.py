@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from wsnsim.base.errors import RunError
+from wsnsim.models import csvfile
 from wsnsim.models.csvfile import BadRow, Wanted, bad_rows_text, demand_digest, read_columns, read_rows
 
 WANTED = Wanted({"node": "receiver"}, {"time": "time", "reading": "rssi", "z": "z"}, optional=("z",))
@@ -103,3 +104,11 @@ def test_shipped_tracks_are_read_as_they_are_written() -> None:
     rows = read_rows(path, WANTED, "readings")
     assert rows.texts["node"] == [line.split(",")[1] for line in lines]
     assert np.array_equal(rows.numbers["reading"], [float(line.split(",")[2]) for line in lines])
+
+
+def test_a_small_file_that_holds_too_much_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(csvfile, "MOST_BYTES", 2_000_000)
+    path = tmp_path / "much.csv.gz"
+    path.write_bytes(gzip.compress(b"x,y\n" + b"1,2\n" * 600_000))
+    with pytest.raises(RunError, match=r"much\.csv\.gz: cannot be read: it is more than 2 MB when decompressed"):
+        read_columns(str(path), ("x", "y"), "positions")
