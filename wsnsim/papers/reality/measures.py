@@ -1,6 +1,6 @@
 """The answers to what docs/reality.md registered, and what the rows say beside them.
 
-    answers(data) -> [Answer, ...]      gaps(data, trackers) -> [Gap, ...]      conclusions(data) -> [line, ...]
+    answers(data) -> [Answer, ...]      gaps(data) -> [Gap, ...]      conclusions(data) -> [line, ...]
 
 A median is that of the runs' values; of several tracks, sums or medians of the tracks' medians, as registered. All runs
 of all variants are resampled together.
@@ -144,7 +144,7 @@ def conclusions(data: Data) -> list[str]:
 
 
 def above(*several: Data) -> list[str]:
-    """A line on how many trackers of one or several experiments do as the registered one on rectangular tracks."""
+    """A line that says how many trackers exceed the registered factor on every rectangular track."""
     threshold = several[0].published["registered"]["factor"]
     rectangular = [track.name for track in tracks_of(several[0]).tracks if track.rectangular]
     found = [gap for data in several for gap in gaps(data)]

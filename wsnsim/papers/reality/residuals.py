@@ -1,6 +1,6 @@
 """What the readings themselves say: residuals under the laws of the other tracks, scatter, and how many were heard.
 
-residual_figures(recording, name) -> ResidualFigures of a track      figures_in_words(recording) -> [line, ...]
+track_residuals(tracks, name) -> TrackResiduals      figures_in_words(tracks) -> [line, ...]
 """
 
 from __future__ import annotations
