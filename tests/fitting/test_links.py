@@ -88,6 +88,13 @@ def test_links_are_not_judged_on_what_they_were_fitted_to(tmp_path: Path) -> Non
     other, _ = write(tmp_path / "other", 4)
     with pytest.raises(UsageError, match="must not be judged on what they were fitted to"):
         wsnsim.fit(links, nodes, law="log_normal", test=links)
+    part = tmp_path / "part.k7"
+    top, names, *rows = Path(links).read_text().splitlines()
+    for some in (rows[:-1], rows[1:], rows[len(rows) // 2 :]):
+        part.write_text("\n".join([top, names, *some]))
+        for train, test in ((links, part), (part, links)):
+            with pytest.raises(UsageError, match=rf"{test} and {train} share .* must not be judged"):
+                wsnsim.fit(train, nodes, law="log_normal", test=test)
     (row,) = wsnsim.fit(links, nodes, law="log_normal", in_sample=True).test
     assert row.in_sample
     (row,) = wsnsim.fit(links, law="log_normal", test=other).test

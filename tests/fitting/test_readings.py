@@ -199,6 +199,29 @@ def test_a_law_is_not_judged_on_what_it_was_fitted_to(walks: tuple[list[str], st
     assert [row.in_sample for row in wsnsim.fit(files[:2], nodes, in_sample=True).test] == [True, True]
 
 
+def test_neither_file_may_hold_a_hundredth_of_the_other(walks: tuple[list[str], str], tmp_path: Path) -> None:
+    files, nodes = walks
+    head, *rows = Path(files[0]).read_text().splitlines()
+    others = Path(files[1]).read_text().splitlines()[1:]
+    start, mixed = tmp_path / "start.csv", tmp_path / "mixed.csv"
+    start.write_text("\n".join([head, *rows[:299]]))
+    mixed.write_text("\n".join([head, *others[300:], *rows[:12]]))
+    for train, test in ((start, files[0]), (mixed, files[0]), (files[0], mixed)):
+        with pytest.raises(UsageError, match=rf"{test} and {train} share .* must not be judged"):
+            wsnsim.fit(train, nodes, test=test)
+
+
+def test_walks_on_one_grid_of_times_with_whole_readings_are_told_apart(tmp_path: Path) -> None:
+    files, nodes = Walks(tracks=2, seconds=30.0).write(tmp_path, 4)
+    for file in files:
+        head, *rows = (line.split(",") for line in Path(file).read_text().splitlines())
+        for row in rows:
+            row[2] = f"{float(row[2]):.0f}"
+        Path(file).write_text("\n".join(map(",".join, [head, *rows])))
+    (row,) = wsnsim.fit(files[0], nodes, test=files[1]).test
+    assert not row.in_sample
+
+
 def test_a_scenario_that_judges_a_law_on_its_own_readings_is_refused(tmp_path: Path) -> None:
     law = wsnsim.fit(ble("straight_02"), BLE / "receivers.csv", noise="student_t").sensor
     assert {"gains", "target_height", "dof", "shadowing", "decorrelation", "fitted_on"} <= law.keys()

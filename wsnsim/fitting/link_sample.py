@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeAlias
 
 import numpy as np
 
@@ -13,7 +14,9 @@ from wsnsim.base.errors import RunError
 from wsnsim.fitting.data_files import digest_of, read_nodes
 from wsnsim.fitting.link_curve import CLEAR
 from wsnsim.fitting.located_readings import DataFile
-from wsnsim.models.k7file import read_links
+from wsnsim.models.k7file import LinkRecording, read_links
+
+Keys: TypeAlias = frozenset[tuple[float, str, str, int, float]]
 
 
 @dataclass(frozen=True)
@@ -28,6 +31,7 @@ class LinkRows:
         nodes: names of the nodes.
         places: (N, 3) of the nodes in m, NaN for an unknown z; None without positions.
         files: the files.
+        keys: of each file, the time, sender, receiver, channel and power of each burst.
     """
 
     sources: Ints
@@ -37,6 +41,7 @@ class LinkRows:
     nodes: tuple[str, ...]
     places: Floats | None
     files: tuple[DataFile, ...]
+    keys: tuple[Keys, ...]
 
     @cached_property
     def directed(self) -> Floats:
@@ -109,7 +114,18 @@ def read_link_rows(
         described.append(DataFile(file, digest_of(file), int(heard.sum()), bad))
     sources, receivers, powers, ratios = (np.concatenate(column) for column in zip(*parts, strict=True))
     places = None if nodes is None else _places(nodes, names, columns)
-    return LinkRows(sources, receivers, powers, ratios, names, places, tuple(described))
+    return LinkRows(sources, receivers, powers, ratios, names, places, tuple(described), tuple(map(_keys, recordings)))
+
+
+def _keys(recording: LinkRecording) -> Keys:
+    """The time, sender, receiver, channel and power of each burst that was heard."""
+    heard = np.isfinite(recording.powers)
+    names = np.array(recording.nodes)
+    columns = (
+        recording.origin + recording.times, names[recording.sources], names[recording.receivers],
+        recording.channels, recording.powers,
+    )  # fmt: skip
+    return frozenset(zip(*(column[heard].tolist() for column in columns), strict=True))
 
 
 def _places(path: str, names: Sequence[str], columns: Mapping[str, str]) -> Floats:

@@ -29,6 +29,7 @@ from wsnsim.fitting.fitted_law import FittedValue
 from wsnsim.fitting.link_curve import delivery, margin
 from wsnsim.fitting.link_result import LinkEvaluation, LinkFit
 from wsnsim.fitting.link_sample import LinkRows, read_link_rows
+from wsnsim.fitting.shared_rows import shared_with
 
 RESAMPLES: Final = 200
 LOSS_RESAMPLES: Final = 60
@@ -71,24 +72,23 @@ def fit_links(files: Sequence[str], nodes: str | None, test: Sequence[str], opti
         options: how.
 
     Raises:
-        UsageError: a test file is one of the fitted files, and `in_sample` is not said.
+        UsageError: a test file shares rows with a fitted file, and `in_sample` is not said.
         RunError: a file cannot be used, or too few links were recorded.
     """
     rows = read_link_rows(files, nodes, options.columns, options.skip_bad_rows)
     judged = test or (files if options.in_sample else ())
     tests = [read_link_rows([file], nodes, options.columns, options.skip_bad_rows) for file in judged]
-    known = {file.digest: file.path for file in rows.files}
-    for each in tests:
-        (file,) = each.files
-        if file.digest in known and not options.in_sample:
+    known = {file.path: keys for file, keys in zip(rows.files, rows.keys, strict=True)}
+    shared = [shared_with(each.keys[0], known) for each in tests]
+    for each, found in zip(tests, shared, strict=True):
+        if found and not options.in_sample:
             raise UsageError(
-                f"{file.path} has the same rows as {known[file.digest]}: links must not be judged on what they were "
-                "fitted to; give another file with --test, or say --in-sample"
+                f"{each.files[0].path} and {found[0]} share {found[1]:.1%} of their rows: links must not be judged on "
+                "what they were fitted to; give another file with --test, or say --in-sample"
             )
     fitted = fit_link_rows(rows, options)
-    return dataclasses.replace(
-        fitted, test=tuple(_evaluated(fitted, each, each.files[0].digest in known) for each in tests)
-    )
+    judgements = (_evaluated(fitted, each, bool(found)) for each, found in zip(tests, shared, strict=True))
+    return dataclasses.replace(fitted, test=tuple(judgements))
 
 
 def fit_link_rows(rows: LinkRows, options: LinkOptions) -> LinkFit:

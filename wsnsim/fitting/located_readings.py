@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -13,6 +13,8 @@ from wsnsim.base.arrays import Bools, Floats, Ints
 
 MOST_APART: Final = 60
 """Pairs of one node's readings are at most this many readings apart, which bounds their number."""
+
+Keys: TypeAlias = frozenset[tuple[float, int, float, float, float]]
 
 
 @dataclass(frozen=True)
@@ -122,6 +124,15 @@ class LocatedReadings:
         if not first:
             return np.empty(0, np.int64), np.empty(0, np.int64)
         return np.concatenate(first), np.concatenate(second)
+
+    def keys(self, track: int) -> Keys:
+        """Time, node, value and place (x, y) of each reading of a file.
+
+        Places tell walks apart whose times lie on one grid and whose readings are whole numbers.
+        """
+        own = self.tracks == track
+        columns = (self.times, self.nodes, self.readings, self.points[:, 0], self.points[:, 1])
+        return frozenset(zip(*(column[own].tolist() for column in columns), strict=True))
 
     def by_file(self) -> Iterator[tuple[DataFile, Bools]]:
         """Each file, and which readings are its own."""

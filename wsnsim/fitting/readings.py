@@ -6,21 +6,16 @@ fit_readings(files, nodes, form, test, reading, options) -> Fit
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
-from typing import Final
-
-import numpy as np
+from collections.abc import Mapping, Sequence
 
 from wsnsim.base.errors import UsageError
 from wsnsim.fitting.data_files import ReadingOptions, read_nodes, read_sample
 from wsnsim.fitting.estimation import FitOptions, fit_sample
 from wsnsim.fitting.fitted_law import Evaluation, figures
 from wsnsim.fitting.laws import LawForm
-from wsnsim.fitting.located_readings import LocatedReadings
+from wsnsim.fitting.located_readings import Keys, LocatedReadings
 from wsnsim.fitting.result import Fit
-
-SAME_SHARE: Final = 0.5
-"""A test file with a larger share of its readings in the train files counts as one of them."""
+from wsnsim.fitting.shared_rows import shared_with
 
 
 def fit_readings(
@@ -36,7 +31,7 @@ def fit_readings(
     Without test files, and with `in_sample`, it is judged on the files that it was fitted to.
 
     Raises:
-        UsageError: a test file is one of the train files, and `in_sample` is not said.
+        UsageError: a test file shares readings with a train file (`SAME_SHARE` of them), and `in_sample` is not said.
         RunError: a file cannot be used, or the readings do not determine the law.
     """
     how, wanted = reading or ReadingOptions(), options or FitOptions()
@@ -46,34 +41,27 @@ def fit_readings(
     judged = [every.of([index]) for index in range(len(files), len(every.files))]
     if not test and wanted.in_sample:
         judged = [every.of([index]) for index in range(len(files))]
-    shared = [_shares(sample, train) for sample in judged]
-    for sample, same in zip(judged, shared, strict=True):
-        if same and not wanted.in_sample:
-            raise UsageError(_refusal(sample, train))
+    known = {file.path: train.keys(index) for index, file in enumerate(train.files)}
+    said = [_shared(sample, train, known) for sample in judged]
+    for words in said:
+        if words and not wanted.in_sample:
+            raise UsageError(words)
     fitted = fit_sample(train, form, wanted)
     test_rows = (
-        Evaluation(sample.files[0], same, figures(fitted.model, sample), figures(fitted.plain, sample))
-        for sample, same in zip(judged, shared, strict=True)
+        Evaluation(sample.files[0], bool(words), figures(fitted.model, sample), figures(fitted.plain, sample))
+        for sample, words in zip(judged, said, strict=True)
     )
     return dataclasses.replace(fitted, test=tuple(test_rows))
 
 
-def _shares(sample: LocatedReadings, train: LocatedReadings) -> bool:
-    """Whether a file is one of the train files: by its content, or by most of its readings."""
-    if sample.files[0].digest in {file.digest for file in train.files}:
-        return True
-    known = set(_keys(train))
-    return float(np.mean([key in known for key in _keys(sample)])) > SAME_SHARE
-
-
-def _keys(sample: LocatedReadings) -> list[tuple[float, int, float]]:
-    """Time, node and value of each reading."""
-    return list(zip(sample.times.tolist(), sample.nodes.tolist(), sample.readings.tolist(), strict=True))
-
-
-def _refusal(sample: LocatedReadings, train: LocatedReadings) -> str:
-    named = next((file.path for file in train.files if file.digest == sample.files[0].digest), "the train files")
+def _shared(sample: LocatedReadings, train: LocatedReadings, known: Mapping[str, Keys]) -> str:
+    """What a file shares with the train files, by its content or its rows; '' if it is independent of them."""
+    (file,) = sample.files
+    named = next((other.path for other in train.files if other.digest == file.digest), None)
+    found = (named, 1.0) if named else shared_with(sample.keys(0), known)
+    if found is None:
+        return ""
     return (
-        f"{sample.files[0].path} has the same readings as {named}: a law must not be judged on what it was fitted to; "
-        "give another file with --test, or say --in-sample"
+        f"{file.path} and {found[0]} share {found[1]:.1%} of their readings: a law must not be judged on what it was "
+        "fitted to; give another file with --test, or say --in-sample"
     )

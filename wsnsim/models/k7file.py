@@ -47,6 +47,7 @@ class LinkRecording:
     Attributes:
         path: The file.
         nodes: Names of the N nodes, numbers in ascending order before texts.
+        origin: Time of the first row, in s since 1970.
         times: (n,) s since the first row.
         sources: (n,) senders, as indices into `nodes`.
         receivers: (n,) receivers, as indices into `nodes`.
@@ -64,6 +65,7 @@ class LinkRecording:
 
     path: str
     nodes: tuple[str, ...]
+    origin: float
     times: Floats
     sources: Ints
     receivers: Ints
@@ -234,6 +236,7 @@ def _recording(
     return LinkRecording(
         path=path,
         nodes=names,
+        origin=rows[0].time,
         times=np.array([row.time for row in rows]) - rows[0].time,
         sources=np.array([index[row.source] for row in rows], dtype=np.int64),
         receivers=np.array([index[row.receiver] for row in rows], dtype=np.int64),
