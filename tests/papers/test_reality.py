@@ -93,6 +93,23 @@ def test_a_folder_that_cannot_be_used_is_said_in_a_sentence(folder, tmp_path):
         recording(tmp_path)
 
 
+@pytest.mark.parametrize(
+    ("name", "rows", "said"),
+    [
+        ("part.csv", slice(-1), r"one\.csv\.gz and .*part\.csv share 100\.0% of their readings"),
+        ("one.csv", slice(None), r"one\.csv and .*one\.csv\.gz are both track 'one'"),
+        ("one, two.csv", slice(1), r"one, two\.csv: the name of a track must not contain ', '"),
+    ],
+)
+def test_two_files_of_one_track_and_a_name_of_several_words_are_refused(folder, tmp_path, name, rows, said):
+    for file in folder.iterdir():
+        (tmp_path / file.name).write_bytes(file.read_bytes())
+    head, *lines = gzip.decompress((folder / "one.csv.gz").read_bytes()).decode().splitlines()
+    (tmp_path / name).write_text("\n".join([head, *lines[rows]]))
+    with pytest.raises(UsageError, match=said):
+        recording(tmp_path)
+
+
 def test_experiments_on_a_folder_are_named_after_it_and_build_with_the_laws_of_the_other_tracks(folder):
     pairs = reproduce.on_data(("reality",), folder)
     assert [experiment.name for _, experiment in pairs] == [f"{folder.name}_tracks", f"{folder.name}_trackers"]

@@ -6,8 +6,9 @@ recording(folder) -> TrackFolder      .tracks -> name, file, length, shape      
 from __future__ import annotations
 
 import functools
+import itertools
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -21,6 +22,7 @@ from wsnsim.fitting.estimation import FitOptions, fit_sample
 from wsnsim.fitting.laws import LAWS
 from wsnsim.fitting.located_readings import LocatedReadings
 from wsnsim.fitting.result import Fit
+from wsnsim.fitting.shared_rows import SAME_SHARE, share
 from wsnsim.scenario.files import shipped
 
 RECEIVERS: Final = "receivers.csv"
@@ -116,7 +118,8 @@ def recording(folder: Path) -> TrackFolder:
     """The tracks of a folder: files with time, receiver, rssi, x and y (perhaps z), and `receivers.csv`.
 
     Raises:
-        UsageError: there are no receivers, or fewer than two tracks.
+        UsageError: there are no receivers, or fewer than two tracks; two files have one name or the same readings; a
+            name cannot be that of a track.
         RunError: a file cannot be used; names file and line.
     """
     if not (folder / RECEIVERS).is_file():
@@ -128,10 +131,34 @@ def recording(folder: Path) -> TrackFolder:
             "the law of a track is fitted to the others"
         )
     names = [path.name.removesuffix(".gz").removesuffix(".csv") for path in files]
+    _check_names(files, names)
     nodes = read_nodes(str(folder / RECEIVERS), {})
     sample = read_sample([str(path) for path in files], nodes, FORM, ReadingOptions(skip_bad_rows=True))
+    _check_independent(sample)
     own = [sample.tracks == index for index in range(len(files))]
     return TrackFolder(folder, tuple(map(functools.partial(_track, sample), names, files, own)), sample)
+
+
+def _check_names(files: Sequence[Path], names: Sequence[str]) -> None:
+    """Raises UsageError if two files are the same track, or if a name holds what separates the words of a variant."""
+    named: dict[str, Path] = {}
+    for path, name in zip(files, names, strict=True):
+        if ", " in name:
+            raise UsageError(f"{path}: the name of a track must not contain ', ', which separates words of variants")
+        if name in named:
+            raise UsageError(f"{named[name]} and {path} are both track '{name}': leave one of them in the folder")
+        named[name] = path
+
+
+def _check_independent(sample: LocatedReadings) -> None:
+    """Raises UsageError if two tracks share readings: the law of one would be fitted to those of the other."""
+    keys = [sample.keys(index) for index in range(len(sample.files))]
+    for first, second in itertools.combinations(range(len(keys)), 2):
+        if (part := share(keys[first], keys[second])) >= SAME_SHARE:
+            raise UsageError(
+                f"{sample.files[first].path} and {sample.files[second].path} share {part:.1%} of their readings: the "
+                "law of a track is fitted to the others; leave one of them in the folder"
+            )
 
 
 def _is_track(path: Path) -> bool:
