@@ -13,6 +13,9 @@ import wsnsim
 from tests.helpers.recorded_walks import HEIGHT, Walks
 from wsnsim.base.errors import RunError, ScenarioError, UsageError
 from wsnsim.fitting import Fit
+from wsnsim.fitting.data_files import ReadingOptions, read_nodes, read_sample
+from wsnsim.fitting.laws import LAWS
+from wsnsim.fitting.located_readings import LocatedReadings, NodeTable
 from wsnsim.scenario import build, load
 from wsnsim.scenario.files import shipped
 
@@ -117,6 +120,51 @@ def test_columns_may_have_other_names_and_the_trajectory_may_be_a_file_of_its_ow
     columns = {"time": "at", "node": "who", "reading": "dbm"}
     apart = wsnsim.fit(readings, nodes, tracks=[track], columns=columns | {"id": "id"})
     assert apart.sensor | {"fitted_on": []} == wsnsim.fit(files[0], nodes).sensor | {"fitted_on": []}
+
+
+def test_the_rows_of_a_trajectory_may_stand_in_any_order_and_bad_ones_are_skipped(
+    walks: tuple[list[str], str], tmp_path: Path
+) -> None:
+    files, nodes = walks
+    head, *rows = Path(files[0]).read_text().splitlines()
+    track = tmp_path / "track.csv"
+    track.write_text("\n".join([head, *rows[::-1]]))
+    whole = wsnsim.fit(files[0], nodes)
+    assert wsnsim.fit(files[0], nodes, tracks=track).values == whole.values
+    track.write_text("\n".join([head, *rows, "0.000,n0,-60,99,0,0", "nan,n0,-60,1,1,1"]))
+    with pytest.raises(
+        RunError, match=r"m from the place in line 2; at most 0\.001 m is allowed[\s\S]*--skip-bad-rows"
+    ):
+        wsnsim.fit(files[0], nodes, tracks=track)
+    found = wsnsim.fit(files[0], nodes, tracks=track, skip_bad_rows=True)
+    assert found.values == whole.values
+    lines = [row.removeprefix(f"{track}:").partition(":")[0] for row in found.sample.files[0].bad_rows]
+    assert lines == [str(len(rows) + 2), str(len(rows) + 3)]
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_each_shipped_track_may_be_the_trajectory_of_its_readings(name: str) -> None:
+    nodes, how = read_nodes(str(BLE / "receivers.csv"), {}), ReadingOptions(tracks=ble(name), skip_bad_rows=True)
+    apart = read_sample(ble(name), nodes, LAWS["rssi"], how)
+    own = read_sample(ble(name), nodes, LAWS["rssi"], ReadingOptions(skip_bad_rows=True))
+    assert abs(len(apart.times) - len(own.times)) <= 2
+
+
+def test_a_file_with_readings_of_two_targets_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "nodes.csv").write_text("id,x,y\na,0,0\nb,10,0\n")
+    rows = [f"{k},{node},-60,{k},{4 if node == 'a' else 5},{k % 2}" for k in range(20) for node in "ab"]
+    (tmp_path / "two.csv").write_text("\n".join(["time,node,reading,x,y,target", *rows]))
+    with pytest.raises(RunError, match="has readings of 2 targets, such as '0' and '1': give a file for each"):
+        wsnsim.fit(tmp_path / "two.csv", tmp_path / "nodes.csv")
+
+
+def test_a_long_recording_has_a_bounded_number_of_pairs_over_the_same_lags() -> None:
+    count = 200_000
+    columns = (np.arange(count, dtype=float), np.zeros(count, int), np.zeros(count), np.zeros((count, 3)))
+    table = NodeTable(("a",), np.zeros((1, 3)))
+    first, second = LocatedReadings(*columns, np.zeros(count, int), table, ()).pairs
+    assert 4_500_000 < len(first) <= 5_000_000
+    assert set(np.unique(second - first).tolist()) >= {1, 60}
 
 
 def test_the_law_of_distances_has_the_spread_about_zero(tmp_path: Path) -> None:

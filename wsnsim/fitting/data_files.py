@@ -8,6 +8,7 @@ from __future__ import annotations
 import csv
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import compress
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -18,6 +19,7 @@ from wsnsim.base.errors import RunError, UsageError, did_you_mean
 from wsnsim.fitting.laws import LawForm
 from wsnsim.fitting.located_readings import DataFile, LocatedReadings, NodeTable
 from wsnsim.models.csvfile import BadRow, CsvRows, Wanted, bad_rows_text, open_text, read_rows
+from wsnsim.models.recorded_track import recorded_points
 
 NAMES: Final[Mapping[str, tuple[str, ...]]] = {
     "time": ("time", "t"),
@@ -30,6 +32,8 @@ NAMES: Final[Mapping[str, tuple[str, ...]]] = {
     "z": ("z",),
 }
 """Our columns, and the names in a file that are taken for them unless `columns` names another."""
+
+REMEDY: Final = "--skip-bad-rows leaves them out and counts them"
 
 
 @dataclass(frozen=True)
@@ -121,17 +125,22 @@ def _read_file(path: str, track: str, nodes: NodeTable, form: LawForm, options: 
         ("target", "z"),
     )
     rows = read_rows(path, wanted, "readings")
-    points, known = _places_of(rows, track, options.columns)
+    points, known, skipped = _places_of(rows, track, options)
     good, bad = _checked(rows, nodes, form, known)
     every = sorted([*rows.bad, *bad], key=lambda row: row.line)
     total = len(rows.lines) + len(rows.bad)
     if every and not options.skip_bad_rows:
-        raise RunError(f"{bad_rows_text(path, every, total)}\n  --skip-bad-rows leaves them out and counts them")
+        raise RunError(bad_rows_text(path, every, total, REMEDY))
     if not good.any():
         raise RunError(f"{path}: none of its {total} rows can be used")
+    if len(targets := set(compress(rows.texts.get("target", ()), good.tolist()))) > 1:
+        first, second, *_ = sorted(targets)
+        raise RunError(
+            f"{path}: has readings of {len(targets)} targets, such as '{first}' and '{second}': give a file for each"
+        )
     index = {name: number for number, name in enumerate(nodes.ids)}
     found = np.array([index.get(name, -1) for name in rows.texts["node"]])
-    notes = tuple(f"{path}:{row.line}: {row.reason}" for row in every)
+    notes = tuple(f"{name}:{row.line}: {row.reason}" for name, own in ((path, every), (track, skipped)) for row in own)
     file = DataFile(path, digest_of(path), int(good.sum()), notes)
     numbers = rows.numbers
     return _Rows(numbers["time"][good], found[good], numbers["reading"][good], points[good], file)
@@ -164,23 +173,22 @@ def _checked(rows: CsvRows, nodes: NodeTable, form: LawForm, known: Bools) -> tu
     return good, bad
 
 
-def _places_of(rows: CsvRows, track: str, columns: Mapping[str, str]) -> tuple[Floats, Bools]:
-    """(n, 3) places of the target at the readings, and whether each is known: linear between rows of a trajectory."""
+def _places_of(rows: CsvRows, track: str, options: ReadingOptions) -> tuple[Floats, Bools, tuple[BadRow, ...]]:
+    """Places (n, 3) of the target at the readings, whether each is known, and rows of the trajectory that are skipped.
+
+    Places are linear between rows of a trajectory.
+    """
     count = len(rows.lines)
     if not track:
-        return _points(rows), np.ones(count, dtype=np.bool_)
-    names = names_in(track, columns, ())
-    wanted = Wanted({}, {name: names[name] for name in ("time", "x", "y", "z")}, ("z",))
-    path = read_rows(track, wanted, "points of a trajectory")
-    if path.bad:
-        raise RunError(bad_rows_text(track, path.bad, len(path.lines) + len(path.bad)))
-    times = path.numbers["time"]
-    back = np.flatnonzero(np.diff(times) < 0.0)
-    if back.size:
-        raise RunError(f"{track}:{path.lines[back[0] + 1]}: its time is before that of the previous row")
+        return _points(rows), np.ones(count, dtype=np.bool_), ()
+    names = names_in(track, options.columns, ())
+    wanted = {name: names[name] for name in ("time", "x", "y", "z")}
+    times, path, bad = recorded_points(track, wanted, options.skip_bad_rows, REMEDY)
     now = rows.numbers["time"]
-    points = np.column_stack([np.interp(now, times, axis) for axis in _points(path).T])
-    return points, (now >= times[0]) & (now <= times[-1])
+    points = np.full((count, 3), np.nan)
+    for axis, values in enumerate(path.T):
+        points[:, axis] = np.interp(now, times, values)
+    return points, (now >= times[0]) & (now <= times[-1]), bad
 
 
 def _points(rows: CsvRows) -> Floats:

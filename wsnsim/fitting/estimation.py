@@ -44,8 +44,9 @@ class FitOptions:
         gains: whether each node has a gain; laws without gains ignore it.
         heights: whether distances are those in space; None: if the heights of nodes and target are known.
         noise: family of the white part; `auto`: that with the lower criterion of Akaike.
-        block: length (s) of the blocks of time from which intervals are computed; None: 10 s, or a twentieth of a
-            shorter recording.
+        block: length (s) of the blocks of time from which intervals are computed; None: 10 s, or `CORRELATION_TIMES`
+            times the time in which the target travels the fitted decorrelation distance if that is longer, but at most
+            a tenth of the recording.
         seed: of the bootstrap.
         in_sample: whether the law may be judged on readings that it was fitted to.
     """

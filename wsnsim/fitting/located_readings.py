@@ -12,7 +12,9 @@ import numpy as np
 from wsnsim.base.arrays import Bools, Floats, Ints
 
 MOST_APART: Final = 60
-"""Pairs of one node's readings are at most this many readings apart, which bounds their number."""
+"""Pairs of one node's readings are at most this many readings apart."""
+MOST_PAIRS: Final = 5_000_000
+"""Of more pairs than this, only those are used whose readings are some numbers apart, evenly from 1 to `MOST_APART`."""
 
 Keys: TypeAlias = frozenset[tuple[float, int, float, float, float]]
 
@@ -111,11 +113,17 @@ class LocatedReadings:
 
     @cached_property
     def pairs(self) -> tuple[Ints, Ints]:
-        """(P,), (P,) indices of pairs of readings of one node on one track, the earlier one first."""
+        """(P,), (P,) indices of pairs of readings of one node on one track, the earlier one first.
+
+        Long recordings use fewer distances between readings, so that there are at most `MOST_PAIRS` pairs, or one a
+        reading.
+        """
         order = np.lexsort((self.times, self.nodes, self.tracks))
         series = np.column_stack([self.tracks, self.nodes])[order]
         first, second = [], []
-        for apart in range(1, min(MOST_APART, len(order) - 1) + 1):
+        most = min(MOST_APART, len(order) - 1)
+        numbers = min(most, max(MOST_PAIRS // max(len(order), 1), 1))
+        for apart in np.linspace(1, most, numbers).astype(np.int64).tolist():
             same: Bools = (series[apart:] == series[:-apart]).all(axis=1)
             if not same.any():
                 break

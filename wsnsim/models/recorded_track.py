@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import cached_property
 from typing import Annotated, Any, ClassVar, Final, NamedTuple
 
@@ -30,6 +30,39 @@ class TrackColumns:
     x: Annotated[str, "the coordinate x, in m"] = "x"
     y: Annotated[str, "the coordinate y, in m"] = "y"
     z: Annotated[str, "the height, in m; a file may lack it"] = "z"
+
+
+class RecordedPoints(NamedTuple):
+    """The points of a file: distinct times (n,), ascending, points (n, 2 or 3), and rows that cannot be used."""
+
+    times: Floats
+    points: Floats
+    bad: tuple[BadRow, ...]
+
+
+def recorded_points(path: str, names: Mapping[str, str], skip_bad_rows: bool, remedy: str) -> RecordedPoints:
+    """The trajectory of a file, whose rows may stand in any order.
+
+    Args:
+        path: The file.
+        names: Its names of time, x, y and z; it may lack z.
+        skip_bad_rows: Whether rows that cannot be used are left out, instead of refused.
+        remedy: What the message says that leaves them out.
+
+    Raises:
+        RunError: The file cannot be used; the message names file and line.
+    """
+    rows = read_rows(path, Wanted(numbers=names, optional=("z",)), "points of a trajectory")
+    bad = tuple(sorted([*rows.bad, *_conflicts(rows)], key=lambda row: row.line))
+    if bad and not skip_bad_rows:
+        raise RunError(bad_rows_text(path, bad, len(rows.lines) + len(rows.bad), remedy))
+    refused = {row.line for row in bad}
+    used = np.array([line not in refused for line in rows.lines.tolist()], dtype=np.bool_)
+    times, first = np.unique(rows.numbers["time"][used], return_index=True)
+    if len(times) < 2:
+        raise RunError(f"{path}: at least two points of different times are needed")
+    points = np.column_stack([rows.numbers[name][used][first] for name in "xyz" if name in rows.numbers])
+    return RecordedPoints(times, points, bad)
 
 
 class TrackRows(NamedTuple):
@@ -80,21 +113,13 @@ class RecordedTrack(Straight):
     def track(self) -> TrackRows:
         """The trajectory. Raises RunError with file and line if it cannot be read."""
         demand_digest(self.path, self.digest)
-        rows, bad = self._rows
-        if bad and not self.skip_bad_rows:
-            raise RunError(bad_rows_text(self.path, bad, len(rows.lines) + len(rows.bad), SKIPPING))
-        refused = {row.line for row in bad}
-        used = np.array([line not in refused for line in rows.lines.tolist()], dtype=np.bool_)
-        times, first = np.unique(rows.numbers["time"][used], return_index=True)
-        if len(times) < 2:
-            raise RunError(f"{self.path}: at least two points of different times are needed")
-        points = np.column_stack([rows.numbers[name][used][first] for name in "xyz" if name in rows.numbers])
+        times, points, _ = self._recorded
         origin = float(times[0]) if self.time_origin is None else self.time_origin
         return TrackRows(times - origin, points, origin)
 
     def skipped_rows(self, setup: Any) -> list[str]:
         """The rows that are left out, as 'FILE:LINE: reason' each; none unless `skip_bad_rows` allows it."""
-        return row_texts(self.path, self._rows[1]) if self.skip_bad_rows else []
+        return row_texts(self.path, self._recorded.bad) if self.skip_bad_rows else []
 
     def check(self, setup: TrackingSetup) -> Iterator[Issue]:
         """Yield an issue if the file cannot be read, has rows that cannot be used, or is not that of the digest."""
@@ -104,12 +129,11 @@ class RecordedTrack(Straight):
             yield Issue(("motion", "path"), str(error))
 
     @cached_property
-    def _rows(self) -> tuple[CsvRows, tuple[BadRow, ...]]:
-        """The rows of the file, and those that cannot be used, ascending."""
+    def _recorded(self) -> RecordedPoints:
+        """The points of the file."""
         names = self.header
         numbers = {"time": names.time, "x": names.x, "y": names.y, "z": names.z}
-        rows = read_rows(self.path, Wanted(numbers=numbers, optional=("z",)), "points of a trajectory")
-        return rows, tuple(sorted([*rows.bad, *_conflicts(rows)], key=lambda row: row.line))
+        return recorded_points(self.path, numbers, self.skip_bad_rows, SKIPPING)
 
 
 def _conflicts(rows: CsvRows) -> Iterator[BadRow]:
