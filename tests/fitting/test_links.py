@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import wsnsim
+from tests.models.test_recorded_links import second_half
 from wsnsim.base.errors import RunError, UsageError
 from wsnsim.fitting.link_curve import delivery
 from wsnsim.models.links import LogNormal
@@ -110,6 +111,13 @@ def test_the_shipped_links_give_a_sensitivity_an_asymmetry_and_a_figure(tmp_path
     assert ratios[powers < -89.0].max() < 0.2 and ratios[powers > -60.0].min() > 0.98
     assert 0.85 < ratios[(powers > -84.0) & (powers < -80.0)].min() < 0.95  # lost to something other than noise
     assert found.plot(tmp_path / "links.png").stat().st_size > 10_000
+
+
+def test_the_second_half_of_the_shipped_links_gives_the_sensitivity_of_the_whole(tmp_path: Path) -> None:
+    whole = wsnsim.fit(GRENOBLE, law="log_normal").values
+    later = wsnsim.fit(second_half(tmp_path), law="log_normal").values
+    assert later["sensitivity"].value == pytest.approx(whole["sensitivity"].value, abs=0.5)
+    assert later["asymmetry"].value == pytest.approx(whole["asymmetry"].value, abs=0.1)
 
 
 def test_a_node_without_a_place_is_named(tmp_path: Path) -> None:

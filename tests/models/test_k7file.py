@@ -124,6 +124,62 @@ def test_a_first_and_a_last_round_without_a_sender_of_the_next_are_incomplete(tm
     assert links(tmp_path, *whole[:2]).complete[11].tolist() == [True]
 
 
+DATED = HEADER[:-1] + ', "start_date": "2020-01-01T00:00:00.0", "stop_date": "2020-01-01T00:34:00.0"}'
+"""From the first row of `three_rounds_of_three` to the last one's burst."""
+
+
+def three_rounds_of_three() -> list[str]:
+    """Both receivers of each burst have a row: the second of them 5 s after the first."""
+    return [
+        row(1000 * number + 20 * source + 5 * i, source, (source + 1 + i) % 3)
+        for number in range(3)
+        for source in range(3)
+        for i in range(2)
+    ]
+
+
+def test_the_round_of_a_burst_that_may_be_cut_by_the_beginning_or_end_of_the_file_is_incomplete(tmp_path: Path) -> None:
+    rows = three_rounds_of_three()
+    assert links(tmp_path, *rows, header=DATED).complete[11].tolist() == [True, True, True]
+    assert links(tmp_path, *rows[1:-1], header=DATED).complete[11].tolist() == [True, True, True]
+    assert links(tmp_path, *rows[7:], header=DATED).complete[11].tolist() == [False, True]
+    assert links(tmp_path, *rows[:-7], header=DATED).complete[11].tolist() == [True, False]
+    assert links(tmp_path, *rows[7:11], header=DATED).complete[11].tolist() == [False]
+    assert links(tmp_path, *rows[7:-7], header=HEADER).complete[11].tolist() == [True]
+
+
+def test_the_only_round_of_a_channel_at_the_end_of_a_file_is_incomplete_without_a_sender_of_another_channel(
+    tmp_path: Path,
+) -> None:
+    rows = three_rounds_of_three()
+    assert links(tmp_path, *rows, row(2060, 0, 1, channel=26)).complete[26].tolist() == [False]
+    assert links(tmp_path, row(0, 0, 1, channel=26), *rows[6:]).complete[26].tolist() == [False]
+    assert links(tmp_path, *rows[:6], row(60, 0, 1, channel=26), *rows[6:]).complete[26].tolist() == [True]
+    all_sent = [row(2060 + 20 * source, source, (source + 1) % 3, channel=26) for source in range(3)]
+    assert links(tmp_path, *rows, *all_sent).complete[26].tolist() == [True]
+
+
+def test_a_shipped_round_that_begins_within_a_burst_is_incomplete(tmp_path: Path) -> None:
+    """The file of the later rows has two of the eight rows of node 0's burst on channel 18 in its first round."""
+    with gzip.open(GRENOBLE, "rt") as file:
+        header, columns, *rows = file.read().splitlines()
+    of_burst = [i for i, cells in enumerate(line.split(",") for line in rows) if cells[1] == "0" and cells[3] == "18"]
+    second = next(i for i, j in enumerate(of_burst) if j - of_burst[0] > i)
+    last = of_burst[second - 1]
+    later = links(tmp_path, *rows[last - 1 :], header=header, columns=columns)
+    assert later.sent[18][0].all()
+    assert [int(complete.sum()) for complete in later.complete.values()] == [9] * 7 + [8] + [9] * 8
+    assert later.complete[18].tolist() == [False, *[True] * 8, False]
+
+
+@pytest.mark.parametrize("name", ["start_date", "stop_date"])
+def test_a_date_of_the_first_line_that_is_no_time_is_refused(name: str, tmp_path: Path) -> None:
+    path = written(tmp_path, row(0, 0, 1), header=HEADER[:-1] + f', "{name}": "soon"}}')
+    with pytest.raises(RunError, match=f":1: {name} must be a time such as 2018-01-11T16:32:22, is 'soon'$"):
+        read_links(path)
+    assert links(tmp_path, row(0, 0, 1), header=HEADER[:-1] + f', "{name}": null}}').complete[11].all()
+
+
 def test_rows_of_one_burst_may_be_as_far_apart_as_it_lasts(tmp_path: Path) -> None:
     found = links(tmp_path, row(0, 0, 1), row(11, 0, 2, 0.01), row(60, 0, 1), row(60, 0, 2))
     assert found.rounds.tolist() == [0, 0, 1, 1]

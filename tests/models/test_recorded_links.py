@@ -27,6 +27,13 @@ def three_rounds(folder: Path) -> str:
     )  # fmt: skip
 
 
+def second_half(folder: Path) -> str:
+    """The second half of the rows of the shipped file, with its first two lines."""
+    with gzip.open(GRENOBLE, "rt") as file:
+        header, columns, *rows = file.read().splitlines()
+    return written(folder, *rows[len(rows) // 2 :], header=header, columns=columns)
+
+
 def setup(nodes: int = 3, duration: float = 100.0) -> Any:
     return SimpleNamespace(deploy=Grid(nodes=nodes, width=10.0, height=10.0), steps=10, dt=duration / 10)
 
@@ -84,10 +91,7 @@ def test_only_rounds_that_were_recorded_as_a_whole_are_played(tmp_path: Path) ->
 
 def test_of_the_second_half_of_a_recording_the_rounds_are_the_same(tmp_path: Path) -> None:
     """The shipped file cut within a burst: each channel has the later rounds, of which the first may be incomplete."""
-    with gzip.open(GRENOBLE, "rt") as file:
-        lines = file.read().splitlines()
-    rows = lines[2:]
-    path = written(tmp_path, *rows[len(rows) // 2 :], header=lines[0], columns=lines[1])
+    path = second_half(tmp_path)
     for channel in (11, 17, 18, 26):
         whole, later = RecordedLinks(path=str(GRENOBLE), channel=channel), RecordedLinks(path=path, channel=channel)
         left_out = 5 if channel < 15 else 4
@@ -95,8 +99,14 @@ def test_of_the_second_half_of_a_recording_the_rounds_are_the_same(tmp_path: Pat
         first = last - int(later.recording.complete[channel].sum()) + 1
         assert first in (left_out, left_out + 1)
         for number in (first, last):
-            for source in range(1, 50):
+            for source in range(50):
                 assert ratios_of(whole, number, source) == ratios_of(later, number - first, source)
+
+
+def test_a_channel_without_a_round_that_was_recorded_as_a_whole_is_refused(tmp_path: Path) -> None:
+    path = written(tmp_path, row(0, 0, 1), row(20, 1, 0), row(40, 0, 1, channel=26))
+    link = RecordedLinks(path=path, channel=26)
+    assert issues(link, setup(nodes=3)) == [(("link", "channel"), f"{path} has no whole round of channel 26")]
 
 
 def ratios_of(link: RecordedLinks, number: int, source: int) -> list[tuple[int, float, float]]:

@@ -16,6 +16,7 @@ from scipy import stats
 import wsnsim
 from tests.helpers.thorough import thorough
 from tests.models.test_k7file import GRENOBLE, row, written
+from tests.models.test_recorded_links import second_half
 from tests.network.radio_network import RadioNetwork
 from wsnsim.base.errors import ScenarioError
 from wsnsim.base.frames import EVERYONE, OfferedFrame, full_burst
@@ -121,6 +122,15 @@ def test_a_row_of_the_table_of_links_is_about_all_rounds() -> None:
     assert np.all(table["received"] <= table["sent"])
     mean = (table["chance"] * table["sent"]).sum()
     assert table["received"].sum() == pytest.approx(mean, rel=0.01)
+
+
+@pytest.mark.parametrize("channel", [11, 18])
+def test_the_second_half_of_a_recording_is_played_from_its_first_whole_round(channel: int, tmp_path: Path) -> None:
+    link = {"path": second_half(tmp_path), "channel": channel}
+    table = beacons(100.0, 10.0, link=link).table("links")
+    heard = {*zip(table["source"].tolist(), table["node"].tolist(), table["chance"].tolist(), strict=True)}
+    assert heard == {(*pair, ratio) for pair, ratio in of_the_file(channel)[5].items()}
+    assert table["received"].sum() == pytest.approx((table["chance"] * table["sent"]).sum(), rel=0.02)
 
 
 def test_a_network_tracks_a_target_over_recorded_links() -> None:

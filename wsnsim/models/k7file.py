@@ -58,8 +58,12 @@ class LinkRecording:
         packets: (n,) packets that were sent.
         starts: {channel: (R,) s at which each of its rounds begins}.
         sent: {channel: (R, N) whether the node's burst was heard by any other in the round}.
-        complete: {channel: (R,) whether the whole round was recorded}. The first and the last one may be cut: they are
-            incomplete if a sender of the round beside them is missing.
+        complete: {channel: (R,) whether the whole round was recorded}. The first and the last round of a channel are
+            incomplete if a sender of the round beside them is missing. So is the round of the file's first burst if the
+            file may begin within that burst: its first row is later than `start_date` in the first line by more than a
+            burst lasts. The same holds for the last burst and `stop_date`. Without these dates, both bursts are taken
+            for whole. If one of these two rounds is the only one of its channel, every node that sent on any channel
+            must have sent in it.
         bad: Rows that were skipped.
     """
 
@@ -98,12 +102,17 @@ def read_links(path: str, skip_bad_rows: bool = False) -> LinkRecording:
 
 
 class _Header(NamedTuple):
-    """The first line: packets of a burst, its duration in s, the channels (empty: not stated), the number of nodes."""
+    """The first line: packets of a burst, its duration in s, the channels (empty: not stated), the number of nodes.
+
+    `begins` and `ends` are the times of the whole recording in s since 1970; infinity and -infinity if not stated.
+    """
 
     packets: int
     burst: float
     channels: frozenset[int]
     nodes: int
+    begins: float
+    ends: float
 
 
 @functools.lru_cache(maxsize=KEPT)
@@ -126,7 +135,9 @@ def _read(path: str, skip_bad_rows: bool, version: tuple[int, ...]) -> LinkRecor
         raise RunError(bad_rows_text(path, bad, total))
     if not kept:
         raise RunError(f"{path}: contains no row that can be used")
-    return _recording(path, kept, bursts, _names(kept, header.nodes), tuple(bad))
+    longest = header.burst + SLACK
+    cut = kept[0].time > header.begins + longest, kept[-1].time < header.ends - longest
+    return _recording(path, kept, bursts, _names(kept, header.nodes), tuple(bad), cut)
 
 
 def _header(path: str, line: str) -> _Header:
@@ -147,7 +158,18 @@ def _header(path: str, line: str) -> _Header:
     burst = packets * interval / 1000.0
     if packets < 1 or not 0.0 < burst < math.inf:
         raise RunError(f"{path}:1: tx_length and interframe_duration must be positive, are {packets} and {interval:g}")
-    return _Header(packets, burst, channels, nodes)
+    begins, ends = _date(path, said, "start_date", math.inf), _date(path, said, "stop_date", -math.inf)
+    return _Header(packets, burst, channels, nodes, begins, ends)
+
+
+def _date(path: str, said: Mapping[str, Any], name: str, missing: float) -> float:
+    """A date of the first line in s since 1970. Raises RunError if it is no time."""
+    if said.get(name) is None:
+        return missing
+    try:
+        return _seconds(str(said[name]), name)
+    except ValueError as error:
+        raise RunError(f"{path}:1: {error}") from error
 
 
 def _rows(path: str, lines: Any, header: _Header) -> tuple[list[LinkRow], list[BadRow]]:
@@ -201,12 +223,12 @@ def _number(name: str, cell: str, least: float, most: float) -> float:
     return value
 
 
-def _seconds(cell: str) -> float:
-    """The time of a row in s since 1970; times without a zone are taken for UTC."""
+def _seconds(cell: str, name: str = "datetime") -> float:
+    """A time in s since 1970; times without a zone are taken for UTC."""
     try:
         moment = datetime.fromisoformat(cell)
     except ValueError:
-        raise ValueError(f"datetime must be a time such as 2018-01-11T16:32:22, is {cell!r}") from None
+        raise ValueError(f"{name} must be a time such as 2018-01-11T16:32:22, is {cell!r}") from None
     return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
 
 
@@ -220,8 +242,14 @@ def _names(rows: Sequence[LinkRow], count: int) -> tuple[str, ...]:
 
 
 def _recording(
-    path: str, rows: Sequence[LinkRow], bursts: Bursts, names: tuple[str, ...], bad: tuple[BadRow, ...]
+    path: str,
+    rows: Sequence[LinkRow],
+    bursts: Bursts,
+    names: tuple[str, ...],
+    bad: tuple[BadRow, ...],
+    cut: tuple[bool, bool],
 ) -> LinkRecording:
+    """The recording of good rows; `cut`: whether the first and the last burst of the file may be cut."""
     index = {name: i for i, name in enumerate(names)}
     channels, numbers = np.array(bursts.channels), bursts.rounds()
     starts, senders = np.array(bursts.starts), np.array([index[name] for name in bursts.sources])
@@ -247,17 +275,28 @@ def _recording(
         packets=np.array([row.packets for row in rows], dtype=np.int64),
         starts=begin,
         sent=sent,
-        complete={channel: _complete(each) for channel, each in sent.items()},
+        complete=_complete(sent, [(bursts.channels[i], int(numbers[i]), cut[i]) for i in (0, -1)]),
         bad=bad,
     )
 
 
-def _complete(sent: Bools) -> Bools:
-    """(R,) which rounds were recorded as a whole, given who sent in each (R, N)."""
-    complete = np.ones(len(sent), dtype=np.bool_)
-    if len(sent) > 1:
-        complete[0] = (sent[0] | ~sent[1]).all()
-        complete[-1] = (sent[-1] | ~sent[-2]).all()
+def _complete(sent: Mapping[int, Bools], edges: Sequence[tuple[int, int, bool]]) -> dict[int, Bools]:
+    """{channel: (R,) which rounds were recorded as a whole}.
+
+    Args:
+        sent: {channel: (R, N) who sent}.
+        edges: Channel and round of the first and the last burst of the file, and whether that burst may be cut.
+    """
+    complete = {channel: np.ones(len(each), dtype=np.bool_) for channel, each in sent.items()}
+    for channel, each in sent.items():
+        if len(each) > 1:
+            complete[channel][0] = (each[0] | ~each[1]).all()
+            complete[channel][-1] = (each[-1] | ~each[-2]).all()
+    anywhere = np.any([each.any(axis=0) for each in sent.values()], axis=0)
+    for channel, number, cut in edges:
+        alone = len(sent[channel]) == 1
+        if cut or (alone and not sent[channel][number][anywhere].all()):
+            complete[channel][number] = False
     return complete
 
 

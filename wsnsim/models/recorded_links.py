@@ -51,7 +51,7 @@ class RecordedLinks:
     The recording is a K7 file. A round is one burst of packets of every sender on the channel. A link without a row in
     a round was not heard, and has the ratio 0 in that round: ratios are never taken from other rounds. The same holds
     for all links of a sender of which no node heard anything in a round, whether it was down or out of range. A first
-    or last round that was recorded in part only is left out.
+    or last round that was or may have been recorded in part only is left out.
 
     The run begins with the round `start`. A round lasts as long as the recording took until the next one on this
     channel (the last one: the median), or `round_length`. Frames that overlap are both lost where both are heard. A
@@ -176,6 +176,9 @@ class RecordedLinks:
     def _missing_rounds(self, setup: Setup) -> Iterator[Issue]:
         """Yield an issue if the recording ends before the run, or before the run begins."""
         rounds = self.rounds
+        if not rounds:
+            yield Issue(("link", "channel"), f"{self.path} has no whole round of channel {self.channel}")
+            return
         if self.start >= rounds:
             yield Issue(
                 ("link", "start"), f"must be less than the {rounds} rounds of channel {self.channel}, is {self.start}"
