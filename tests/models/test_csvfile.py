@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from wsnsim.base import gzip_content
 from wsnsim.base.errors import RunError
-from wsnsim.models import csvfile
 from wsnsim.models.csvfile import BadRow, Wanted, bad_rows_text, demand_digest, read_columns, read_rows
 
 WANTED = Wanted({"node": "receiver"}, {"time": "time", "reading": "rssi", "z": "z"}, optional=("z",))
@@ -107,7 +107,7 @@ def test_shipped_tracks_are_read_as_they_are_written() -> None:
 
 
 def test_a_small_file_that_holds_too_much_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(csvfile, "MOST_BYTES", 2_000_000)
+    monkeypatch.setattr(gzip_content, "MOST_BYTES", 2_000_000)
     path = tmp_path / "much.csv.gz"
     path.write_bytes(gzip.compress(b"x,y\n" + b"1,2\n" * 600_000))
     with pytest.raises(RunError, match=r"much\.csv\.gz: cannot be read: it is more than 2 MB when decompressed"):

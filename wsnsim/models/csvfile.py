@@ -16,10 +16,11 @@ import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final, final
+from typing import Any, Final
 
 import numpy as np
 
+from wsnsim.base import gzip_content
 from wsnsim.base.arrays import Floats, Ints
 from wsnsim.base.errors import MOST_PRINTED, RunError
 from wsnsim.base.regular_files import file_digest, why_not_regular
@@ -28,9 +29,6 @@ Row = tuple[str, tuple[float, ...]]
 
 SKIPPING: Final = "skip_bad_rows: true leaves them out, and the result names them"
 """What helps a scenario whose file has bad rows."""
-GZIP_MAGIC: Final = b"\x1f\x8b"
-MOST_BYTES: Final = 200_000_000
-"""Greatest size of the content of a compressed file (our choice): about eight million readings."""
 DELIMITERS: Final = {";": "semicolons", "\t": "tabs", "|": "vertical bars"}
 
 
@@ -166,33 +164,13 @@ def row_texts(path: str, bad: Sequence[BadRow]) -> list[str]:
 
 def _decompressed(path: str, file: Any) -> Any:
     """The file, or its content if it is compressed; its first two bytes say which."""
-    compressed = file.read(len(GZIP_MAGIC)) == GZIP_MAGIC
+    compressed = file.read(len(gzip_content.MAGIC)) == gzip_content.MAGIC
     file.seek(0)
     if compressed:
-        return io.BufferedReader(_Limited(path, gzip.GzipFile(fileobj=file)))
+        return gzip_content.decompressed(file)
     if path.endswith(".gz"):
         raise RunError(f"{path}: cannot be read: it is not gzip data, though its name ends in .gz")
     return file
-
-
-@final
-class _Limited(io.RawIOBase):
-    """Decompressed content that ends with an error where there is too much of it: a small file may hold gigabytes."""
-
-    def __init__(self, path: str, content: gzip.GzipFile) -> None:
-        self._path, self._content, self._left = path, content, MOST_BYTES
-
-    def readable(self) -> bool:
-        return True
-
-    def readinto(self, buffer: Any) -> int:
-        """Read into the buffer, and return the number of bytes. Raises RunError beyond `MOST_BYTES`."""
-        count = self._content.readinto(buffer)
-        self._left -= count
-        if self._left < 0:
-            limit = f"more than {MOST_BYTES // 10**6} MB when decompressed"
-            raise RunError(f"{self._path}: cannot be read: it is {limit}; decompress it first if it is so large")
-        return count
 
 
 def _rows(path: str, rows: Any, names: tuple[str, ...]) -> Iterator[Row]:
