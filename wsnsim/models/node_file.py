@@ -10,10 +10,11 @@ import numpy as np
 from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import Issue, RunError
 from wsnsim.base.part import part
-from wsnsim.base.ports import HEIGHT, Field
+from wsnsim.base.ports import Field
 from wsnsim.base.setups import Setup, TrackingSetup
+from wsnsim.base.traits import HEIGHT
 from wsnsim.models.bounds import LENGTH, PLACE, POSITION_ERROR
-from wsnsim.models.csvfile import Wanted, read_columns, read_rows
+from wsnsim.models.csvfile import CsvRows, Wanted, read_columns, read_rows
 from wsnsim.models.deploy_issues import ASSUMED, outside, too_few_for_a_cluster, uncovered
 
 
@@ -54,10 +55,11 @@ class FromFile:
         """The name of each node, in the file's order: its id, or its number where the file has no such column.
 
         Raises:
-            RunError: the file cannot be read, or two nodes have the same name. The message names file and line.
+            RunError: the file cannot be read, a node has no name, or two have the same. The message names file and
+                line.
         """
         wanted = Wanted({"id": self.columns.id}, {"x": self.columns.x}, optional=("id",))
-        rows = read_rows(self.path, wanted, "positions")
+        rows = self._rows(wanted)
         if "id" not in rows.texts:
             return tuple(str(node) for node in range(len(rows.lines)))
         first: dict[str, int] = {}
@@ -74,14 +76,18 @@ class FromFile:
             RunError: the file cannot be read, or a height is not a finite number. The message names file and line.
         """
         wanted = Wanted(numbers={"x": self.columns.x, "z": self.columns.z}, optional=("z",))
-        rows = read_rows(self.path, wanted, "positions")
-        if rows.bad:
-            raise RunError(f"{self.path}:{rows.bad[0].line}: {rows.bad[0].reason}")
-        return rows.numbers.get("z")
+        return self._rows(wanted).numbers.get("z")
 
     def draw(self, reach: float, rng: np.random.Generator) -> Floats:
         """(N, 2) positions in the file's order. Raises RunError with file and line if it cannot be read."""
         return read_positions(self.path, self.field, (self.columns.x, self.columns.y))
+
+    def _rows(self, wanted: Wanted) -> CsvRows:
+        """The rows of the file. Raises RunError with file and line if one cannot be used: it would shift the others."""
+        rows = read_rows(self.path, wanted, "positions")
+        if rows.bad:
+            raise RunError(f"{self.path}:{rows.bad[0].line}: {rows.bad[0].reason}")
+        return rows
 
     def check(self, setup: Setup) -> Iterator[Issue]:
         """Yield an issue if the file cannot be read, or its nodes are too few or do not cover the field."""
