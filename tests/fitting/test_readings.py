@@ -178,6 +178,9 @@ def test_the_law_of_distances_has_the_spread_about_zero(tmp_path: Path) -> None:
     assert found.values["bias"].low < 0.5 < found.values["bias"].high
     assert found.sensor.keys() == {"kind", "sd", "fitted_on"}
     assert abs(found.sensor["sd"] - np.hypot(0.5, 1.0)) < 0.1
+    (tmp_path / "ranges.csv").write_text("\n".join([*lines, "400,a,-500,1,3"]))
+    with pytest.raises(RunError, match=r"ranges\.csv:402: reading -500 m must be between -100 and 1e\+07"):
+        wsnsim.fit(tmp_path / "ranges.csv", tmp_path / "nodes.csv", law="range")
 
 
 def test_the_shipped_tracks_have_correlated_nearly_normal_residuals_and_receivers_with_gains() -> None:

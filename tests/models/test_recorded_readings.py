@@ -112,6 +112,13 @@ def test_a_target_that_there_is_not_and_one_that_is_no_number_are_named(tmp_path
     assert ":3: target must be a whole number, is 0.5" in text
 
 
+def test_a_range_may_be_negative_by_noise_alone(tmp_path: Path) -> None:
+    model = sensor(tmp_path, "0,a,-4.9\n1,a,9e6\n2,a,-5.1\n3,a,-500\n4,a,2e7\n", law=Range(sd=0.5))
+    with pytest.raises(RunError, match="3 of 5 rows") as caught:
+        model.recordings(NAMES, 1, 4, 1.0)
+    assert "readings.csv:4: reading must be between -5 and 1e+07, is -5.1" in str(caught.value)
+
+
 def test_a_file_of_bad_rows_alone_is_refused_even_if_they_are_skipped(tmp_path: Path) -> None:
     with pytest.raises(RunError, match="1 of 1 rows cannot be used"):
         sensor(tmp_path, "0,a,42\n", law=Rssi(), skip_bad_rows=True).recordings(NAMES, 1, 1, 1.0)

@@ -11,10 +11,11 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from wsnsim.base.arrays import Floats
+from wsnsim.models.ranging import GREATEST_RANGE
 from wsnsim.models.rssi import Rssi
 
-LEAST_DISTANCE: Final = 0.05
-"""Shorter distances (m) are taken as this, as by the sensor `rssi`."""
+LEAST_RANGE: Final = -100.0
+"""Least range (m) that is fitted (our choice): that of the sensor `range` with sd = 10 m; sd is not known yet."""
 
 
 class Coefficient(NamedTuple):
@@ -52,8 +53,8 @@ class LawForm(NamedTuple):
 
 
 def _log_distance(distances: Floats) -> Floats:
-    """z0 - 10 η log10(d / 1 m)."""
-    return np.column_stack([np.ones(len(distances)), -10.0 * np.log10(np.maximum(distances, LEAST_DISTANCE))])
+    """z0 - 10 η log10(d / 1 m); shorter distances are taken as the floor of the sensor `rssi`."""
+    return np.column_stack([np.ones(len(distances)), -10.0 * np.log10(np.maximum(distances, Rssi.floor))])
 
 
 LAWS: Final = {
@@ -64,7 +65,7 @@ LAWS: Final = {
     ),
     "range": LawForm(
         "range", "m", "m", (Coefficient("bias", "m", "mean of reading minus distance"),),
-        lambda distances: np.ones((len(distances), 1)), lambda distances: distances, False, -1e7, 1e7,
+        lambda distances: np.ones((len(distances), 1)), lambda distances: distances, False, LEAST_RANGE, GREATEST_RANGE,
     ),
 }  # fmt: skip
 """The laws, by their kind."""

@@ -26,6 +26,10 @@ from wsnsim.models.sensing import fisher
 __all__ = ["Range", "RangeFromOrigin", "Rssi"]
 
 ERROR: Final = Quantity("m", ge=1e-6, le=1e7)
+GREATEST_RANGE: Final = 1e7
+"""Greatest range (m) in a recording, the greatest length in a scenario: the sensing range does not bound it."""
+DEVIATIONS: Final = 10.0
+"""A recorded range may be below 0 by this many standard deviations (our choice): noise exceeds it in 1 of 1e23."""
 
 
 @part
@@ -46,6 +50,11 @@ class Range(OfDistance):
     beyond: Annotated[Literal["silent", "noise"], "reading of a target out of range"] = "silent"
     own_cell: Annotated[bool, "whether only the sensor nearest to the target has a reading"] = False
     fitted_on: Annotated[tuple[str, ...], FITTED_ON] = ()
+
+    @property
+    def reading_limits(self) -> tuple[float, float]:
+        """Least and greatest range (m) that may be recorded: noise makes that of a small distance negative."""
+        return -DEVIATIONS * self.sd, GREATEST_RANGE
 
     def detects(self, points: Floats, positions: Floats) -> Bools:
         """(n, S) whether each sensor has a reading of a target at each of the points (n, P): all if `beyond: noise`.
