@@ -375,3 +375,47 @@ def test_all_readings_are_refused_where_their_number_cannot_count(tmp_path: Path
     wide["sensor"]["law"] = {"kind": "rssi", "gain_spread": 3}
     (tmp_path / "readings.csv").write_text("time,node,reading\n0.5,east,-60\n0.6,east,-61\n")
     assert "tracker.assumes.inflate: error: what widens the noise is common" in issues(wide)
+
+
+def rssi_world(folder: Path, **assumes: Any) -> dict[str, Any]:
+    """The scenario on files with a law whose gains are not listed, and what the tracker assumes."""
+    data = world(folder, **{f"s{step}_{name}": -60.0 for step in range(1, STEPS + 1) for name in PLACES})
+    data["sensor"]["law"] = {"kind": "rssi", "gain_spread": 4}
+    return data | {"tracker": {"kind": "ekf", "assumes": assumes}}
+
+
+def test_gains_of_recorded_readings_are_not_sampled_and_taken_as_known(tmp_path: Path) -> None:
+    with pytest.raises(ScenarioError, match=r"list them \(sensor\.law\.gains\), or say unknown or estimated") as caught:
+        scenario.build(scenario.load(rssi_world(tmp_path)))
+    assert "tracker.assumes.gains" in str(caught.value)
+    listed = rssi_world(tmp_path)
+    listed["sensor"]["law"]["gains"] = [1, 2, 3, 4]
+    found = sample_initial_conditions(scenario.build(scenario.load(listed)), 0)
+    assert found.traits.tolist() == [[1], [2], [3], [4]]
+    acoustic = rssi_world(tmp_path)
+    acoustic["sensor"]["law"] = {"kind": "acoustic_energy"}
+    with pytest.raises(ScenarioError, match=r"set sensor\.law\.gain_spread: 0, or say unknown"):
+        scenario.build(scenario.load(acoustic))
+
+
+@pytest.mark.parametrize("gains", ["unknown", "estimated"])
+def test_unknown_gains_of_recorded_readings_are_not_sampled(tmp_path: Path, gains: str) -> None:
+    """Neither the table of nodes nor a filter or bound has a gain that nobody measured."""
+    data = rssi_world(tmp_path, gains=gains)
+    assert not sample_initial_conditions(scenario.build(scenario.load(data)), 0).traits.any()
+    assert estimates(data, "nodes")["gain"].tolist() == [1.0] * len(PLACES)
+
+
+def test_a_node_without_a_name_is_refused_and_shifts_no_other(tmp_path: Path) -> None:
+    data = world(tmp_path)
+    path = tmp_path / "nodes.csv"
+    path.write_text(path.read_text().replace("north", ""))
+    with pytest.raises(ScenarioError, match=r"nodes\.csv:3: id must not be empty"):
+        scenario.build(scenario.load(data))
+
+
+def test_gains_are_as_many_as_the_nodes_of_a_file(tmp_path: Path) -> None:
+    data = rssi_world(tmp_path)
+    data["sensor"]["law"]["gains"] = [1, 2, 3]
+    with pytest.raises(ScenarioError, match="3 gains for 4 nodes"):
+        scenario.build(scenario.load(data))

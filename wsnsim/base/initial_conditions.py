@@ -9,9 +9,10 @@ import numpy as np
 
 from wsnsim.base.arrays import Floats, planar
 from wsnsim.base.errors import RunError, plugin_faults_of_run
-from wsnsim.base.ports import HEIGHT, Continuous, Estimate, MotionModel, MovesInSpace, SensorModel
+from wsnsim.base.ports import Continuous, Estimate, MotionModel, MovesInSpace, SensorModel
 from wsnsim.base.rng import Streams, derive_all, normals
 from wsnsim.base.setups import NetworkSetup, Setup, TrackingSetup
+from wsnsim.base.traits import HEIGHT, recorded_traits
 
 
 class InitialConditions(NamedTuple):
@@ -42,10 +43,17 @@ def sample_initial_conditions(setup: TrackingSetup, replicate: int) -> InitialCo
     truth, prior = streams("truth"), streams("prior")
     with plugin_faults_of_run(setup.seed, replicate):
         positions = sample_positions(setup, setup.sensor.reach, replicate)
-        traits = with_heights(setup, setup.sensor.draw_traits(len(positions), streams("gains")))
+        traits = with_heights(setup, _traits(setup, len(positions), streams("gains")))
         truths = [motion.truth(setup.steps, setup.dt, truth) for motion in setup.motions]
         priors = [setup.prior.draw(states[0], prior) for states in truths]
     return InitialConditions(positions, traits, truths, priors, assumed_positions(setup, positions, replicate))
+
+
+def _traits(setup: TrackingSetup, nodes: int, rng: np.random.Generator) -> Floats:
+    """(nodes, T) the constants of the nodes' sensors; no gain is sampled where readings were recorded."""
+    if setup.recorded is not None:
+        return recorded_traits(setup.sensor, nodes, rng)
+    return setup.sensor.draw_traits(nodes, rng)
 
 
 def sample_positions(setup: Setup, reach: float, replicate: int) -> Floats:

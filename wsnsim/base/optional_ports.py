@@ -7,13 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
-from typing import Any, Final, NamedTuple, Protocol, runtime_checkable
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 from wsnsim.base.arrays import Bools, Floats, Ints
 from wsnsim.base.requests import Member
-
-HEIGHT: Final = "height"
-"""The trait of a sensor's node that is its height in m, which the deployment gives (`HasHeights`)."""
 
 
 @lru_cache

@@ -22,7 +22,6 @@ from wsnsim.base.deprecation import renamed
 from wsnsim.base.estimate import NO_INNOVATION as NO_INNOVATION
 from wsnsim.base.estimate import Estimate as Estimate
 from wsnsim.base.estimate import Innovation as Innovation
-from wsnsim.base.optional_ports import HEIGHT as HEIGHT
 from wsnsim.base.optional_ports import ConstantGaussian as ConstantGaussian
 from wsnsim.base.optional_ports import Continuous as Continuous
 from wsnsim.base.optional_ports import Detects as Detects

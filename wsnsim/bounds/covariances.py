@@ -13,6 +13,7 @@ from wsnsim.base.arrays import Floats
 from wsnsim.base.initial_conditions import InitialConditions
 from wsnsim.base.ports import MotionModel
 from wsnsim.base.setups import TrackingSetup
+from wsnsim.base.traits import gain_variance, has_gains
 from wsnsim.bounds import unknown_gains
 from wsnsim.bounds.information import UsedReadings, information
 from wsnsim.bounds.initial_conditions import process_noise
@@ -45,7 +46,7 @@ def covariances(
     """
     along = kind == "per_trajectory"
     targets = range(len(setup.motions))
-    if along and gains == "unknown" and unknown_gains.has_gains(setup.sensor):
+    if along and gains == "unknown" and has_gains(setup.sensor):
         found = [_with_unknown_gains(setup, conditions, readings_of, target, detected) for target in targets]
     else:
         found = [_with_known_gains(setup, conditions, readings_of, target, along, detected) for target in targets]
@@ -84,7 +85,7 @@ def _with_unknown_gains(
         readings = unknown_gains.linearised_readings(setup.sensor, truth[:, columns], run.positions, run.traits, used)
         readings = readings._replace(weights=detected * readings.weights)
         motions = _linearised(motion, truth[None], setup.dt)
-        variance = unknown_gains.gain_variance(setup.sensor)
+        variance = gain_variance(setup.sensor)
         result.append(unknown_gains.along_trajectory(motions, priors[row], readings, used, columns, variance))
     return np.array(result)
 

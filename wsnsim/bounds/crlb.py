@@ -34,6 +34,7 @@ from wsnsim.base.node_names import node_names
 from wsnsim.base.ports import Informs
 from wsnsim.base.progress import tracked
 from wsnsim.base.setups import BeaconSetup, NetworkSetup, TrackingSetup
+from wsnsim.base.traits import has_gains
 from wsnsim.bounds.covariances import ReadingsOf, covariances
 from wsnsim.bounds.information import UsedReadings, in_range
 from wsnsim.bounds.initial_conditions import (
@@ -42,7 +43,6 @@ from wsnsim.bounds.initial_conditions import (
     reason_without_bound,
 )
 from wsnsim.bounds.recorded_readings import RecordedReadings
-from wsnsim.bounds.unknown_gains import has_gains
 from wsnsim.experiment import rerun_source
 from wsnsim.recording import read_table, table_names
 from wsnsim.scenario import Plugins, build, load

@@ -1,6 +1,6 @@
 """The bound for filters that do not know the nodes' gains, which are sampled once per run and constant.
 
-    has_gains(sensor) -> bool      along_trajectory(...) -> (T, D, D)
+    along_trajectory(...) -> (T, D, D)
 
 Each gain is a further unknown beside the state. The joint covariance of both is carried from step to step, so that
 information about a gain is kept and its correlation with the state counts. The state's block of it is the inverse of
@@ -13,7 +13,7 @@ uniform: a density with jumps has no Fisher information (our choice). A gain is 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -39,17 +39,6 @@ class LinearisedReadings(NamedTuple):
     slopes: Floats
     gain_slopes: Floats
     weights: Floats
-
-
-def has_gains(sensor: Any) -> bool:
-    """Whether the sensor model has random gains, which a filter may not know."""
-    return gain_column(sensor.trait_names) is not None and gain_variance(sensor) > 0.0
-
-
-def gain_variance(sensor: Any) -> float:
-    """The variance of the gains, in the square of their unit; 0 if the sensor model does not say."""
-    variance: float = getattr(sensor, "gain_variance", 0.0)
-    return variance
 
 
 def along_trajectory(

@@ -22,6 +22,7 @@ from wsnsim.base.setups import Setup
 from wsnsim.models.bounds import LENGTH
 from wsnsim.models.csvfile import demand_digest, row_texts
 from wsnsim.models.k7file import HIGHEST_CHANNEL, LinkRecording, read_links
+from wsnsim.models.node_count import number_of_nodes
 
 SHARE = Quantity("", ge=0.0, le=1.0)
 
@@ -164,7 +165,7 @@ class RecordedLinks:
         for i, name in enumerate(map(str, self.map)):
             if name not in known:
                 yield Issue(("link", "map", i), f"{self.path} has no node {name} ({did_you_mean(name, known)})")
-        nodes = _nodes(setup)
+        nodes = number_of_nodes(setup.deploy)
         if self.map and nodes not in (None, len(self.map)):
             yield Issue(("link", "map"), f"names {len(self.map)} nodes, but the scenario has {nodes}")
         if not self.map and nodes not in (None, len(known)):
@@ -221,14 +222,3 @@ class RecordedLinks:
         ends = np.searchsorted(senders[order], np.arange(self.rounds * len(names)), side="right")
         powers, ratios = recording.powers[chosen][order], recording.ratios[chosen][order]
         return _Played(names, self._lengths(), ends, ids[chosen][order], powers, ratios)
-
-
-def _nodes(setup: Setup) -> int | None:
-    """The number of nodes of a scenario; None if they cannot be placed, which the deployment says."""
-    count = getattr(setup.deploy, "nodes", None)
-    if count is not None:
-        return int(count)
-    try:
-        return len(setup.deploy.draw(math.inf, np.random.default_rng(0)))
-    except RunError:
-        return None

@@ -18,6 +18,7 @@ from wsnsim.base.node_names import node_names
 from wsnsim.base.part import OfRole, Quantity, part
 from wsnsim.base.ports import LimitsReadings, Recording, Replays, SensorModel
 from wsnsim.base.setups import TrackingSetup
+from wsnsim.base.traits import recorded_traits
 from wsnsim.models.csvfile import SKIPPING, BadRow, CsvRows, Wanted, bad_rows_text, demand_digest, read_rows, row_texts
 from wsnsim.models.recorded_issues import recorded_issues
 from wsnsim.models.repeated_readings import RepeatedReadings
@@ -94,8 +95,8 @@ class RecordedSensor:
         return self.law.trait_names
 
     def draw_traits(self, nodes: int, rng: np.random.Generator) -> Floats:
-        """(nodes, T) as the law."""
-        return self.law.draw_traits(nodes, rng)
+        """(nodes, T) as the law, without gains that it would sample: 1, or 0 dB, in their place."""
+        return recorded_traits(self.law, nodes, rng)
 
     def measure(self, points: Floats, positions: Floats, traits: Floats, noise: Floats) -> Floats:
         """(n,) readings that the law would give; no run uses them."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from functools import cached_property
-from typing import Annotated, Any, ClassVar, Final, Literal
+from typing import Annotated, ClassVar, Final, Literal
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from wsnsim.base.traits import GAIN_DB, HEIGHT
 from wsnsim.kernels import ranging as kernels
 from wsnsim.models.bounds import LENGTH
 from wsnsim.models.distances import FITTED_ON, REACH, OfDistance, reach_issues, squared_distances, unit_noise
+from wsnsim.models.node_count import number_of_nodes
 
 LARGEST_EXPONENT: Final = 600.0
 """e to this power times any d0 is finite."""
@@ -137,7 +138,7 @@ class Rssi(OfDistance):
     def check(self, setup: TrackingSetup) -> Iterator[Issue]:
         """Yield an issue if the range is finite and too long, and if other than one gain a node is listed."""
         yield from reach_issues(self.reach)
-        nodes = _number_of_nodes(setup.deploy) if self.gains else None
+        nodes = number_of_nodes(setup.deploy) if self.gains else None
         if nodes is not None and nodes != len(self.gains):
             yield Issue(("sensor", "gains"), _wrong_count(len(self.gains), nodes))
 
@@ -240,13 +241,6 @@ class AssumedRssi(OfDistance):
     @property
     def _dof(self) -> float:
         return self.sensor.degrees
-
-
-def _number_of_nodes(deploy: Any) -> int | None:
-    """How many nodes a deployment has; None if that is known only when it is drawn."""
-    nodes = getattr(deploy, "nodes", None)
-    places = getattr(deploy, "places", None)
-    return nodes if isinstance(nodes, int) else len(places) if places is not None else None
 
 
 def _wrong_count(gains: int, nodes: int) -> str:

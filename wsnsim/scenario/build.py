@@ -205,7 +205,7 @@ def _other_columns(scenario: Scenario, setup: TrackingSetup) -> Iterator[Issue]:
 
 def _missing_abilities(scenario: Scenario, setup: TrackingSetup) -> Iterator[Issue]:
     """Yield an issue for each ability that the tracker needs, or assumes, and the sensor does not have."""
-    from wsnsim.base.traits import HEIGHT, has_gains
+    from wsnsim.base.traits import HEIGHT, may_have_gains, samples_gains
 
     sensor, tracker = scenario.sensor, scenario.tracker  # type: ignore[attr-defined]
     for ability in getattr(setup.tracker, "needs", ()):
@@ -216,10 +216,14 @@ def _missing_abilities(scenario: Scenario, setup: TrackingSetup) -> Iterator[Iss
                 ("tracker", "kind"),
                 f"{tracker.kind} needs a sensor that gives '{ability}', and {sensor.kind} does not; it can use: {able}",
             )
-    if tracker.assumes.gains != "known" and not has_gains(setup.sensor):
+    if tracker.assumes.gains != "known" and not may_have_gains(setup.sensor):
         yield Issue(("tracker", "assumes", "gains"), f"{sensor.kind} has no gains that could be unknown")
     elif tracker.assumes.gains == "estimated":
         yield from _cannot_estimate_gains(scenario, setup)
+    elif tracker.assumes.gains == "known" and setup.recorded is not None and samples_gains(setup.sensor):
+        listed = "list them (sensor.law.gains)" if hasattr(setup.sensor, "gains") else "set sensor.law.gain_spread: 0"
+        message = f"the gains of nodes whose readings were recorded are not known: {listed}, or say unknown"
+        yield Issue(("tracker", "assumes", "gains"), f"{message} or estimated")
     if HEIGHT in setup.sensor.trait_names and _lacks_heights(setup.deploy):
         able = "kind: file has them, in its column z"
         yield Issue(("deploy",), f"the sensor's law needs the heights of the nodes: {able}")
