@@ -80,7 +80,7 @@ def fit(
         suffix_of(figure)
     found = fitting.fit(data, nodes, law, test, **asked)
     recorded = None
-    if readings is not None and out is not None:
+    if isinstance(found, fitting.Fit) and readings is not None and out is not None:
         recorded = found.recorded_sensor(readings, out.parent, asked.get("columns"), options["in_sample"])
     written = _write(found, out, figure, recorded)
     if as_json:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import dataclasses
 import os
 from collections.abc import Sequence
-from typing import Any, Final, TypeAlias
+from typing import Any, Final, Literal, TypeAlias, overload
 
 from wsnsim.base.errors import UsageError, did_you_mean
 from wsnsim.fitting.data_files import ReadingOptions
@@ -31,9 +31,30 @@ Paths: TypeAlias = str | os.PathLike[str] | Sequence[str | os.PathLike[str]]
 LINKS: Final = "log_normal"
 
 
+@overload
+def fit(
+    files: Paths,
+    nodes: str | os.PathLike[str] | None = None,
+    law: Literal["rssi", "range"] = "rssi",
+    test: Paths = (),
+    **options: Any,
+) -> Fit: ...
+@overload
+def fit(
+    files: Paths,
+    nodes: str | os.PathLike[str] | None = None,
+    *,
+    law: Literal["log_normal"],
+    test: Paths = (),
+    **options: Any,
+) -> LinkFit: ...
+@overload
 def fit(
     files: Paths, nodes: str | os.PathLike[str] | None = None, law: str = "rssi", test: Paths = (), **options: Any
-) -> Any:
+) -> Fit | LinkFit: ...
+def fit(
+    files: Paths, nodes: str | os.PathLike[str] | None = None, law: str = "rssi", test: Paths = (), **options: Any
+) -> Fit | LinkFit:
     """Fit a law to recorded readings at known places of a target, or the link `log_normal` to recorded links.
 
     Args:

@@ -16,7 +16,7 @@ from wsnsim.fitting.link_curve import CLEAR
 from wsnsim.fitting.located_readings import DataFile
 from wsnsim.models.k7file import LinkRecording, read_links
 
-Keys: TypeAlias = frozenset[tuple[float, str, str, int, float]]
+LinkKeys: TypeAlias = frozenset[tuple[float, str, str, int, float]]
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class LinkRows:
     nodes: tuple[str, ...]
     places: Floats | None
     files: tuple[DataFile, ...]
-    keys: tuple[Keys, ...]
+    keys: tuple[LinkKeys, ...]
 
     @cached_property
     def directed(self) -> Floats:
@@ -117,7 +117,7 @@ def read_link_rows(
     return LinkRows(sources, receivers, powers, ratios, names, places, tuple(described), tuple(map(_keys, recordings)))
 
 
-def _keys(recording: LinkRecording) -> Keys:
+def _keys(recording: LinkRecording) -> LinkKeys:
     """The time, sender, receiver, channel and power of each burst that was heard."""
     heard = np.isfinite(recording.powers)
     names = np.array(recording.nodes)

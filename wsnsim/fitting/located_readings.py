@@ -16,7 +16,7 @@ MOST_APART: Final = 60
 MOST_PAIRS: Final = 5_000_000
 """Of more pairs than this, only those are used whose readings are some numbers apart, evenly from 1 to `MOST_APART`."""
 
-Keys: TypeAlias = frozenset[tuple[float, int, float, float, float]]
+ReadingKeys: TypeAlias = frozenset[tuple[float, int, float, float, float]]
 
 
 @dataclass(frozen=True)
@@ -133,7 +133,7 @@ class LocatedReadings:
             return np.empty(0, np.int64), np.empty(0, np.int64)
         return np.concatenate(first), np.concatenate(second)
 
-    def keys(self, track: int) -> Keys:
+    def keys(self, track: int) -> ReadingKeys:
         """Time, node, value and place (x, y) of each reading of a file.
 
         Places tell walks apart whose times lie on one grid and whose readings are whole numbers.

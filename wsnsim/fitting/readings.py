@@ -13,7 +13,7 @@ from wsnsim.fitting.data_files import ReadingOptions, read_nodes, read_sample
 from wsnsim.fitting.estimation import FitOptions, fit_sample
 from wsnsim.fitting.fitted_law import Evaluation, figures
 from wsnsim.fitting.laws import LawForm
-from wsnsim.fitting.located_readings import Keys, LocatedReadings
+from wsnsim.fitting.located_readings import LocatedReadings, ReadingKeys
 from wsnsim.fitting.result import Fit
 from wsnsim.fitting.shared_rows import shared_with
 
@@ -54,7 +54,7 @@ def fit_readings(
     return dataclasses.replace(fitted, test=tuple(test_rows))
 
 
-def _shared(sample: LocatedReadings, train: LocatedReadings, known: Mapping[str, Keys]) -> str:
+def _shared(sample: LocatedReadings, train: LocatedReadings, known: Mapping[str, ReadingKeys]) -> str:
     """What a file shares with the train files, by its content or its rows; '' if it is independent of them."""
     (file,) = sample.files
     named = next((other.path for other in train.files if other.digest == file.digest), None)
