@@ -77,6 +77,8 @@ class Sampler:
         }
         if motion == "recorded_track" and self.rng.random() < 0.7:
             common |= self.recording()
+            if common["sensor"]["law"].get("gain_spread"):  # gains of recorded readings are not known
+                tracker["assumes"] = {"gains": "unknown", "inflate": False, "noise_scale": 1.0}
         if common["sensor"]["kind"] == "acoustic_energy" and self.rng.random() < 0.3:
             tracker["assumes"] = {"gains": "unknown", "inflate": self.rng.random() < 0.5, "noise_scale": 2.0}
         if not self.network:
