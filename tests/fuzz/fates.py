@@ -18,7 +18,7 @@ import numpy as np
 
 from tests.fuzz.given_frames import Attempt, Given
 from wsnsim.base.frames import EVERYONE
-from wsnsim.base.tables import KIND
+from wsnsim.base.tables import EVENT_CAUSE, KIND
 
 if TYPE_CHECKING:
     from tests.fuzz.properties import Run
@@ -47,12 +47,14 @@ class Log:
         self.arrivals: dict[tuple[int, int], list[tuple[str, int]]] = defaultdict(list)
         self.unsent: set[tuple[int, int]] = set()
         self._down: dict[int, list[tuple[float, float]]] = defaultdict(list)
-        names = ("time", "node", "frame", "sequence", "packets")
+        names = ("time", "node", "frame", "sequence", "packets", "cause")
         kinds = {KIND[kind]: kind for kind in ("receive", "collide", "drop", "crash", "death", "restart")}
         chosen = run.rows(*kinds.values())
         columns = (run.events[name][chosen].tolist() for name in (*names, "kind"))
-        for time, node, frame, sequence, packets, code in zip(*columns, strict=True):
+        for time, node, frame, sequence, packets, cause, code in zip(*columns, strict=True):
             kind = kinds[code]
+            if kind == "drop" and cause == EVENT_CAUSE["overhear"]:
+                continue  # a node died while it overheard a frame for another one
             if kind in ("crash", "death"):
                 self._down[node].append((time, np.inf))
             elif kind == "restart":
