@@ -183,7 +183,7 @@ def test_a_worker_that_joins_and_cannot_run_the_campaign_is_left_out(
         ended = campaign.run_campaign(folder, engine, access=TRUSTED)
     finally:
         left(address, late)
-    assert ended.complete and not ended.stopped and ended.done == 10
+    assert (ended.complete, ended.stopped, ended.done) == (True, "", 10)
     assert ended.left_out == {late.address: "has 2 threads: start workers with --nthreads 1"}
 
 
