@@ -77,7 +77,7 @@ class Log:
         return Counter({self._why_lost(given, node, {kind for kind, _ in rows}): given.packets})
 
     def _why_lost(self, given: Given, node: int, kinds: set[str]) -> str:
-        if given.told is None and (not given.attempts or given.to != EVERYONE or not given.attempts[-1].ended):
+        if given.reported is None and (not given.attempts or given.to != EVERYONE or not given.attempts[-1].ended):
             return ON_ITS_WAY
         if kinds:
             return "collided" if "collide" in kinds else "dropped"
@@ -126,8 +126,8 @@ def _wrong(given: Given, node: int, fate: Counter[str], log: Log) -> Iterator[st
     what = f"a frame of {given.packets} packets from node {given.source} to {node}, given at {given.since!r} s"
     if fate[""]:
         yield f"{what}: lost without a reason"
-    if given.told is not None and given.told.get(node, 0) != fate[RECEIVED]:
-        yield f"{what}: the MAC says that {given.told.get(node, 0)} packets arrived, the events {fate[RECEIVED]}"
+    if given.reported is not None and given.reported.get(node, 0) != fate[RECEIVED]:
+        yield f"{what}: the MAC says that {given.reported.get(node, 0)} packets arrived, the events {fate[RECEIVED]}"
     for attempt in given.attempts:
         rows = log.arrivals[attempt.number, node]
         fell = partial(log.fell, given.source, attempt.start, attempt.ends)
@@ -168,7 +168,7 @@ def _overtaken(run: Run, log: Log) -> Iterator[str]:
         return
     waits: dict[int, Given] = {}
     for given in run.frames.given:
-        if given.told is None:
+        if given.reported is None:
             waits.setdefault(given.source, given)
             if log.fell(given.source, given.since + INSTANT, run.frames.now):
                 yield f"a frame of node {given.source}, given at {given.since!r} s, is on its way, and the node fell"

@@ -56,7 +56,7 @@ class Given:
         neighbours: (n,) the nodes that its sender may reach, when it was last sent or else given.
         usable: (n,) whether the links to them are usable, so that a loss is logged.
         attempts: when it was on the air.
-        told: {node: packets that it received} as the MAC says; None as long as the MAC has not said anything.
+        reported: {node: packets that it received} as the MAC says; None as long as the MAC has not said anything.
     """
 
     source: int
@@ -67,7 +67,7 @@ class Given:
     neighbours: np.ndarray
     usable: np.ndarray
     attempts: list[Attempt] = field(default_factory=list)
-    told: dict[int, int] | None = None
+    reported: dict[int, int] | None = None
 
     @property
     def receivers(self) -> list[int]:
@@ -125,9 +125,9 @@ class Frames:
         """Note the result of a frame: the receivers of a broadcast, whether a unicast arrived, None for neither."""
         for given in self.of(frame):
             if given.to != EVERYONE:
-                given.told = {given.to: given.packets} if received else {}
+                given.reported = {given.to: given.packets} if received else {}
             else:
-                given.told = {} if received is None else dict.fromkeys(np.asarray(received).tolist(), given.packets)
+                given.reported = {} if received is None else dict.fromkeys(np.asarray(received).tolist(), given.packets)
 
 
 @contextlib.contextmanager
@@ -216,7 +216,7 @@ def _telling(frames: Frames, whole: Whole) -> Whole:
 def _losing(frames: Frames, whole: Whole) -> Whole:
     def lose(burst: Burst) -> None:
         for given in frames.of(burst):
-            given.told = {}
+            given.reported = {}
         whole(burst)
 
     return lose
@@ -243,7 +243,7 @@ def _carrying(frames: Frames, whole: Whole) -> Whole:
         if self._counters.frames_sent > before:
             given.attempts.append(Attempt(before + 1, now - bits * self._seconds_per_bit, now, ended=True))
         each = {node: int(mask.sum()) for node, mask in burst.received.items()}
-        given.told = {burst.to: burst.packets} if burst.to != EVERYONE else each
+        given.reported = {burst.to: burst.packets} if burst.to != EVERYONE else each
 
     return carry
 
@@ -258,6 +258,6 @@ def _carrying_all(frames: Frames, whole: Whole) -> Whole:
         for number, (source, to, parcel) in enumerate(lists, before + 1):
             given = frames.add(parcel, source, to, parcel.packets, number)
             given.attempts.append(Attempt(number, frames.now, frames.now, ended=True))
-            given.told = {to: parcel.packets}
+            given.reported = {to: parcel.packets}
 
     return carry_all

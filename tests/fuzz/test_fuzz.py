@@ -212,7 +212,7 @@ def test_each_packet_has_one_fate_and_a_missing_or_a_second_one_is_noticed(
     for name in ("frames_sent", "packets_sent", "delivered", "collided"):
         summary = dataclasses.replace(sound.summary, run={**sound.summary.run, name: sound.summary.run[name] + 1})
         assert any(f"the run's {name} is" in found for found in packets_in(dataclasses.replace(sound, summary=summary)))
-    monkeypatch.setattr(sound.frames.given[0], "told", None)
+    monkeypatch.setattr(sound.frames.given[0], "reported", None)
     assert any("overtook" in found for found in packets_in(sound))
 
 

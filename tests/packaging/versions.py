@@ -61,7 +61,7 @@ def interpreter(version: str) -> str | None:
 
 
 def installed(python: str, name: str, lines: Iterable[str]) -> Path:
-    """The Python of the environment of this name; made anew unless it has these requirements.
+    """The Python of the environment of this name; created again unless it has these requirements.
 
     Raises:
         InstallationError: pip could not install them.

@@ -206,8 +206,8 @@ class Reception:
         if lost.any():
             self._log_each(sent, DROP, ids[lost], 0, 0.0, NONE)
         got &= living
-        collided = collided & meant & living
-        self._count(sent, int((meant & living).sum()), int((got & meant).sum()), int(collided.sum()))
+        meant = meant & living
+        self._count(sent, int(meant.sum()), int((got & meant).sum()), int((collided & meant).sum()))
         return ids[got] if everyone else bool(got.any())
 
     def _count(self, sent: Transmission, in_range: int, delivered: int, collided: int) -> None:
