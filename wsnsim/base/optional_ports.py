@@ -75,6 +75,25 @@ class Ranks(Protocol):
 
 
 @runtime_checkable
+class VectorReadings(Protocol):
+    """Optional port of a sensor model whose reading has several components, or a component that is an angle.
+
+    Readings of n nodes are (n,) for M = 1 component, and (n, M) otherwise. `measure` is given as many standard normal
+    numbers. `linearise` returns n M rows instead of n, node by node (all components of the first node, then those of
+    the second); the components of a reading are independent. `log_likelihood` takes readings (n,) or (n, M), and does
+    not depend on whole periods. See `base.vector_readings` for what filters do with such rows.
+    """
+
+    @property
+    def components(self) -> tuple[str, ...]:
+        """The names of the M components of a reading."""
+
+    @property
+    def periods(self) -> tuple[float, ...]:
+        """The period of each component, such as 2 pi for an angle in rad; 0 if it has none."""
+
+
+@runtime_checkable
 class Drifts(Protocol):
     """Optional port of a motion model that moves as `kernels.motion` does: kernels do a filter's whole step.
 

@@ -42,6 +42,7 @@ from wsnsim.base.optional_ports import Recording as Recording
 from wsnsim.base.optional_ports import Replays as Replays
 from wsnsim.base.optional_ports import ReportsState as ReportsState
 from wsnsim.base.optional_ports import Snapshots as Snapshots
+from wsnsim.base.optional_ports import VectorReadings as VectorReadings
 from wsnsim.base.requests import Flow
 from wsnsim.base.tables import Words
 

@@ -1,0 +1,83 @@
+"""Readings of several components, and readings that are angles: the forms in which filters need them.
+
+    rows(sensor, readings (n,) or (n, M)) -> (n M,)      a row per component, node by node, as `linearise` has them
+    near(sensor, rows, expected) -> rows            angles moved by whole turns to the nearest of what is expected
+
+A sensor model says so by the optional port `VectorReadings`. Without it, a reading is a number without a period.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from math import inf, isfinite
+from typing import Any, Final, TypeAlias
+
+import numpy as np
+
+from wsnsim.base.arrays import Floats
+
+Reading: TypeAlias = float | tuple[float, ...]
+"""The reading of one node: a number, or a tuple of M numbers if the sensor's readings have M > 1 components."""
+SCALAR: Final = ("reading",)
+"""The components of a reading of a sensor model without the port `VectorReadings`."""
+
+
+def components_of(sensor: Any) -> tuple[str, ...]:
+    """The names of the M components of a reading of this sensor model; ('reading',) if it does not say."""
+    names: tuple[str, ...] = getattr(sensor, "components", SCALAR)
+    return names
+
+
+def periods_of(sensor: Any) -> tuple[float, ...]:
+    """The period of each component of a reading of this sensor model; 0 for a component that has none."""
+    periods: tuple[float, ...] = getattr(sensor, "periods", (0.0,))
+    return periods
+
+
+def rows(sensor: Any, readings: Floats) -> Floats:
+    """The components (n M,) of readings (n,) or (n, M), node by node.
+
+    Raises:
+        ValueError: The readings have another number of components than those of the sensor model.
+    """
+    count = len(components_of(sensor))
+    shape = readings.shape[1:]
+    if shape != ((count,) if count > 1 else ()):
+        raise ValueError(f"readings of {count} components per node expected, not an array of shape {readings.shape}")
+    return readings.reshape(-1)
+
+
+def near(sensor: Any, measured: Floats, expected: Floats) -> Floats:
+    """Rows moved by whole periods to the nearest of what is expected, so that their difference is the shortest.
+
+    Without a period the rows are returned as they are. Half a period away from what is expected, either side may be
+    meant.
+
+    Args:
+        sensor: The sensor model.
+        measured: (n M, ...) what was measured, as `rows` gives it.
+        expected: (n M, ...) what was expected, of a shape to which this one broadcasts: for `rows` (n M,) and the
+            expected rows (n M, N) at N points, pass `rows[:, None]`.
+    """
+    periods = periods_of(sensor)
+    if not any(periods):
+        return measured
+    lengths, divisors = _per_row(periods, len(measured) // len(periods))
+    if measured.ndim > 1:
+        lengths, divisors = (each.reshape(-1, *[1] * (measured.ndim - 1)) for each in (lengths, divisors))
+    result: Floats = measured - lengths * np.round((measured - expected) / divisors)
+    return result
+
+
+@lru_cache
+def _per_row(periods: tuple[float, ...], nodes: int) -> tuple[Floats, Floats]:
+    """The period of each row, and what to divide by for a number of periods: infinity where there is none."""
+    lengths = np.tile(np.array(periods, dtype=np.float64), nodes)
+    divisors = np.where(lengths > 0.0, lengths, inf)
+    lengths.flags.writeable = divisors.flags.writeable = False
+    return lengths, divisors
+
+
+def is_finite(reading: Reading) -> bool:
+    """Whether every component of a reading is finite."""
+    return all(map(isfinite, reading)) if isinstance(reading, tuple) else isfinite(reading)
