@@ -9,15 +9,18 @@ uint64 counter keys, one per particle (see `base.rng`): equal keys give equal no
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
+from dataclasses import field as field_of
 from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
-from wsnsim.base.arrays import Bools, Floats, Ints, Keys
+from wsnsim.base.arrays import Floats, Ints, Keys
 from wsnsim.base.clustering import ClusterPolicy as ClusterPolicy
 from wsnsim.base.clustering import MovingPolicy as MovingPolicy
+from wsnsim.base.deployment import Deployment as Deployment
+from wsnsim.base.deployment import Field as Field
 from wsnsim.base.deprecation import renamed
 from wsnsim.base.estimate import NO_INNOVATION as NO_INNOVATION
 from wsnsim.base.estimate import Estimate as Estimate
@@ -43,25 +46,11 @@ from wsnsim.base.optional_ports import Replays as Replays
 from wsnsim.base.optional_ports import ReportsState as ReportsState
 from wsnsim.base.optional_ports import Snapshots as Snapshots
 from wsnsim.base.optional_ports import VectorReadings as VectorReadings
+from wsnsim.base.packet_joules import free_packets
+from wsnsim.base.recorders import Recorder as Recorder
 from wsnsim.base.requests import Flow
-from wsnsim.base.tables import Words
 
 B = TypeVar("B")
-
-
-@dataclass(frozen=True, slots=True)
-class Field:
-    """The monitored rectangle. Width, height and centre in m."""
-
-    width: float
-    height: float
-    centre: tuple[float, float] = (0.0, 0.0)
-
-    def contains(self, points: Floats) -> Bools:
-        """(N,) whether each of the (N, 2) points lies in the field, its edge included."""
-        half = np.array([self.width, self.height]) / 2
-        inside: Bools = np.all(np.abs(points - np.array(self.centre)) <= half, axis=-1)
-        return inside
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,6 +74,12 @@ class Scene:
         motion: the motion model that the filter assumes; it may differ from the true one.
         sensor: the sensor model that the filter assumes; it may differ from the true one.
         key: counter key of the head's own random numbers.
+        head_position: (2,) the assumed place of the head; without a network, where no packet is sent, the middle of
+            the field.
+        roster_positions: (m, 2) of the members in `roster`.
+        roster_traits: (m, T) of the members in `roster`.
+        packet_joules: what one packet of `PACKET_BITS` costs, sent and received: distances (n,) in m -> (n,) J. Zero
+            without a network.
     """
 
     time: float
@@ -103,6 +98,10 @@ class Scene:
     motion: MotionModel
     sensor: SensorModel
     key: int
+    head_position: Floats = field_of(default_factory=lambda: np.zeros(2))
+    roster_positions: Floats = field_of(default_factory=lambda: np.zeros((0, 2)))
+    roster_traits: Floats = field_of(default_factory=lambda: np.zeros((0, 0)))
+    packet_joules: Callable[[Floats], Floats] = free_packets
 
     @property
     def active(self) -> int:
@@ -184,16 +183,6 @@ class SensorModel(Protocol):
         """The model that a filter assumes: gains 'known', 'unknown' or 'estimated', variance inflated or not."""
 
 
-class Deployment(Protocol):
-    """Where the nodes stand."""
-
-    @property
-    def field(self) -> Field: ...
-
-    def draw(self, reach: float, rng: np.random.Generator) -> Floats:
-        """(N, 2) positions, covering the field if the component requires it. Raises RunError if that fails."""
-
-
 class Detection(Protocol):
     """The errors of what nodes report.
 
@@ -247,23 +236,6 @@ class PriorModel(Protocol):
 
     def draw(self, start: Floats, rng: np.random.Generator) -> Estimate:
         """The prior of a target whose state at the start is `start` (D,)."""
-
-
-class Recorder(Protocol):
-    """The destination of the rows of the tables. Column names are those in `base.table_columns`, with `replicate`.
-
-    Two category columns get new values at run time: `words` holds the codes of `events.what`, `state_names` those of
-    `tracker_state.name` (used only where that table is wanted).
-    """
-
-    words: Words
-    state_names: Words
-
-    def wants(self, table: str) -> bool:
-        """Whether a table is recorded."""
-
-    def write(self, table: str, columns: Mapping[str, Any]) -> None:
-        """Append rows; a scalar stands for equal values in all rows."""
 
 
 class Tracker(Protocol[B]):

@@ -1,9 +1,9 @@
-"""The recorder that keeps the rows of a run in memory, and the words of category columns that grow at run time."""
+"""The port of recorders, one that keeps the rows of a run in memory, and category columns that grow at run time."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -25,6 +25,23 @@ class Words:
     def all(self) -> tuple[str, ...]:
         """All words in the order of their codes."""
         return tuple(self._codes)
+
+
+class Recorder(Protocol):
+    """The destination of the rows of the tables. Column names are those in `base.table_columns`, with `replicate`.
+
+    Two category columns get new values at run time: `words` holds the codes of `events.what`, `state_names` those of
+    `tracker_state.name` (used only where that table is wanted).
+    """
+
+    words: Words
+    state_names: Words
+
+    def wants(self, table: str) -> bool:
+        """Whether a table is recorded."""
+
+    def write(self, table: str, columns: Mapping[str, Any]) -> None:
+        """Append rows; a scalar stands for equal values in all rows."""
 
 
 class Memory:

@@ -14,6 +14,7 @@ from typing import Any
 from wsnsim.base.clustering import ClusterPolicy, head_protocol
 from wsnsim.base.medium_access import Mac, Packing
 from wsnsim.base.metrics import LOST_ERROR, LOST_WINDOW
+from wsnsim.base.packet_joules import PacketJoules
 from wsnsim.base.ports import (
     Acquire,
     Deployment,
@@ -108,6 +109,11 @@ class NetworkSetup(TrackingSetup, RadioSetup):
     def head_protocol(self) -> str:
         """The name of the head protocol of the cluster policy; see `ClusterPolicy`."""
         return head_protocol(self.clusters)
+
+    @cached_property
+    def packet_joules(self) -> PacketJoules:
+        """What a packet costs by the scenario's energy model; see `Scene`."""
+        return PacketJoules(self.energy)
 
     @property
     def nodes_search(self) -> bool:

@@ -27,6 +27,7 @@ class OfflineCluster:
     def __init__(self, setup: TrackingSetup, target: int, conditions: InitialConditions, streams: Streams) -> None:
         self._setup, self._target = setup, target
         self._positions, self._assumed, self._traits = conditions.positions, conditions.assumed, conditions.traits
+        self._middle = np.array(setup.deploy.field.centre)
         self._sense_key = derive(streams.key("sense"), target)
         self._track_key = derive(streams.key("tracker"), target)
         truth = conditions.truths[target]
@@ -68,6 +69,9 @@ class OfflineCluster:
             motion=setup.filter_motions[self._target],
             sensor=setup.filter_sensor,
             key=derive(self._track_key, step, HEAD_KEY),
+            head_position=self._middle,
+            roster_positions=self._assumed,
+            roster_traits=traits,
         )
 
     def _traits_at(self, step: int) -> Floats:

@@ -12,9 +12,11 @@ from typing import Any
 import numpy as np
 
 from wsnsim.base.arrays import Floats, planar
+from wsnsim.base.packet_joules import PacketJoules
 from wsnsim.base.ports import Estimate, Field, MotionModel, Scene, SensorModel, Tracker
 from wsnsim.base.requests import Member, Request
 from wsnsim.base.rng import derive, derive_all, normals
+from wsnsim.models.energy import FirstOrder
 from wsnsim.offline.loopback import Answer, Lose, perfect, perform
 
 DT = 0.04
@@ -22,6 +24,7 @@ FARTHEST = 100.0
 """m: upper limit of the sensing range, which may be infinite, when members are placed."""
 FIRST, SECOND = (11, 4, 29, 17, 23, 8), (31, 2, 29, 40, 6)
 """Node ids of the two clusters, the head first; in no particular order."""
+PACKET_JOULES = PacketJoules(FirstOrder())
 SCRIPT: tuple[tuple[int, tuple[int, ...]], ...] = (
     (1, FIRST),
     (1, FIRST),
@@ -83,8 +86,8 @@ class Table:
         joined = tuple(node for node in ids if node not in self.sensing)
         left = tuple(node for node in self.sensing if node not in ids)
         self.sensing = ids
-        positions = np.array([self.places[node] for node in ids]).reshape(-1, 2)
-        traits = np.array([self.traits[node] for node in ids]).reshape(len(ids), len(self.sensor.trait_names))
+        positions, traits = self._constants(ids)
+        roster_positions, roster_traits = self._constants(tuple(members))
         return Scene(
             time=step * DT,
             step=step,
@@ -102,7 +105,17 @@ class Table:
             motion=self.motion,
             sensor=self.sensor,
             key=derive(self.seed, step, -1 - head),
+            head_position=self.places[head],
+            roster_positions=roster_positions,
+            roster_traits=roster_traits,
+            packet_joules=PACKET_JOULES,
         )
+
+    def _constants(self, ids: tuple[int, ...]) -> tuple[Floats, Floats]:
+        """Positions (n, 2) and traits (n, T) of members."""
+        positions = np.array([self.places[node] for node in ids]).reshape(-1, 2)
+        traits = np.array([self.traits[node] for node in ids]).reshape(len(ids), len(self.sensor.trait_names))
+        return positions, traits
 
     def _reading(self, member: Member, point: Floats) -> float:
         noise = normals(derive_all(member.key, np.array([7])), 0)

@@ -31,6 +31,8 @@ class Cluster:
         self._ids: tuple[int, ...] = ()
         self._traits = network.nodes.traits[:0]
         self._positions = network.nodes.assumed.positions[:0]
+        self._roster: tuple[int, ...] = ()
+        self._roster_traits, self._roster_positions = self._traits, self._positions
         self.head = head
         self.members: dict[int, Member] = {}
         for node in [head, *joined]:
@@ -78,6 +80,7 @@ class Cluster:
         for node, key in zip(roster, keys, strict=True):
             member = self.members[node]
             member.reading, member.key = readings.get(node), key
+        self._update_roster(roster)
         joined, left = self._update_active(tuple([node for node in roster if node in readings]))
         return Scene(
             time=step * setup.dt,
@@ -96,7 +99,18 @@ class Cluster:
             motion=setup.filter_motions[self._target],
             sensor=setup.filter_sensor,
             key=head_key,
+            head_position=network.nodes.assumed.positions[self.head],
+            roster_positions=self._roster_positions,
+            roster_traits=self._roster_traits,
+            packet_joules=setup.packet_joules,
         )
+
+    def _update_roster(self, roster: tuple[int, ...]) -> None:
+        """Replace the living members, if they are others than at the last step."""
+        if roster != self._roster:
+            nodes, index = self._network.nodes, np.array(roster, dtype=np.int64)
+            self._roster = roster
+            self._roster_positions, self._roster_traits = nodes.assumed.positions[index], nodes.traits[index]
 
     def _update_active(self, ids: tuple[int, ...]) -> tuple[tuple[int, ...], tuple[int, ...]]:
         """Replace the active members; return those that began to sense and those that ceased."""
