@@ -11,6 +11,7 @@ from wsnsim.scenario.registry import ROLES
 
 OTHERS = {"grid", "trilateration", "gmtt", "tsstp", "cluster", "ris"}  # one column, or distances: not on this field
 PLANE = [row.kind for row in ROLES["tracker"].kinds if row.kind not in OTHERS]
+GAUSSIAN = ("ekf", "ukf", "ckf", "rkf", "imsf")
 LINE = [kind for kind in PLANE if kind != "ipf"] + ["grid"]
 
 
@@ -34,7 +35,7 @@ def assert_valid_run(memory: Memory, summary: experiment.Summary) -> None:
 
 @pytest.mark.parametrize("kind", PLANE)
 def test_on_jiangs_field_with_a_lossy_radio(kind: str) -> None:
-    fewer = [] if kind in ("ekf", "rkf", "imsf") else ["tracker.particles=60"]
+    fewer = [] if kind in GAUSSIAN else ["tracker.particles=60"]
     changes = f"tracker.kind={kind}", "duration=6 s", "link.loss=0.2", *fewer
     assert_valid_run(*simulated("jiang_field", *changes))
 
@@ -52,7 +53,7 @@ def test_in_an_open_cluster_whose_particles_travel_over_lossy_relays(kind: str) 
 
 @pytest.mark.parametrize("kind", [kind for kind in LINE if kind != "grid"])
 def test_along_a_line_whose_state_has_one_position_and_three_columns(kind: str) -> None:
-    fewer = [] if kind in ("ekf", "rkf", "imsf") else ["tracker.particles=60"]
+    fewer = [] if kind in GAUSSIAN else ["tracker.particles=60"]
     moving = "motion.start=[1, 4, 0]", "prior.sd=[1, 1, 0.01]", "duration=100 s"
     memory, summary = simulated("liu_network", f"tracker.kind={kind}", "link.loss=0.1", *moving, *fewer)
     assert_valid_run(memory, summary)

@@ -8,34 +8,27 @@ Requests of a step:
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 
-from wsnsim.base.arrays import Floats, planar
-from wsnsim.base.part import part
+from wsnsim.base.arrays import Floats, Ints, planar
+from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import NO_INNOVATION, Estimate, Innovation, Scene
 from wsnsim.base.requests import Compute, Flow, Gather, Member, Parcel, Scatter
 from wsnsim.base.standalone import BlockEstimates, StandaloneBlock
+from wsnsim.base.vector_readings import near, rows
 from wsnsim.kernels.relay import kalman
 from wsnsim.trackers.shared.gains import Gains, gain_prior, gains_before, no_gains
 from wsnsim.trackers.shared.heads import GaussianBelief, HeadFilter
+from wsnsim.trackers.shared.kalman import KalmanBelief, kalman_estimate, prediction_cycles, update_cycles
 from wsnsim.trackers.shared.moments import predicted
 from wsnsim.trackers.shared.parcels import parcel
 from wsnsim.trackers.shared.readings import Evidence, gather_readings, reading_parcel
 from wsnsim.trackers.shared.whole_runs import kalman_runs
 
 POLL = "poll"
-LINEARISE_CYCLES = 20.0
-"""CPU cycles to linearise one reading."""
-
-
-@dataclass(frozen=True, slots=True)
-class KalmanBelief(GaussianBelief):
-    """Mean and covariance after a step, and the innovation of its update."""
-
-    innovation: Innovation = NO_INNOVATION
 
 
 @part
@@ -46,18 +39,24 @@ class ExtendedKalman(HeadFilter):
     reading up; nothing if it is the head. All readings are linearised at the predicted mean. The variance of a reading
     is taken there, too. The innovation of each update is reported (columns `nis` and `nis_dof` of `estimates`).
 
-    Source: Bar-Shalom, Li, Kirubarajan (2001), section 10.3.
+    With `iterations` above 1 it is the iterated filter: each further iteration linearises the readings at the mean
+    that the last one gave, and updates the prediction anew. These are Gauss-Newton steps towards the mode of the
+    posterior. The variances of the readings and the reported innovation stay those at the predicted mean.
+
+    Source: Bar-Shalom, Li, Kirubarajan (2001), section 10.3; section 10.5.2 for the iterations; Bell, Cathey (1993)
+    show that they are Gauss-Newton steps.
     """
 
     paper: ClassVar[str] = ""
     idea: ClassVar[str] = "extended Kalman filter in the head, on all readings or the nearest sensor's: a reference"
     state: ClassVar[str] = "mean and covariance in the head"
     messages: ClassVar[str] = "a reading up per member; or a poll down and a reading up, of the nearest"
-    variants: ClassVar[str] = "readings all|nearest"
+    variants: ClassVar[str] = "readings all|nearest, iterations"
     linear_gaussian: ClassVar[bool] = True
     estimates_gains: ClassVar[bool] = True
 
     readings: Annotated[Literal["all", "nearest"], "whose readings update the filter"] = "all"
+    iterations: Annotated[int, Quantity("", ge=1, le=1000), "linearisations in an update; more than 1: iterated"] = 1
 
     def step(self, belief: GaussianBelief, scene: Scene) -> Flow[GaussianBelief]:
         """One step: N_act - 1 readings reach the head, or one; it predicts, and updates with what arrived."""
@@ -67,55 +66,79 @@ class ExtendedKalman(HeadFilter):
             seen = yield from _nearest_reading(mean[place], scene)
         else:
             seen = yield from gather_readings(scene)
-        yield Compute(_cycles(mean.size, place.size, len(seen.ids), scene.steps))
+        yield Compute(_cycles(mean.size, place.size, seen.readings.size, scene.steps, self.iterations))
         if prior := gain_prior(scene.sensor):
             gains = gains_before(belief.gains or no_gains(mean.size), scene, belief.mean).with_nodes(seen.ids, prior)
-            return (yield from _updated_with_gains(KalmanBelief(mean, cov, scene.head, gains=gains), seen, scene))
+            before = KalmanBelief(mean, cov, scene.head, gains=gains)
+            return (yield from _updated_with_gains(before, seen, scene, self.iterations))
         innovation = NO_INNOVATION
         if seen.ids:
-            linear = scene.sensor.linearise(mean[place, None], seen.positions, seen.traits)
-            mean = mean.copy()
-            expected, gradients, variances = map(np.ascontiguousarray, linear)
-            square, used = kalman(mean, cov, expected, gradients, variances, seen.readings, place)
-            innovation = Innovation(square, used) if used else NO_INNOVATION
+            mean, cov, innovation = _updated(mean, cov, seen, scene, self.iterations)
         return KalmanBelief(mean, cov, scene.head, innovation=innovation)
 
     def estimate(self, belief: GaussianBelief) -> Estimate:
         """The belief's mean and covariance, with the innovation of the step; after a handover there is none yet."""
-        innovation = belief.innovation if isinstance(belief, KalmanBelief) else NO_INNOVATION
-        return Estimate(belief.mean, belief.cov, innovation=innovation)
+        return kalman_estimate(belief)
 
     def whole_runs(self, block: StandaloneBlock) -> BlockEstimates | None:
-        """All steps of many standalone runs: `base.standalone.WholeRuns`; not for the nearest one, nor with gains."""
-        if self.readings == "nearest" or gain_prior(block.sensor):
+        """All steps of many standalone runs: `base.standalone.WholeRuns`; not of every variant, nor with gains."""
+        if self.readings == "nearest" or self.iterations > 1 or gain_prior(block.sensor):
             return None
         outcome, motion = kalman_runs(block), block.motion
         size, place = len(motion.columns), len(motion.position)
-        return outcome.closed(outcome.sums(lambda count: _cycles(size, place, count, 1)))
+        return outcome.closed(outcome.sums(lambda count: _cycles(size, place, count, 1, 1)))
 
 
-def _updated_with_gains(belief: KalmanBelief, seen: Evidence, scene: Scene) -> Flow[KalmanBelief]:
-    """The belief at the time of the scene, updated with readings as one augmented state of the target and the gains.
+def _updated(
+    mean: Floats, cov: Floats, seen: Evidence, scene: Scene, iterations: int, gains: Ints | None = None
+) -> tuple[Floats, Floats, Innovation]:
+    """Mean (D,) and covariance (D, D) updated with readings, and the innovation at the predicted mean.
 
-    A reading has the slope 1 in the gain of its node.
+    Each iteration linearises h at the point x of the last one and updates the prediction x⁻ with the readings
+    z - h(x) - H (x⁻ - x), which are linear in the state.
+
+    Args:
+        mean: The predicted state; with `gains`, the gains behind it.
+        cov: Its covariance.
+        seen: The readings that arrived, one at least.
+        scene: What the head knows.
+        iterations: How often the readings are linearised.
+        gains: (n,) columns of the gains of the nodes that were heard, in which the reading of each has the slope 1.
     """
-    gains, size, place = belief.gains, belief.mean.size, list(scene.motion.position)
+    place, measured = np.array(scene.motion.position), rows(scene.sensor, seen.readings)
+    columns = place if gains is None else np.concatenate([place, gains])
+    point, after, innovation = mean[place], (mean, cov), NO_INNOVATION
+    for iteration in range(iterations):
+        linear = scene.sensor.linearise(point[:, None], seen.positions, seen.traits)
+        expected, gradients, spread = map(np.ascontiguousarray, linear)
+        if gains is not None:
+            expected = expected + mean[gains, None]
+            gradients = np.concatenate([gradients, np.eye(gains.size)[:, :, None]], axis=1)
+        heard = near(scene.sensor, measured, expected[:, 0])
+        if iteration == 0:
+            variances = spread
+        else:
+            expected = expected + gradients[:, : place.size, 0] @ (mean[place] - point)[:, None]
+        after = mean.copy(), cov.copy()
+        square, used = kalman(*after, expected, gradients, variances, heard, columns)
+        if iteration == 0 and used:
+            innovation = Innovation(square, used)
+        point = after[0][place]
+    return *after, innovation
+
+
+def _updated_with_gains(belief: KalmanBelief, seen: Evidence, scene: Scene, iterations: int) -> Flow[KalmanBelief]:
+    """The belief at the time of the scene, updated with readings as one augmented state of the target and the gains."""
+    gains, size = belief.gains, belief.mean.size
     assert gains is not None, "the gains of the nodes heard are added before the update"
-    yield Compute(_augmentation_cycles(size, len(gains.nodes), len(seen.ids)))
+    yield Compute(_augmentation_cycles(size, len(gains.nodes), len(seen.ids), iterations))
     if not seen.ids:
         return belief
-    linear = scene.sensor.linearise(belief.mean[place, None], seen.positions, seen.traits)
-    rows, count = gains.rows(seen.ids), len(seen.ids)
-    expected, variances = linear[0] + gains.mean[rows, None], np.ascontiguousarray(linear[2])
-    slopes = np.concatenate([linear[1], np.eye(count)[:, :, None]], axis=1)
-    mean, cov = (
-        np.concatenate([belief.mean, gains.mean]),
-        np.block([[belief.cov, gains.cross], [gains.cross.T, gains.cov]]),
-    )
-    columns = np.array([*place, *(size + row for row in rows)])
-    square, used = kalman(mean, cov, expected, slopes, variances, seen.readings, columns)
+    mean = np.concatenate([belief.mean, gains.mean])
+    cov = np.block([[belief.cov, gains.cross], [gains.cross.T, gains.cov]])
+    columns = size + np.array(gains.rows(seen.ids))
+    mean, cov, innovation = _updated(mean, cov, seen, scene, iterations, columns)
     after = Gains(gains.nodes, mean[size:].copy(), cov[size:, size:].copy(), cov[:size, size:].copy())
-    innovation = Innovation(square, used) if used else NO_INNOVATION
     return replace(belief, mean=mean[:size].copy(), cov=cov[:size, :size].copy(), innovation=innovation, gains=after)
 
 
@@ -140,15 +163,13 @@ def _polled_reading(member: Member) -> Parcel | None:
     return reading_parcel(member)
 
 
-def _cycles(size: int, place: int, sensors: int, steps: int) -> float:
+def _cycles(size: int, place: int, sensors: int, steps: int, iterations: int) -> float:
     """Operations of a step, those of the update a reading."""
-    prediction = steps * (4.0 * size**3 + 2.0 * size**2)  # x⁻ = f(x), P⁻ = F P Fᵀ + Q
-    innovation = 4.0 * place + 2.0 * place * size + LINEARISE_CYCLES  # ν, S = H P⁻ Hᵀ + R
-    update = 3.0 * size + 8.0 * size**2  # x⁺ = x⁻ + G ν; P⁺ in Joseph's form
-    return prediction + sensors * (innovation + update)
+    again = update_cycles(size, place) + 2.0 * place  # H (x⁻ - x) too
+    return steps * prediction_cycles(size) + sensors * (update_cycles(size, place) + (iterations - 1) * again)
 
 
-def _augmentation_cycles(size: int, gains: int, sensors: int) -> float:
+def _augmentation_cycles(size: int, gains: int, sensors: int, iterations: int) -> float:
     """Further operations of a step with as many gains beside the state: P_xg⁻ = F P_xg, and a larger update."""
     larger = size + gains
-    return 2.0 * size * size * gains + sensors * (2.0 * larger + 8.0 * (larger**2 - size**2))
+    return 2.0 * size * size * gains + iterations * sensors * (2.0 * larger + 8.0 * (larger**2 - size**2))

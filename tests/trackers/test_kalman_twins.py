@@ -1,0 +1,229 @@
+"""The filters of one or several Gaussians, on recorded readings of runs, against textbook forms written here.
+
+Nothing of wsnsim takes part in the twins: they read the priors and readings of a run, and who was in the cluster.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+
+from wsnsim import experiment, scenario
+from wsnsim.base.tables import RECORDED_BY_DEFAULT, Memory
+
+DT, BOUND, PULL, DRAG, Q, SIGMA = 0.04, 180.0, 0.75, 1.0, 0.002, 1.0
+NOISE, INTENSITY, DECAY, SPREAD = 1.0, 1e4, 2.2, 2.0 * 1.5 / 1000
+PLACE = [0, 2]
+COLUMNS = ("px", "vx", "py", "vy")
+AXIS = SIGMA**2 * np.outer([DT**2 / 2, DT], [DT**2 / 2, DT]) + Q * np.array([[DT**3 / 2, DT**2 / 2], [DT**2 / 2, DT]])
+PROCESS = np.kron(np.eye(2), AXIS)
+
+
+def slope(x: np.ndarray) -> np.ndarray:
+    """A of Jiang (2013), eqs. 1-3, at a state (4,)."""
+    inside, outside = np.array([[1.0, DT], [0.0, 1.0]]), np.array([[1.0, DT], [-DT * PULL, 1.0 - DT * DRAG]])
+    result = np.zeros((4, 4))
+    for axis in (0, 2):
+        result[axis : axis + 2, axis : axis + 2] = inside if abs(x[axis]) <= BOUND else outside
+    return result
+
+
+def expected(x: np.ndarray, positions: np.ndarray, gains: np.ndarray) -> np.ndarray:
+    """The mean readings of sensors whose target is in the state x (4,)."""
+    return NOISE + gains * INTENSITY * np.maximum(np.hypot(*(x[PLACE] - positions).T), 1.0) ** -DECAY
+
+
+def gradient(x: np.ndarray, positions: np.ndarray, gains: np.ndarray) -> np.ndarray:
+    """(n, 4) their slopes: zero within a metre, where the distance is taken as one."""
+    apart = x[PLACE] - positions
+    squares = (apart**2).sum(axis=1)
+    result = np.zeros((len(gains), 4))
+    falls = -DECAY * gains * INTENSITY * squares ** (-DECAY / 2.0 - 1.0)
+    result[:, PLACE] = np.where(squares > 1.0, falls, 0.0)[:, None] * apart
+    return result
+
+
+class Step(NamedTuple):
+    """What a cluster head had in a step: its cluster's positions, gains and readings, and the steps that passed."""
+
+    positions: np.ndarray
+    gains: np.ndarray
+    readings: np.ndarray
+    steps: int
+    head: int
+
+
+class Recorded(NamedTuple):
+    """The prior of a track, its steps, and what our filter made of them: means, covariances and NIS."""
+
+    mean: np.ndarray
+    cov: np.ndarray
+    steps: list[Step]
+    means: np.ndarray
+    covs: np.ndarray
+    nis: np.ndarray
+    state: dict[str, np.ndarray]
+
+
+def recorded(name: str, *changes: str) -> Recorded:
+    """A run of a shipped scenario, whose scenes are noted as the tracker gets them."""
+    memory = Memory({**RECORDED_BY_DEFAULT, "readings": True, "covariances": True, "tracker_state": True})
+    setup = scenario.build(scenario.load(name, changes))
+    kind, noted = type(setup.tracker), []
+    start, step = kind.start, kind.step
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(kind, "start", lambda self, prior, scene: (noted.append(prior), start(self, prior, scene))[1])
+        patch.setattr(kind, "step", lambda self, belief, scene: (noted.append(scene), step(self, belief, scene))[1])
+        experiment.replicate_of(setup, 0, memory)
+    prior, *scenes = noted
+    table, said = memory.table("readings"), memory.table("estimates")
+    read = dict(zip(zip(table["step"].tolist(), table["node"].tolist(), strict=True), table["reading"], strict=True))
+    steps = [
+        Step(scene.positions, scene.traits[:, 0], np.array(readings), scene.steps, scene.head)
+        for scene in scenes
+        for readings in [[read[scene.step, node] for node in scene.ids]]
+    ]
+    rows = np.isin(said["step"], [scene.step for scene in scenes])
+    means = np.column_stack([said[column] for column in COLUMNS])[rows]
+    return Recorded(prior.mean, prior.cov, steps, means, covariances(memory)[rows], said["nis"][rows], reported(memory))
+
+
+def covariances(memory: Memory) -> np.ndarray:
+    """(K, 4, 4) of the table `covariances`."""
+    table = memory.table("covariances")
+    pairs = [(i, j) for i in range(4) for j in range(i, 4)]
+    result = np.empty((len(table["step"]), 4, 4))
+    for i, j in pairs:
+        result[:, i, j] = result[:, j, i] = table[f"cov_{COLUMNS[i]}_{COLUMNS[j]}"]
+    return result
+
+
+def reported(memory: Memory) -> dict[str, np.ndarray]:
+    """(K, n) by name: the values of the table `tracker_state`."""
+    table, words = memory.table("tracker_state"), memory.state_names.all()
+    result = {}
+    for code, word in enumerate(words):
+        which = table["name"] == code
+        result[word] = table["value"][which].reshape(-1, int(table["index"][which].max()) + 1)
+    return result
+
+
+class Moments(NamedTuple):
+    mean: np.ndarray
+    cov: np.ndarray
+    nis: float = np.nan
+
+
+def sigma_points(mean: np.ndarray, cov: np.ndarray, spread: float) -> list[np.ndarray]:
+    root = np.linalg.cholesky(cov)
+    steps = [spread * column for column in root.T]
+    return [mean, *(mean + step for step in steps), *(mean - step for step in steps)]
+
+
+def unscented(before: Moments, step: Step, alpha: float, beta: float, kappa: float) -> Moments:
+    """A step of the filter in Wan and van der Merwe's equations, with W0 apart in means and covariances."""
+    size = before.mean.size
+    scaled = alpha**2 * (size + kappa) - size
+    weights = np.full(2 * size + 1, 0.5 / (size + scaled))
+    of_means, of_covs = weights.copy(), weights.copy()
+    of_means[0] = scaled / (size + scaled)
+    of_covs[0] = of_means[0] + 1.0 - alpha**2 + beta
+    mean, cov = before.mean, before.cov
+    for _ in range(step.steps):
+        points = np.array([slope(point) @ point for point in sigma_points(mean, cov, np.sqrt(size + scaled))])
+        mean = of_means @ points
+        cov = (points - mean).T @ np.diag(of_covs) @ (points - mean) + PROCESS
+    if not len(step.readings):
+        return Moments(mean, cov)
+    points = np.array(sigma_points(mean, cov, np.sqrt(size + scaled)))
+    heard = np.array([expected(point, step.positions, step.gains) for point in points])
+    middle = of_means @ heard
+    noise = np.diag(SPREAD * expected(mean, step.positions, step.gains) ** 2)
+    width = (heard - middle).T @ np.diag(of_covs) @ (heard - middle) + noise
+    across = (points - mean).T @ np.diag(of_covs) @ (heard - middle)
+    gain = across @ np.linalg.inv(width)
+    error = step.readings - middle
+    return Moments(mean + gain @ error, cov - gain @ width @ gain.T, float(error @ np.linalg.solve(width, error)))
+
+
+def cubature(before: Moments, step: Step) -> Moments:
+    """A step of the filter in Arasaratnam and Haykin's equations: 2 D points of equal weight."""
+    size = before.mean.size
+    mean, cov = before.mean, before.cov
+    for _ in range(step.steps):
+        points = np.array([slope(point) @ point for point in sigma_points(mean, cov, np.sqrt(size))[1:]])
+        mean = points.mean(axis=0)
+        cov = points.T @ points / (2 * size) - np.outer(mean, mean) + PROCESS
+    if not len(step.readings):
+        return Moments(mean, cov)
+    points = np.array(sigma_points(mean, cov, np.sqrt(size))[1:])
+    heard = np.array([expected(point, step.positions, step.gains) for point in points])
+    middle = heard.mean(axis=0)
+    noise = np.diag(SPREAD * expected(mean, step.positions, step.gains) ** 2)
+    width = (heard - middle).T @ (heard - middle) / (2 * size) + noise
+    gain = (points - mean).T @ (heard - middle) / (2 * size) @ np.linalg.inv(width)
+    error = step.readings - middle
+    return Moments(mean + gain @ error, cov - gain @ width @ gain.T, float(error @ np.linalg.solve(width, error)))
+
+
+def iterated(before: Moments, step: Step, iterations: int) -> Moments:
+    """A step of the iterated extended filter: Gauss-Newton steps on the sum of squares of prior and readings."""
+    mean, cov = before.mean, before.cov
+    for _ in range(step.steps):
+        moves = slope(mean)
+        mean, cov = moves @ mean, moves @ cov @ moves.T + PROCESS
+    if not len(step.readings):
+        return Moments(mean, cov)
+    noise = np.diag(SPREAD * expected(mean, step.positions, step.gains) ** 2)
+    error, rise = step.readings - expected(mean, step.positions, step.gains), gradient(mean, step.positions, step.gains)
+    nis = float(error @ np.linalg.solve(rise @ cov @ rise.T + noise, error))
+    point = mean
+    for _ in range(iterations):
+        rise = gradient(point, step.positions, step.gains)
+        error = step.readings - expected(point, step.positions, step.gains)
+        curvature = np.linalg.inv(cov) + rise.T @ np.linalg.solve(noise, rise)
+        downhill = rise.T @ np.linalg.solve(noise, error) - np.linalg.solve(cov, point - mean)
+        point = point + np.linalg.solve(curvature, downhill)
+    return Moments(point, np.linalg.inv(curvature), nis)
+
+
+TWINS: dict[str, Any] = {
+    "kind=ukf": lambda before, step: unscented(before, step, 1.0, 2.0, 0.0),
+    "kind=ukf, alpha=0.6, beta=2.5, kappa=0.5": lambda before, step: unscented(before, step, 0.6, 2.5, 0.5),
+    "kind=ckf": cubature,
+    "kind=ekf": lambda before, step: iterated(before, step, 1),
+    "kind=ekf, iterations=4": lambda before, step: iterated(before, step, 4),
+}
+PLACES = {
+    "standalone": ("network=none", "duration=4 s"),
+    "in a network": ("duration=6 s",),
+    "in a network, near the bound": ("duration=3 s", "motion.start=[-160, -20, -150, -25]"),
+}
+
+
+@cache
+def run_of(tracker: str, place: str) -> Recorded:
+    return recorded("jiang_field", *(f"tracker.{word}" for word in tracker.split(", ")), *PLACES[place])
+
+
+@pytest.mark.parametrize("place", PLACES)
+@pytest.mark.parametrize("tracker", TWINS)
+def test_a_filter_is_its_textbook_form_on_the_readings_of_a_run(tracker: str, place: str) -> None:
+    run, twin = run_of(tracker, place), TWINS[tracker]
+    moments = Moments(run.mean, run.cov)
+    assert len(run.steps) == len(run.means) > 60 and sum(len(step.readings) for step in run.steps) > 400
+    for step, mean, cov, nis in zip(run.steps, run.means, run.covs, run.nis, strict=True):
+        moments = twin(moments, step)
+        assert mean == pytest.approx(moments.mean, rel=1e-9, abs=1e-9)
+        assert cov == pytest.approx(moments.cov, rel=1e-9, abs=1e-9)
+        assert nis == pytest.approx(moments.nis, rel=1e-7, nan_ok=True)
+
+
+def test_the_filters_differ_and_a_network_hands_over() -> None:
+    runs = [run_of(tracker, "in a network") for tracker in TWINS]
+    assert len({tuple(run.means[-1].round(6)) for run in runs}) == len(TWINS)
+    assert all(len({step.head for step in run.steps}) > 1 for run in runs)
+    assert np.abs(run_of("kind=ukf", "in a network, near the bound").means[:, PLACE]).max() > BOUND
