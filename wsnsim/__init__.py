@@ -19,6 +19,7 @@ from wsnsim.base.version import __version__ as __version__
 if TYPE_CHECKING:
     from wsnsim.analysis.comparison import compare
     from wsnsim.analysis.frames import read
+    from wsnsim.base.gathered import Gathered
     from wsnsim.base.part import Quantity, part
     from wsnsim.base.ports import Estimate, Scene, Tracker
     from wsnsim.base.requests import (
@@ -55,6 +56,7 @@ _HOMES = {
     "Local": "wsnsim.base.requests",
     "Gather": "wsnsim.base.requests",
     "GatherReadings": "wsnsim.base.requests",
+    "Gathered": "wsnsim.base.gathered",
     "GatheredReadings": "wsnsim.base.requests",
     "Scatter": "wsnsim.base.requests",
     "Broadcast": "wsnsim.base.requests",
@@ -62,9 +64,9 @@ _HOMES = {
     "Compute": "wsnsim.base.requests",
 }
 __all__ = [
-    "Broadcast", "Compute", "Estimate", "Gather", "GatherReadings", "GatheredReadings", "Local", "Member", "Parcel",
-    "Quantity", "Scatter", "Scene", "Send", "Tracker", "compare", "fit", "load", "part", "read", "run", "simulate",
-    "sweep",
+    "Broadcast", "Compute", "Estimate", "Gather", "GatherReadings", "Gathered", "GatheredReadings", "Local", "Member",
+    "Parcel", "Quantity", "Scatter", "Scene", "Send", "Tracker", "compare", "fit", "load", "part", "read", "run",
+    "simulate", "sweep",
 ]  # fmt: skip
 
 

@@ -101,3 +101,20 @@ def test_a_reading_that_is_not_finite_is_not_sent(lose):
 
     found = perform(flow(), members, head=4, lose=lose)
     assert found.ids == (4,) and found.values.tolist() == [40.0]
+
+
+@pytest.mark.parametrize("lose", [perfect, lossy])
+@pytest.mark.parametrize("deadline", [None, 0.0])
+def test_without_a_network_parcels_take_no_time_and_one_hop_and_the_head_s_own_none(lose, deadline):
+    answers = []
+
+    def flow():
+        answers.append((yield Gather(lambda m: Parcel(m.id, 1, 96, "id"), deadline=deadline)))
+        answers.append((yield GatherReadings(deadline=deadline)))
+
+    perform(flow(), cluster(), head=4, lose=lose)
+    parcels, readings = answers
+    assert parcels.delays == {4: 0.0, 7: 0.0} and parcels.hops == {4: 0, 7: 1}
+    assert parcels == {4: (4, parcels[4][1]), 7: (7, parcels[7][1])}, "it is a dictionary"
+    assert readings.ids == (4, 7)
+    assert readings.delays.tolist() == [0.0, 0.0] and readings.hops.tolist() == [0, 1]

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from math import nan
 from typing import Any, Final
 
 import numpy as np
@@ -39,6 +40,9 @@ class Burst:
         relayed: Whether the sender is not the origin.
         sent: Bits that left the sender.
         received: For a broadcast, {node: (packets,) which packets it received}.
+        heard: For a unicast under way, (packets,) which packets have arrived so far; None: none, or the MAC does not
+            say it before the end.
+        heard_at: When the last of them arrived, in s.
     """
 
     source: int
@@ -51,6 +55,8 @@ class Burst:
     relayed: bool = False
     sent: int = 0
     received: dict[int, Bools] = field(default_factory=dict)
+    heard: Bools | None = None
+    heard_at: float = nan
 
     @property
     def bits(self) -> int:
@@ -101,6 +107,9 @@ class MacFrame:
 
     def finish(self, received: Received | None) -> None:
         """Take the final result of the frame; None if it never got the channel. A frame on its own ignores it."""
+
+    def note_arrival(self, now: float) -> None:
+        """Take that the destination of a unicast has received the frame; its sender may not know, and send it again."""
 
 
 class OfferedFrame(MacFrame):

@@ -16,7 +16,9 @@ engine; energy, airtime and loss belong to the driver.
 | Compute | the head computes | None |
 
 A mask is a (packets,) boolean array: which packets of the parcel arrived. An id that is missing from an answer means
-that nothing arrived from it, or at it.
+that nothing arrived from it, or at it. The answers to `Gather` and `GatherReadings` also say how long each parcel took
+(`delays`, s) and over how many hops (`hops`). With a `deadline` the head goes on that many seconds after its request,
+with what has arrived by then; what arrives later is paid for all the same, and ignored.
 """
 
 from __future__ import annotations
@@ -28,7 +30,9 @@ from typing import Any, Final, TypeAlias, TypeVar
 
 import numpy as np
 
-from wsnsim.base.arrays import Bools, Floats
+from wsnsim.base.arrays import Bools, Floats, Ints
+from wsnsim.base.errors import RunError
+from wsnsim.base.gathered import WITHIN_THE_INSTANT, Gathered, Journeys
 
 NodeId: TypeAlias = int
 PACKET_BITS: Final = 96
@@ -118,10 +122,20 @@ class Local:
 
 @dataclass(slots=True)
 class Gather:
-    """Members send parcels to the head. `who`: their ids; None means those with a measurement at this step."""
+    """Members send parcels to the head.
+
+    Attributes:
+        parcel_of: What a member sends, None if nothing.
+        who: Ids of the members; None means those with a measurement at this step.
+        deadline: The head goes on after as many seconds, with what has arrived. None: once all has arrived or is lost.
+    """
 
     parcel_of: Callable[[Member], Parcel | None]
     who: Sequence[NodeId] | None = None
+    deadline: float | None = None
+
+    def __post_init__(self) -> None:
+        _demand_deadline(self.deadline)
 
 
 @dataclass(slots=True)
@@ -135,11 +149,16 @@ class GatherReadings:
         packet_bits: Bits of each packet.
         who: Ids of the members; None means those with a measurement at this step.
         what: Name of the packets in the event log.
+        deadline: As that of `Gather`.
     """
 
     packet_bits: int = PACKET_BITS
     who: Sequence[NodeId] | None = None
     what: str = "reading"
+    deadline: float | None = None
+
+    def __post_init__(self) -> None:
+        _demand_deadline(self.deadline)
 
     def readings_of(self, addressed: Iterable[Member]) -> dict[NodeId, float]:
         """{id: measurement} of the members that send one, in their order."""
@@ -155,7 +174,7 @@ class GatherReadings:
 
     def gather(self) -> Gather:
         """The same request as a `Gather`, whose answer `GatheredReadings.of` turns into arrays."""
-        return Gather(self.parcel_of, self.who)
+        return Gather(self.parcel_of, self.who, self.deadline)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -165,20 +184,33 @@ class GatheredReadings:
     Attributes:
         ids: (S,) the members whose packets arrived, in the order in which they were addressed.
         values: (S,) their measurements.
+        journeys: How the packets came.
     """
 
     ids: tuple[NodeId, ...]
     values: Floats
+    journeys: Journeys = WITHIN_THE_INSTANT
 
     @classmethod
     def of(cls, answer: Mapping[NodeId, tuple[float, Bools]]) -> GatheredReadings:
         """The answer to `GatherReadings.gather()` as arrays."""
-        return cls(tuple(answer), np.array([value for value, _ in answer.values()], dtype=np.float64))
+        journeys = answer.journeys if isinstance(answer, Gathered) else WITHIN_THE_INSTANT
+        return cls(tuple(answer), np.array([value for value, _ in answer.values()], dtype=np.float64), journeys)
 
     @property
     def masks(self) -> Bools:
         """(S, 1) which packets of each member arrived: all, since a measurement takes one packet."""
         return np.ones((len(self.ids), 1), dtype=np.bool_)
+
+    @property
+    def delays(self) -> Floats:
+        """(S,) seconds from the request until each packet had arrived; 0 for the head's own measurement."""
+        return np.array([self.journeys.of(node)[0] for node in self.ids], dtype=np.float64)
+
+    @property
+    def hops(self) -> Ints:
+        """(S,) hops that each packet took; 0 for the head's own measurement."""
+        return np.array([self.journeys.of(node)[1] for node in self.ids], dtype=np.int64)
 
 
 @dataclass(slots=True)
@@ -212,6 +244,12 @@ class Compute:
 
 Request: TypeAlias = Local | Gather | GatherReadings | Scatter | Broadcast | Send | Compute
 Flow: TypeAlias = Generator[Request, Any, Belief]
+
+
+def _demand_deadline(deadline: float | None) -> None:
+    if deadline is not None and not deadline >= 0.0:
+        raise RunError(f"a tracker requested the deadline {deadline!r}: it must be a number of seconds, 0 or more")
+
 
 _ALL: dict[int, Bools] = {}
 

@@ -11,6 +11,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from wsnsim.base.arrays import Bools
+from wsnsim.base.gathered import Gathered, Journeys
 from wsnsim.base.requests import (
     Broadcast,
     Compute,
@@ -110,17 +111,18 @@ def _compute(request: Local, addressed: list[Member]) -> tuple[int, ...]:
     return tuple(member.id for member in addressed)
 
 
-def _gather(request: Gather, addressed: list[Member], head: int, lose: Lose) -> dict[int, tuple[Any, Bools]]:
+def _gather(request: Gather, addressed: list[Member], head: int, lose: Lose) -> Gathered:
     parcels = {member.id: request.parcel_of(member) for member in addressed}
     sent = {i: (parcel.payload, _carry(i, head, parcel, lose)) for i, parcel in parcels.items() if parcel is not None}
-    return {i: (payload, mask) for i, (payload, mask) in sent.items() if mask.any()}
+    return Gathered({i: (payload, mask) for i, (payload, mask) in sent.items() if mask.any()}, Journeys(head))
 
 
 def _gather_readings(request: GatherReadings, members: dict[int, Member], head: int, lose: Lose) -> GatheredReadings:
     if lose is not perfect:
         return GatheredReadings.of(_gather(request.gather(), _addressed(request.who, members), head, lose))
     readings = request.readings_of(members.values() if request.who is None else _addressed(request.who, members))
-    return GatheredReadings(tuple(readings), np.array(list(readings.values()), dtype=np.float64))
+    values = np.array(list(readings.values()), dtype=np.float64)
+    return GatheredReadings(tuple(readings), values, Journeys(head))
 
 
 def _carry(source: int, to: int, parcel: Parcel, lose: Lose) -> Bools:

@@ -34,7 +34,7 @@ from wsnsim.testing.privacy import same
 
 
 @dataclass
-class Gathered:
+class GatherRecord:
     """One performed Gather: the plain parcels that members made, and the answer that the head got."""
 
     parcels: dict[int, Any]
@@ -54,12 +54,12 @@ class Isolation:
     """
 
     def __init__(
-        self, known: Set[float], pinned: Sequence[Gathered] | None = None, altered: Set[int] = frozenset()
+        self, known: Set[float], pinned: Sequence[GatherRecord] | None = None, altered: Set[int] = frozenset()
     ) -> None:
         self._known = known
         self._pinned = pinned
         self._altered = altered
-        self.gathered: list[Gathered] = []
+        self.gathered: list[GatherRecord] = []
 
     def answer(self, request: Request, members: dict[int, Member], head: int, lose: Lose) -> Any:
         """The answer to a request.
@@ -113,7 +113,7 @@ class Isolation:
         answer: dict[int, Any] = answer_to(replace(request, parcel_of=parcel_of), members, head, lose)
         if self._pinned is not None:
             answer = self._repeat(parcels)
-        self.gathered.append(Gathered(parcels, copy.deepcopy(answer)))
+        self.gathered.append(GatherRecord(parcels, copy.deepcopy(answer)))
         return answer
 
     def _repeat(self, parcels: dict[int, Any]) -> dict[int, Any]:

@@ -7,16 +7,16 @@ If the head dies during a flow, the flow is closed and its belief is lost.
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass
-from itertools import compress
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 import simpy
 
 from wsnsim.base.arrays import Bools
 from wsnsim.base.errors import RunError
+from wsnsim.base.gathered import Gathered
 from wsnsim.base.requests import (
     Broadcast,
     Compute,
@@ -30,17 +30,14 @@ from wsnsim.base.requests import (
     Parcel,
     Scatter,
     Send,
-    all_arrived,
 )
+from wsnsim.network.clusters.collection import Collection
 from wsnsim.network.clusters.processors import Processors
 from wsnsim.network.nodes import Nodes
 from wsnsim.network.radio.transport import Datagram, Transport
-from wsnsim.network.radio.unicasts import Unicasts
 from wsnsim.network.step_clock import ProtocolLog
 
 Performance = Generator[simpy.Event, Any, Any]
-ROUNDING: Final = 1e-12
-"""Waiting times (s) shorter than this are rounding error."""
 
 
 class HeadDied(Exception):
@@ -73,7 +70,6 @@ class Driver:
     Attributes:
         readings: the number of readings in the last computation.
         heard: {node: reading} of those that the head gathered last.
-        bits: sent in datagrams so far.
         hops: hops of the last `Send`.
     """
 
@@ -87,12 +83,15 @@ class Driver:
         self._target = target
         self._head = head
         self._members = members
-        self._window = window
-        self._one_hop = one_hop
+        self._collection = Collection(services.env, services.transport, target, head, window, one_hop)
         self.readings = 0
         self.heard: dict[int, float] = {}
-        self.bits = 0
         self.hops = 0
+
+    @property
+    def bits(self) -> int:
+        """The bits sent in datagrams so far."""
+        return self._collection.bits
 
     def perform(self, flow: Flow[Any]) -> Performance:
         """Perform a flow's requests and return the flow's belief. The flow is closed, however it ends.
@@ -162,7 +161,7 @@ class Driver:
     def _compute(self, node: int, operations: float) -> float:
         return self._services.processors.compute(node, operations, self._target)
 
-    def _gather(self, request: Gather) -> Generator[simpy.Event, Any, dict[int, tuple[Any, Bools]]]:
+    def _gather(self, request: Gather) -> Generator[simpy.Event, Any, Gathered]:
         nodes: list[int] = []
         parcels: list[Parcel] = []
         readings: dict[int, tuple[float, int]] = {}
@@ -174,12 +173,15 @@ class Driver:
                 if parcel.readings != 0 and (count := parcel.readings_of(member)):
                     assert member.reading is not None, "only a member with a reading sends one"
                     readings[member.id] = member.reading, count
-        masks = yield from self._collect(nodes, parcels)
-        answer = {
-            node: (parcel.payload, mask)
-            for node, parcel, mask in zip(nodes, parcels, masks, strict=True)
-            if mask is not None
-        }
+        masks, journeys = yield from self._collection.gather(nodes, parcels, request.deadline)
+        answer = Gathered(
+            {
+                node: (parcel.payload, mask)
+                for node, parcel, mask in zip(nodes, parcels, masks, strict=True)
+                if mask is not None
+            },
+            journeys,
+        )
         if readings:
             arrived = sorted(readings.keys() & answer.keys())
             self.heard = {node: readings[node][0] for node in arrived}
@@ -189,72 +191,24 @@ class Driver:
     def _gather_readings(self, request: GatherReadings) -> Generator[simpy.Event, Any, GatheredReadings]:
         readings = request.readings_of(self._addressed(request.who))
         form = Parcel(None, 1, request.packet_bits, request.what)
-        masks = yield from self._collect(list(readings), [form] * len(readings))
+        masks, journeys = yield from self._collection.gather(list(readings), [form] * len(readings), request.deadline)
         arrived = [node for node, mask in zip(readings, masks, strict=True) if mask is not None]
         if readings:
             self.heard = {node: readings[node] for node in sorted(arrived)}
             self.readings = len(arrived)
-        return GatheredReadings(tuple(arrived), np.array([readings[node] for node in arrived], dtype=np.float64))
-
-    def _collect(self, nodes: list[int], parcels: list[Parcel]) -> Generator[simpy.Event, Any, list[Bools | None]]:
-        """Send a parcel from each node to the head; return which packets of each arrived, None where nothing did."""
-        destinations = [self._head] * len(nodes)
-        if self._window is None:
-            return (yield from self._exchange(nodes, destinations, parcels))
-        datagrams = list(map(Datagram, nodes, destinations, parcels))
-        yield from self.collect(datagrams)
-        return [datagram.mask if datagram.arrived else None for datagram in datagrams]
-
-    def _exchange(
-        self, sources: list[int], destinations: list[int], parcels: list[Parcel]
-    ) -> Generator[simpy.Event, Any, list[Bools | None]]:
-        """Send parcels between the head and members; as `_collect`. What a node sends itself is there."""
-        away = [source != to for source, to in zip(sources, destinations, strict=True)]
-        arrived: Iterator[Bools | None] = iter(())
-        if any(away):
-            unicasts = Unicasts(*_chosen(away, sources, destinations, parcels), self._target)
-            event = self._services.transport.at_once(unicasts, self._one_hop)
-            if event is None:
-                datagrams = list(map(Datagram, sources, destinations, parcels))
-                yield from self._carry(datagrams, self._head)
-                return [datagram.mask if datagram.arrived else None for datagram in datagrams]
-            yield event
-            self.bits += unicasts.bits
-            arrived = iter(unicasts.masks())
-        return [
-            next(arrived) if outside else all_arrived(parcel.packets)
-            for outside, parcel in zip(away, parcels, strict=True)
-        ]
+        values = np.array([readings[node] for node in arrived], dtype=np.float64)
+        return GatheredReadings(tuple(arrived), values, journeys)
 
     def collect(self, datagrams: list[Datagram]) -> Generator[simpy.Event, Any, None]:
         """Send datagrams to the head and wait until all have ended, or for the window; later ones are ignored."""
-        if self._window is None:
-            yield from self._carry(datagrams, self._head)
-            return
-        env, (quiet, cap) = self._env, self._window
-        began = last = env.now
-
-        def note(datagram: Datagram) -> None:
-            nonlocal last
-            last = env.now if datagram.arrived else last
-
-        for datagram in datagrams:
-            if datagram.source == datagram.to:
-                datagram.arrived = True
-                continue
-            event = self._services.transport.carry([datagram], self._target, self._head, self._one_hop)
-            assert event.callbacks is not None
-            event.callbacks.append(lambda _, datagram=datagram: note(datagram))  # type: ignore[misc]
-        while (left := min(last + quiet, began + cap) - env.now) > ROUNDING:
-            yield env.timeout(left)
-        self.bits += sum(datagram.bits for datagram in datagrams)
+        return self._collection.collect(datagrams)
 
     def _scatter(self, request: Scatter) -> Generator[simpy.Event, Any, dict[int, Bools]]:
         head, parcels = self._head, {node: each for node, each in request.parcels.items() if node in self._members}
         packets = sum([parcel.packets for node, parcel in parcels.items() if node != head])
         what = next(iter(parcels.values())).what if parcels else ""
         self._services.log.add("allocate", self._target, head, what, packets=packets)
-        masks = yield from self._exchange([head] * len(parcels), list(parcels), list(parcels.values()))
+        masks = yield from self._collection.exchange([head] * len(parcels), list(parcels), list(parcels.values()))
         return {
             node: self._deliver(node, parcel, mask)
             for (node, parcel), mask in zip(parcels.items(), masks, strict=True)
@@ -272,26 +226,10 @@ class Driver:
 
     def _send(self, request: Send) -> Generator[simpy.Event, Any, Bools]:
         datagram = Datagram(self._head, request.to, request.parcel)
-        yield from self._carry([datagram])
+        yield from self._collection.carry([datagram])
         self.hops = datagram.hops
         return datagram.mask
-
-    def _carry(self, datagrams: list[Datagram], hub: int | None = None) -> Generator[simpy.Event, Any, None]:
-        if any(datagram.source != datagram.to for datagram in datagrams):
-            one_hop = hub is not None and self._one_hop
-            yield self._services.transport.carry(datagrams, self._target, hub, one_hop)
-            self.bits += sum(datagram.bits for datagram in datagrams)
-        else:
-            for datagram in datagrams:
-                datagram.arrived = True
 
     def _deliver(self, node: int, parcel: Parcel, mask: Bools) -> Bools:
         self._members[node].inbox.append(Delivery(parcel.what, parcel.payload, mask))
         return mask
-
-
-def _chosen(
-    which: list[bool], sources: list[int], destinations: list[int], parcels: list[Parcel]
-) -> tuple[list[int], list[int], list[Parcel]]:
-    """Those of the parcels, with their ends, that `which` names."""
-    return list(compress(sources, which)), list(compress(destinations, which)), list(compress(parcels, which))

@@ -171,6 +171,8 @@ class Channel:
             received = self._reception.resolve(transmission)
             if frame.to == EVERYONE:
                 self._links.count(transmission, received)
+            elif received:
+                frame.note_arrival(self._env.now)
             elif frame.to not in transmission.neighbours.members:
                 self._log_unheard(transmission)
         frame.sends += 1

@@ -36,6 +36,10 @@ class Fragment(MacFrame):
         self._reassembly.burst.sent += self.bits * self.sends
         self._reassembly.add(self, received)
 
+    def note_arrival(self, now: float) -> None:
+        """Note in the burst which of its packets are complete at the destination."""
+        self._reassembly.note_arrival(self, now)
+
 
 class _Reassembly:
     """A burst whose fragments are on their way: how many are missing, and what was received so far."""
@@ -47,6 +51,7 @@ class _Reassembly:
         self._on_end = on_end
         self._lost: list[Fragment] = []
         self._received: list[tuple[Fragment, Ints]] = []
+        self._arrived: list[Fragment] = []
 
     def add(self, fragment: Fragment, received: Received | None) -> None:
         """Note the result of one fragment; after the last one, complete the burst."""
@@ -58,6 +63,15 @@ class _Reassembly:
         self._missing -= 1
         if self._missing == 0:
             self._complete()
+
+    def note_arrival(self, fragment: Fragment, now: float) -> None:
+        """Note that a fragment of a unicast has arrived; not again when it is repeated."""
+        if fragment in self._arrived:
+            return
+        self._arrived.append(fragment)
+        burst, complete = self.burst, self._mask_of(self._arrived)
+        if complete.sum() > (0 if burst.heard is None else burst.heard.sum()):
+            burst.heard, burst.heard_at = complete, now
 
     def _complete(self) -> None:
         burst = self.burst
@@ -81,7 +95,7 @@ class _Reassembly:
         return {node: self._mask_of(fragments) for node, fragments in sorted(found.items())}
 
     def _mask_of(self, received: list[Fragment]) -> Bools:
-        """Which packets of a broadcast are complete at a node that received these fragments."""
+        """Which packets of a burst are complete at a node that received these fragments."""
         if len(received) == len(self._spans):
             return self.burst.mask
         arrived, sent = (np.zeros(self.burst.mask.size, dtype=np.int64) for _ in range(2))

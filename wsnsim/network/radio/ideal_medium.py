@@ -123,6 +123,7 @@ class IdealMedium:
         counters.frames_lost += got < packets
         if got:
             burst.mask, burst.packets = mask, got
+            burst.heard, burst.heard_at = mask, self._env.now
         else:
             burst.lose()
 

@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Generator, Sequence
+from math import nan
 from typing import Any, Protocol, cast
 
 import numpy as np
 import simpy
 
+from wsnsim.base.arrays import Bools
 from wsnsim.base.frames import EVERYONE, Burst, full_burst
 from wsnsim.base.mac_mechanisms import MacMechanism
 from wsnsim.base.optional_ports import defined_together
@@ -36,11 +38,13 @@ class Datagram:
         parcel: What is sent.
         mask: (packets,) which packets arrived, after `Transport.carry`.
         arrived: Whether any packet arrived.
+        arrived_at: When the last packet arrived, in s.
         hops: The number of hops that it took.
         bits: The bits sent for it, over all hops.
+        last_hop: The burst on its last hop, once it is there.
     """
 
-    __slots__ = ("arrived", "bits", "hops", "mask", "parcel", "source", "to")
+    __slots__ = ("arrived", "arrived_at", "bits", "hops", "last_hop", "mask", "parcel", "source", "to")
 
     def __init__(self, source: int, to: int, parcel: Parcel) -> None:
         self.source = source
@@ -48,8 +52,17 @@ class Datagram:
         self.parcel = parcel
         self.mask = all_arrived(parcel.packets)
         self.arrived = False
+        self.arrived_at = nan
         self.hops = 0
         self.bits = 0
+        self.last_hop: Burst | None = None
+
+    def arrivals(self) -> tuple[Bools, float] | None:
+        """(mask, time in s) of the packets that have arrived so far; None for none. Its sender may not know yet."""
+        burst = self.last_hop
+        if burst is not None and burst.heard is not None:
+            return burst.heard, burst.heard_at
+        return (self.mask, self.arrived_at) if self.arrived else None
 
 
 class SendsUnicasts(Protocol):
@@ -97,7 +110,7 @@ class Transport:
         direct, relayed = [], []
         for datagram in datagrams:
             if datagram.source == datagram.to:
-                datagram.arrived = True
+                datagram.arrived, datagram.arrived_at = True, self._env.now
             elif self._goes_directly(datagram.source, datagram.to, one_hop):
                 direct.append(datagram)
             else:
@@ -158,9 +171,12 @@ class Transport:
         unicasts = Unicasts(sources, destinations, [datagram.parcel for datagram in datagrams], target)
         event = self._send_unicasts(unicasts)
         if event is None:
-            event = self._send(unicasts.split(), head)
+            bursts = unicasts.split()
+            for datagram, burst in zip(datagrams, bursts, strict=True):
+                datagram.hops, datagram.last_hop = 1, burst
+            event = self._send(bursts, head)
         assert event.callbacks is not None, "bursts end later than they are sent"
-        event.callbacks.append(lambda _: _complete(datagrams, unicasts))
+        event.callbacks.append(lambda _: _complete(datagrams, unicasts, self._env.now))
         return event
 
     def _relay(self, datagram: Datagram, target: int) -> Generator[simpy.Event, Any, None]:
@@ -175,13 +191,14 @@ class Transport:
             if self.wake_neighbour is not None and to == datagram.to and self._sleeps(to):
                 yield self.wake_neighbour(node, to, target)
             burst = Burst(node, to, parcel, target, mask, packets, sequence, relayed=node != source)
-            yield self._send([burst])
             datagram.hops += 1
+            datagram.last_hop = burst if to == datagram.to else None
+            yield self._send([burst])
             datagram.bits += burst.sent
             sequence, mask, packets = burst.sequence, burst.mask, burst.packets
             if packets == 0:
                 break
-        datagram.mask, datagram.arrived = mask, packets > 0
+        _end(datagram, mask, packets > 0, self._env.now)
 
     def _goes_directly(self, source: int, to: int, one_hop: bool) -> bool:
         """Whether a datagram takes one hop, to a destination that is within range and need not be woken.
@@ -213,16 +230,25 @@ class Transport:
         self._log.add(event(now, step, target, source, DROP, code, peer=to, packets=packets))
 
 
-def _complete(datagrams: list[Datagram], unicasts: Unicasts) -> None:
+def _complete(datagrams: list[Datagram], unicasts: Unicasts, now: float) -> None:
     """Write what arrived over their one hop into datagrams."""
     if unicasts.bursts is None:
         for datagram in datagrams:
             parcel = datagram.parcel
-            datagram.arrived, datagram.hops, datagram.bits = True, 1, parcel.packets * parcel.packet_bits
+            datagram.arrived, datagram.arrived_at = True, now
+            datagram.hops, datagram.bits = 1, parcel.packets * parcel.packet_bits
         return
     for datagram, burst in zip(datagrams, unicasts.bursts, strict=True):
-        datagram.mask, datagram.arrived = burst.mask, burst.packets > 0
-        datagram.hops, datagram.bits = 1, burst.sent
+        datagram.hops, datagram.bits, datagram.last_hop = 1, burst.sent, burst
+        _end(datagram, burst.mask, burst.packets > 0, now)
+
+
+def _end(datagram: Datagram, mask: Bools, arrived: bool, now: float) -> None:
+    """Write into a datagram what arrived of it, and when: as the MAC noted, otherwise now."""
+    datagram.mask, datagram.arrived = mask, arrived
+    if arrived:
+        burst = datagram.last_hop
+        datagram.arrived_at = now if burst is None or burst.heard is None else burst.heard_at
 
 
 def _send_no_unicasts(unicasts: Unicasts) -> simpy.Event | None:

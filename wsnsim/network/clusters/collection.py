@@ -1,0 +1,173 @@
+"""Parcels between a cluster head and its members: at once on an ideal radio, otherwise until a window or deadline ends.
+
+    masks, journeys = yield from collection.gather(nodes, parcels, deadline)
+    masks = yield from collection.exchange(sources, destinations, parcels)
+
+What arrives after the head has gone on is ignored by it, and paid for all the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterator
+from itertools import compress
+from typing import Any, Final, TypeAlias
+
+import simpy
+from simpy.events import EventPriority
+
+from wsnsim.base.arrays import Bools
+from wsnsim.base.gathered import Journeys
+from wsnsim.base.requests import Parcel, all_arrived
+from wsnsim.network.radio.transport import Datagram, Transport
+from wsnsim.network.radio.unicasts import Unicasts
+
+Masks: TypeAlias = list[Bools | None]
+Exchange: TypeAlias = Generator[simpy.Event, Any, Masks]
+ROUNDING: Final = 1e-12
+"""Waiting times (s) shorter than this are rounding error."""
+LATE: Final = EventPriority(2)
+"""Priority of a deadline among events of one instant: what arrives at that instant is in time."""
+
+
+class Deadline(simpy.Event):
+    """An event that fires after `seconds`, after all others of that instant."""
+
+    def __init__(self, env: simpy.Environment, seconds: float) -> None:
+        super().__init__(env)
+        self._ok, self._value = True, None
+        env.schedule(self, LATE, seconds)
+
+
+class Collection:
+    """Sends parcels between one head and its members.
+
+    Args:
+        env: simulated time.
+        transport: sends them.
+        target: the target of the head's track.
+        head: the cluster head.
+        window: as for `Driver`.
+        one_hop: as for `Driver`.
+
+    Attributes:
+        bits: sent in datagrams so far.
+    """
+
+    def __init__(
+        self, env: simpy.Environment, transport: Transport, target: int, head: int,
+        window: tuple[float, float] | None, one_hop: bool,
+    ) -> None:  # fmt: skip
+        self._env = env
+        self._transport = transport
+        self._target = target
+        self._head = head
+        self._window = window
+        self._one_hop = one_hop
+        self.bits = 0
+
+    def gather(
+        self, nodes: list[int], parcels: list[Parcel], deadline: float | None
+    ) -> Generator[simpy.Event, Any, tuple[Masks, Journeys]]:
+        """Send a parcel from each node to the head.
+
+        Returns:
+            Which packets of each arrived within `deadline` s, None where nothing did, and how they came.
+        """
+        began, head = self._env.now, self._head
+        if self._window is None:
+            masks = yield from self._at_once(nodes, [head] * len(nodes), parcels)
+            if masks is not None:
+                return masks, Journeys(head, self._env.now - began)
+        datagrams = [Datagram(node, head, parcel) for node, parcel in zip(nodes, parcels, strict=True)]
+        yield from self.collect(datagrams, deadline)
+        if deadline is None:
+            found = [(each.mask, each.arrived_at) if each.arrived else None for each in datagrams]
+        else:
+            found = [each.arrivals() for each in datagrams]
+        journeys = {
+            datagram.source: (arrived[1] - began, datagram.hops)
+            for datagram, arrived in zip(datagrams, found, strict=True)
+            if arrived is not None
+        }
+        return [None if arrived is None else arrived[0] for arrived in found], Journeys(head, each=journeys)
+
+    def exchange(self, sources: list[int], destinations: list[int], parcels: list[Parcel]) -> Exchange:
+        """Send parcels between the head and members, and wait until all have ended; the masks as in `gather`."""
+        masks = yield from self._at_once(sources, destinations, parcels)
+        if masks is None:
+            datagrams = list(map(Datagram, sources, destinations, parcels))
+            yield from self.carry(datagrams, self._head)
+            masks = [datagram.mask if datagram.arrived else None for datagram in datagrams]
+        return masks
+
+    def _at_once(
+        self, sources: list[int], destinations: list[int], parcels: list[Parcel]
+    ) -> Generator[simpy.Event, Any, Masks | None]:
+        """As `exchange`, where all arrive within the instant; None, and nothing is sent, where they may not."""
+        away = [source != to for source, to in zip(sources, destinations, strict=True)]
+        arrived: Iterator[Bools | None] = iter(())
+        if any(away):
+            unicasts = Unicasts(*_chosen(away, sources, destinations, parcels), self._target)
+            event = self._transport.at_once(unicasts, self._one_hop)
+            if event is None:
+                return None
+            yield event
+            self.bits += unicasts.bits
+            arrived = iter(unicasts.masks())
+        return [
+            next(arrived) if outside else all_arrived(parcel.packets)
+            for outside, parcel in zip(away, parcels, strict=True)
+        ]
+
+    def collect(self, datagrams: list[Datagram], deadline: float | None = None) -> Generator[simpy.Event, Any, None]:
+        """Send datagrams to the head; wait until all have ended, for the window, or for `deadline` s if less."""
+        if self._window is not None:
+            yield from self._collect_in_window(datagrams, *self._window, deadline)
+        elif deadline is None:
+            yield from self.carry(datagrams, self._head)
+        elif any(datagram.source != datagram.to for datagram in datagrams):
+            ended = self._transport.carry(datagrams, self._target, self._head, self._one_hop)
+            yield ended | Deadline(self._env, deadline)
+            self.bits += sum(datagram.bits for datagram in datagrams)
+        else:
+            yield from self.carry(datagrams)
+
+    def _collect_in_window(
+        self, datagrams: list[Datagram], quiet: float, cap: float, deadline: float | None
+    ) -> Generator[simpy.Event, Any, None]:
+        """As `collect`, until nothing arrived for `quiet` s, at most for `cap` s."""
+        env = self._env
+        began = last = env.now
+        longest = cap if deadline is None else min(cap, deadline)
+
+        def note(datagram: Datagram) -> None:
+            nonlocal last
+            last = env.now if datagram.arrived else last
+
+        for datagram in datagrams:
+            if datagram.source == datagram.to:
+                datagram.arrived = True
+                continue
+            event = self._transport.carry([datagram], self._target, self._head, self._one_hop)
+            assert event.callbacks is not None
+            event.callbacks.append(lambda _, datagram=datagram: note(datagram))  # type: ignore[misc]
+        while (left := min(last + quiet, began + longest) - env.now) > ROUNDING:
+            yield env.timeout(left)
+        self.bits += sum(datagram.bits for datagram in datagrams)
+
+    def carry(self, datagrams: list[Datagram], hub: int | None = None) -> Generator[simpy.Event, Any, None]:
+        """Send datagrams and wait until all have ended. `hub`: the head, if all are between it and its members."""
+        if any(datagram.source != datagram.to for datagram in datagrams):
+            one_hop = hub is not None and self._one_hop
+            yield self._transport.carry(datagrams, self._target, hub, one_hop)
+            self.bits += sum(datagram.bits for datagram in datagrams)
+        else:
+            for datagram in datagrams:
+                datagram.arrived = True
+
+
+def _chosen(
+    which: list[bool], sources: list[int], destinations: list[int], parcels: list[Parcel]
+) -> tuple[list[int], list[int], list[Parcel]]:
+    """Those of the parcels, with their ends, that `which` names."""
+    return list(compress(sources, which)), list(compress(destinations, which)), list(compress(parcels, which))
