@@ -10,6 +10,7 @@ from functools import lru_cache
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 from wsnsim.base.arrays import Bools, Floats, Ints
+from wsnsim.base.estimate import Estimate
 from wsnsim.base.requests import Member
 
 
@@ -232,6 +233,18 @@ class Foresees(Protocol):
 
     def foresees(self, belief: Any) -> bool:
         """True once it can predict. A tracker without this port always can."""
+
+
+@runtime_checkable
+class ForecastsSuccession(Protocol):
+    """Optional port of a tracker: a forecast of its own for the choice of the next head.
+
+    A head that will lead for many steps is better looked for farther ahead than nodes are woken. Without this port
+    `forecast` serves both.
+    """
+
+    def successor_forecast(self, belief: Any, scene: Any, ahead: int) -> Estimate:
+        """Where the next head is looked for, as an estimate `ahead` steps later or more; see `Tracker.forecast`."""
 
 
 @runtime_checkable

@@ -29,6 +29,7 @@ from wsnsim.base.optional_ports import ConstantGaussian as ConstantGaussian
 from wsnsim.base.optional_ports import Continuous as Continuous
 from wsnsim.base.optional_ports import Detects as Detects
 from wsnsim.base.optional_ports import Drifts as Drifts
+from wsnsim.base.optional_ports import ForecastsSuccession as ForecastsSuccession
 from wsnsim.base.optional_ports import Foresees as Foresees
 from wsnsim.base.optional_ports import HasHeights as HasHeights
 from wsnsim.base.optional_ports import Informs as Informs
@@ -261,7 +262,10 @@ class Tracker(Protocol[B]):
         """The estimate of a belief."""
 
     def forecast(self, belief: B, scene: Scene, ahead: int) -> Estimate:
-        """The estimate predicted for `ahead` steps later, for handover and for waking nodes ahead of the target."""
+        """The estimate predicted for `ahead` steps later, for waking nodes ahead of the target and for handover.
+
+        A tracker with the port `ForecastsSuccession` has another one for handover.
+        """
 
 
 def __getattr__(name: str) -> Any:

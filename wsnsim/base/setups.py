@@ -6,7 +6,7 @@ Setup ─┬─ TrackingSetup (targets, sensor, tracker) ──┬─ NetworkSet
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -19,10 +19,13 @@ from wsnsim.base.ports import (
     Acquire,
     Deployment,
     Detection,
+    Estimate,
+    ForecastsSuccession,
     LinearGaussian,
     MotionModel,
     PriorModel,
     Replays,
+    Scene,
     SensorModel,
     Tracker,
 )
@@ -109,6 +112,12 @@ class NetworkSetup(TrackingSetup, RadioSetup):
     def head_protocol(self) -> str:
         """The name of the head protocol of the cluster policy; see `ClusterPolicy`."""
         return head_protocol(self.clusters)
+
+    @cached_property
+    def successor_forecast(self) -> Callable[[Any, Scene, int], Estimate]:
+        """(belief, scene, steps ahead) -> the forecast from which the next head is chosen."""
+        tracker = self.tracker
+        return tracker.successor_forecast if isinstance(tracker, ForecastsSuccession) else tracker.forecast
 
     @cached_property
     def packet_joules(self) -> PacketJoules:

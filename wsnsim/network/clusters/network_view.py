@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats, planar
-from wsnsim.base.ports import Scene
+from wsnsim.base.ports import Estimate, Scene
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.network.nodes import Nodes
 from wsnsim.network.step_clock import ProtocolLog, StepClock
@@ -40,8 +40,18 @@ class NetworkView:
         return self.nodes.able(self.threshold)
 
     def predicted_position(self, target: int, belief: Any, scene: Scene) -> Floats:
-        """(2,) the position that a belief predicts for the next step."""
-        forecast = self.setup.tracker.forecast(belief, scene, self.clock.step - scene.step + 1)
+        """(2,) the position that a belief predicts for the next step: where nodes are woken."""
+        return self._position(target, self.setup.tracker.forecast(belief, scene, self._ahead(scene)))
+
+    def successor_position(self, target: int, belief: Any, scene: Scene) -> Floats:
+        """(2,) the position near which the next head is looked for; see `ForecastsSuccession`."""
+        return self._position(target, self.setup.successor_forecast(belief, scene, self._ahead(scene)))
+
+    def _ahead(self, scene: Scene) -> int:
+        """The steps from a scene to the next step."""
+        return self.clock.step - scene.step + 1
+
+    def _position(self, target: int, forecast: Estimate) -> Floats:
         return planar(forecast.mean[list(self.setup.filter_motions[target].position)])
 
     def nearest(self, candidates: Sequence[int], point: Floats) -> int:

@@ -120,7 +120,7 @@ class StandingClusterProtocol:
         setup, network, target = self._setup, self._network, track.target
         if setup.until_clusters is not None and len(track.clusters) >= setup.until_clusters:
             raise LastClusterDone
-        point = network.predicted_position(target, belief, scene)
+        point = network.successor_position(target, belief, scene)
         nearest = setup.clusters.successor(point, network.nodes.assumed.positions, network.who_can_lead())
         track.handovers += 1
         successor, elected = yield from self._successor(track, cluster.head, nearest)

@@ -98,7 +98,7 @@ class ByAnnouncedPrediction(ByPrediction):
     def waker(self, lead: Lead) -> int:
         """The able node nearest to the predicted position, within sensing range of it."""
         network = self.network
-        point = network.predicted_position(lead.track.target, lead.belief, lead.scene)
+        point = network.successor_position(lead.track.target, lead.belief, lead.scene)
         near = network.nodes.assumed.grid.within(point, network.setup.sensor.reach)
         able = [node for node in near.tolist() if network.can_lead(node)]
         if not able:
