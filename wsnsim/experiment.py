@@ -34,6 +34,7 @@ from wsnsim.base.results import RunResult, Summary, summarise
 from wsnsim.base.rng import Streams
 from wsnsim.base.setups import BeaconSetup, NetworkSetup, Setup, TrackingSetup
 from wsnsim.base.tables import Memory
+from wsnsim.base.vector_readings import components_of
 from wsnsim.models.compilation import announced, compilation_seconds, time_without_compilation
 from wsnsim.models.coverage import coverage
 from wsnsim.network.network import Sensors
@@ -215,7 +216,8 @@ def run(  # noqa: PLR0913
     motions = setup.motions if isinstance(setup, TrackingSetup) else ()
     states = tuple(zip(motions[0].columns, motions[0].units, strict=True)) if motions else ()
     position = motions[0].position if motions else ()
-    result = ResultFile(Path(out), states, setup.record, position=position or None)
+    components = len(components_of(setup.sensor)) if isinstance(setup, TrackingSetup) else 1
+    result = ResultFile(Path(out), states, setup.record, position=position or None, components=components)
     with announced(on_compile), result as file:
         file.set_text("scenario/source_yaml", loaded.source_yaml)
         resolved = {**scenarios.resolved(loaded), "replicates": len(chosen)}

@@ -26,8 +26,10 @@ PARTNERS: Final = {
 """Trackers that go with a wake-up protocol, and with what decides who leads."""
 OF_LINES: Final = ("squared", "coordinate", "range", "range_from_origin")
 """Sensors of a position of one column."""
-ONLINE: Final = ("acoustic_energy", "range", "rssi")
+ONLINE: Final = ("acoustic_energy", "range", "rssi", "bearing", "range_bearing")
 """Sensors with a range, which a network needs."""
+ONE_NUMBER: Final = ("rkf", "imsf")
+"""Trackers that need readings of one component."""
 ON_PLANES: Final = ("gmtt", "tsstp", "cluster", "ris", "trilateration")
 """Trackers that need distances in the plane."""
 PLAIN: Final = ("packing", "routing", "clock", "detection", "wakeup")
@@ -53,6 +55,7 @@ class Sampler:
         self.steps = rng.randint(3, 12)
         self.nodes, self.side = rng.randint(4, 16), rng.choice([60.0, 100.0, 160.0])
         self.network = rng.random() < 0.8
+        self.components: tuple[str, ...] = ()
 
     def scenario(self) -> Values:
         """The whole scenario."""
@@ -75,6 +78,7 @@ class Sampler:
             "sensor": self.sensor(motion in LINE, tracker["kind"]),
             "tracker": tracker,
         }
+        self.components = ("range", "bearing") if common["sensor"]["kind"] == "range_bearing" else ()
         if motion == "recorded_track" and self.rng.random() < 0.7:
             common |= self.recording()
             if common["sensor"]["law"].get("gain_spread"):  # gains of recorded readings are not known
@@ -163,12 +167,15 @@ class Sampler:
             allowed = (*ONLINE, "coordinate", "range_from_origin")
         if self.network:
             allowed = tuple(name for name in allowed if name in ONLINE)
+        if tracker in ONE_NUMBER:
+            allowed = tuple(name for name in allowed if name != "range_bearing")
         kind = self.kind("sensor", *(info.kind for info in ROLES["sensor"].kinds if info.kind not in allowed))
         values = self.part("sensor", kind)
         if kind in ONLINE:
             values["reach"] = self.rng.choice([0.3, 0.6, 2.0]) * self.side
             values.pop("beyond", None)
             values.pop("target_height", None)  # the nodes of a recording alone have heights
+            values.pop("least", None)  # it is below the range
         return values
 
     def tracker(self, line: bool) -> Values:
@@ -280,6 +287,8 @@ class Sampler:
         aim = self.rng.choice(list(aims))
         others = {*aims, *({"duration"} if kind == "drain" or self.rng.random() < 0.3 else ()), "joules", "value"}
         values = {name: value for name, value in values.items() if name not in others} | {aim: aims[aim]}
+        if self.components and kind in ("bias", "stuck") and self.rng.random() < GUIDED:
+            values["component"] = self.rng.choice(self.components)
         return {**values, "share": self.rng.choice([0.1, 0.9, 1.0])} if kind == "drain" else values
 
 

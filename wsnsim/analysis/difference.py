@@ -38,8 +38,8 @@ class ReplicateDifference:
         network: whether the nodes are equal; None if not recorded.
         event: (row within the run, in A, in B) of the first differing event, each as (time, step, words), or None after
             the last event.
-        reading: the first differing reading: step, target, node and `values` (A, B), None where a side has none; None
-            if all are equal or if they were not recorded.
+        reading: the first differing reading: step, target, node, its component if readings have several, and `values`
+            (A, B), None where a side has none; None if all are equal or if they were not recorded.
         estimate: the first differing estimate: step and target, `apart` in the position's unit, differing columns.
         figures: {column of runs: (A, B)}.
     """
@@ -178,17 +178,18 @@ def _event(path: str, rows: slice, at: int) -> tuple[float, int, str] | None:
 
 
 def _reading(paths: tuple[str, str], rows: tuple[slice, slice]) -> dict[str, Any] | None:
-    """The first reading, by step, target and node, that differs or that only one side has."""
-    names = ("step", "target", "node", "reading")
+    """The first reading, by step, target, node and component, that differs or that only one side has."""
+    columns = [recording.tables(path)["readings"].columns for path in paths]
+    names = [name for name in ("step", "target", "node", "component") if all(name in held for held in columns)]
     sides = []
     for path, one in zip(paths, rows, strict=True):
-        table = recording.read_table(path, "readings", names, one)
-        step, target, node, reading = (table[name].tolist() for name in names)
-        sides.append(dict(zip(zip(step, target, node, strict=True), reading, strict=True)))
+        table = recording.read_table(path, "readings", [*names, "reading"], one)
+        keys = zip(*(table[name].tolist() for name in names), strict=True)
+        sides.append(dict(zip(keys, table["reading"].tolist(), strict=True)))
     for key in sorted(sides[0].keys() | sides[1].keys()):
         values = tuple(side.get(key) for side in sides)
         if values[0] != values[1]:
-            return {**dict(zip(names, key, strict=False)), "values": values}
+            return {**dict(zip(names, key, strict=True)), "values": values}
     return None
 
 

@@ -56,7 +56,8 @@ def _event_line(event: tuple[float, int, str] | None) -> str:
 def _reading_line(first: Mapping[str, Any]) -> str:
     values = ", ".join(f"{name} {'has none' if value is None else f'{value:.6g}'}"
                        for name, value in zip("AB", first["values"], strict=True))  # fmt: skip
-    return f"step {first['step']}, node {first['node']}, target {first['target']}: {values}"
+    component = f", component {first['component']}" if "component" in first else ""
+    return f"step {first['step']}, node {first['node']}, target {first['target']}{component}: {values}"
 
 
 def _estimate_line(first: Mapping[str, Any], unit: str) -> str:

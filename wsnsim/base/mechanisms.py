@@ -23,14 +23,16 @@ NOBODY: Final = -1
 class SensorDefect:
     """A fault of some sensors: `offset` is added to their readings, or the readings are stuck at `value`.
 
-    With `value` None a reading is stuck at the last one of the target, or at the first one after the fault began. A
-    defect changes what a node reads, not when it reads (our choice).
+    With `value` None a reading is stuck at the last one of the target, or at the first one after the fault began. Of
+    readings with several components, the one named `component` is defective, or all if it is empty. A defect changes
+    what a node reads, not when it reads (our choice).
     """
 
     nodes: frozenset[int]
     offset: float = 0.0
     stuck: bool = False
     value: float | None = None
+    component: str = ""
 
 
 class FaultServices(Protocol):

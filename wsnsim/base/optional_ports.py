@@ -12,6 +12,7 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 from wsnsim.base.arrays import Bools, Floats, Ints
 from wsnsim.base.estimate import Estimate
 from wsnsim.base.requests import Member
+from wsnsim.base.vector_readings import Reading
 
 
 @lru_cache
@@ -69,10 +70,13 @@ class MeasuresEnergy(Protocol):
 
 @runtime_checkable
 class Ranks(Protocol):
-    """Optional port of a sensor model whose larger measurements do not mean a nearer target: ranks measurements."""
+    """Optional port of a sensor model whose larger measurements do not mean a nearer target: ranks measurements.
 
-    def strength(self, reading: float) -> float:
-        """A number that is larger for a nearer target."""
+    A sensor model whose readings have several components needs it.
+    """
+
+    def strength(self, reading: Reading) -> float:
+        """A number that is larger for a nearer target; the same for all readings that say nothing of the distance."""
 
 
 @runtime_checkable

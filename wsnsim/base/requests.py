@@ -25,7 +25,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from math import isfinite
 from typing import Any, Final, TypeAlias, TypeVar
 
 import numpy as np
@@ -33,6 +32,7 @@ import numpy as np
 from wsnsim.base.arrays import Bools, Floats, Ints
 from wsnsim.base.errors import RunError
 from wsnsim.base.gathered import WITHIN_THE_INSTANT, Gathered, Journeys
+from wsnsim.base.vector_readings import Reading, is_finite
 
 NodeId: TypeAlias = int
 PACKET_BITS: Final = 96
@@ -58,7 +58,7 @@ class Member:
         id: Number of the node.
         position: (2,) in m.
         traits: Constants of its sensor.
-        reading: Its own measurement of this step; None if it has none.
+        reading: Its own measurement of this step, a tuple if it has several components; None if it has none.
         inbox: Parcels of the head that arrived since its last `Local`.
         memory: Its own storage, which lasts as long as the node and the cluster.
         key: A 64-bit integer for random draws; a function of (seed, replicate, target, step, node).
@@ -67,7 +67,7 @@ class Member:
     id: NodeId
     position: Floats
     traits: Floats
-    reading: float | None = None
+    reading: Reading | None = None
     inbox: list[Delivery] = field(default_factory=list)
     memory: dict[str, Any] = field(default_factory=dict)
     key: int = 0
@@ -85,7 +85,7 @@ class Parcel:
     Attributes:
         what: Its name in the event log.
         readings: How many readings of its sender it carries, in whatever form; they count as used once it arrives at
-            the head. None: one if the payload is a number, otherwise none.
+            the head. None: one if the payload is a number or the sender's reading, otherwise none.
     """
 
     payload: Any
@@ -100,7 +100,7 @@ class Parcel:
             return 0
         if self.readings is not None:
             return self.readings
-        return 1 if type(self.payload) in _NUMBERS else 0
+        return 1 if type(self.payload) in _NUMBERS or self.payload is sender.reading else 0
 
 
 @dataclass(slots=True)
@@ -160,15 +160,15 @@ class GatherReadings:
     def __post_init__(self) -> None:
         _demand_deadline(self.deadline)
 
-    def readings_of(self, addressed: Iterable[Member]) -> dict[NodeId, float]:
+    def readings_of(self, addressed: Iterable[Member]) -> dict[NodeId, Reading]:
         """{id: measurement} of the members that send one, in their order."""
         return {
-            member.id: reading for member in addressed if (reading := member.reading) is not None and isfinite(reading)
+            member.id: reading for member in addressed if (reading := member.reading) is not None and is_finite(reading)
         }
 
     def parcel_of(self, member: Member) -> Parcel | None:
         """What a member sends, None if nothing."""
-        if member.reading is None or not isfinite(member.reading):
+        if member.reading is None or not is_finite(member.reading):
             return None
         return Parcel(member.reading, 1, self.packet_bits, self.what, readings=1)
 
@@ -183,7 +183,7 @@ class GatheredReadings:
 
     Attributes:
         ids: (S,) the members whose packets arrived, in the order in which they were addressed.
-        values: (S,) their measurements.
+        values: (S,) their measurements; (S, M) if these have M > 1 components.
         journeys: How the packets came.
     """
 
@@ -192,7 +192,7 @@ class GatheredReadings:
     journeys: Journeys = WITHIN_THE_INSTANT
 
     @classmethod
-    def of(cls, answer: Mapping[NodeId, tuple[float, Bools]]) -> GatheredReadings:
+    def of(cls, answer: Mapping[NodeId, tuple[Reading, Bools]]) -> GatheredReadings:
         """The answer to `GatherReadings.gather()` as arrays."""
         journeys = answer.journeys if isinstance(answer, Gathered) else WITHIN_THE_INSTANT
         return cls(tuple(answer), np.array([value for value, _ in answer.values()], dtype=np.float64), journeys)

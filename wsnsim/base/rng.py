@@ -20,6 +20,8 @@ FIRST: Final = 0xBF58_476D_1CE4_E5B9
 SECOND: Final = 0x94D0_49BB_1331_11EB
 HEAD_KEY: Final = 0xFFFF_FFFF
 """Replaces the number of a node in the draws that a head makes for the whole track."""
+FURTHER_COMPONENTS: Final = 4
+"""The draw that is the noise of the second component of a reading; detection and shadowing take earlier ones."""
 
 
 def name_hash(name: str) -> int:
@@ -73,9 +75,20 @@ def derive_each(keys: Keys, *numbers: Keys) -> Keys:
     return keys
 
 
-def reading_noise(key: int, steps: Ints, nodes: Ints) -> Floats:
-    """Standard normal measurement noise (n,) of nodes at steps, both (n,): a function of (key, step, node) alone."""
-    return normals(derive_each(derive_all(key, steps), nodes.astype(np.uint64)), 0)
+def reading_noise(key: int, steps: Ints, nodes: Ints, components: int = 1) -> Floats:
+    """Standard normal measurement noise of nodes at steps, both (n,): a function of (key, step, node) alone.
+
+    It is (n,), or (n, M) for readings of M > 1 components.
+    """
+    return component_noise(derive_each(derive_all(key, steps), nodes.astype(np.uint64)), components)
+
+
+def component_noise(keys: Keys, components: int) -> Floats:
+    """Standard normal noise of the readings with these keys (n,): (n,), or (n, M) for M > 1 components."""
+    if components == 1:
+        return normals(keys, 0)
+    draws = [0, *range(FURTHER_COMPONENTS, FURTHER_COMPONENTS + components - 1)]
+    return np.stack([normals(keys, draw) for draw in draws], axis=1)
 
 
 def uniforms(keys: Keys, draw: int) -> Floats:

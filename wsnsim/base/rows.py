@@ -16,6 +16,7 @@ from wsnsim.base import metrics
 from wsnsim.base.arrays import Floats
 from wsnsim.base.ports import NO_INNOVATION, Estimate, MotionModel, Recorder, ReportsState, Snapshots
 from wsnsim.base.requests import Member
+from wsnsim.base.vector_readings import Reading
 
 NAN = float("nan")
 
@@ -168,8 +169,8 @@ def deviation_rmse(columns: Mapping[str, Any], motion: MotionModel, truth: Float
     return deviations
 
 
-def write_readings(recorder: Recorder, key: Mapping[str, float], readings: Mapping[int, float]) -> None:
-    """Write the rows of the table `readings` of one step, by node, if they are wanted.
+def write_readings(recorder: Recorder, key: Mapping[str, float], readings: Mapping[int, Reading]) -> None:
+    """Write the rows of the table `readings` of one step, by node, if they are wanted; a row for each component.
 
     Args:
         recorder: Where the rows go.
@@ -178,7 +179,13 @@ def write_readings(recorder: Recorder, key: Mapping[str, float], readings: Mappi
     """
     if readings and recorder.wants("readings"):
         nodes = sorted(readings)
-        recorder.write("readings", {**key, "node": nodes, "reading": [readings[node] for node in nodes]})
+        values = np.array([readings[node] for node in nodes])
+        if values.ndim == 1:
+            recorder.write("readings", {**key, "node": nodes, "reading": values})
+            return
+        count = values.shape[1]
+        of_nodes, components = np.repeat(nodes, count), np.tile(np.arange(count), len(nodes))
+        recorder.write("readings", {**key, "node": of_nodes, "component": components, "reading": values.reshape(-1)})
 
 
 def wants_steps(recorder: Recorder) -> bool:

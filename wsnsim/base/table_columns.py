@@ -209,6 +209,7 @@ TABLES: Final[dict[str, tuple[Column, ...]]] = {
         _STEP,
         _TIME,
         _NODE,
+        _c("component", "u1", "", "number of the component of the reading; left out where readings have one"),
         _c("reading", "f8", "", "reading that the node took, in the unit of the sensor"),
     ),
     "events": (

@@ -36,17 +36,23 @@ MORE_IS_BETTER: Final = ("delivered", "tracked", "tracked_three", "alive", "firs
 
 
 def columns_of(
-    table: str, states: Sequence[tuple[str, str]] = (), position: Sequence[int] | None = None
+    table: str,
+    states: Sequence[tuple[str, str]] = (),
+    position: Sequence[int] | None = None,
+    components: int = 1,
 ) -> tuple[Column, ...]:
-    """The columns of a table for one motion model.
+    """The columns of a table for one motion model and one sensor model.
 
     Args:
         table: Name of the table.
         states: (name, unit) of the model's state columns, which are inserted after `STATE_AFTER[table]`.
         position: Which state columns are the position. Its unit replaces metres; if it is one column, there is no
             `sd_y` and no `cov_xy`.
+        components: Number of components of a reading. If it is one, `readings` has no column `component`.
     """
     columns = TABLES[table]
+    if table == "readings" and components == 1:
+        return tuple(column for column in columns if column.name != "component")
     if table == "covariances":
         return columns + covariance_columns(states)
     if position is not None:

@@ -9,12 +9,12 @@ A sensor model says so by the optional port `VectorReadings`. Without it, a read
 from __future__ import annotations
 
 from functools import lru_cache
-from math import inf, isfinite
+from math import inf, isfinite, nan
 from typing import Any, Final, TypeAlias
 
 import numpy as np
 
-from wsnsim.base.arrays import Floats
+from wsnsim.base.arrays import Bools, Floats
 
 Reading: TypeAlias = float | tuple[float, ...]
 """The reading of one node: a number, or a tuple of M numbers if the sensor's readings have M > 1 components."""
@@ -42,6 +42,8 @@ def rows(sensor: Any, readings: Floats) -> Floats:
     """
     count = len(components_of(sensor))
     shape = readings.shape[1:]
+    if not readings.size:
+        return readings.reshape(0)
     if shape != ((count,) if count > 1 else ()):
         raise ValueError(f"readings of {count} components per node expected, not an array of shape {readings.shape}")
     return readings.reshape(-1)
@@ -76,6 +78,25 @@ def _per_row(periods: tuple[float, ...], nodes: int) -> tuple[Floats, Floats]:
     divisors = np.where(lengths > 0.0, lengths, inf)
     lengths.flags.writeable = divisors.flags.writeable = False
     return lengths, divisors
+
+
+def as_readings(readings: Floats) -> list[Reading]:
+    """The readings of nodes, from an array (n,) or (n, M)."""
+    values: list[Any] = readings.tolist()
+    return values if readings.ndim == 1 else [tuple(each) for each in values]
+
+
+def missing(sensor: Any) -> Reading:
+    """The reading of a node that has none, for arrays: not a number, in each component."""
+    count = len(components_of(sensor))
+    return nan if count == 1 else (nan,) * count
+
+
+def finite(sensor: Any, readings: Floats) -> Bools:
+    """Which readings are finite in all components, (...,) of an array (...,) or (..., M) of this sensor's readings."""
+    each = np.isfinite(readings)
+    known: Bools = each if len(components_of(sensor)) == 1 else np.all(each, axis=-1)
+    return known
 
 
 def is_finite(reading: Reading) -> bool:

@@ -1,7 +1,7 @@
 """Track initiation: from a prior around the true start, and from readings alone.
 
 draw(start (D,), rng) -> Estimate
-estimate(readings (S,), positions (S, 2), traits (S, T), sensor, motion, prior) -> Estimate
+estimate(readings (S,) or (S, M), positions (S, 2), traits (S, T), sensor, motion, prior) -> Estimate
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Estimate, MotionModel, SensorModel
 from wsnsim.base.requests import PACKET_BITS
 from wsnsim.base.setups import NetworkSetup, TrackingSetup
+from wsnsim.base.vector_readings import finite, near, rows
 from wsnsim.models.bounds import DEVIATION, STATE
 
 DEVIATIONS = (5.0, 3.0, 5.0, 3.0)
@@ -58,8 +59,9 @@ class FromReadings:
     """A new track from readings: the position from their likelihood, the other columns from the spread of the prior.
 
     Our choice; Jiang, Song, Lin (2013) has no reacquisition. Mean and covariance of the position are those of its
-    likelihood on a lattice that shrinks around them. One reading gives a ring around its node, two give the two
-    crossings of their rings, many give the inverse of the Fisher information. Beyond `outlier` standard deviations the
+    likelihood on a lattice that shrinks around them. One reading of a distance gives a ring around its node, two give
+    the two crossings of their rings; one bearing gives a wedge, two cross; many give the inverse of the Fisher
+    information. Beyond `outlier` standard deviations the
     log-likelihood of a reading falls with the logarithm of its deviation only (Student's t instead of a Gaussian), so
     that the other readings outweigh a few false ones.
     """
@@ -97,7 +99,7 @@ class FromReadings:
         Readings that are not finite are ignored; if none remains, the target may be anywhere around the nodes. Columns
         other than the position have mean 0 and the mean square of the prior, mean² + variance.
         """
-        known, columns = np.isfinite(readings), list(motion.position)
+        known, columns = finite(sensor, readings), list(motion.position)
         point, spread = self._locate(
             readings[known], positions[known], traits[known], sensor, _box(positions[:, : len(columns)], sensor.reach)
         )
@@ -147,7 +149,8 @@ class FromReadings:
         """(N,) log-likelihood of the readings at points (P, N), with the tails of Student's t."""
         means, _, variances = sensor.linearise(points, positions, traits)
         limit = self.outlier**2
-        squares = limit * np.log1p((readings[:, None] - means) ** 2 / (limit * variances))
+        measured = near(sensor, rows(sensor, readings)[:, None], means)
+        squares = limit * np.log1p((measured - means) ** 2 / (limit * variances))
         total: Floats = -0.5 * (squares + np.log(variances)).sum(axis=0)
 
         return total

@@ -12,13 +12,15 @@ from collections.abc import Iterator
 from math import hypot, inf, isinf
 from typing import Annotated, ClassVar, Final
 
-from wsnsim.base.errors import Issue
+from wsnsim.base.errors import Issue, did_you_mean
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Field
 from wsnsim.base.setups import BeaconSetup, RadioSetup, Setup, TrackingSetup
+from wsnsim.base.vector_readings import components_of
 from wsnsim.models.bounds import MOST_NODES, PLACE
 
 TIME: Final = Quantity("s", ge=0.0, le=1e9)
+COMPONENT: Final = "the component of readings that it concerns, such as bearing; left out: all"
 SELECTORS: Final = ("nodes", "fraction", "region", "head")
 
 
@@ -175,11 +177,13 @@ class Stuck(Aimed):
         Quantity("", ge=-1e18, le=1e18),
         "the stuck reading, in the unit of readings; left out: the last reading",
     ] = None
+    component: Annotated[str, COMPONENT] = ""
 
     def check(self, setup: Setup) -> Iterator[Issue]:
-        """Yield the issues of every fault, and one for a network without readings."""
+        """Yield the issues of every fault, and one for a network without readings, or without that component."""
         yield from Aimed.check(self, setup)
         yield from _without_readings(setup)
+        yield from _wrong_component(self.component, setup, one_unit=self.value is None)
 
 
 @part
@@ -189,16 +193,32 @@ class Bias(Aimed):
     mechanism: ClassVar[str] = "bias"
 
     offset: Annotated[float, Quantity("", ge=-1e18, le=1e18), "the constant, in the unit of readings"]
+    component: Annotated[str, COMPONENT] = ""
 
     def check(self, setup: Setup) -> Iterator[Issue]:
-        """Yield the issues of every fault, and one for a network without readings."""
+        """Yield the issues of every fault, and one for a network without readings, or without that component."""
         yield from Aimed.check(self, setup)
         yield from _without_readings(setup)
+        yield from _wrong_component(self.component, setup, one_unit=False)
 
 
 def _without_readings(setup: Setup) -> Iterator[Issue]:
     if isinstance(setup, BeaconSetup):
         yield _fault("kind", "has no effect in a network without a target: it has no readings")
+
+
+def _wrong_component(component: str, setup: Setup, one_unit: bool) -> Iterator[Issue]:
+    """Yield an issue for a component that readings lack, and for none where a number needs the unit of one.
+
+    `one_unit`: whether all components may be meant at once, whatever their units.
+    """
+    if not isinstance(setup, TrackingSetup):
+        return
+    names = components_of(setup.sensor)
+    if component and component not in names:
+        yield _fault("component", f"unknown component '{component}' of a reading ({did_you_mean(component, names)})")
+    elif not component and len(names) > 1 and not one_unit:
+        yield _fault("component", f"readings have the components {', '.join(names)}: name the one that is meant")
 
 
 def _fault(key: str, message: str) -> Issue:

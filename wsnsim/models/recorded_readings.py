@@ -19,6 +19,7 @@ from wsnsim.base.part import OfRole, Quantity, part
 from wsnsim.base.ports import LimitsReadings, Recording, Replays, SensorModel
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.base.traits import recorded_traits
+from wsnsim.base.vector_readings import near
 from wsnsim.models.csvfile import SKIPPING, BadRow, CsvRows, Wanted, bad_rows_text, demand_digest, read_rows, row_texts
 from wsnsim.models.recorded_issues import recorded_issues
 from wsnsim.models.repeated_readings import RepeatedReadings
@@ -60,10 +61,10 @@ class RecordedSensor:
     Rows may stand in any order. A reading at the time t belongs to the first step k with k dt >= t - `time_origin`, so
     that no step uses a reading of the future; those before the origin belong to step 0, those after the last step are
     not used. A node without a reading in a step is silent. Of several readings of a node in a step, the `mean` or the
-    `last` counts as one reading, or `all` enter the likelihood: the mean of n readings, with the variance R / n. Nodes
-    are known by the names that the deployment gives them, else by their numbers. No reading is sampled, and where the
-    target is plays no part in who has one. `law` is what filters, heads and bounds take the readings to follow. All of
-    this is our choice.
+    `last` counts as one reading, or `all` enter the likelihood: the mean of n readings, with the variance R / n. The
+    mean of angles is that of their values nearest to the first of them. Nodes are known by the names that the
+    deployment gives them, else by their numbers. No reading is sampled, and where the target is plays no part in who
+    has one. `law` is what filters, heads and bounds take the readings to follow. All of this is our choice.
     """
 
     path: Annotated[str, "CSV file, also .gz, with a header that names time, node and reading; more are ignored"]
@@ -173,6 +174,8 @@ class RecordedSensor:
             readings[cells] = values  # of equal indices, the last value stays
         else:
             heard = counts > 0
+            readings[cells[::-1]] = values[::-1]  # of equal indices, the first value stays
+            values = near(self.law, values, readings[cells])
             readings[heard] = np.bincount(cells, values, minlength=len(counts))[heard] / counts[heard]
         return Recording(readings.reshape(shape), counts.reshape(shape))
 

@@ -28,6 +28,7 @@ from wsnsim.base.rows import wants_steps
 from wsnsim.base.setups import NetworkSetup, Setup, TrackingSetup
 from wsnsim.base.shadowing import path_shadowing
 from wsnsim.base.standalone import StandaloneBlock, StandaloneRun, WholeRuns, offers_whole_runs
+from wsnsim.base.vector_readings import components_of
 from wsnsim.offline import block_rows
 from wsnsim.offline.block_rows import FollowedTarget
 from wsnsim.offline.measurements import HEAD, recording, sample_readings, with_shadowing
@@ -42,8 +43,13 @@ MOST_NUMBERS: Final = 4_000_000
 
 
 def offers_batch(setup: Setup) -> bool:
-    """Whether the batch engine might run a scenario: no network, a tracker that offers whole runs, constant traits."""
+    """Whether the batch engine might run a scenario.
+
+    It does without a network, with a tracker that offers whole runs, constant traits, and readings of one component.
+    """
     if not isinstance(setup, TrackingSetup) or isinstance(setup, NetworkSetup):
+        return False
+    if len(components_of(setup.sensor)) > 1:
         return False
     return offers_whole_runs(setup.tracker) and not (setup.recorded and setup.recorded.counted)
 

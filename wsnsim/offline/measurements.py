@@ -14,6 +14,7 @@ from wsnsim.base.requests import Member
 from wsnsim.base.rng import HEAD_KEY, Streams, derive, derive_all, derive_each, reading_noise
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.base.shadowing import PathShadowing, path_shadowing
+from wsnsim.base.vector_readings import Reading, as_readings, components_of, finite
 
 HEAD: Final = 0
 """The sensor that is the head of the cluster for the whole run."""
@@ -50,8 +51,9 @@ class OfflineCluster:
         if ids != before:
             self._ids, self._rows = ids, np.array(ids, dtype=np.int64)
         traits = self._traits_at(step)
+        measuring = set(ids)
         for member, value, key in zip(self.members.values(), block.readings[row], block.keys[row], strict=True):
-            member.reading, member.key = None if value != value else value, key
+            member.reading, member.key = value if member.id in measuring else None, key
         return Scene(
             time=step * setup.dt,
             step=step,
@@ -90,12 +92,12 @@ class OfflineCluster:
             numbers = np.arange(step, step + len(readings))
             nodes = np.arange(len(self.members), dtype=np.uint64)
             keys = derive_each(derive_all(self._track_key, numbers)[:, None], nodes[None, :])
-            ids = [tuple(np.flatnonzero(known).tolist()) for known in np.isfinite(readings)]
-            self._block = _Block(step, ids, readings.tolist(), keys.tolist())
+            ids = [tuple(np.flatnonzero(known).tolist()) for known in finite(self._setup.sensor, readings)]
+            self._block = _Block(step, ids, [as_readings(values) for values in readings], keys.tolist())
         return self._block
 
     def _readings(self, first: int) -> Floats:
-        """(T, S) the measurements of the steps from `first` on; NaN where a sensor has none."""
+        """(T, S) or (T, S, M) the measurements of the steps from `first` on; NaN where a sensor has none."""
         steps = slice(first, first + self._length)
         if self._recorded is not None:
             return self._recorded[steps]
@@ -112,7 +114,7 @@ class _Block(NamedTuple):
 
     first: int
     ids: list[tuple[int, ...]]
-    readings: list[list[float]]
+    readings: list[list[Reading]]
     keys: list[list[int]]
 
 
@@ -139,6 +141,8 @@ def sample_readings(
 ) -> Floats:
     """(T, S) measurements of a target at points (T, P) by sensors at positions (S, 2); NaN out of range.
 
+    Measurements of M > 1 components are (T, S, M).
+
     Args:
         sensor: The sensor model.
         points: Position of the target at the steps from `first` on.
@@ -152,8 +156,9 @@ def sample_readings(
     else:
         apart = planar(points)[:, None, :] - positions[None, :, :]
         detecting = np.hypot(apart[..., 0], apart[..., 1]) <= sensor.reach
-    readings = np.full(detecting.shape, np.nan)
+    count = len(components_of(sensor))
+    readings = np.full(detecting.shape if count == 1 else (*detecting.shape, count), np.nan)
     steps, nodes = np.nonzero(detecting)
-    noise = reading_noise(key, first + steps, nodes)
+    noise = reading_noise(key, first + steps, nodes, count)
     readings[steps, nodes] = sensor.measure(points[steps], positions[nodes], traits[nodes], noise)
     return readings

@@ -45,7 +45,11 @@ def recover(tmp: str | Path, out: str | Path | None = None) -> Path:
 def _copy(content: Content, tmp: Path, final: Path) -> None:
     held, copied = {table: content.group(table) for table in TABLES if table in content.names}, 0
     wanted = dict.fromkeys(held, True)
-    with ResultFile(final, states_of(content), wanted, position=position_of(content), status=PARTIAL) as result:
+    components = 2 if "readings" in held and "component" in column_names(content, held["readings"]) else 1
+    file = ResultFile(
+        final, states_of(content), wanted, position=position_of(content), components=components, status=PARTIAL
+    )
+    with file as result:
         if words := _words(content, held, "events", "what"):
             result.words = words
         if words := _words(content, held, "tracker_state", "name"):

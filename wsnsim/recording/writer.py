@@ -47,6 +47,7 @@ class ResultFile:
         states: names and units of the motion model's state.
         wanted: whether a table is kept; rows of other tables are dropped.
         position: indices of the position in the state.
+        components: number of components of a reading: `readings` has the column `component` if there are several.
         status: status of the complete file.
 
     Raises:
@@ -60,6 +61,7 @@ class ResultFile:
         wanted: Mapping[str, bool],
         *,
         position: Sequence[int] | None = None,
+        components: int = 1,
         status: str = COMPLETE,
     ) -> None:
         unknown = wanted.keys() - TABLES.keys()
@@ -69,6 +71,7 @@ class ResultFile:
         self.state_names = Words(())
         self._states = tuple(states)
         self._position = None if position is None else tuple(position)
+        self._components = components
         self._wanted = tuple(table for table in TABLES if wanted.get(table, False))
         self._status = status
         self._buffers: dict[str, TableBuffer] = {}
@@ -138,7 +141,7 @@ class ResultFile:
         if self._position is not None:
             attributes["position"] = list(self._position)
         for table in self._wanted:
-            columns = columns_of(table, self._states, self._position)
+            columns = columns_of(table, self._states, self._position, self._components)
             self._buffers[table] = TableBuffer(self._file.create_group(table), columns)
         self._file.flush()
 

@@ -15,13 +15,12 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from wsnsim.base.deprecation import uses_former
-from wsnsim.base.errors import Issue, RunError, ScenarioError
+from wsnsim.base.errors import Issue, ScenarioError
+from wsnsim.scenario.abilities import missing_abilities
 from wsnsim.scenario.kinds import AT_TOP
-from wsnsim.scenario.plugin_access import Plugins
-from wsnsim.scenario.registry import ROLES, Role, find, kinds, load_class
+from wsnsim.scenario.registry import ROLES, Role, find
 
 if TYPE_CHECKING:
-    from wsnsim.base.ports import Deployment
     from wsnsim.base.setups import BeaconSetup, Setup, TrackingSetup
     from wsnsim.scenario.schema import Scenario
 
@@ -163,7 +162,7 @@ def _issues(scenario: Scenario, setup: TrackingSetup | BeaconSetup, components: 
     }
     yield from sorted(found, key=lambda issue: ([str(key) for key in issue.path], issue.message))
     if isinstance(setup, TrackingSetup):
-        yield from _missing_abilities(scenario, setup)
+        yield from missing_abilities(scenario, setup)
         yield from _other_columns(scenario, setup)
 
 
@@ -201,61 +200,3 @@ def _other_columns(scenario: Scenario, setup: TrackingSetup) -> Iterator[Issue]:
         if motion.columns != first:
             names = " ".join(motion.columns), " ".join(first)
             yield Issue(path, f"its state is ({names[0]}), the first target's ({names[1]}): all must have the same")
-
-
-def _missing_abilities(scenario: Scenario, setup: TrackingSetup) -> Iterator[Issue]:
-    """Yield an issue for each ability that the tracker needs, or assumes, and the sensor does not have."""
-    from wsnsim.base.traits import HEIGHT, may_have_gains, samples_gains
-
-    sensor, tracker = scenario.sensor, scenario.tracker  # type: ignore[attr-defined]
-    for ability in getattr(setup.tracker, "needs", ()):
-        if not callable(getattr(setup.filter_sensor, ability, None)):
-            allowed = scenario.spot(("tracker", "kind")).origin.plugins
-            able = ", ".join(_kinds_with("sensor", ability, allowed)) or "none that is known"
-            yield Issue(
-                ("tracker", "kind"),
-                f"{tracker.kind} needs a sensor that gives '{ability}', and {sensor.kind} does not; it can use: {able}",
-            )
-    if tracker.assumes.gains != "known" and not may_have_gains(setup.sensor):
-        yield Issue(("tracker", "assumes", "gains"), f"{sensor.kind} has no gains that could be unknown")
-    elif tracker.assumes.gains == "estimated":
-        yield from _cannot_estimate_gains(scenario, setup)
-    elif tracker.assumes.gains == "known" and setup.recorded is not None and samples_gains(setup.sensor):
-        listed = "list them (sensor.law.gains)" if hasattr(setup.sensor, "gains") else "set sensor.law.gain_spread: 0"
-        message = f"the gains of nodes whose readings were recorded are not known: {listed}, or say unknown"
-        yield Issue(("tracker", "assumes", "gains"), f"{message} or estimated")
-    if HEIGHT in setup.sensor.trait_names and _lacks_heights(setup.deploy):
-        able = "kind: file has them, in its column z"
-        yield Issue(("deploy",), f"the sensor's law needs the heights of the nodes: {able}")
-
-
-def _lacks_heights(deploy: Deployment) -> bool:
-    """Whether a deployment knows no heights; one whose file cannot be read says so itself."""
-    try:
-        return getattr(deploy, "heights", None) is None
-    except RunError:
-        return False
-
-
-def _cannot_estimate_gains(scenario: Scenario, setup: TrackingSetup) -> Iterator[Issue]:
-    """Yield an issue if the tracker does not estimate gains, or the sensor's gains cannot be taken off a reading."""
-    sensor, tracker = scenario.sensor, scenario.tracker  # type: ignore[attr-defined]
-    path, allowed = ("tracker", "assumes", "gains"), scenario.spot(("tracker", "kind")).origin.plugins
-    if not getattr(setup.tracker, "estimates_gains", False):
-        able = ", ".join(_kinds_with("tracker", "estimates_gains", allowed))
-        yield Issue(path, f"{tracker.kind} keeps no gains of sensors beside the state; these do: {able}")
-    if not hasattr(setup.filter_sensor, "gain_prior"):
-        able = ", ".join(_kinds_with("sensor", "gain_prior", allowed))
-        yield Issue(
-            path, f"gains of {sensor.kind} are factors of the signal, which no filter estimates; it can: {able}"
-        )
-
-
-def _kinds_with(role: str, ability: str, allowed: Plugins) -> Iterator[str]:
-    """Yield the kinds of a role whose class has something of this name, and that the scenario might name."""
-    for info in kinds(role).values() if allowed else ROLES[role].kinds:
-        try:
-            if getattr(load_class(info), ability, None):
-                yield info.kind
-        except ImportError:
-            continue

@@ -35,7 +35,7 @@ from wsnsim.testing.faults import check_fault
 from wsnsim.testing.isolation import Isolation
 from wsnsim.testing.macs import check_mac
 from wsnsim.testing.privacy import examine, same
-from wsnsim.testing.table import FIRST, SECOND, Table, track
+from wsnsim.testing.table import FIRST, SECOND, Table, another, track
 from wsnsim.testing.wakeups import check_wakeup
 from wsnsim.testing.whole_runs import demand_whole_runs
 from wsnsim.testing.workloads import check_workload
@@ -172,7 +172,7 @@ def _check_cycles(cycles: float) -> None:
 
 def _demand_silence(tracker: Tracker[Any], models: Models) -> None:
     heads = (FIRST[0], SECOND[0])
-    loud = Table(*models, alter=lambda node, value: value if node in heads else 1.7 * value + 0.3)
+    loud = Table(*models, alter=lambda node, value: value if node in heads else another(value))
     quiet = list(track(tracker, Table(*models), silent))
     assert _all_equal(quiet, list(track(tracker, loud, silent))), (
         "in a silent network the belief depends on readings of other members"
@@ -191,7 +191,7 @@ def _demand_isolation(
     tracker: Tracker[Any], models: Models, record: Isolation, believed: list[Estimate], altered: frozenset[int]
 ) -> None:
     """Repeat a recorded track with other readings at some members; the head gets what it got before."""
-    table = Table(*models, alter=lambda node, value: 1.7 * value + 0.3 if node in altered else value)
+    table = Table(*models, alter=lambda node, value: another(value) if node in altered else value)
     again = Isolation(table.known, record.gathered, altered)
     assert _all_equal(believed, list(track(tracker, table, answer=again.answer))), (
         f"the same parcels arrived, and the belief depends on readings of nodes {sorted(altered)} that were not in them"

@@ -15,6 +15,7 @@ import numpy as np
 
 from wsnsim.base.requests import Local, Member, Request
 from wsnsim.base.rng import derive
+from wsnsim.testing.table import another
 
 
 def examine(request: Request, members: dict[int, Member]) -> None:
@@ -75,7 +76,7 @@ def _state(member: Member) -> Any:
 def _poison(member: Member) -> None:
     """Change all values of a member in place, so that work which reads them indirectly sees the change."""
     if member.reading is not None:
-        member.reading = 1.7 * member.reading + 0.3
+        member.reading = another(member.reading)
     member.key = derive(member.key, 99)
     member.inbox = []
     for array in _arrays(member.memory):

@@ -15,7 +15,8 @@ from wsnsim.base.arrays import Floats, planar
 from wsnsim.base.packet_joules import PacketJoules
 from wsnsim.base.ports import Estimate, Field, MotionModel, Scene, SensorModel, Tracker
 from wsnsim.base.requests import Member, Request
-from wsnsim.base.rng import derive, derive_all, normals
+from wsnsim.base.rng import component_noise, derive, derive_all
+from wsnsim.base.vector_readings import Reading, as_readings, components_of
 from wsnsim.models.energy import FirstOrder
 from wsnsim.offline.loopback import Answer, Lose, perfect, perform
 
@@ -45,7 +46,7 @@ class Table:
     motion: MotionModel
     sensor: SensorModel
     seed: int
-    alter: Callable[[int, float], float] | None = None
+    alter: Callable[[int, Reading], Reading] | None = None
     sensing: tuple[int, ...] = ()
     truth: Floats = field(init=False)
     places: dict[int, Floats] = field(init=False)
@@ -117,10 +118,18 @@ class Table:
         traits = np.array([self.traits[node] for node in ids]).reshape(len(ids), len(self.sensor.trait_names))
         return positions, traits
 
-    def _reading(self, member: Member, point: Floats) -> float:
-        noise = normals(derive_all(member.key, np.array([7])), 0)
-        value = float(self.sensor.measure(point[None], member.position[None], member.traits[None], noise)[0])
+    def _reading(self, member: Member, point: Floats) -> Reading:
+        noise = component_noise(derive_all(member.key, np.array([7])), len(components_of(self.sensor)))
+        measured = self.sensor.measure(point[None], member.position[None], member.traits[None], noise)
+        value = as_readings(measured)[0]
         return value if self.alter is None else self.alter(member.id, value)
+
+
+def another(reading: Reading) -> Reading:
+    """Another reading that is as possible."""
+    if isinstance(reading, tuple):
+        return tuple([1.7 * value + 0.3 for value in reading])
+    return 1.7 * reading + 0.3
 
 
 Watch = Callable[[Request, dict[int, Member]], None]

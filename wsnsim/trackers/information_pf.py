@@ -19,6 +19,7 @@ from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Estimate, Scene
 from wsnsim.base.requests import Compute, Flow, Member, Send
 from wsnsim.base.setups import NetworkSetup
+from wsnsim.base.vector_readings import near, rows
 from wsnsim.kernels import gaussian
 from wsnsim.kernels.noise import particle_keys
 from wsnsim.kernels.particles import moments, weigh
@@ -85,6 +86,8 @@ class InformationPf:
     state: ClassVar[str] = "particles in the head, each with a covariance"
     messages: ClassVar[str] = "a reading up per member"
     variants: ClassVar[str] = "proposal per_particle|local|cloud, handover particles|gaussian"
+    angles: ClassVar[bool] = True
+    vector_readings: ClassVar[bool] = True
 
     particles: Annotated[int, Quantity("", ge=1, le=10**7), "N_p: particles"] = 400
     proposal: Annotated[
@@ -220,8 +223,10 @@ class InformationPf:
         means = motion.advance(before, scene.dt, scene.previous)
         log_prior = _log_predictive(means, covs) if self.proposal == "cloud" else _log_transition(before, scene)
         columns = np.array(motion.position)
-        linear = scene.sensor.linearise(means[columns], seen.positions, seen.traits)
-        gaussian.update(means, covs, *linear, seen.readings, columns)
+        expected, gradients, variances = scene.sensor.linearise(means[columns], seen.positions, seen.traits)
+        measured = rows(scene.sensor, seen.readings)
+        expected = near(scene.sensor, expected, measured[:, None])
+        gaussian.update(means, covs, expected, gradients, variances, measured, columns)
         return Proposal(means, covs, log_prior, log_weights)
 
 

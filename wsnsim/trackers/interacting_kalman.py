@@ -17,6 +17,7 @@ from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Estimate, Scene
 from wsnsim.base.requests import Compute, Flow, Send
 from wsnsim.base.standalone import BlockEstimates, StandaloneBlock
+from wsnsim.base.vector_readings import near
 from wsnsim.kernels.relay import filter_each, mix
 from wsnsim.trackers.shared.heads import GaussianBelief, HeadFilter
 from wsnsim.trackers.shared.moments import predicted
@@ -56,6 +57,7 @@ class InteractingKalman(HeadFilter):
     state: ClassVar[str] = "mean, covariance and probability of one filter per sensor, in the head"
     messages: ClassVar[str] = "a reading up per member"
     variants: ClassVar[str] = "mixing corrected|printed"
+    vector_readings: ClassVar[bool] = False
 
     stay: Annotated[float, Quantity("", ge=0, le=1), "diagonal of M; the other entries are equal"] = 0.93
     mixing: Annotated[Literal["corrected", "printed"], "whether eq. 23 weights the covariances"] = "corrected"
@@ -105,6 +107,7 @@ class InteractingKalman(HeadFilter):
             means, covs = np.ascontiguousarray(motion.advance(mixed, scene.dt, now)), spreads
             linear = linearised(means[place], scene.sensor, scene.positions, scene.traits)
             heard = readings if step == scene.steps - 1 else np.full(readings.size, np.nan)
+            heard = near(scene.sensor, heard, np.diagonal(linear[0]))
             filter_each(means, covs, chances, each, noise, *linear, heard, place, self.stay, True, mean, cov)
         return InteractingBelief(mean, cov, scene.head, ids=belief.ids, means=means, covs=covs, probabilities=chances)
 

@@ -96,6 +96,8 @@ class MixturePf(HeadFilter):
     messages: ClassVar[str] = "a reading up per member"
     variants: ClassVar[str] = ""
     needs: ClassVar[tuple[str, ...]] = ("ranges",)
+    angles: ClassVar[bool] = False
+    vector_readings: ClassVar[bool] = False
     """Methods that its sensor must have in addition to the port's."""
 
     particles: Annotated[int, Quantity("", ge=1, le=1_000_000), "N_p: particles"] = 1500

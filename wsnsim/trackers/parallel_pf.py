@@ -99,6 +99,8 @@ class ParallelPf:
         "readings up and down; weights and a mean up; counts down and surplus particles when resampling"
     )
     variants: ClassVar[str] = "measurements all|own, handover particles|gaussian"
+    angles: ClassVar[bool] = True
+    vector_readings: ClassVar[bool] = True
 
     particles: Annotated[int, Quantity("", ge=1, le=10**7), "N_p: total number of particles"] = 400
     measurements: Annotated[Literal["all", "own"], "readings that a member uses for its weights"] = "all"

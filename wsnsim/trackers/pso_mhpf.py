@@ -80,6 +80,8 @@ class PsoMhpf:
         "estimate_when after|before, resample_first, resample_always, fusion share|inverse_variance, feedback, "
         "handover particles|gaussian"
     )
+    angles: ClassVar[bool] = True
+    vector_readings: ClassVar[bool] = True
 
     particles: Annotated[int, Quantity("", ge=1, le=10**7), "N_p: total number of particles"] = 400
     iterations: Annotated[int, Quantity("", ge=0), "moves of the swarm per step"] = 2

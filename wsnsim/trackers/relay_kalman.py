@@ -17,6 +17,7 @@ from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Estimate, Scene
 from wsnsim.base.requests import Compute, Flow, Send
 from wsnsim.base.standalone import BlockEstimates, StandaloneBlock
+from wsnsim.base.vector_readings import near
 from wsnsim.kernels.relay import filter_each
 from wsnsim.trackers.shared.heads import GaussianBelief, HeadFilter
 from wsnsim.trackers.shared.moments import predicted
@@ -60,6 +61,7 @@ class RelayKalman(HeadFilter):
     state: ClassVar[str] = "mean, covariance and one probability per sensor, in the head"
     messages: ClassVar[str] = "a reading up per member"
     variants: ClassVar[str] = "spread false|true"
+    vector_readings: ClassVar[bool] = False
 
     stay: Annotated[float, Quantity("", ge=0, le=1), "diagonal of M; the other entries are equal"] = 0.93
     spread: Annotated[bool, "whether the covariance includes the spread of the updated means"] = False
@@ -81,6 +83,7 @@ class RelayKalman(HeadFilter):
             chances = chances.copy()
             place = np.array(scene.motion.position)
             linear = linearised(mean[place, None], scene.sensor, scene.positions, scene.traits)
+            readings = near(scene.sensor, readings, linear[0][:, 0])
             mean, cov = self._updated(mean, cov, chances, readings, linear, place, scene.steps)
         return RelayBelief(mean, cov, scene.head, ids=scene.ids, probabilities=chances)
 

@@ -66,6 +66,8 @@ class Trilateration(HeadFilter):
     messages: ClassVar[str] = "a reading up per member"
     variants: ClassVar[str] = ""
     needs: ClassVar[tuple[str, ...]] = ("ranges",)
+    angles: ClassVar[bool] = False
+    vector_readings: ClassVar[bool] = False
     """Methods that its sensor must have in addition to the port's."""
 
     floor: Annotated[

@@ -31,6 +31,7 @@ from wsnsim.base.requests import (
     Scatter,
     Send,
 )
+from wsnsim.base.vector_readings import Reading
 from wsnsim.network.clusters.collection import Collection
 from wsnsim.network.clusters.processors import Processors
 from wsnsim.network.nodes import Nodes
@@ -85,7 +86,7 @@ class Driver:
         self._members = members
         self._collection = Collection(services.env, services.transport, target, head, window, one_hop)
         self.readings = 0
-        self.heard: dict[int, float] = {}
+        self.heard: dict[int, Reading] = {}
         self.hops = 0
 
     @property
@@ -164,7 +165,7 @@ class Driver:
     def _gather(self, request: Gather) -> Generator[simpy.Event, Any, Gathered]:
         nodes: list[int] = []
         parcels: list[Parcel] = []
-        readings: dict[int, tuple[float, int]] = {}
+        readings: dict[int, tuple[Reading, int]] = {}
         for member in self._addressed(request.who):
             parcel = request.parcel_of(member)
             if parcel is not None:

@@ -9,6 +9,7 @@ import simpy
 from wsnsim.base.arrays import Bools
 from wsnsim.base.clustering import ClusterPolicy
 from wsnsim.base.ports import Ranks, SensorModel
+from wsnsim.base.vector_readings import Reading
 
 
 class Election:
@@ -20,7 +21,12 @@ class Election:
     """
 
     def __init__(
-        self, closed: simpy.Event, step: int, strengths: Mapping[int, float], policy: ClusterPolicy, sensor: SensorModel
+        self,
+        closed: simpy.Event,
+        step: int,
+        strengths: Mapping[int, Reading],
+        policy: ClusterPolicy,
+        sensor: SensorModel,
     ) -> None:
         self.closed = closed
         self.step = step
@@ -46,13 +52,17 @@ class Election:
         self._pending.discard(node)
         if not self._pending and not self.closed.triggered:
             ids = sorted(self._heard)
-            strengths = [self._strength(self.strengths[i]) for i in ids]
+            strengths = [strength_of(self._sensor, self.strengths[i]) for i in ids]
             self.closed.succeed(self._policy.elect(ids, strengths, [True] * len(ids)) if ids else None)
 
-    def _strength(self, reading: float) -> float:
-        """How near a reading says the target is; most sensors read more where it is nearer."""
-        return self._sensor.strength(reading) if isinstance(self._sensor, Ranks) else reading
-
-    def readings_at(self, node: int) -> dict[int, float]:
+    def readings_at(self, node: int) -> dict[int, Reading]:
         """{candidate: reading} that a candidate knows after the election."""
         return {i: self.strengths[i] for i, heard in sorted(self._heard.items()) if i == node or node in heard}
+
+
+def strength_of(sensor: SensorModel, reading: Reading) -> float:
+    """How near a reading says the target is; most sensors read more where it is nearer."""
+    if isinstance(sensor, Ranks):
+        return sensor.strength(reading)
+    assert not isinstance(reading, tuple), "a sensor model whose readings have several components ranks them"
+    return reading

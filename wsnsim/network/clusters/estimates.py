@@ -11,6 +11,7 @@ import numpy as np
 
 from wsnsim.base.ports import Estimate, Recorder, Scene
 from wsnsim.base.rows import Issued, wants_belief, write_belief
+from wsnsim.base.vector_readings import Reading
 from wsnsim.network.clusters.cluster import Cluster
 from wsnsim.network.clusters.driver import Driver
 from wsnsim.network.clusters.network_view import NetworkView
@@ -27,7 +28,7 @@ class Estimates:
     recorder: Recorder
     replicate: int
 
-    def initial(self, track: Track, readings: Mapping[int, float]) -> Estimate:
+    def initial(self, track: Track, readings: Mapping[int, Reading]) -> Estimate:
         """The estimate from which a track is initiated, given {node: reading}."""
         setup, at = self.network.setup, self.network.nodes
         nodes = np.array(sorted(readings), dtype=np.int64)

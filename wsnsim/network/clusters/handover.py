@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from wsnsim.base.vector_readings import Reading
+
 
 @dataclass(frozen=True, slots=True)
 class Handover:
@@ -26,13 +28,13 @@ class Handover:
     successor: int
     belief_step: int
     belief: Any = None
-    readings: Mapping[int, float] | None = None
+    readings: Mapping[int, Reading] | None = None
     previous_head: int = -1
     hops: int = 0
     bits: int = 0
     elected: bool = False
     at_once: bool = False
-    detected: Mapping[int, float] | None = None
+    detected: Mapping[int, Reading] | None = None
     wakes_nodes: bool = False
     last_sensed: float = 0.0
     belief_time: float | None = None

@@ -9,6 +9,7 @@ from typing import Any
 import simpy
 
 from wsnsim.base.requests import PACKET_BITS, Parcel
+from wsnsim.base.vector_readings import Reading
 from wsnsim.network.clusters.driver import HeadDied
 from wsnsim.network.clusters.network_view import NetworkView
 from wsnsim.network.radio.transport import Datagram, Transport
@@ -50,7 +51,7 @@ class HeadMessages:
             raise HeadDied
         return [node for node in sorted(burst.received) if alive[node]]
 
-    def readings_of_everyone(self, target: int, head: int) -> Generator[simpy.Event, Any, dict[int, float]]:
+    def readings_of_everyone(self, target: int, head: int) -> Generator[simpy.Event, Any, dict[int, Reading]]:
         """Let every sensing node send its reading to the head; return {node: reading} of what arrived."""
         readings = self.network.readings[target]
         datagrams = [Datagram(node, head, Parcel(value, 1, PACKET_BITS, "reading")) for node, value in readings.items()]

@@ -19,6 +19,7 @@ import simpy
 from wsnsim.base.clustering import MovingPolicy
 from wsnsim.base.ports import Portable
 from wsnsim.base.requests import Parcel
+from wsnsim.base.vector_readings import Reading
 from wsnsim.network.clusters.cluster import Cluster
 from wsnsim.network.clusters.driver import Driver
 from wsnsim.network.clusters.handover import Handover, LastClusterDone, TrackLost
@@ -84,7 +85,7 @@ class MovingHeadProtocol:
     def _cluster(self, track: Track, head: int, joined: list[int]) -> Cluster:
         return Cluster(self._network, track.target, head, joined, keys_ahead=1)
 
-    def _initiate(self, lead: Lead, detected: Mapping[int, float]) -> Waiting:
+    def _initiate(self, lead: Lead, detected: Mapping[int, Reading]) -> Waiting:
         """Tell the neighbours of a target without a track; those that sense it answer. The track starts from that.
 
         `detected`: {node: reading} of all nodes that are awake and sense the target at this instant.
@@ -150,7 +151,7 @@ class MovingHeadProtocol:
         listeners = yield from self._ask(lead, "request")
         return [node for node in listeners if node in readings[track.target]]
 
-    def _log_sensing(self, track: Track, nodes: Iterable[int], readings: Mapping[int, float]) -> None:
+    def _log_sensing(self, track: Track, nodes: Iterable[int], readings: Mapping[int, Reading]) -> None:
         for node in nodes:
             if node in readings:
                 self._log.add("sense", track.target, node)

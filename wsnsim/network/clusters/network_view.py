@@ -11,6 +11,7 @@ import numpy as np
 from wsnsim.base.arrays import Bools, Floats, planar
 from wsnsim.base.ports import Estimate, Scene
 from wsnsim.base.setups import NetworkSetup
+from wsnsim.base.vector_readings import Reading
 from wsnsim.network.nodes import Nodes
 from wsnsim.network.step_clock import ProtocolLog, StepClock
 
@@ -27,7 +28,7 @@ class NetworkView:
     clock: StepClock
     log: ProtocolLog
     nodes: Nodes
-    readings: Sequence[Mapping[int, float]]
+    readings: Sequence[Mapping[int, Reading]]
     threshold: float
     tracker_key: int
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import simpy
 
+from wsnsim.base.vector_readings import Reading
 from wsnsim.network.clusters.cluster import Cluster, OpenCluster
 from wsnsim.network.clusters.driver import Driver
 from wsnsim.network.clusters.handover import Handover
@@ -37,8 +38,8 @@ class OpenClusterProtocol(StandingClusterProtocol):
         return cluster
 
     def _known_readings(
-        self, track: Track, head: int, readings: Mapping[int, float]
-    ) -> Generator[simpy.Event, Any, Mapping[int, float]]:
+        self, track: Track, head: int, readings: Mapping[int, Reading]
+    ) -> Generator[simpy.Event, Any, Mapping[int, Reading]]:
         """The readings of all nodes that sense, sent to the head."""
         return (yield from self._services.messages.readings_of_everyone(track.target, head))
 

@@ -13,6 +13,7 @@ import simpy
 
 from wsnsim.base.ports import Estimate, Scene
 from wsnsim.base.requests import Flow
+from wsnsim.base.vector_readings import Reading
 from wsnsim.network.clusters.cluster import Cluster
 from wsnsim.network.clusters.driver import Driver, HeadDied
 from wsnsim.network.clusters.handover import Handover, LastClusterDone, TrackLost
@@ -90,7 +91,7 @@ class StandingClusterProtocol:
         track.open_cluster(cluster, handover, self._network.clock.now)
 
     def _first_estimate(
-        self, track: Track, handover: Handover, readings: Mapping[int, float]
+        self, track: Track, handover: Handover, readings: Mapping[int, Reading]
     ) -> Generator[simpy.Event, Any, tuple[Estimate, int]]:
         """What the track starts from and from how many readings: the prior at step 0, later the readings."""
         if not track.started and handover.belief_step == 0:
@@ -103,8 +104,8 @@ class StandingClusterProtocol:
         return self._services.estimates.initial(track, readings), len(readings)
 
     def _known_readings(
-        self, track: Track, head: int, readings: Mapping[int, float]
-    ) -> Generator[simpy.Event, Any, Mapping[int, float]]:
+        self, track: Track, head: int, readings: Mapping[int, Reading]
+    ) -> Generator[simpy.Event, Any, Mapping[int, Reading]]:
         """The readings that a new head knows: those of the candidates that it heard."""
         yield from ()
         return readings

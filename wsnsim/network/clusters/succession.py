@@ -8,7 +8,9 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from wsnsim.base.ports import Ranks, Scene
+from wsnsim.base.ports import Scene
+from wsnsim.base.vector_readings import Reading
+from wsnsim.network.clusters.election import strength_of
 from wsnsim.network.clusters.handover import TrackLost
 from wsnsim.network.clusters.network_view import NetworkView
 from wsnsim.network.clusters.track import Track
@@ -32,7 +34,7 @@ class Lead:
     belief_time: float
     last_sensed: float
     scene: Scene = field(init=False)
-    heard: Mapping[int, float] = field(default_factory=dict)
+    heard: Mapping[int, Reading] = field(default_factory=dict)
 
 
 class Succession(Protocol):
@@ -62,9 +64,8 @@ class ByDetection:
     def waker(self, lead: Lead) -> int:
         """The node with the strongest reading; of equal ones the lowest id."""
         sensor = self.network.setup.sensor
-        strength = sensor.strength if isinstance(sensor, Ranks) else float
         able = {node: reading for node, reading in lead.heard.items() if self.network.can_lead(node)}
-        return min(able, key=lambda node: (-strength(able[node]), node), default=lead.head)
+        return min(able, key=lambda node: (-strength_of(sensor, able[node]), node), default=lead.head)
 
     def head_at_step(self, lead: Lead) -> int:
         """The head: it took over after the last step."""

@@ -11,6 +11,7 @@ import numpy as np
 
 from wsnsim.base.arrays import Floats
 from wsnsim.base.rng import derive, derive_all, uniforms
+from wsnsim.base.vector_readings import Reading
 from wsnsim.network.clusters.network_view import NetworkView
 from wsnsim.network.sensing.imperfect_readings import Imperfections, make_search_readings
 from wsnsim.network.sensing.readings import Readings
@@ -36,7 +37,7 @@ class TargetSearch:
             make_search_readings(network.setup, paths, network.nodes, imperfections, key) if self._polls > 1 else []
         )
 
-    def first_detection(self, target: int, poll: int) -> tuple[int, dict[int, float]] | None:
+    def first_detection(self, target: int, poll: int) -> tuple[int, dict[int, Reading]] | None:
         """The node that detects a target first at an instant, and the readings of all awake nodes; None: no node."""
         network, step = self._network, self._network.clock.step
         if poll:

@@ -108,10 +108,11 @@ def _clock_step(fault: Any, services: FaultServices) -> FaultMechanism:
     )
 
 
-def _defect(services: FaultServices, **defect: Any) -> FaultMechanism:
+def _defect(services: FaultServices, fault: Any, **defect: Any) -> FaultMechanism:
+    component = getattr(fault, "component", "")
     return LastingMechanism(
         services,
-        lambda nodes: services.set_defect(SensorDefect(frozenset(nodes.tolist()), **defect)),
+        lambda nodes: services.set_defect(SensorDefect(frozenset(nodes.tolist()), component=component, **defect)),
         lambda nodes: services.clear_defect(),
     )
 
@@ -123,8 +124,8 @@ MECHANISMS: Final[Mapping[str, Callable[[Any, FaultServices], FaultMechanism]]] 
     "blackout": _blackout,
     "link_loss": _link_loss,
     "clock_step": _clock_step,
-    "stuck": lambda fault, services: _defect(services, stuck=True, value=fault.value),
-    "bias": lambda fault, services: _defect(services, offset=fault.offset),
+    "stuck": lambda fault, services: _defect(services, fault, stuck=True, value=fault.value),
+    "bias": lambda fault, services: _defect(services, fault, offset=fault.offset),
 }
 """Built-in mechanisms by the name in `fault.mechanism`. The first argument is the component."""
 

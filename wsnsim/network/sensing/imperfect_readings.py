@@ -18,9 +18,10 @@ from wsnsim.base.initial_conditions import measured_points
 from wsnsim.base.mechanisms import SensorDefect
 from wsnsim.base.node_names import node_names
 from wsnsim.base.ports import Detection, Detects
-from wsnsim.base.rng import HEAD_KEY, derive, derive_all, normals, uniforms
+from wsnsim.base.rng import HEAD_KEY, component_noise, derive, derive_all, derive_each, uniforms
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.base.shadowing import PathShadowing, path_shadowing
+from wsnsim.base.vector_readings import Reading, as_readings, components_of
 from wsnsim.network.clocks import Clocks
 from wsnsim.network.faults.mechanisms import change_readings
 from wsnsim.network.nodes import Nodes
@@ -85,16 +86,16 @@ class ImperfectReadings(Readings):
         self._imperfections = imperfections
         self._times = np.arange(len(points)) * imperfections.dt
         self._extent = float(np.hypot(*np.ptp(sensors.positions, axis=0)))
-        self._reports = Reports(self._take, imperfections.defects)
+        self._reports = Reports(self._take, imperfections.defects, components_of(self._sensor))
 
-    def readings(self, step: int) -> dict[int, float]:
+    def readings(self, step: int) -> dict[int, Reading]:
         """{node: reading} of the nodes that report one at a step, ascending, whether they are up or not."""
         return dict(self._reports.at(step))
 
     def _ids_at(self, step: int) -> Iterable[int]:
         return self._reports.at(step)
 
-    def _take(self, step: int) -> dict[int, float]:
+    def _take(self, step: int) -> dict[int, Reading]:
         detection, at_step = self._imperfections.detection, derive(self._key, step)
         nodes, points = self._in_range(step)
         alarmed = _sampled(at_step, detection.false_alarm, len(self._positions))
@@ -108,12 +109,12 @@ class ImperfectReadings(Readings):
             nodes, points = np.concatenate([nodes, alarmed]), np.concatenate([points, points_of_alarms])
             order = np.argsort(nodes)
             nodes, points = nodes[order], points[order]
-        noise = normals(derive_all(at_step, nodes), 0)
+        noise = component_noise(derive_all(at_step, nodes), len(components_of(self._sensor)))
         readings = self._sensor.measure(points, self._positions[nodes], self._traits[nodes], noise)
         if self._shadowing is not None:
             readings = readings + self._shadowing.at(np.full(nodes.size, step), nodes)
-        reported = detection.distort(readings, derive_all(self._distortion, nodes))
-        return dict(zip(nodes.tolist(), reported.tolist(), strict=True))
+        reported = distorted(detection, readings, derive_all(self._distortion, nodes))
+        return dict(zip(nodes.tolist(), as_readings(reported), strict=True))
 
     def _in_range(self, step: int) -> tuple[Ints, Floats]:
         """Nodes with the target in range when their clocks show the time of the step, and where it is for each of them.
@@ -171,6 +172,19 @@ class ImperfectReadings(Readings):
     def _heights(self, step: int, count: int) -> Floats:
         """(count, 1) the target's height at a step, or (count, 0) where points have none."""
         return np.repeat(self._points[step : step + 1, 2:], count, axis=0)
+
+
+def distorted(detection: Detection, readings: Floats, keys: Keys) -> Floats:
+    """The reported readings, given one counter key per node, which is the same at every step.
+
+    Each component of readings (n, M) is distorted by itself: the first with the key of its node, further ones with keys
+    derived from it (our choice), so that errors of calibration are independent.
+    """
+    if readings.ndim == 1:
+        return detection.distort(readings, keys)
+    numbers = range(readings.shape[1])
+    each = [keys if number == 0 else derive_each(keys, np.array([number], dtype=np.uint64)) for number in numbers]
+    return np.stack([detection.distort(readings[:, m].copy(), each[m]) for m in numbers], axis=1)
 
 
 def make_readings(

@@ -19,6 +19,7 @@ from wsnsim.base.cell_grid import CellGrid
 from wsnsim.base.ports import Detects, SensorModel
 from wsnsim.base.rng import derive, reading_noise
 from wsnsim.base.shadowing import PathShadowing
+from wsnsim.base.vector_readings import Reading, as_readings, components_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,16 +51,16 @@ class Readings:
         if isinstance(model, Detects):
             detected = _detected(model, points, positions, steps, nodes)
             steps, nodes = steps[detected], nodes[detected]
-        noise = reading_noise(derive(sensors.key, target), steps, nodes)
+        noise = reading_noise(derive(sensors.key, target), steps, nodes, len(components_of(model)))
         readings = model.measure(points[steps], positions[nodes], sensors.traits[nodes], noise)
         if shadowing is not None:
             readings = readings + shadowing.at(steps, nodes)
         ids: list[int] = nodes.tolist()
-        values: list[float] = readings.tolist()
+        values = as_readings(readings)
         self.ids = [ids[a:b] for a, b in _slices(steps, len(points))]
         self._values = [values[a:b] for a, b in _slices(steps, len(points))]
 
-    def readings(self, step: int) -> dict[int, float]:
+    def readings(self, step: int) -> dict[int, Reading]:
         """{node: reading} of the nodes that measure the target at a step, ascending, whether they are up or not."""
         return dict(zip(self.ids[step], self._values[step], strict=True))
 

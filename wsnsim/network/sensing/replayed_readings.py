@@ -8,6 +8,7 @@ import numpy as np
 
 from wsnsim.base.mechanisms import SensorDefect
 from wsnsim.base.ports import Recording
+from wsnsim.base.vector_readings import Reading
 from wsnsim.network.sensing.readings import Readings
 from wsnsim.network.sensing.reports import Reports
 
@@ -26,14 +27,14 @@ class ReplayedReadings(Readings):
         self._recorded = recording.readings
         self._reports = Reports(self._take, defects)
 
-    def readings(self, step: int) -> dict[int, float]:
+    def readings(self, step: int) -> dict[int, Reading]:
         """{node: reading} of the nodes that have one at a step, ascending, whether they are up or not."""
         return dict(self._reports.at(step))
 
     def _ids_at(self, step: int) -> Iterable[int]:
         return self._reports.at(step)
 
-    def _take(self, step: int) -> dict[int, float]:
+    def _take(self, step: int) -> dict[int, Reading]:
         row = self._recorded[step]
         nodes = np.flatnonzero(np.isfinite(row))
         return dict(zip(nodes.tolist(), row[nodes].tolist(), strict=True))

@@ -13,6 +13,7 @@ from typing import Final
 import numpy as np
 
 from wsnsim.base.tables import CAUSE, EVENT_CAUSE, KIND
+from wsnsim.base.vector_readings import Reading
 from wsnsim.network.event_log import EACH, EventLog, event
 from wsnsim.network.node import NodeProcesses
 from wsnsim.network.nodes import Nodes
@@ -21,7 +22,7 @@ from wsnsim.network.step_clock import StepClock
 
 SENSE: Final = KIND["sense"]
 SENSE_CAUSE: Final = CAUSE["sense"]
-CurrentReadings = list[dict[int, float]]
+CurrentReadings = list[dict[int, Reading]]
 """By target: {node: reading} of the living nodes that sense it at the present step."""
 
 
@@ -56,7 +57,7 @@ class Sensing(ABC):
     def restart(self, node: int) -> None:  # noqa: B027 (event-driven sensing alone does something here)
         """Note that a node that was down is up again: its schedule says when it senses."""
 
-    def _pay(self, target: int, readings: dict[int, float]) -> dict[int, float]:
+    def _pay(self, target: int, readings: dict[int, Reading]) -> dict[int, Reading]:
         """Book and log a reading of every living node; return the readings of those that survived the cost."""
         services, alive = self._services, self._services.nodes.alive
         if not services.nodes.all_listen:
@@ -74,7 +75,7 @@ class Sensing(ABC):
         )  # fmt: skip
         return {index: value for index, value in readings.items() if alive[index]}
 
-    def _awake(self, target: int) -> dict[int, float]:
+    def _awake(self, target: int) -> dict[int, Reading]:
         """The readings of the nodes that are awake."""
         services = self._services
         readings = services.available[target].readings(services.clock.step)

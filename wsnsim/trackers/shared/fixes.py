@@ -57,6 +57,8 @@ class RangeFix(HeadFilter):
 
     needs: ClassVar[tuple[str, ...]] = ("ranges",)
     """Methods that its sensor must have in addition to the port's."""
+    angles: ClassVar[bool] = False
+    vector_readings: ClassVar[bool] = False
 
     reading_bits: Annotated[int, Quantity("", ge=1, le=100_000), "of a reading on the air"] = 88
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Annotated, Any, Literal, NamedTuple, cast
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, cast
 
 import numpy as np
 
@@ -77,6 +77,11 @@ class HeadFilter:
 
     Unless a tracker says otherwise, that Gaussian is also all that there is between steps, and all that is handed over.
     """
+
+    angles: ClassVar[bool] = True
+    """Whether it compares angles at their shortest difference: see `base.vector_readings.near`."""
+    vector_readings: ClassVar[bool] = True
+    """Whether it takes readings of several components."""
 
     @property
     def member_cycles(self) -> float:

@@ -18,6 +18,7 @@ from wsnsim.base.arrays import Floats, Ints
 from wsnsim.base.optional_ports import MeasuresEnergy, defined_together
 from wsnsim.base.ports import Scene, SensorModel
 from wsnsim.base.requests import Delivery, Member
+from wsnsim.base.vector_readings import missing
 from wsnsim.trackers.shared.readings import Evidence, evidence_at
 from wsnsim.trackers.shared.stacks import Score, Stack, place_of
 
@@ -45,7 +46,8 @@ class OwnReadings:
     @classmethod
     def of(cls, members: Sequence[Member], scene: Scene) -> OwnReadings:
         """From the members' own readings; a missing one is not a number, and so is every likelihood with it."""
-        values = np.array([np.nan if member.reading is None else member.reading for member in members])
+        none = missing(scene.sensor)
+        values = np.array([none if member.reading is None else member.reading for member in members])
         ids = tuple([member.id for member in members])
         if ids == scene.ids:
             return cls(scene.sensor, place_of(scene), Evidence(ids, values, scene.positions, scene.traits))

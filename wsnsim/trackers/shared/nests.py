@@ -14,6 +14,7 @@ import numpy as np
 
 from wsnsim.base.arrays import Floats, Ints, Keys
 from wsnsim.base.ports import Scene
+from wsnsim.base.vector_readings import near, rows
 from wsnsim.kernels.cuckoo import (
     accept_chains,
     accept_greedy,
@@ -164,7 +165,8 @@ def absolute_score(seen: Evidence, scene: Scene) -> Score:
 
     def score(cloud: Floats) -> Floats:
         expected, _, variances = sensor.linearise(cloud[place], seen.positions, seen.traits)
-        fitness = -(np.abs(seen.readings[:, None] - expected) / (2.0 * variances)).sum(axis=0)
+        measured = near(sensor, rows(sensor, seen.readings)[:, None], expected)
+        fitness = -(np.abs(measured - expected) / (2.0 * variances)).sum(axis=0)
         return np.where(np.isnan(fitness), -np.inf, fitness)
 
     return score

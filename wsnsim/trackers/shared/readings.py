@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Protocol, cast
 
@@ -21,14 +20,19 @@ from wsnsim.base.requests import (
     Parcel,
     Scatter,
 )
-from wsnsim.trackers.shared.parcels import is_whole, parcel, weight_packets
+from wsnsim.base.vector_readings import is_finite
+from wsnsim.trackers.shared.parcels import is_whole, parcel
 
 READINGS = "readings"
+NUMBERS_A_PACKET = 4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Evidence:
-    """Measurements (S,) of the nodes `ids`, with the nodes' positions (S, 2) and traits (S, T)."""
+    """Measurements (S,) of the nodes `ids`, with the nodes' positions (S, 2) and traits (S, T).
+
+    Measurements of M > 1 components are (S, M).
+    """
 
     ids: tuple[int, ...]
     readings: Floats
@@ -57,7 +61,7 @@ def ranges_of(seen: Evidence, sensor: object) -> Floats:
 
 def reading_parcel(member: Member, bits: int = PACKET_BITS) -> Parcel | None:
     """A member's own measurement in one packet of `bits`; None if it has none, or it is not finite."""
-    if member.reading is None or not math.isfinite(member.reading):
+    if member.reading is None or not is_finite(member.reading):
         return None
     return Parcel(member.reading, 1, bits, "reading", readings=1)
 
@@ -78,7 +82,7 @@ def gather_readings(scene: Scene, bits: int = PACKET_BITS) -> Flow[Evidence]:
 
 
 def share_readings(scene: Scene) -> Flow[Evidence]:
-    """Gather the readings, and broadcast those that arrived to the members' inboxes, four in a packet.
+    """Gather the readings, and broadcast those that arrived to the members' inboxes, four numbers in a packet.
 
     A member needs the positions of the others to use their readings: we assume that they exchanged them when the
     cluster formed, at no extra cost (our choice).
@@ -86,7 +90,7 @@ def share_readings(scene: Scene) -> Flow[Evidence]:
     evidence = yield from gather_readings(scene)
     if not evidence.ids:
         return evidence
-    everything = parcel(evidence, weight_packets(len(evidence.ids)), READINGS)
+    everything = parcel(evidence, -(-len(evidence.ids) // _readings_a_packet(evidence)), READINGS)
     yield Broadcast(everything)
     if scene.head in scene.ids:
         yield Scatter({scene.head: everything})
@@ -107,17 +111,23 @@ def evidence_at(member: Member, heard: list[Delivery]) -> Evidence:
             shared: Evidence = delivery.payload
             if is_whole(delivery.mask) and (member.reading is None or member.id in shared.ids):
                 return shared
-            return _merge(member, shared, np.repeat(delivery.mask, 4)[: len(shared.ids)])
+            return _merge(member, shared, np.repeat(delivery.mask, _readings_a_packet(shared))[: len(shared.ids)])
     return own_evidence(member)
 
 
 def _merge(member: Member, shared: Evidence, arrived: np.ndarray) -> Evidence:
     """The measurements of the broadcast that arrived, with the member's own."""
-    rows = [row for row, node in enumerate(shared.ids) if arrived[row] and node != member.id]
+    kept = [row for row, node in enumerate(shared.ids) if arrived[row] and node != member.id]
     own = own_evidence(member)
+    readings = own.readings.reshape(len(own.ids), *shared.readings.shape[1:])
     return Evidence(
-        tuple(shared.ids[row] for row in rows) + own.ids,
-        np.concatenate([shared.readings[rows], own.readings]),
-        np.concatenate([shared.positions[rows], own.positions]),
-        np.concatenate([shared.traits[rows], own.traits]),
+        tuple(shared.ids[row] for row in kept) + own.ids,
+        np.concatenate([shared.readings[kept], readings]),
+        np.concatenate([shared.positions[kept], own.positions]),
+        np.concatenate([shared.traits[kept], own.traits]),
     )
+
+
+def _readings_a_packet(evidence: Evidence) -> int:
+    """How many whole readings fit into a packet, which holds four numbers."""
+    return max(1, NUMBERS_A_PACKET // (evidence.readings.shape[1] if evidence.readings.ndim > 1 else 1))

@@ -15,6 +15,7 @@ from wsnsim.base.arrays import Bools, Floats, Ints, Keys
 from wsnsim.base.ports import Field, MotionModel, Scene, SensorModel
 from wsnsim.base.rng import uniforms
 from wsnsim.base.standalone import BlockEstimates, StandaloneBlock, StandaloneRun
+from wsnsim.base.vector_readings import near
 from wsnsim.kernels.gaussian import sample
 from wsnsim.kernels.noise import particle_keys
 from wsnsim.kernels.particles import moments, systematic, weigh
@@ -78,6 +79,8 @@ class Outcome:
     def linearised(self, points: Floats, sensor: SensorModel, step: int) -> Iterator[tuple[int, Floats, Linear]]:
         """(run, readings, the sensor model at its point) of the runs that hear a reading; points are (R, P).
 
+        Angles are those nearest to what is expected.
+
         Runs with the same sensors at all steps are linearised in one call, as `sensors.linearised` does one.
         """
         if self.alike:
@@ -85,12 +88,15 @@ class Outcome:
             linear = sensor.linearise(np.ascontiguousarray(points.T), positions, traits)
             each = [np.ascontiguousarray(np.moveaxis(array, -1, 0))[..., None] for array in linear]
             for run, heard in enumerate(self.heard if len(positions) else ()):
-                yield run, heard.at(step)[0], (each[0][run], each[1][run], each[2][run])
+                expected = each[0][run]
+                readings = near(sensor, heard.at(step)[0], expected[:, 0])
+                yield run, readings, (expected, each[1][run], each[2][run])
             return
         for run, heard in enumerate(self.heard):
             readings, positions, traits = heard.at(step)
             if readings.size:
-                yield run, readings, linearised(points[run, :, None], sensor, positions, traits)
+                linear = linearised(points[run, :, None], sensor, positions, traits)
+                yield run, near(sensor, readings, linear[0][:, 0]), linear
 
     def sums(self, cycles: Callable[[int], float]) -> Floats:
         """(R,) the operations of all steps, of a function of the number of readings in a step."""

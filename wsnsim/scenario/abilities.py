@@ -1,0 +1,115 @@
+"""Abilities that one component of a scenario needs of another: of a sensor, of a tracker, of the deployment.
+
+missing_abilities(scenario, setup) -> issues
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Final
+
+from wsnsim.base.errors import Issue, RunError
+from wsnsim.scenario.plugin_access import Plugins
+from wsnsim.scenario.registry import ROLES, kinds, load_class
+
+if TYPE_CHECKING:
+    from wsnsim.base.ports import Deployment
+    from wsnsim.base.setups import TrackingSetup
+    from wsnsim.scenario.schema import Scenario
+
+MOST_COMPONENTS: Final = 4
+"""Components of a reading that fit into its packet, which holds four numbers."""
+
+
+def missing_abilities(scenario: Scenario, setup: TrackingSetup) -> Iterator[Issue]:
+    """Yield an issue for each ability that the tracker needs, or assumes, and the sensor does not have."""
+    from wsnsim.base.traits import HEIGHT, may_have_gains, samples_gains
+
+    sensor, tracker = scenario.sensor, scenario.tracker  # type: ignore[attr-defined]
+    lacking = [
+        one for one in getattr(setup.tracker, "needs", ()) if not callable(getattr(setup.filter_sensor, one, None))
+    ]
+    for ability in lacking:
+        allowed = scenario.spot(("tracker", "kind")).origin.plugins
+        able = ", ".join(_kinds_with("sensor", ability, allowed)) or "none that is known"
+        yield Issue(
+            ("tracker", "kind"),
+            f"{tracker.kind} needs a sensor that gives '{ability}', and {sensor.kind} does not; it can use: {able}",
+        )
+    if not lacking:
+        yield from _readings_not_taken(scenario, setup)
+    if tracker.assumes.gains != "known" and not may_have_gains(setup.sensor):
+        yield Issue(("tracker", "assumes", "gains"), f"{sensor.kind} has no gains that could be unknown")
+    elif tracker.assumes.gains == "estimated":
+        yield from _cannot_estimate_gains(scenario, setup)
+    elif tracker.assumes.gains == "known" and setup.recorded is not None and samples_gains(setup.sensor):
+        listed = "list them (sensor.law.gains)" if hasattr(setup.sensor, "gains") else "set sensor.law.gain_spread: 0"
+        message = f"the gains of nodes whose readings were recorded are not known: {listed}, or say unknown"
+        yield Issue(("tracker", "assumes", "gains"), f"{message} or estimated")
+    if HEIGHT in setup.sensor.trait_names and _lacks_heights(setup.deploy):
+        able = "kind: file has them, in its column z"
+        yield Issue(("deploy",), f"the sensor's law needs the heights of the nodes: {able}")
+
+
+def _readings_not_taken(scenario: Scenario, setup: TrackingSetup) -> Iterator[Issue]:
+    """Yield an issue for readings with several components, or with angles, that the scenario cannot do with."""
+    from wsnsim.base.setups import NetworkSetup
+    from wsnsim.base.vector_readings import components_of, periods_of
+
+    sensor, tracker = scenario.sensor, scenario.tracker  # type: ignore[attr-defined]
+    names, allowed = components_of(setup.filter_sensor), scenario.spot(("tracker", "kind")).origin.plugins
+    needed = [("vector_readings", "readings of several components")] if len(names) > 1 else []
+    needed += [("angles", "angles, which are the same after a turn")] if any(periods_of(setup.filter_sensor)) else []
+    for ability, what in needed:
+        if not getattr(setup.tracker, ability, False):
+            able = ", ".join(_kinds_with("tracker", ability, allowed))
+            yield Issue(
+                ("tracker", "kind"),
+                f"{tracker.kind} does not take {what} ({sensor.kind}: {', '.join(names)}); these do: {able}",
+            )
+            return
+    if len(names) < 2:
+        return
+    if len(names) > MOST_COMPONENTS:
+        message = f"a reading of {len(names)} components does not fit into its packet: at most {MOST_COMPONENTS} do"
+        yield Issue(("sensor",), message)
+    if setup.recorded is not None:
+        message = f"a file has one number in a row, and a reading of this law has {len(names)}: {', '.join(names)}"
+        yield Issue(("sensor", "law"), message)
+    if getattr(setup.sensor, "shadowing", 0.0):
+        yield Issue(("sensor", "shadowing"), "readings of several components cannot be shadowed")
+    if isinstance(setup, NetworkSetup) and not hasattr(setup.sensor, "strength"):
+        message = f"{sensor.kind} must rank its readings for elections (method strength): they have several components"
+        yield Issue(("sensor", "kind"), message)
+
+
+def _lacks_heights(deploy: Deployment) -> bool:
+    """Whether a deployment knows no heights; one whose file cannot be read says so itself."""
+    try:
+        return getattr(deploy, "heights", None) is None
+    except RunError:
+        return False
+
+
+def _cannot_estimate_gains(scenario: Scenario, setup: TrackingSetup) -> Iterator[Issue]:
+    """Yield an issue if the tracker does not estimate gains, or the sensor's gains cannot be taken off a reading."""
+    sensor, tracker = scenario.sensor, scenario.tracker  # type: ignore[attr-defined]
+    path, allowed = ("tracker", "assumes", "gains"), scenario.spot(("tracker", "kind")).origin.plugins
+    if not getattr(setup.tracker, "estimates_gains", False):
+        able = ", ".join(_kinds_with("tracker", "estimates_gains", allowed))
+        yield Issue(path, f"{tracker.kind} keeps no gains of sensors beside the state; these do: {able}")
+    if not hasattr(setup.filter_sensor, "gain_prior"):
+        able = ", ".join(_kinds_with("sensor", "gain_prior", allowed))
+        yield Issue(
+            path, f"gains of {sensor.kind} are factors of the signal, which no filter estimates; it can: {able}"
+        )
+
+
+def _kinds_with(role: str, ability: str, allowed: Plugins) -> Iterator[str]:
+    """Yield the kinds of a role whose class has something of this name, and that the scenario might name."""
+    for info in kinds(role).values() if allowed else ROLES[role].kinds:
+        try:
+            if getattr(load_class(info), ability, None):
+                yield info.kind
+        except ImportError:
+            continue
