@@ -1,0 +1,238 @@
+"""The information-driven tracker: who is asked, who decides, what is sent and billed, and readings that come late."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import wsnsim
+from wsnsim.base.requests import Broadcast, Delivery, Gather, Member, Send, all_arrived
+from wsnsim.models.linear import ConstantAcceleration, ConstantVelocity
+from wsnsim.models.linear_sensing import Coordinate
+from wsnsim.models.mobility import CoordinatedTurn
+from wsnsim.models.motion import BoundedVelocity
+from wsnsim.models.ranging import Range
+from wsnsim.models.sensing import AcousticEnergy
+from wsnsim.offline.loopback import perform, silent
+from wsnsim.testing import Table, check_tracker
+from wsnsim.testing.table import FIRST
+from wsnsim.trackers.information_driven import InformationDriven
+from wsnsim.trackers.shared import selection
+from wsnsim.trackers.shared.mixtures import Hypothesis
+from wsnsim.trackers.shared.selection import OUTGOING, Plan, candidates, first_expected, fits, planned, prepare
+
+EVERY = [InformationDriven(), InformationDriven(keep=0.5, every=3), InformationDriven(keep=1.0)]
+SETTINGS = {
+    "at a wall": (BoundedVelocity(bound=44.0), AcousticEnergy()),
+    "five columns": (CoordinatedTurn(), Range()),
+    "a line": (ConstantAcceleration(), Range()),
+    "singular noise": (BoundedVelocity(noise="g_only"), AcousticEnergy()),
+    "gains unknown": (BoundedVelocity(), AcousticEnergy().assumed("unknown", True)),
+    "no distance": (ConstantVelocity(), Coordinate()),
+}
+
+
+PAIRS = [(name, tracker) for name in SETTINGS for tracker in EVERY]
+
+
+@pytest.mark.parametrize(
+    ("name", "tracker"), [PAIRS[1], *[pytest.param(*p, marks=pytest.mark.thorough) for p in PAIRS if p is not PAIRS[1]]]
+)
+def test_it_keeps_the_rules(name, tracker) -> None:
+    check_tracker(tracker, *SETTINGS[name])
+
+
+class Network:
+    """The members of a table, what they send, and what the head requests."""
+
+    def __init__(self, tracker, reading_noise=True):
+        self.table = Table(BoundedVelocity(), AcousticEnergy(), 3)
+        self.tracker, self.members = tracker, self.table.members(FIRST)
+        self.step, self.requests, self.belief = 0, [], None
+        self.run(tracker.start(replace_cov(self.table.prior, 0.0025), self.scene(0)), silent_log=True)
+
+    def scene(self, steps, ids=FIRST):
+        return self.table.scene(self.step, steps, self.members, FIRST[0], ids)
+
+    def run(self, flow, silent_log=False, lose=None):
+        seen = []
+        options = {} if lose is None else {"lose": lose}
+        self.belief = perform(flow, self.members, FIRST[0], after=lambda r, a: seen.append((r, a)), **options)
+        self.requests = [] if silent_log else seen
+        return self.belief
+
+    def forward(self, lose=None):
+        self.step += 1
+        return self.run(self.tracker.step(self.belief, self.scene(1)), lose=lose)
+
+    def answered(self):
+        return next(answer for request, answer in self.requests if isinstance(request, Gather))
+
+    def plans(self):
+        return [request.parcel for request, _ in self.requests if isinstance(request, Broadcast)]
+
+
+def replace_cov(prior, scale):
+    return replace(prior, mean=prior.mean - 1.0, cov=prior.cov * scale)
+
+
+def test_the_plan_is_a_state_and_one_more_packet_and_goes_out_once_while_it_fits() -> None:
+    network = Network(InformationDriven(keep=0.6))
+    sent = []
+    for _ in range(10):
+        network.forward()
+        sent += network.plans()
+    assert len(sent) == 1 and sent[0].packets == 2 and sent[0].what == "plan"
+    assert isinstance(sent[0].payload, Plan) and not sent[0].payload.state.flags.writeable
+
+
+def test_members_that_the_plan_does_not_ask_are_silent_and_the_heads_reading_always_counts() -> None:
+    network = Network(InformationDriven(keep=0.3))
+    for _ in range(3):
+        network.forward()
+    assert FIRST[0] in network.answered() and len(network.answered()) < len(FIRST)
+
+
+def test_a_member_that_missed_the_plan_answers() -> None:
+    network = Network(InformationDriven(keep=0.3))
+    network.forward(lose=lambda source, to, parcel: np.full(parcel.packets, parcel.what != "plan"))
+    assert set(network.answered()) == set(FIRST)
+
+
+def test_a_decision_depends_on_the_members_own_memory_alone() -> None:
+    network = Network(InformationDriven(keep=0.3))
+    network.forward()
+    plan = network.plans()[0].payload
+    network.step += 1
+    scene = network.scene(1)
+    for node, member in network.members.items():
+        alone = Member(node, member.position, member.traits, member.reading, [], {}, member.key)
+        alone.inbox.append(Delivery("plan", plan, all_arrived(2)))
+        nowhere, nothing = np.empty((0, 2)), np.empty((0, 1))
+        without_map = replace(
+            scene, roster=(), roster_positions=nowhere, roster_traits=nothing, ids=(), positions=nowhere, traits=nothing
+        )
+        prepare([alone], without_map, 1)
+        prepare([member], scene, 1)
+        assert (OUTGOING in alone.memory) == (OUTGOING in member.memory)
+
+
+def test_a_nearer_member_with_the_same_information_is_asked_first() -> None:
+    network = Network(InformationDriven())
+    point = network.table.truth[0][[0, 2]]
+    scene = replace(network.scene(0), packet_joules=lambda distances: 1e-5 + 1e-8 * distances**2)
+    those = candidates(point, scene)
+    plan = planned(network.belief.mean, np.eye(2), those, 0.5, 1, 0)
+    told = np.trace(those.told, axis1=1, axis2=2) / 2.0
+    worth = told / those.joules
+    asked = worth >= plan.least
+    order = np.argsort(-worth)
+    assert asked[order[: asked.sum()]].all() and 3 <= asked.sum() < worth.size
+    assert (
+        told[asked].sum() + np.trace(those.own) / 2 >= 0.5 * (told.sum() + np.trace(those.own) / 2) or asked.sum() == 3
+    )
+
+
+def test_a_plan_that_has_gone_astray_or_asks_far_too_many_does_not_fit() -> None:
+    network = Network(InformationDriven())
+    scene, spread = network.scene(0), np.eye(2)
+    truth = network.table.truth[0]
+    those = candidates(truth[[0, 2]], scene)
+    plan = planned(truth, spread, those, 0.9, 1, 0)
+    assert fits(plan, first_expected(plan).state, spread, those, scene, (0.85, 1.5))
+    astray = plan._replace(state=truth + np.array([80.0, 0.0, 60.0, 0.0]))
+    assert not fits(astray, first_expected(astray).state, spread, those, scene, (0.85, 1.5))
+    everybody = plan._replace(least=0.0)
+    assert fits(everybody, first_expected(plan).state, spread, those, scene, (0.85, 9.0))
+    assert not fits(everybody, first_expected(plan).state, spread, those, scene, (0.1, 1.0))
+
+
+def test_readings_that_come_three_in_a_packet_give_the_belief_that_single_ones_give() -> None:
+    single, packed = Network(InformationDriven(keep=1.0)), Network(InformationDriven(keep=1.0, every=3))
+    sizes = []
+    for _ in range(12):
+        single.forward()
+        packed.forward()
+        sizes.append(len(packed.answered()))
+        if sizes[-1] == len(FIRST):
+            assert packed.belief.mean == pytest.approx(single.belief.mean, abs=1e-7)
+            assert packed.belief.cov == pytest.approx(single.belief.cov, rel=1e-6)
+    assert sizes.count(1) == 2 * (12 - sizes.index(1)) // 3 or sizes.count(1) >= 6, sizes
+
+
+def test_a_packet_carries_four_readings_and_is_billed_for_the_rest() -> None:
+    scene = Network(InformationDriven()).scene(0)
+    for count, packets in ((1, 1), (4, 1), (5, 2)):
+        sent = selection.readings_parcel([(k, 1.0 + k) for k in range(count)], scene)
+        assert (sent.packets, sent.readings, sent.packet_bits) == (packets, count, 96)
+
+
+def test_hypotheses_that_arrive_whole_go_on_and_the_rest_is_lost() -> None:
+    network = Network(InformationDriven())
+    one = network.belief.mixture[0]
+    two = (one._replace(log_weight=np.log(0.7)), Hypothesis(float(np.log(0.3)), one.mean + 50.0, one.cov))
+    belief = replace(network.belief, mixture=two)
+
+    def second_lost(source, to, parcel):
+        assert parcel.packets == 8
+        return np.arange(8) != 6
+
+    after = perform(network.tracker.hand_over(belief, network.scene(0), 31), network.members, FIRST[0], second_lost)
+    assert len(after.mixture) == 1 and after.mixture[0].log_weight == 0.0 and after.head == 31
+    assert np.array_equal(after.mean, one.mean)
+    assert perform(network.tracker.hand_over(belief, network.scene(0), 31), network.members, FIRST[0], silent) is None
+
+
+REQUESTED: Counter[str] = Counter()
+
+
+@wsnsim.part
+class Counted(InformationDriven):
+    """The tracker, with a count of the packets that its requests put on the air, by name."""
+
+    def start(self, prior, scene):
+        REQUESTED.clear()
+        return (yield from counted(super().start(prior, scene), scene.head))
+
+    def step(self, belief, scene):
+        return (yield from counted(super().step(belief, scene), scene.head))
+
+    def hand_over(self, belief, scene, successor):
+        return (yield from counted(super().hand_over(belief, scene, successor), scene.head))
+
+
+def counted(flow, head):
+    answer = None
+    while True:
+        try:
+            request = flow.send(answer)
+        except StopIteration as end:
+            return end.value
+        if isinstance(request, Broadcast | Send):
+            REQUESTED[request.parcel.what] += request.parcel.packets
+        if isinstance(request, Gather):
+            request.parcel_of = counting(request.parcel_of, head)
+        answer = yield request
+
+
+def counting(parcel_of, head):
+    def counted_parcel(member):
+        parcel = parcel_of(member)
+        if parcel is not None and member.id != head:
+            REQUESTED[parcel.what] += parcel.packets
+        return parcel
+
+    return counted_parcel
+
+
+@pytest.mark.parametrize("every", [1, 3])
+def test_every_packet_is_billed(tmp_path, every) -> None:
+    changes = ["duration=4 s", f"tracker.kind={__name__}:Counted", f"tracker.every={every}", "seed=1000"]
+    report = wsnsim.run(wsnsim.load("jiang_field", changes), replicates=1, out=tmp_path / "x.h5", progress=None)
+    events = wsnsim.read(report.out, "events")
+    sent = events[events["kind"] == "send"].groupby("what", observed=True)["packets"].sum()
+    assert REQUESTED["plan"] >= 2 and REQUESTED["handover"] >= 4 and REQUESTED["reading"] > 50
+    assert {name: sent[name] for name in REQUESTED} == dict(REQUESTED)

@@ -1,0 +1,209 @@
+"""A filter in the head at the bound, and members that send only what is worth its energy.
+
+Requests of a step:
+
+    Broadcast: plan                      only when the last plan no longer fits
+    Local        each member that senses extrapolates the plan, and decides
+    Gather: reading  Compute
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Annotated, Any, ClassVar, Final, NamedTuple
+
+import numpy as np
+
+from wsnsim.base.arrays import Bools, Floats
+from wsnsim.base.part import Quantity, part
+from wsnsim.base.ports import Estimate, Scene
+from wsnsim.base.requests import Broadcast, Compute, Flow, Gather, Local, Send
+from wsnsim.trackers.shared.heads import GaussianBelief, HeadFilter
+from wsnsim.trackers.shared.mixtures import Hypothesis, Mixture, moments_of, predicted_mixture, reduced, updated_mixture
+from wsnsim.trackers.shared.parcels import arrived_groups, parcel, weight_packets
+from wsnsim.trackers.shared.readings import Evidence
+from wsnsim.trackers.shared.selection import (
+    DECISION_CYCLES,
+    Candidates,
+    Expected,
+    Plan,
+    candidates,
+    extrapolated,
+    first_expected,
+    fits,
+    outgoing,
+    planned,
+    prepare,
+)
+
+SETTLED: Final = 0.01
+"""A track is settled if its standard deviation is below this share of the distance to the members."""
+SLACK: Final = 1.7
+"""A plan is kept until the information that it does not ask for is by this factor more than intended."""
+EXCESS: Final = 1.5
+"""A plan is kept until the packets that it asks for cost by this factor more than needed."""
+PREDICTION_CYCLES: Final = 300.0
+READING_CYCLES: Final = 1100.0
+CANDIDATE_CYCLES: Final = 60.0
+
+
+class Kept(NamedTuple):
+    """A step that may have to be computed once more: its readings, and the mixture after them."""
+
+    step: int
+    seen: Evidence
+    mixture: Mixture
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedBelief(GaussianBelief):
+    """The mixture, its moments, the plan that the members have, and the last steps."""
+
+    mixture: Mixture = ()
+    plan: Plan | None = None
+    expected: Expected | None = None
+    kept: tuple[Kept, ...] = ()
+
+
+@part
+class InformationDriven(HeadFilter):
+    """Mode and quadrature in the head, a mixture where the motion's law is in doubt, readings by their worth."""
+
+    paper: ClassVar[str] = ""
+    idea: ClassVar[str] = "a near-exact filter in the head; members send readings that are worth their energy"
+    state: ClassVar[str] = "a mixture of Gaussians, mostly of one, and the members' plan, in the head"
+    messages: ClassVar[str] = "a plan down when the last no longer fits; readings up, of those that it asks for"
+    variants: ClassVar[str] = ""
+
+    keep: Annotated[
+        float, Quantity("", gt=0, le=1), "share of the members' information that is asked for; 1: all, without a plan"
+    ] = 0.85
+    deadline: Annotated[
+        float, Quantity("", gt=0, le=1), "share of a step after which the head goes on with the readings that arrived"
+    ] = 0.6
+    every: Annotated[int, Quantity("", ge=1, le=4), "readings that a member sends in one packet, once settled"] = 1
+
+    @property
+    def member_cycles(self) -> float:
+        """The operations of a member's decision."""
+        return DECISION_CYCLES
+
+    def start(self, prior: Estimate, scene: Scene) -> Flow[PlannedBelief]:
+        """The prior itself."""
+        return _belief((Hypothesis(0.0, prior.mean, prior.cov),), scene.head)
+        yield  # a flow without requests
+
+    def step(self, belief: PlannedBelief, scene: Scene) -> Flow[PlannedBelief]:
+        """One step: a new plan if needed; the readings that members send; prediction and update."""
+        before = belief.mixture or (Hypothesis(0.0, belief.mean, belief.cov),)
+        mixture = predicted_mixture(before, scene, scene.since, scene.steps)
+        plan, expected = yield from self._plan(belief, mixture, scene)
+        yield Local(
+            lambda member: prepare([member], scene, self.every),
+            DECISION_CYCLES,
+            lambda members: prepare(members, scene, self.every),
+        )
+        answer = yield Gather(outgoing, deadline=self.deadline * scene.dt)
+        arrived = _by_step(answer, scene)
+        kept = _filtered(belief.kept, mixture, arrived, scene)
+        yield Compute(_cycles(kept, arrived, scene))
+        after = _belief(kept[-1].mixture, scene.head)
+        return replace(after, plan=plan, expected=expected, kept=kept[-self.every :] if self.every > 1 else ())
+
+    def hand_over(self, belief: PlannedBelief, scene: Scene, successor: int) -> Flow[PlannedBelief | None]:
+        """Each Gaussian with its weight: 4 packets for a state of four. Those that arrive whole go on."""
+        mixture = belief.mixture or (Hypothesis(0.0, belief.mean, belief.cov),)
+        size = belief.mean.size
+        each = weight_packets(1 + size + size * (size + 1) // 2)
+        payload = tuple(tuple(one) for one in mixture)
+        mask: Bools = yield Send(successor, parcel(payload, each * len(mixture), "handover"))
+        arrived = [one for one, whole in zip(mixture, arrived_groups(mask, len(mixture), each), strict=True) if whole]
+        return _belief(reduced(arrived), successor) if arrived else None
+
+    def _plan(self, belief: PlannedBelief, mixture: Mixture, scene: Scene) -> Flow[tuple[Plan | None, Expected | None]]:
+        """The plan that the members have, and what it makes them expect; broadcast where the last one does not fit."""
+        plan, expected = belief.plan, belief.expected
+        if plan is not None and expected is not None:
+            expected = extrapolated(expected, scene)
+        if self.keep >= 1.0 and self.every == 1:
+            return plan, expected
+        mean, cov = moments_of(mixture)
+        place = list(scene.motion.position)
+        spread, point = cov[np.ix_(place, place)], mean[place]
+        those = candidates(point, scene)
+        if not those.rows.size or not self._settled(spread, point, those, scene):
+            return plan, expected
+        yield Compute(CANDIDATE_CYCLES * those.rows.size)
+        limits = 1.0 - SLACK * (1.0 - self.keep), EXCESS
+        if plan is None or expected is None or not fits(plan, expected.state, spread, those, scene, limits):
+            plan = planned(mean, spread, those, self.keep, self.every, scene.step)
+            expected = first_expected(plan)
+            yield Broadcast(plan.in_parcel())
+        return plan, expected
+
+    def _settled(self, spread: Floats, point: Floats, those: Candidates, scene: Scene) -> bool:
+        places = scene.roster_positions[those.rows][:, : point.size]
+        return bool(np.diag(spread).max() < SETTLED**2 * ((places - point) ** 2).sum(axis=1).mean())
+
+
+def _belief(mixture: Mixture, head: int) -> PlannedBelief:
+    return PlannedBelief(*moments_of(mixture), head, mixture=mixture)
+
+
+def _by_step(answer: Mapping[int, tuple[Any, Bools]], scene: Scene) -> dict[int, Evidence]:
+    """The readings that arrived, by the step in which they were taken."""
+    found: dict[int, list[tuple[int, int, Any]]] = {}
+    for row, node in enumerate(scene.ids):
+        if node in answer and answer[node][1].all():
+            for ago, value in answer[node][0]:
+                found.setdefault(scene.step - ago, []).append((row, node, value))
+    return {step: _evidence(taken, scene) for step, taken in found.items()}
+
+
+def _evidence(taken: list[tuple[int, int, Any]], scene: Scene) -> Evidence:
+    rows = [row for row, _, _ in taken]
+    values = np.array([value for _, _, value in taken], dtype=np.float64)
+    return Evidence(tuple(node for _, node, _ in taken), values, scene.positions[rows], scene.traits[rows])
+
+
+def _filtered(kept: tuple[Kept, ...], mixture: Mixture, arrived: dict[int, Evidence], scene: Scene) -> tuple[Kept, ...]:
+    """The kept steps and this one. Where readings of earlier steps arrived, these are computed once more."""
+    now = scene.step
+    first = min(arrived, default=now)
+    before = tuple(each for each in kept if each.step < first)
+    if first >= now or not before:
+        seen = arrived.get(now, _nothing(scene))
+        return (*kept, Kept(now, seen, updated_mixture(mixture, seen, scene)))
+    again = {each.step: each.seen for each in kept if each.step >= first}
+    for step in sorted({*again, *arrived, now}):
+        seen = _joined(again.get(step), arrived.get(step), scene)
+        last = before[-1]
+        mixture = predicted_mixture(last.mixture, scene, last.step * scene.dt, step - last.step)
+        before = (*before, Kept(step, seen, updated_mixture(mixture, seen, scene)))
+    return before
+
+
+def _joined(first: Evidence | None, second: Evidence | None, scene: Scene) -> Evidence:
+    if first is None or second is None or not first.ids or not second.ids:
+        return next((each for each in (first, second) if each is not None and each.ids), _nothing(scene))
+    return Evidence(
+        first.ids + second.ids,
+        np.concatenate([first.readings, second.readings]),
+        np.concatenate([first.positions, second.positions]),
+        np.concatenate([first.traits, second.traits]),
+    )
+
+
+def _nothing(scene: Scene) -> Evidence:
+    return Evidence((), np.zeros(0), scene.positions[:0], scene.traits[:0])
+
+
+def _cycles(kept: tuple[Kept, ...], arrived: Mapping[int, Evidence], scene: Scene) -> float:
+    """Operations of the predictions and updates of this step, repeated ones included."""
+    first = min(arrived, default=scene.step)
+    cycles = 0.0
+    for each in kept:
+        if each.step >= first:
+            cycles += len(each.mixture) * (PREDICTION_CYCLES + READING_CYCLES * len(each.seen.ids))
+    return cycles

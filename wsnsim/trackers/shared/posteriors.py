@@ -1,0 +1,185 @@
+"""The posterior of a Gaussian after readings of its position: mode by Fisher scoring, moments by quadrature about it.
+
+    updated(mean (D,), cov (D, D), seen, scene) -> Posterior: mean, cov, log_evidence
+
+The position is x = m + L u with P = L Lᵀ, its prior covariance, so that u is standard normal before the readings. The
+mode of p(u) p(readings | x) is found by Fisher scoring with a line search (Osborne 1992), its moments and its integral
+by Gauss-Hermite quadrature about the mode, as wide as the Fisher information there says (Naylor, Smith 1982). A reading
+depends on the position alone, so that the other columns follow by their regression on it, which is exact.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Any, Final, NamedTuple, TypeAlias
+
+import numpy as np
+
+from wsnsim.base.arrays import Floats
+from wsnsim.base.ports import Scene
+from wsnsim.trackers.shared.moments import symmetric
+from wsnsim.trackers.shared.readings import Evidence
+
+Score: TypeAlias = Callable[[Floats], Floats]
+Information: TypeAlias = Callable[[Floats], Floats]
+ITERATIONS: Final = 20
+"""At most, of Fisher scoring."""
+NEAR: Final = 0.1
+"""Posterior standard deviations from the mode at which the search ends: the quadrature is about this point."""
+STEP: Final = 1e-3
+"""Posterior standard deviations of the differences that stand for a slope."""
+HALVINGS: Final = 8
+"""Of a step that does not gain."""
+SHIFT: Final = 0.25
+"""The quadrature is repeated about its own mean and covariance while these are more than this from where it was."""
+REPEATS: Final = 4
+"""At most, of the quadrature."""
+ORDER: Final = 5
+ORDER_WIDE: Final = 9
+"""Points of the quadrature along an axis; under a wide prior, the posterior may be far from a Gaussian."""
+WIDE: Final = 0.03
+"""A prior is wide if its standard deviation is more than this share of the distance to the sensors."""
+SIDE: Final = 13
+"""Points along an axis, out to three standard deviations, at which a search starts under a wide prior."""
+JITTER: Final = 1e-12
+_ORIGIN: Final = np.zeros((2, 1))
+
+
+class Posterior(NamedTuple):
+    """Mean (D,) and covariance (D, D), and the log of the readings' probability density under the prior."""
+
+    mean: Floats
+    cov: Floats
+    log_evidence: float
+
+
+class Moments(NamedTuple):
+    """Mean (P,), a root (P, P) of the covariance, and the log of the integral, of a density of u."""
+
+    mean: Floats
+    root: Floats
+    log_integral: float
+
+
+def updated(mean: Floats, cov: Floats, seen: Evidence, scene: Scene) -> Posterior:
+    """The posterior of a Gaussian with at least one reading; the prior itself where no point explains them."""
+    place = list(scene.motion.position)
+    at, spread, unit = mean[place], cov[np.ix_(place, place)], np.eye(len(place))
+    root = np.linalg.cholesky(spread + JITTER * (spread.trace() + JITTER) * unit)
+    sensor = scene.sensor
+
+    def score(u: Floats) -> Floats:
+        points = np.ascontiguousarray(at[:, None] + root @ u)
+        told = sensor.log_likelihood(points, seen.readings, seen.positions, seen.traits)
+        density: Floats = told - 0.5 * (u * u).sum(axis=0)
+        return density
+
+    def information(u: Floats) -> Floats:
+        told = informations(sensor, at + root @ u, seen.positions, seen.traits).sum(axis=0)
+        precision: Floats = root.T @ told @ root + unit
+        return precision
+
+    start, order = np.zeros(len(place)), ORDER
+    if is_wide(spread, at, seen.positions):
+        lattice = _lattice(len(place))
+        start, order = lattice[:, np.argmax(score(lattice))], ORDER_WIDE
+    found = _integrated(score, _mode(score, information, start), order)
+    if found is None:
+        return Posterior(mean, cov, -np.inf)
+    gain = np.linalg.solve(root, cov[place]).T  # P_xp L⁻ᵀ
+    less = unit - found.root @ found.root.T
+    return Posterior(mean + gain @ found.mean, symmetric(cov - gain @ less @ gain.T), found.log_integral)
+
+
+def informations(sensor: Any, point: Floats, positions: Floats, traits: Floats) -> Floats:
+    """(n, P, P) Fisher information about the position in a reading of each of n nodes, were the target at `point`.
+
+    The variance's dependence on the position is included where the sensor model says it (`Informs`).
+    """
+    points = np.ascontiguousarray(point[:, None])
+    if hasattr(sensor, "information"):
+        told: Floats = sensor.information(points, positions, traits)[..., 0]
+        return told
+    _, gradients, variances = sensor.linearise(points, positions, traits)
+    slopes = gradients[..., 0]
+    each = slopes[:, :, None] * slopes[:, None, :] / variances[..., 0][:, None, None]
+    rows: Floats = each.reshape(len(positions), -1, *each.shape[1:]).sum(axis=1)
+    return rows
+
+
+def is_wide(spread: Floats, at: Floats, positions: Floats) -> bool:
+    """Whether a position's covariance (P, P) is wide: a law of the distance may be far from a line under it."""
+    squares = ((positions[:, : at.size] - at) ** 2).sum(axis=1)
+    return bool(np.trace(spread) > at.size * WIDE**2 * squares.mean())
+
+
+def _mode(score: Score, information: Information, start: Floats) -> Moments:
+    """A point near the mode, and the root of the inverse information there."""
+    point = start
+    for _ in range(ITERATIONS):
+        root = _inverse_root(information(point))
+        around = score(point[:, None] + STEP * np.concatenate([root, -root, _ORIGIN[: start.size]], axis=1))
+        if not np.isfinite(around).all():
+            break
+        move = (around[: start.size] - around[start.size : -1]) / (2.0 * STEP)
+        if not move @ move > NEAR**2:
+            break
+        move = root @ move
+        for _ in range(HALVINGS):
+            trial = point + move
+            if score(trial[:, None])[0] > around[-1]:
+                break
+            move = 0.5 * move
+        else:
+            break
+        point = trial
+    return Moments(point, root, 0.0)
+
+
+def _inverse_root(precision: Floats) -> Floats:
+    """A root R of the inverse of a precision (P, P): R Rᵀ = precision⁻¹, from its Cholesky factor."""
+    first = math.sqrt(precision[0, 0])
+    if len(precision) == 1:
+        return np.array([[1.0 / first]])
+    below = precision[1, 0] / first
+    second = math.sqrt(max(precision[1, 1] - below * below, JITTER * precision[1, 1]))
+    return np.array([[1.0 / first, -below / (first * second)], [0.0, 1.0 / second]])
+
+
+def _integrated(score: Score, about: Moments, order: int) -> Moments | None:
+    """The moments of exp(score) by quadrature about a Gaussian, repeated about its result until that stays."""
+    nodes, log_weights = _quadrature(about.mean.size, order)
+    for _ in range(REPEATS):
+        logs = score(about.mean[:, None] + about.root @ nodes) + log_weights
+        top = logs.max()
+        if not np.isfinite(top):
+            return None
+        weights = np.exp(logs - top)
+        total = weights.sum()
+        middle = nodes @ weights / total
+        away = nodes - middle[:, None]
+        cov = (away * weights) @ away.T / total
+        within = np.linalg.cholesky(cov + JITTER * np.eye(middle.size))
+        log_integral = float(top + np.log(total) + np.log(np.abs(np.linalg.det(about.root))))
+        about = Moments(about.mean + about.root @ middle, about.root @ within, log_integral)
+        if np.abs(middle).max() < SHIFT and np.abs(cov - np.eye(middle.size)).max() < SHIFT:
+            break
+    return about
+
+
+@lru_cache
+def _quadrature(columns: int, order: int) -> tuple[Floats, Floats]:
+    """Points (P, n) of Gauss-Hermite quadrature, and for each the log of its weight over the density's exp(-u²/2)."""
+    axis, weights = np.polynomial.hermite_e.hermegauss(order)
+    nodes = np.stack([each.ravel() for each in np.meshgrid(*[axis] * columns, indexing="ij")])
+    products = np.stack([each.ravel() for each in np.meshgrid(*[weights / weights.sum()] * columns, indexing="ij")])
+    return nodes, np.log(products).sum(axis=0) + 0.5 * (nodes * nodes).sum(axis=0)
+
+
+@lru_cache
+def _lattice(columns: int) -> Floats:
+    """Points (P, n) out to three standard deviations."""
+    axis = np.linspace(-3.0, 3.0, SIDE)
+    return np.stack([each.ravel() for each in np.meshgrid(*[axis] * columns, indexing="ij")])

@@ -1,0 +1,260 @@
+"""Which members send their readings: a plan that the head broadcasts, and by which each member decides for itself.
+
+A reading is worth the decrease of the expected mean square error of the position, tr(P J P) = tr(P² J) for a small
+Fisher information J of the reading beside the covariance P, per joule of the packet that carries it to the head. Those
+whose worth reaches a threshold are the best set for their energy (the optimality condition of A-optimal selection, its
+choices relaxed to shares: Joshi, Boyd 2009). The head chooses the threshold from what its map and its prediction say.
+A member extrapolates the expected state by the motion model, which every node knows: it needs no reading of others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from wsnsim.base.arrays import Floats, planar
+from wsnsim.base.ports import Scene
+from wsnsim.base.requests import Member, Parcel
+from wsnsim.base.vector_readings import Reading, components_of, is_finite
+from wsnsim.trackers.shared.parcels import parcel, state_packets, weight_packets
+from wsnsim.trackers.shared.posteriors import informations
+
+PLAN: Final = "plan"
+EXPECTED: Final = "expected"
+UNSENT: Final = "unsent"
+OUTGOING: Final = "outgoing"
+READING: Final = "reading"
+FEWEST: Final = 3
+"""Readings that a plan asks for at least, if there are so many."""
+DECISION_CYCLES: Final = 100.0
+"""Operations of a member that extrapolates the plan and computes the worth of its reading (our estimate)."""
+
+
+class Plan(NamedTuple):
+    """What a head tells its members, in the packets of a state and one more.
+
+    Attributes:
+        state: (D,) the expected state at the step `step`.
+        weights: the weights of the errors along x and y: none for one column; else (A_xx - A_yy, 2 A_xy) of A, the
+            square of the position's covariance, scaled to the trace 1.
+        least: the least worth of a reading that is sent, in 1/(m² J).
+        every: a member sends what it measured in as many steps in one packet.
+    """
+
+    state: Floats
+    weights: tuple[float, ...]
+    step: int
+    least: float
+    every: int
+
+    def in_parcel(self) -> Parcel:
+        """The plan as it is broadcast."""
+        return parcel(self, state_packets(self.state.size) + 1, PLAN)
+
+
+class Expected(NamedTuple):
+    """The state (D, 1) that the plan makes all who have it expect at a step."""
+
+    step: int
+    state: Floats
+
+
+class Candidates(NamedTuple):
+    """The members, the head apart, as the head judges them from its map and its prediction.
+
+    Attributes:
+        rows: (n,) their places in the scene's roster.
+        told: (n, P, P) the Fisher information of a reading of each.
+        joules: (n,) the energy of its packet.
+        own: (P, P) the information of the head's own reading.
+    """
+
+    rows: np.ndarray
+    told: Floats
+    joules: Floats
+    own: Floats
+
+
+def candidates(point: Floats, scene: Scene) -> Candidates:
+    """Those of the roster who would sense a target at `point` (P,)."""
+    sensor, positions = scene.sensor, scene.roster_positions
+    squares = ((positions - planar(point[None])) ** 2).sum(axis=1)
+    senses = squares <= scene.sensor.reach**2
+    head = np.array([node == scene.head for node in scene.roster], dtype=np.bool_)
+    told = informations(sensor, point, positions, scene.roster_traits)
+    rows = np.flatnonzero(senses & ~head)
+    joules = packet_joules(positions[rows], scene)
+    return Candidates(rows, told[rows], joules, told[senses & head].sum(axis=0))
+
+
+def packet_joules(positions: Floats, scene: Scene) -> Floats:
+    """(n,) J of a packet from each place to the head; ones where packets cost nothing, so that all cost the same."""
+    away = positions - scene.head_position
+    joules = scene.packet_joules(np.sqrt((away * away).sum(axis=1)))
+    return np.where(joules > 0.0, joules, 1.0)
+
+
+def weights_of(spread: Floats) -> tuple[float, ...]:
+    """The weights of a plan, of the covariance (P, P) of the position."""
+    if len(spread) == 1:
+        return ()
+    square = spread @ spread
+    total = square[0, 0] + square[1, 1]
+    return float((square[0, 0] - square[1, 1]) / total), float(2.0 * square[0, 1] / total)
+
+
+def weighed(told: Floats, weights: Sequence[float]) -> Floats:
+    """(n,) the weighted informations tr(A J) of informations (n, P, P), in 1/m²."""
+    if not weights:
+        return told[:, 0, 0]
+    along, across = weights
+    return 0.5 * (
+        (1.0 + along) * told[:, 0, 0] + (1.0 - along) * told[:, 1, 1] + across * (told[:, 0, 1] + told[:, 1, 0])
+    )
+
+
+def planned(mean: Floats, spread: Floats, those: Candidates, keep: float, every: int, step: int) -> Plan:
+    """The plan that asks for the share `keep` of the weighted information of all readings, at the least energy."""
+    weights = weights_of(spread)
+    told = weighed(those.told, weights)
+    worth = told / those.joules
+    order = np.argsort(-worth, kind="stable")
+    count = _needed(told[order], float(weighed(those.own[None], weights)[0]), keep)
+    ranked = worth[order]
+    if count == 0:
+        least = float(ranked[0]) * 2.0 if ranked.size else 0.0
+    elif count == ranked.size:
+        least = 0.0
+    else:
+        least = float(np.sqrt(ranked[count - 1] * ranked[count]))
+    return Plan(_frozen(mean.copy()), weights, step, least, every)
+
+
+def _needed(told: Floats, own: float, keep: float) -> int:
+    """How many of the readings, in this order, hold the share `keep` of the information of all and the head's own."""
+    sums = own + np.cumsum(told)
+    if not sums.size:
+        return 0
+    enough = int(np.searchsorted(sums, keep * sums[-1] * (1.0 - 1e-12))) + 1
+    enough = 0 if own >= keep * sums[-1] else enough
+    return min(max(enough, FEWEST), told.size)
+
+
+def fits(
+    plan: Plan, expected: Floats, spread: Floats, those: Candidates, scene: Scene, limits: tuple[float, float]
+) -> bool:
+    """Whether a plan still asks for enough information, and not at a needless cost."""
+    share, excess = limits
+    weights = weights_of(spread)
+    told = weighed(those.told, weights)
+    asked = asks(
+        plan, expected, scene.roster_positions[those.rows], scene.roster_traits[those.rows], those.joules, scene
+    )
+    own = float(weighed(those.own[None], weights)[0])
+    if told[asked].sum() + own < share * (told.sum() + own):
+        return False
+    order = np.argsort(-told / those.joules, kind="stable")
+    needed = those.joules[order][: _needed(told[order], own, share)].sum()
+    return bool(those.joules[asked].sum() <= excess * needed + those.joules.mean() if asked.any() else True)
+
+
+def asks(plan: Plan, expected: Floats, positions: Floats, traits: Floats, joules: Floats, scene: Scene) -> np.ndarray:
+    """(n,) whether the plan asks nodes at `positions` (n, 2) for their readings, the expected state being (D, 1)."""
+    point = expected[list(scene.motion.position), 0]
+    told = weighed(informations(scene.sensor, point, positions, traits), plan.weights)
+    return told >= plan.least * joules
+
+
+def extrapolated(expected: Expected, scene: Scene) -> Expected:
+    """What is expected at the step of the scene."""
+    if expected.step >= scene.step:
+        return expected
+    state = expected.state.copy()
+    for step in range(expected.step, scene.step):
+        state = scene.motion.advance(state, scene.dt, step * scene.dt)
+    return Expected(scene.step, _frozen(state))
+
+
+def first_expected(plan: Plan) -> Expected:
+    """What is expected at the step of the plan."""
+    return Expected(plan.step, _frozen(plan.state[:, None].copy()))
+
+
+def _frozen(values: Floats) -> Floats:
+    """The array itself, which nobody can change any more: members may hold one and the same."""
+    values.flags.writeable = False
+    return values
+
+
+def prepare(members: Sequence[Member], scene: Scene, keeps: int) -> None:
+    """Each member reads its inbox, keeps its reading, and decides what to send, with what it holds alone.
+
+    Those that have the same plan are computed at once.
+
+    Args:
+        members: The members that sense.
+        scene: What every node knows: the models, the step, the place of the head, the price of a packet.
+        keeps: Steps for which a reading that was not sent is kept.
+    """
+    undecided: dict[tuple[int, int], list[Member]] = {}
+    for member in members:
+        news = _read_inbox(member)
+        memory, plan = member.memory, member.memory.get(PLAN)
+        unsent = [each for each in memory.get(UNSENT, ()) if each[0] > scene.step - keeps]
+        if member.reading is not None and is_finite(member.reading):
+            unsent.append((scene.step, member.reading))
+        memory[UNSENT] = unsent
+        if plan is None or member.id == scene.head:
+            _send(member, scene)
+        elif news or (scene.step - plan.step) % plan.every == 0:
+            undecided.setdefault((id(plan), memory[EXPECTED].step), []).append(member)
+    for alike in undecided.values():
+        _decide(alike, scene)
+
+
+def _read_inbox(member: Member) -> bool:
+    """Take a new plan to memory; whether there was one."""
+    found = False
+    for delivery in member.take_inbox():
+        if delivery.what == PLAN and delivery.mask.all():
+            member.memory[PLAN], member.memory[EXPECTED] = delivery.payload, first_expected(delivery.payload)
+            found = True
+    return found
+
+
+def _decide(members: Sequence[Member], scene: Scene) -> None:
+    """Members with one and the same plan, extrapolated to the same step, send if it asks for their readings."""
+    plan, expected = members[0].memory[PLAN], extrapolated(members[0].memory[EXPECTED], scene)
+    positions, traits = (np.stack([getattr(each, name) for each in members]) for name in ("position", "traits"))
+    asked = asks(plan, expected.state, positions, traits, packet_joules(positions, scene), scene)
+    for member, sends in zip(members, asked.tolist(), strict=True):
+        member.memory[EXPECTED] = expected
+        if sends:
+            _send(member, scene)
+        else:
+            member.memory[UNSENT] = []
+
+
+def _send(member: Member, scene: Scene) -> None:
+    """Make a parcel of what was not sent."""
+    if unsent := member.memory[UNSENT]:
+        member.memory[OUTGOING] = readings_parcel(unsent, scene)
+        member.memory[UNSENT] = []
+
+
+def outgoing(member: Member) -> Parcel | None:
+    """What a member decided to send."""
+    sent: Parcel | None = member.memory.pop(OUTGOING, None)
+    return sent
+
+
+def readings_parcel(unsent: Sequence[tuple[int, Reading]], scene: Scene) -> Parcel:
+    """Readings of some steps, oldest first: the number of steps since each, and its value; four numbers a packet.
+
+    The steps take three bits each, in the header of the packet (our choice).
+    """
+    payload = tuple((scene.step - step, value) for step, value in unsent)
+    numbers = len(unsent) * len(components_of(scene.sensor))
+    return Parcel(payload, weight_packets(numbers), 96, READING, readings=len(unsent))
