@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from tests.test_testing import Honest
-from wsnsim.base.requests import PACKET_BITS, Compute, Gather, GatherReadings, Local, Parcel
+from wsnsim.base.requests import PACKET_BITS, Compute, Gather, GatherReadings, Local, Parcel, Send
 from wsnsim.testing import check_tracker
+from wsnsim.testing.table import SECOND
 
 
 def others(answer, scene):
@@ -210,6 +211,56 @@ class HidesReadingsInTheCycles(Honest):
         return self.moved(belief, sum(heap) if others(answer, scene) else 0.0)
 
 
+class HandsOverWhatAStepMakes(Honest):
+    """A belief has a plan once a step has made one; a handover sends it."""
+
+    def start(self, prior, scene):
+        return (yield from super().start(prior, scene)), None
+
+    def step(self, belief, scene):
+        after = yield from super().step(belief[0], scene)
+        return after, (after.mean, scene.step)
+
+    def hand_over(self, belief, scene, successor):
+        mean, _ = belief[1]
+        mask = yield Send(successor, Parcel((belief[0], mean), 8, PACKET_BITS, "belief"))
+        return belief if mask.all() else None
+
+    def estimate(self, belief):
+        return belief[0]
+
+    def forecast(self, belief, scene, ahead):
+        return belief[0]
+
+
+class StepsAtTheNextHeadWithWhatAStepMade(HandsOverWhatAStepMakes):
+    """The handover survives a belief without a plan; the first step after it does not."""
+
+    def step(self, belief, scene):
+        if scene.head == SECOND[0]:
+            belief = belief[0], tuple(belief[1])
+        return (yield from super().step(belief, scene))
+
+    def hand_over(self, belief, scene, successor):
+        mask = yield Send(successor, Parcel(belief, 8, PACKET_BITS, "belief"))
+        return belief if mask.any() else None
+
+
+class LosesItsCovarianceOnTheWay(Honest):
+    """Hands over twice as much as it had, and so no covariance is left when it is handed over twice."""
+
+    def start(self, prior, scene):
+        return replace((yield from super().start(prior, scene)), effective=1.0)
+
+    def step(self, belief, scene):
+        return replace((yield from super().step(belief, scene)), effective=1.0)
+
+    def hand_over(self, belief, scene, successor):
+        mask = yield Send(successor, Parcel(belief, 4, PACKET_BITS, "belief"))
+        after = replace(belief, cov=belief.cov * belief.effective, effective=belief.effective - 2.0)
+        return after if mask.any() else None
+
+
 CHEATS = [
     (KeepsReadingsWhileGathering(), "isolation", "were not in them"),
     (KeepsReadingsWhileComputing(), "isolation", "were not in them"),
@@ -225,6 +276,9 @@ CHEATS = [
     (SharesACacheBetweenNodes(), "isolation", "readings of other nodes that it never received"),
     (UsesWhatAnEarlierStepLeft(), "isolation", "were not in them"),
     (HidesReadingsInTheCycles(), "isolation", "were not in them"),
+    (HandsOverWhatAStepMakes(), r"early handover \(1 before", "TypeError was raised"),
+    (StepsAtTheNextHeadWithWhatAStepMade(), r"early handover \(1 before", "TypeError was raised"),
+    (LosesItsCovarianceOnTheWay(), r"early handover \(2 before", "not positive semidefinite"),
 ]
 
 
@@ -236,3 +290,18 @@ def test_a_cheat_that_some_arrived_parcel_covers_is_caught(cheat, demand, reason
 
 def test_a_tracker_that_asks_for_readings_as_arrays_keeps_the_rules():
     check_tracker(AsksForArrays())
+
+
+class WeighsByDelays(Honest):
+    """Older and farther readings count less."""
+
+    def step(self, belief, scene):
+        yield Local(self.work)
+        answer = yield Gather(self.parcel_of, deadline=0.03)
+        late, far = answer.delays, answer.hops
+        later = yield GatherReadings(deadline=0.03)
+        return self.moved(belief, sum(answer[i][0] / (1.0 + late[i] + far[i]) for i in answer) + later.delays.sum())
+
+
+def test_a_tracker_that_uses_delays_and_hops_keeps_the_rules():
+    check_tracker(WeighsByDelays())

@@ -35,7 +35,7 @@ from wsnsim.testing.faults import check_fault
 from wsnsim.testing.isolation import Isolation
 from wsnsim.testing.macs import check_mac
 from wsnsim.testing.privacy import examine, same
-from wsnsim.testing.table import FIRST, SECOND, Table, another, track
+from wsnsim.testing.table import FIRST, SECOND, Table, another, passed_on, track
 from wsnsim.testing.wakeups import check_wakeup
 from wsnsim.testing.whole_runs import demand_whole_runs
 from wsnsim.testing.workloads import check_workload
@@ -70,6 +70,8 @@ def check_tracker(
             `work_all` gives the same as `work`. values: payloads are values, and the bits of a parcel suffice for
             them. isolation: while the same parcels arrive, other measurements at some members change neither the
             belief nor what the others send. loss: the first packet of each parcel is lost, the last, some, or all.
+            early handover: all of this where the belief is handed over right after the start, and then again, before
+            any step.
             whole runs: where it offers them (`base.standalone.WholeRuns`), they equal the runs that its requests make,
             and a run does not depend on the others of its block.
     """
@@ -97,6 +99,7 @@ def check_tracker(
         with demand(f"loss ({how})"):
             for estimate in track(tracker, Table(*models), lose):
                 _sound(estimate)
+    _demand_early_handover(tracker, models)
     with demand("whole runs"):
         demand_whole_runs(tracker, *models)
 
@@ -168,6 +171,23 @@ def _with_cycles(request: Local) -> Callable[[Member], None]:
 
 def _check_cycles(cycles: float) -> None:
     assert np.isfinite(cycles) and cycles >= 0, f"{cycles} is not a number of cycles"
+
+
+def _demand_early_handover(tracker: Tracker[Any], models: Models) -> None:
+    """Hand over before the first step, once and twice, in lossless, lossy and silent networks; then step."""
+    for handovers in (1, 2):
+        with demand(f"early handover ({handovers} before the first step)"):
+            table = Table(*models)
+            values = Isolation(table.known)
+            found = list(passed_on(tracker, table, answer=values.answer, handovers=handovers))
+            again = list(passed_on(tracker, Table(*models), watch=examine, handovers=handovers))
+            assert _all_equal(found, again), "the same seed gives two different tracks"
+            for estimate in found:
+                _sound(estimate)
+        for how, lose in _losses(models.seed).items():
+            with demand(f"early handover ({handovers} before the first step, loss: {how})"):
+                for estimate in passed_on(tracker, Table(*models), lose, handovers=handovers):
+                    _sound(estimate)
 
 
 def _demand_silence(tracker: Tracker[Any], models: Models) -> None:

@@ -1,6 +1,7 @@
-"""A scripted track for checks: two clusters around a target, and a handover, without clock and energy.
+"""Scripted tracks for checks: two clusters around a target, and handovers, without clock and energy.
 
 estimates = list(track(tracker, Table(motion, sensor, seed)))
+estimates = list(passed_on(tracker, Table(motion, sensor, seed)))
 """
 
 from __future__ import annotations
@@ -13,8 +14,8 @@ import numpy as np
 
 from wsnsim.base.arrays import Floats, planar
 from wsnsim.base.packet_joules import PacketJoules
-from wsnsim.base.ports import Estimate, Field, MotionModel, Scene, SensorModel, Tracker
-from wsnsim.base.requests import Member, Request
+from wsnsim.base.ports import Estimate, Field, ForecastsSuccession, MotionModel, Scene, SensorModel, Tracker
+from wsnsim.base.requests import Flow, Member, Request
 from wsnsim.base.rng import component_noise, derive, derive_all
 from wsnsim.base.vector_readings import Reading, as_readings, components_of
 from wsnsim.models.energy import FirstOrder
@@ -135,6 +136,39 @@ def another(reading: Reading) -> Reading:
 Watch = Callable[[Request, dict[int, Member]], None]
 
 
+@dataclass
+class Play:
+    """Performs a tracker's flows at a table, in the cluster that it is in; `lead` forms one.
+
+    Args:
+        table: The target and the clusters.
+        lose: Which packets arrive.
+        watch: Called with each request and the members before it is performed.
+        answer: Answers the requests; by default `loopback.answer_to`.
+    """
+
+    table: Table
+    lose: Lose = perfect
+    watch: Watch | None = None
+    answer: Answer | None = None
+    members: dict[int, Member] = field(init=False)
+    head: int = field(init=False)
+
+    def lead(self, cluster: Sequence[int]) -> None:
+        """Form a cluster of new members, the first of which leads it."""
+        self.members, self.head = self.table.members(cluster), cluster[0]
+
+    def scene(self, step: int, steps: int, ids: tuple[int, ...]) -> Scene:
+        """The scene of a step of this cluster; `ids` have a measurement."""
+        return self.table.scene(step, steps, self.members, self.head, ids)
+
+    def drive(self, flow: Flow[Any]) -> Any:
+        """Perform a flow; return its belief."""
+        watch, members = self.watch, self.members
+        before = (lambda request: watch(request, members)) if watch else None
+        return perform(flow, members, self.head, self.lose, before, answer_of=self.answer)
+
+
 def track(
     tracker: Tracker[Any],
     table: Table,
@@ -144,37 +178,65 @@ def track(
 ) -> Iterator[Estimate]:
     """Every estimate and forecast of the scripted track: start, eight steps, handover, three more steps.
 
-    It ends at the handover if that is lost.
-
-    Args:
-        tracker: An instance of the tracker.
-        table: The target and the clusters.
-        lose: Which packets arrive.
-        watch: Called with each request and the members before it is performed.
-        answer: Answers the requests; by default `loopback.answer_to`.
+    It ends at the handover if that is lost. For the arguments see `Play`.
     """
-    members, head = table.members(FIRST), FIRST[0]
-
-    def drive(flow: Any) -> Any:
-        before = (lambda request: watch(request, members)) if watch else None
-        return perform(flow, members, head, lose, before, answer_of=answer)
-
-    scene = table.scene(0, 0, members, head, FIRST)
-    belief = drive(tracker.start(table.prior, scene))
+    play = Play(table, lose, watch, answer)
+    play.lead(FIRST)
+    belief = play.drive(tracker.start(table.prior, play.scene(0, 0, FIRST)))
     yield tracker.estimate(belief)
     step = 0
     for passed, ids in SCRIPT:
         step += passed
-        scene = table.scene(step, passed, members, head, ids)
-        belief = drive(tracker.step(belief, scene))
+        scene = play.scene(step, passed, ids)
+        belief = play.drive(tracker.step(belief, scene))
         yield tracker.estimate(belief)
-        yield tracker.forecast(belief, scene, 2)
-    belief = drive(tracker.hand_over(belief, scene, SECOND[0]))
+        yield from _forecasts(tracker, belief, scene, 2)
+    belief = play.drive(tracker.hand_over(belief, scene, SECOND[0]))
     if belief is None:
         return
-    members, head = table.members(SECOND), SECOND[0]
+    play.lead(SECOND)
     yield tracker.estimate(belief)
     for ids in (SECOND[1:], SECOND, SECOND):
         step += 1
-        belief = drive(tracker.step(belief, table.scene(step, 1, members, head, ids)))
+        belief = play.drive(tracker.step(belief, play.scene(step, 1, ids)))
         yield tracker.estimate(belief)
+
+
+def passed_on(
+    tracker: Tracker[Any],
+    table: Table,
+    lose: Lose = perfect,
+    watch: Watch | None = None,
+    answer: Answer | None = None,
+    handovers: int = 1,
+) -> Iterator[Estimate]:
+    """Every estimate and forecast of a track that is handed over right after its start: before its first step.
+
+    A head hands over as early where heads move, and where an election gives a new cluster to another node; then a
+    belief that has just arrived goes on, without a step between two `handovers`. Two steps follow at the last head.
+    The track ends at a handover that is lost. For the other arguments see `Play`.
+    """
+    play, clusters = Play(table, lose, watch, answer), (FIRST, SECOND)
+    play.lead(FIRST)
+    scene = play.scene(0, 0, FIRST)
+    belief = play.drive(tracker.start(table.prior, scene))
+    for number in range(1, handovers + 1):
+        yield tracker.estimate(belief)
+        yield from _forecasts(tracker, belief, scene, 1)
+        cluster = clusters[number % 2]
+        belief = play.drive(tracker.hand_over(belief, scene, cluster[0]))
+        if belief is None:
+            return
+        play.lead(cluster)
+        scene = play.scene(0, 0, cluster)
+    yield tracker.estimate(belief)
+    for step, ids in ((1, cluster[1:]), (2, cluster)):
+        belief = play.drive(tracker.step(belief, play.scene(step, 1, ids)))
+        yield tracker.estimate(belief)
+
+
+def _forecasts(tracker: Tracker[Any], belief: Any, scene: Scene, ahead: int) -> Iterator[Estimate]:
+    """The forecast, and that for the choice of the next head if the tracker has one of its own."""
+    yield tracker.forecast(belief, scene, ahead)
+    if isinstance(tracker, ForecastsSuccession):
+        yield tracker.successor_forecast(belief, scene, ahead)
