@@ -25,9 +25,11 @@ if TYPE_CHECKING:
     from wsnsim.papers.measures import Data, OwnMeasure
 
 PAPERS: Final = ("jiang2013", "liu2012", "wei2022", "ruan2020", "li2012")
+FRONTIER: Final = "frontier"
+"""The comparison of error and energy; a stored sweep has chosen some of its variants' settings."""
 REALITY: Final = "reality"
 """The comparison whose variants come from a folder of recorded tracks."""
-PAGES: Final = (*PAPERS, "frontier", REALITY)
+PAGES: Final = (*PAPERS, FRONTIER, REALITY)
 """Every name that `wsnsim reproduce` takes; the frontier and reality are comparisons of our own."""
 FOLDER: Final = Path(__file__).parent
 
@@ -72,6 +74,10 @@ class Paper:
             from wsnsim.papers.reality.variants import filled  # SciPy, and tracks are read
 
             document = filled(document, self._data)
+        elif self.name == FRONTIER:
+            from wsnsim.papers.frontier.variants import filled as with_chosen_settings
+
+            document = with_chosen_settings(document)
         found = [experiment_of(document, index) for index in range(len(document.content.experiments))]
         issues = [issue for experiment, named in found for issue in self._issues(experiment, named)]
         if issues:

@@ -19,7 +19,7 @@ from matplotlib.transforms import Bbox
 
 from wsnsim.analysis.figure_style import BOUND, COLOURS
 from wsnsim.base.arrays import Floats
-from wsnsim.papers.frontier.measures import (
+from wsnsim.papers.frontier.strategies import (
     LEAST_IN_TIME,
     MOST_LOST,
     NEAR,

@@ -1,70 +1,17 @@
-"""Measures of the frontier: ratios to a twin, the bound for the measurements that arrived, and the best strategies.
-
-    strategies(data) -> [Strategy, ...]      conclusions(data) -> [two lines for each radio, ...]
-
-A strategy `follows` the target if at most 5 % of its runs lose it at any time or have an RMSE of more than 20 m, and at
-least 90 % of the steps have an estimate before the next one begins [our choice]: a median alone would ignore runs that
-diverge and recover, and a strategy without estimates at difficult steps would look good.
-"""
+"""Measures of the frontier: ratios to a twin, and the bound for the measurements that arrived."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import partial
-from itertools import compress
-from typing import Final, NamedTuple
+from typing import Final
 
-import numpy as np
 import pandas as pd
 
-from wsnsim.analysis import campaigns, statistics
-from wsnsim.base.arrays import Bools
 from wsnsim.papers.bounds_beside import bound_from_events
+from wsnsim.papers.frontier import settings
+from wsnsim.papers.frontier.strategies import conclusions
+from wsnsim.papers.frontier.variants import twin
 from wsnsim.papers.measures import Data, OwnMeasure, computing
-
-MOST_LOST: Final = 0.05
-DIVERGED: Final = 20.0
-"""RMSE (m) above which a run of this field counts as diverged."""
-LEAST_IN_TIME: Final = 0.9
-NEAR: Final = 1.5
-"""Error of a good strategy, as a multiple of the bound."""
-RADIOS: Final = ("ideal", "realistic")
-
-
-class Strategy(NamedTuple):
-    """The results of a variant: median RMSE of a run (m) with its interval, mean energy (J), two fractions.
-
-    `lost` is a fraction of runs: those that lost their target at any time, or whose RMSE is above DIVERGED. `in_time`
-    is a fraction of steps.
-    """
-
-    variant: str
-    rmse: float
-    low: float
-    high: float
-    energy: float
-    lost: float
-    in_time: float
-
-    @property
-    def air(self) -> str:
-        """The kind of radio, as the variant's name has it."""
-        return self.variant.partition(": ")[0]
-
-    @property
-    def radio(self) -> str:
-        """One of RADIOS."""
-        return RADIOS[0] if self.air == RADIOS[0] else RADIOS[1]
-
-    @property
-    def follows(self) -> bool:
-        """Whether it keeps the target and its estimates are in time."""
-        return self.lost <= MOST_LOST and self.in_time >= LEAST_IN_TIME
-
-
-def twin(variant: str) -> str:
-    """The variant without its last word."""
-    return variant.rpartition(", ")[0]
 
 
 def _over_twin(data: Data, variant: str, column: str) -> pd.Series:
@@ -84,66 +31,4 @@ MEASURES: Final[dict[str, OwnMeasure]] = {
     "computing": computing,
 }
 
-
-def limit(data: Data) -> float:
-    """The median over trajectories of the conditional bound (m) for all measurements in range.
-
-    It is the same for all strategies: a bound for the measurements that arrived would favour those that ask few nodes.
-    """
-    return float(np.median(data.bound(data.variants[0], "per_trajectory").of_replicates))
-
-
-def strategies(data: Data) -> list[Strategy]:
-    """The results of all variants."""
-    return [_strategy(variant, data.of(variant, "runs")) for variant in data.variants]
-
-
-def _strategy(variant: str, runs: pd.DataFrame) -> Strategy:
-    rmse = statistics.median(runs["rmse"].to_numpy(dtype=np.float64))
-    lost = (campaigns.ever_lost(runs) | ~(runs["rmse"] <= DIVERGED)).mean()
-    energy, in_time = (float(runs[column].mean()) for column in ("energy", "tracked"))
-    return Strategy(variant, rmse.value, rmse.low, rmse.high, energy, float(lost), in_time)
-
-
-def front(found: Sequence[Strategy]) -> Bools:
-    """(n,) whether each is on the Pareto front of error and energy of those that follow the target."""
-    nan = float("nan")
-    return statistics.pareto_front(
-        [one.rmse if one.follows else nan for one in found], [one.energy if one.follows else nan for one in found]
-    )
-
-
-def cheapest(found: Sequence[Strategy], most: float) -> Strategy | None:
-    """The strategy with the least energy that follows the target with at most this error (m); None if none does."""
-    near = [one for one in found if one.follows and one.rmse <= most]
-    return min(near, key=lambda one: one.energy, default=None)
-
-
-def conclusions(data: Data) -> list[str]:
-    """Two lines for each radio: the cheapest strategy near the bound, or the nearest; and the Pareto front."""
-    found, bound = strategies(data), limit(data)
-    lines = []
-    for radio in RADIOS:
-        these = [one for one in found if one.radio == radio]
-        best = sorted(compress(these, front(these)), key=lambda one: one.energy)
-        words = "; ".join(_words(one, bound) for one in best) or "no strategy follows the target"
-        lines += [concluded(radio, these, bound), f"{radio} radio, Pareto front of error and energy: {words}"]
-    return lines
-
-
-def concluded(radio: str, found: Sequence[Strategy], bound: float) -> str:
-    """A line on a radio's cheapest strategy within 1.5 times the bound, or on the nearest if there is none."""
-    head = f"{radio} radio, cheapest within {NEAR:g} x the bound of {bound:.3f} m for all measurements in range: "
-    if (best := cheapest(found, NEAR * bound)) is not None:
-        return head + _words(best, bound)
-    nearest = min((one for one in found if one.follows), key=lambda one: one.rmse, default=None)
-    return head + (f"none; nearest is {_words(nearest, bound)}" if nearest else "none; no strategy follows the target")
-
-
-def _words(one: Strategy, bound: float) -> str:
-    """A strategy in words: error (m), error over the bound with its interval, energy (J)."""
-    value, low, high = (each / bound for each in (one.rmse, one.low, one.high))
-    return f"{one.variant}, {one.rmse:.3g} m, {value:.2f} x [{low:.2f}, {high:.2f}], {one.energy:.3g} J"
-
-
-SUMMARIES: Final = {"conclusions": conclusions}
+SUMMARIES: Final = {"conclusions": conclusions, "settings": settings.lines}
