@@ -8,8 +8,10 @@ from typing import Final
 import pandas as pd
 
 from wsnsim.papers.bounds_beside import bound_from_events
-from wsnsim.papers.frontier import settings
-from wsnsim.papers.frontier.strategies import conclusions
+from wsnsim.papers.frontier import hypotheses, settings
+from wsnsim.papers.frontier.against_bound import SETTLED, over_bound, rmse_after
+from wsnsim.papers.frontier.consistency import nees_of_runs
+from wsnsim.papers.frontier.strategies import conclusions as frontier_lines
 from wsnsim.papers.frontier.variants import twin
 from wsnsim.papers.measures import Data, OwnMeasure, computing
 
@@ -29,6 +31,19 @@ MEASURES: Final[dict[str, OwnMeasure]] = {
     "energy_over_twin": partial(_over_twin, column="energy"),
     "arrived": arrived,
     "computing": computing,
+    "over_bound": over_bound,
+    "over_bound_settled": partial(over_bound, after=SETTLED),
+    "rmse_settled": rmse_after,
+    "nees_away": partial(nees_of_runs, near=False),
+    "nees_near_walls": partial(nees_of_runs, near=True),
+    "state_nees_away": partial(nees_of_runs, near=False, of="state"),
+    "state_nees_near_walls": partial(nees_of_runs, near=True, of="state"),
 }
 
-SUMMARIES: Final = {"conclusions": conclusions, "settings": settings.lines}
+
+def conclusions(data: Data) -> list[str]:
+    """Two lines for each radio, and the answers to the hypotheses on the frontier."""
+    return [*frontier_lines(data), *hypotheses.lines(data)]
+
+
+SUMMARIES: Final = {"conclusions": conclusions, "settings": settings.lines, "answers": hypotheses.lines}

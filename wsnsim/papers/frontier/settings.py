@@ -64,11 +64,11 @@ def swept(sweep: Mapping[str, Any], radio: str) -> dict[str, str]:
     found: dict[str, str] = {}
     for group in sweep[radio]:
         for strategy in group["strategies"]:
-            found |= {name: strategy for name in _settings(f"{radio}: {strategy}", {**sweep["usual"], **group})}
+            found |= dict.fromkeys(_settings(f"{radio}: {strategy}", {**sweep["usual"], **group}), strategy)
     return found
 
 
-def _settings(name: str, factors: Mapping[str, Sequence[str]]) -> Iterator[str]:
+def _settings(name: str, factors: Mapping[str, Any]) -> Iterator[str]:
     crossed = [
         *product(factors["noise"], [factors["base"]], factors["handover"], factors["fraction"]),
         *product(factors["noise"], factors["particles"], factors["handover"][-1:], factors["fraction"][:1]),

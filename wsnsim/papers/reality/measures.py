@@ -10,45 +10,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final, Literal, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from wsnsim.base.arrays import Floats
+from wsnsim.papers.answers import Answer, Interval, both, interval, word
 from wsnsim.papers.measures import Data, OwnMeasure, sample
 from wsnsim.papers.reality.recording import TrackFolder, recording
 from wsnsim.papers.reality.residuals import figures_in_words
-from wsnsim.papers.resampling import DRAWS, weights
+from wsnsim.papers.resampling import weights
 
 MEASURES: Final[dict[str, OwnMeasure]] = {}
-TAIL: Final = 0.025
 MEMORYLESS: Final = "trilateration"
-ANSWERED: Final = {True: "yes", False: "no", None: "undecided"}
-
-
-class Interval(NamedTuple):
-    """A value with its 95 % interval; NaN without one."""
-
-    value: float
-    low: float
-    high: float
-
-    def __str__(self) -> str:
-        return f"{self.value:.2f} [{self.low:.2f}, {self.high:.2f}]"
-
-    def above(self, threshold: float) -> bool | None:
-        """Whether the whole interval is above a threshold, or below it; None if it is neither, or unknown."""
-        if self.low > threshold:
-            return True
-        return False if self.high < threshold else None
-
-
-class Answer(NamedTuple):
-    """The answer to a registered hypothesis."""
-
-    words: str
-    found: tuple[Interval, ...]
-    answer: Literal["yes", "no", "undecided"]
 
 
 class Gap(NamedTuple):
@@ -92,8 +66,8 @@ def _gap(data: Data, wanted: Mapping[str, Any]) -> Answer:
     if not names:
         return Answer(f"{words}: no track is rectangular", (), "undecided")
     real, twin = (_summed(data, names, f"{word}, {wanted['tracker']}") for word in ("recorded", "simulated"))
-    found = _interval(real / twin)
-    return Answer(f"{words} ({', '.join(names)})", (found,), _yes(found.above(wanted["factor"])))
+    found = interval(real / twin)
+    return Answer(f"{words} ({', '.join(names)})", (found,), word(found.above(wanted["factor"])))
 
 
 def _recovered(data: Data, wanted: Mapping[str, Any]) -> Answer:
@@ -101,21 +75,20 @@ def _recovered(data: Data, wanted: Mapping[str, Any]) -> Answer:
     names = [track.name for track in tracks_of(data).tracks]
     states = ("recorded", "recorded, gains", "simulated")
     before, after, twin = (_summed(data, names, f"{word}, {wanted['tracker']}") for word in states)
-    found = _interval((before - after) / (before - twin))
+    found = interval((before - after) / (before - twin))
     return Answer(f"known gains recover >= {wanted['recovered']:g} of the gap", (found,),
-                  _yes(found.above(wanted["recovered"])))  # fmt: skip
+                  word(found.above(wanted["recovered"])))  # fmt: skip
 
 
 def _consistency(data: Data, wanted: Mapping[str, Any]) -> Answer:
     """Hypothesis 3: the NEES before and after the gains."""
     names = [track.name for track in tracks_of(data).tracks]
     before, after = (
-        _interval(np.median([medians(data, f"{name}, {word}, {wanted['tracker']}", "nees") for name in names], axis=0))
+        interval(np.median([medians(data, f"{name}, {word}, {wanted['tracker']}", "nees") for name in names], axis=0))
         for word in ("recorded", "recorded, gains")
     )
-    above, still = before.above(wanted["nees"]), after.above(wanted["nees"])
-    holds = False if above is False or still is True else None if None in (above, still) else True
-    return Answer(f"NEES > {wanted['nees']:g} before the gains and below it after", (before, after), _yes(holds))
+    holds = both(before.above(wanted["nees"]), after.below(wanted["nees"]))
+    return Answer(f"NEES > {wanted['nees']:g} before the gains and below it after", (before, after), word(holds))
 
 
 def gaps(data: Data, before: str = "recorded", twin: str = "simulated", last: str = "") -> list[Gap]:
@@ -126,7 +99,7 @@ def gaps(data: Data, before: str = "recorded", twin: str = "simulated", last: st
     for kind in both:
         ends = f"{kind}, {last}" if last else kind
         by_track = {
-            name: _interval(medians(data, f"{name}, {before}, {kind}") / medians(data, f"{name}, {twin}, {ends}"))
+            name: interval(medians(data, f"{name}, {before}, {kind}") / medians(data, f"{name}, {twin}, {ends}"))
             for name in names
         }
         found.append(Gap(kind, by_track, float(np.median([each.value for each in by_track.values()]))))
@@ -135,11 +108,7 @@ def gaps(data: Data, before: str = "recorded", twin: str = "simulated", last: st
 
 def conclusions(data: Data) -> list[str]:
     """A line for each hypothesis, and lines on all trackers and on the readings themselves."""
-    lines = [
-        f"registered {number}: {each.words}: {each.answer}"
-        + (f", {' and '.join(map(str, each.found))}" if each.found else "")
-        for number, each in enumerate(answers(data), 1)
-    ]
+    lines = [f"registered {number}: {each}" for number, each in enumerate(answers(data), 1)]
     return [*lines, *above(data), *on_memory(data), *figures_in_words(tracks_of(data))]
 
 
@@ -187,17 +156,6 @@ def _summed(data: Data, names: Sequence[str], words: str) -> Floats:
     """(1 + draws,) the medians of 'TRACK, words', summed over tracks."""
     total: Floats = np.sum([medians(data, f"{name}, {words}") for name in names], axis=0)
     return total
-
-
-def _interval(values: Floats) -> Interval:
-    """The interval of a value (1 + draws,), the first of which is that of all runs."""
-    assert len(values) == 1 + DRAWS
-    low, high = np.quantile(values[1:], [TAIL, 1.0 - TAIL])
-    return Interval(float(values[0]), float(low), float(high))
-
-
-def _yes(holds: bool | None) -> Any:
-    return ANSWERED[holds]
 
 
 SUMMARIES: Final = {"conclusions": conclusions, "above": above}

@@ -1,0 +1,72 @@
+"""Answers to hypotheses that were registered before the runs that answer them.
+
+interval(values) -> Interval            of a value and its resamples
+Interval.above(threshold)               True, False, or None if the interval contains the threshold
+Answer(words, found, answer)            'yes', 'no' or 'undecided', with the intervals that it follows from
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final, Literal, NamedTuple, TypeAlias
+
+import numpy as np
+
+from wsnsim.base.arrays import Floats
+from wsnsim.papers.resampling import DRAWS
+
+TAIL: Final = 0.025
+Word: TypeAlias = Literal["yes", "no", "undecided"]
+_WORDS: Final[Mapping[bool | None, Word]] = {True: "yes", False: "no", None: "undecided"}
+
+
+class Interval(NamedTuple):
+    """A value with its 95 % interval; NaN without one."""
+
+    value: float
+    low: float
+    high: float
+
+    def __str__(self) -> str:
+        return f"{self.value:.2f} [{self.low:.2f}, {self.high:.2f}]"
+
+    def above(self, threshold: float) -> bool | None:
+        """Whether the whole interval is above a threshold, or below it; None if it is neither, or unknown."""
+        if self.low > threshold:
+            return True
+        return False if self.high < threshold else None
+
+    def below(self, threshold: float) -> bool | None:
+        """Whether the whole interval is below a threshold, or above it; None if it is neither, or unknown."""
+        above = self.above(threshold)
+        return None if above is None else not above
+
+
+class Answer(NamedTuple):
+    """The answer to a registered hypothesis."""
+
+    words: str
+    found: tuple[Interval, ...]
+    answer: Word
+
+    def __str__(self) -> str:
+        return f"{self.words}: {self.answer}" + (f", {' and '.join(map(str, self.found))}" if self.found else "")
+
+
+def interval(values: Floats) -> Interval:
+    """The interval of a value (1 + draws,), the first of which is that of all runs."""
+    assert len(values) == 1 + DRAWS
+    low, high = np.quantile(values[1:], [TAIL, 1.0 - TAIL])
+    return Interval(float(values[0]), float(low), float(high))
+
+
+def word(holds: bool | None) -> Word:
+    """'yes' if a hypothesis holds, 'no' if it does not, 'undecided' if it is not known."""
+    return _WORDS[holds]
+
+
+def both(one: bool | None, other: bool | None) -> bool | None:
+    """Whether two statements hold; None if that is not known."""
+    if one is False or other is False:
+        return False
+    return None if one is None or other is None else True

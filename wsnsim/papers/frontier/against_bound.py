@@ -1,0 +1,131 @@
+"""The errors of runs beside the bound for all readings in range, whole and after the first second.
+
+    squares(data, variant) -> Squares                 squared errors and bounds, step by step
+    pooled(squares, after) -> Interval                root mean square error over that of the bounds
+    of_medians(squares, after) -> Interval            median RMSE of a run over the median of the runs' bounds
+
+The bound limits the mean square over runs, so that `pooled` is the ratio that cannot be below 1 but for chance (and for
+what the bound's cautions say); it counts every run, astray or not. The ratio of medians is that of the frontier. Both
+take the steps that have an estimate, of the error and of the bound.
+"""
+
+from __future__ import annotations
+
+import functools
+from typing import Final, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+import wsnsim.bounds as bounds
+from wsnsim.base.arrays import Bools, Floats, Ints
+from wsnsim.papers.answers import Interval, interval
+from wsnsim.papers.measures import Data
+from wsnsim.papers.resampling import weights
+from wsnsim.scenario import Plugins, load
+
+SETTLED: Final = 1.0
+"""Seconds that a run counts as its beginning."""
+
+
+class Squares(NamedTuple):
+    """The squared errors (m²) of runs of one target and their squared bounds, NaN where there is no estimate.
+
+    Attributes:
+        runs: (n,) the numbers of the runs.
+        times: (K,) of the steps, in s.
+        errors: (n, K).
+        bounds: (n, K).
+    """
+
+    runs: Ints
+    times: Floats
+    errors: Floats
+    bounds: Floats
+
+    def after(self, time: float) -> Squares:
+        """The steps after a time (s)."""
+        kept = self.times > time * (1.0 + 1e-9)
+        return Squares(self.runs, self.times[kept], self.errors[:, kept], self.bounds[:, kept])
+
+
+@functools.lru_cache(maxsize=16)
+def squares(data: Data, variant: str) -> Squares:
+    """The squared errors of a variant's runs and their trajectory-conditional bounds for all readings in range.
+
+    The bound is that for what the variant's filter knows of gains. Needs the table `estimates`; a single target.
+    """
+    scenario = load(data.scenario(variant), plugins=Plugins.NONE)
+    table = data.of(variant, "estimates")
+    runs = np.sort(data.of(variant, "runs")["replicate"].to_numpy())
+    found = bounds.bound(scenario, runs.tolist(), "per_trajectory")
+    assert not found.reason and found.each.shape[1] == 1, f"{variant} has no bound of one target"
+    least = found.each[:, 0] ** 2
+    errors = np.full(least.shape, np.nan)
+    errors[np.searchsorted(runs, table["replicate"]), table["step"].to_numpy() - 1] = table["error"].to_numpy() ** 2
+    times = scenario.step * np.arange(1, least.shape[1] + 1)
+    return Squares(runs, times, errors, np.where(np.isfinite(errors), least, np.nan))
+
+
+def resampled(count: int) -> Floats:
+    """(1 + draws, count) weights of runs: all once, then those of every resample."""
+    return np.concatenate([np.ones((1, count)), weights(count, count)])
+
+
+def pooled(found: Squares) -> Interval:
+    """The root mean square error over all runs and steps, divided by the root of the mean squared bound."""
+    known = np.isfinite(found.errors)
+    sums = (np.where(known, each, 0.0).sum(axis=1) for each in (found.errors, found.bounds))
+    errors, least = (resampled(len(found.runs)) @ one for one in sums)
+    return interval(np.sqrt(errors / least))
+
+
+def rmse_of_runs(squared: Floats) -> Floats:
+    """(n,) roots of the mean over the steps that have an estimate; NaN for a run without one."""
+    known = np.isfinite(squared)
+    with np.errstate(invalid="ignore"):
+        result: Floats = np.sqrt(np.where(known, squared, 0.0).sum(axis=1) / known.sum(axis=1))
+    return result
+
+
+def of_medians(found: Squares) -> Interval:
+    """The median RMSE of a run, divided by the median over the runs of the bound."""
+    return interval(medians(rmse_of_runs(found.errors)) / medians(rmse_of_runs(found.bounds)))
+
+
+def medians(values: Floats) -> Floats:
+    """(1 + draws,) the median of the runs as they are, and of every resample. The lower of two middle values counts."""
+    values = np.where(np.isfinite(values), values, np.inf)
+    order = np.argsort(values, kind="stable")
+    cumulated = np.cumsum(resampled(len(values))[:, order], axis=1)
+    middle = np.argmax(2.0 * cumulated >= cumulated[:, -1:], axis=1)
+    result: Floats = values[order[middle]]
+    return result
+
+
+def over_bound(data: Data, variant: str, after: float = 0.0) -> pd.Series:
+    """The RMSE of each run over its bound, by replicate."""
+    found = squares(data, variant).after(after)
+    return pd.Series(rmse_of_runs(found.errors) / rmse_of_runs(found.bounds), index=found.runs)
+
+
+def rmse_after(data: Data, variant: str, after: float = SETTLED) -> pd.Series:
+    """The RMSE (m) of each run after a time, by replicate."""
+    found = squares(data, variant).after(after)
+    return pd.Series(rmse_of_runs(found.errors), index=found.runs)
+
+
+def near_walls(positions: Floats, times: Floats, wall: float, margin: float, memory: float) -> Bools:
+    """(n, K) whether a trajectory is within a margin of a wall, or was so within the last seconds.
+
+    Args:
+        positions: (n, K, 2) true positions, in m.
+        times: (K,) of the steps, in s.
+        wall: the target is turned back where a coordinate exceeds this, in m.
+        margin: m on the near side of the wall; everything beyond it is near.
+        memory: s after which a wall is forgotten.
+    """
+    near = (np.abs(positions) > wall - margin).any(axis=2)
+    last = np.maximum.accumulate(np.where(near, times, -np.inf), axis=1)
+    result: Bools = times - last <= memory * (1.0 + 1e-9)
+    return result
