@@ -22,8 +22,10 @@ BLOCK = r"(<!-- {name}: made by make readme -->\n).*?(<!-- end of {name} -->)"
 BLOCKS = {
     "papers": ("jiang2013", "liu2012", "wei2022", "ruan2020", "--full"),
     "li2012": ("li2012", "--full"),
-    "frontier": ("frontier", "--full"),
+    "frontier": ("frontier", "--full", "--only", "frontier"),
 }
+REGISTERED = "- registered "
+"""How lines with answers to hypotheses begin: docs/frontier.md has these."""
 CAMPAIGNS = HOME / "results/reproduce/full"
 TIMES = "run_times"
 PICTURES = ("jiang2013_figure_9.png", "frontier_frontier.png")
@@ -32,7 +34,8 @@ PICTURES = ("jiang2013_figure_9.png", "frontier_frontier.png")
 def told(*words: str) -> str:
     """What `wsnsim reproduce` answers as Markdown."""
     command = [sys.executable, "-m", "wsnsim", "reproduce", "--markdown", *words]
-    return subprocess.run(command, cwd=HOME, stdout=subprocess.PIPE, text=True, check=True).stdout.strip()
+    said = subprocess.run(command, cwd=HOME, stdout=subprocess.PIPE, text=True, check=True).stdout.strip()
+    return "\n".join(line for line in said.splitlines() if not line.startswith(REGISTERED))
 
 
 def table(name: str) -> str:

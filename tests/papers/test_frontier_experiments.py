@@ -13,13 +13,16 @@ from tests.papers.tables_of_runs import TablesOfRuns
 from wsnsim import scenario
 from wsnsim.papers import measures, reproduce
 from wsnsim.papers.frontier import figures
-from wsnsim.papers.frontier import measures as frontier_measures
-from wsnsim.papers.frontier.measures import MEASURES, Strategy, twin
+from wsnsim.papers.frontier import strategies as frontier_strategies
+from wsnsim.papers.frontier.measures import MEASURES, arrived
+from wsnsim.papers.frontier.settings import stored
+from wsnsim.papers.frontier.strategies import Strategy
+from wsnsim.papers.frontier.variants import CHOSEN, twin
 from wsnsim.papers.paper import paper
 
-(EXPERIMENT,) = paper("frontier").experiments
+EXPERIMENT = paper("frontier").experiments[0]
 VARIANTS = EXPERIMENT.variants
-SMALL = ("ideal: ekf", "ideal: ekf, noise x100", "slots: ekf", "10 % awake: ekf")
+SMALL = ("ideal: ekf", "ideal: ekf, nearest", "slots: ekf", "10 % awake: ekf")
 
 
 def resolved(plan):
@@ -53,20 +56,37 @@ def test_a_name_says_what_is_run(quick):
         kind, *words = strategy.split(", ")
         tracker = one["tracker"]
         assert tracker["kind"] == kind
-        assert tracker["assumes"]["noise_scale"] == (100.0 if "noise x100" in words else 1.0)
-        if kind not in ("ekf", "rkf", "imsf"):
-            assert tracker["particles"] == (100 if kind == "gsa_gpf" or "100 particles" in words else 400)
-        if "handover" in tracker:
-            assert (tracker["handover"] == "gaussian") == ("Gaussian handover" in words)
+        assert one["mac"]["kind"] == ("ideal" if air == "ideal" else "csma" if air.startswith("CSMA") else "tdma")
+        assert one["sleep"]["kind"] == ("ris" if air.endswith("awake") else "event_wake")
+        assert one["sink"]["kind"] == "none"
         if kind in ("pso_mhpf", "ppf"):
             usual = "own" if kind == "pso_mhpf" else "all"
             said = {"own readings": "own", "all readings": "all"}
             assert tracker["measurements"] == next((said[word] for word in words if word in said), usual)
         if kind == "ekf":
             assert (tracker["readings"] == "nearest") == ("nearest" in words)
-        assert one["mac"]["kind"] == ("ideal" if air == "ideal" else "csma" if air.startswith("CSMA") else "tdma")
-        assert one["sleep"]["kind"] == ("ris" if air.endswith("awake") else "event_wake")
-        assert one["sink"]["kind"] == "none"
+            assert (tracker["iterations"] > 1) == ("iterated" in words)
+        if not set(words) & set(CHOSEN):
+            assert tracker["assumes"]["noise_scale"] == 1.0
+            if "particles" in tracker:
+                assert tracker["particles"] == (100 if kind == "gsa_gpf" else 400)
+            if "handover" in tracker:
+                assert (tracker["handover"] == "gaussian") == ("Gaussian handover" in words)
+
+
+def test_a_strategy_at_its_fair_setting_is_what_the_sweep_ran_but_for_seed_and_length(quick):
+    sweeps = {one.name: one for one in paper("frontier").experiments if one.name.startswith("settings_")}
+    known = resolved(quick)
+    for radio, sweep in stored().items():
+        for strategy, choice in sweep.choices.items():
+            for word, name in zip(CHOSEN, choice, strict=True):
+                mine = known.get(f"{radio}: {strategy}, {word}")
+                if mine is not None:
+                    variant = sweeps[f"settings_{radio}"].variants[name]
+                    other = scenario.resolved(scenario.load(variant.scenario, [*variant.sets, "record.events=false"]))
+                    assert {key: mine[key] for key in ("tracker", "clusters")} == {
+                        key: other[key] for key in ("tracker", "clusters")
+                    }
 
 
 def test_the_names_of_shipped_scenarios_stand_for_them():
@@ -88,25 +108,6 @@ def test_the_names_of_shipped_scenarios_stand_for_them():
         assert mine == theirs
 
 
-def test_every_baseline_has_a_matched_and_an_inflated_process_noise():
-    ideal = {name for name in VARIANTS if name.startswith("ideal")}
-    for kind in (
-        "pso_mhpf",
-        "ipf",
-        "ppf",
-        "central_pf",
-        "pf",
-        "cs_pf",
-        "ics_pf",
-        "gpf",
-        "pso_gpf",
-        "ekf",
-        "rkf",
-        "imsf",
-    ):
-        assert {f"ideal: {kind}", f"ideal: {kind}, noise x100"} <= ideal
-
-
 def test_nothing_is_published_and_each_variant_whose_twin_is_run_is_compared_with_it():
     assert all(not claim.other and claim.published is None for claim in EXPERIMENT.claims)
     for measure in ("median:rmse_over_twin", "median:energy_over_twin"):
@@ -119,18 +120,18 @@ def test_nothing_is_published_and_each_variant_whose_twin_is_run_is_compared_wit
 
 
 def test_a_twin_lacks_the_last_word():
-    assert twin("ideal: ppf, noise x100, Gaussian handover") == "ideal: ppf, noise x100"
+    assert twin("ideal: pso_mhpf, all readings, fair") == "ideal: pso_mhpf, all readings"
     assert twin("ideal: ekf") == ""
 
 
 def test_ratios_are_taken_run_by_run_to_the_twin():
     runs = {
         "ideal: ekf": pd.DataFrame({"replicate": [0, 1], "rmse": [2.0, 4.0], "energy": [1.0, 1.0]}),
-        "ideal: ekf, noise x100": pd.DataFrame({"replicate": [1, 0], "rmse": [2.0, 4.0], "energy": [3.0, 2.0]}),
+        "ideal: ekf, nearest": pd.DataFrame({"replicate": [1, 0], "rmse": [2.0, 4.0], "energy": [3.0, 2.0]}),
     }
     data = TablesOfRuns(runs)
-    assert MEASURES["rmse_over_twin"](data, "ideal: ekf, noise x100").to_dict() == {0: 2.0, 1: 0.5}
-    assert MEASURES["energy_over_twin"](data, "ideal: ekf, noise x100").to_dict() == {0: 2.0, 1: 3.0}
+    assert MEASURES["rmse_over_twin"](data, "ideal: ekf, nearest").to_dict() == {0: 2.0, 1: 0.5}
+    assert MEASURES["energy_over_twin"](data, "ideal: ekf, nearest").to_dict() == {0: 2.0, 1: 3.0}
 
 
 def strategy(variant, rmse, energy, lost=0.0, in_time=1.0):
@@ -145,17 +146,19 @@ def test_the_cheapest_is_within_the_limit_follows_the_target_and_spends_least():
         strategy("ideal: d", 0.10, 0.5, lost=0.2),
         strategy("ideal: e", 0.10, 0.4, in_time=0.8),
     ]
-    assert frontier_measures.cheapest(found, 0.15).variant == "ideal: b"
-    assert frontier_measures.cheapest(found, 0.13) is None
-    assert frontier_measures.front(found).tolist() == [True, True, True, False, False]
+    assert frontier_strategies.cheapest(found, 0.15).variant == "ideal: b"
+    assert frontier_strategies.cheapest(found, 0.13) is None
+    assert frontier_strategies.front(found).tolist() == [True, True, True, False, False]
 
 
 def test_where_nobody_is_within_the_limit_a_line_says_so_and_who_is_nearest():
-    line = frontier_measures.concluded("ideal", [strategy("ideal: a", 0.3, 3.0), strategy("ideal: b", 0.2, 4.0)], 0.1)
+    line = frontier_strategies.concluded("ideal", [strategy("ideal: a", 0.3, 3.0), strategy("ideal: b", 0.2, 4.0)], 0.1)
     assert "none; nearest is ideal: b, 0.2 m" in line and "2.00 x" in line
-    line = frontier_measures.concluded("ideal", [strategy("ideal: a", 0.12, 3.0), strategy("ideal: b", 0.14, 1.0)], 0.1)
+    line = frontier_strategies.concluded(
+        "ideal", [strategy("ideal: a", 0.12, 3.0), strategy("ideal: b", 0.14, 1.0)], 0.1
+    )
     assert "none" not in line and "ideal: b, 0.14 m" in line
-    assert "no strategy follows" in frontier_measures.concluded(
+    assert "no strategy follows" in frontier_strategies.concluded(
         "ideal", [strategy("ideal: a", 0.1, 1.0, lost=1.0)], 0.1
     )
 
@@ -205,16 +208,16 @@ def test_a_small_run_gives_a_row_a_claim_a_line_a_radio_and_a_picture(tracked, t
     assert {row.verdict for row in rows} == {"not published"}
     errors = [row for row in rows if row.quantity.startswith("RMSE of a run, median")]
     assert len({row.bound for row in errors}) == 1 and errors[0].bound > 0.0
-    said = frontier_measures.conclusions(data)
+    said = frontier_strategies.conclusions(data)
     assert [line.partition(",")[0] for line in said] == [
         "ideal radio",
         "ideal radio",
         "realistic radio",
         "realistic radio",
     ]
-    for line, radio in zip(said[1::2], frontier_measures.RADIOS, strict=True):
-        these = [one for one in frontier_measures.strategies(data) if one.radio == radio]
-        best = [one.variant for one, on in zip(these, frontier_measures.front(these), strict=True) if on]
+    for line, radio in zip(said[1::2], frontier_strategies.RADIOS, strict=True):
+        these = [one for one in frontier_strategies.strategies(data) if one.radio == radio]
+        best = [one.variant for one, on in zip(these, frontier_strategies.front(these), strict=True) if on]
         assert all(f"{name}, " in line for name in best) and (best or "none follows" in line)
     (file,) = reproduce.draw("frontier", small, folder, tmp_path)
     assert file.name == "frontier_frontier.png" and file.stat().st_size > 10_000
@@ -224,14 +227,14 @@ def test_the_bound_of_the_readings_that_arrived_is_no_smaller_than_that_of_all_i
     data, _, _ = tracked
     whole = data.bound("ideal: ekf", "per_trajectory").of_replicates
     for name in ("ideal: ekf", "slots: ekf", "10 % awake: ekf"):
-        found = frontier_measures.arrived(data, name)
+        found = arrived(data, name)
         assert found.index.tolist() == [0, 1]
         assert (found.to_numpy() >= whole * (1.0 - 1e-9)).all()
 
 
 def test_a_strategy_that_strays_and_comes_back_in_one_run_of_ten_does_not_follow_the_target():
     runs = pd.DataFrame({"rmse": [0.3] * 10, "lost": 0, "losses": [0] * 9 + [2], "energy": 1.0, "tracked": 1.0})
-    found = frontier_measures._strategy("ideal: ekf", runs)
+    found = frontier_strategies._strategy("ideal: ekf", runs)
     assert found.lost == 0.1 and not found.follows
-    assert frontier_measures._strategy("ideal: ekf", runs.assign(losses=0)).follows
-    assert frontier_measures._strategy("ideal: ekf", runs.drop(columns="losses")).follows, "of an earlier version"
+    assert frontier_strategies._strategy("ideal: ekf", runs.assign(losses=0)).follows
+    assert frontier_strategies._strategy("ideal: ekf", runs.drop(columns="losses")).follows, "of an earlier version"

@@ -34,19 +34,22 @@ from wsnsim.papers.measures import Data
 from wsnsim.papers.plotting import GREY, Drawings
 
 SHORT: Final = {
-    "noise x100": "×100",
     "Gaussian handover": "G",
     "all readings": "all",
     "own readings": "own",
-    "100 particles": "100",
     "greedy": "greedy",
     "nearest": "nearest",
+    "iterated": "iterated",
+    "appointed": "appointed",
+    "fair": "fair",
+    "frugal": "frugal",
 }
 KEY: Final = (
-    "×100: a filter that assumes 100 times the process noise;  all, own, nearest: whose measurements weigh;  "
-    "G: Gaussian handover;  100: particles, otherwise 400"
+    "fair, frugal: settings that a sweep on other seeds has chosen, otherwise the defaults;  all, own, nearest: whose "
+    "measurements weigh;\nG: Gaussian handover;  appointed: clusters that the head appoints from its prediction"
 )
-MATCHED, INFLATED = "true process noise in the filter", "100 times the process noise"
+CHOSEN_NAMES: Final = {"fair": "fair settings", "frugal": "frugal settings"}
+DEFAULTS: Final = "defaults"
 RADIO_NAMES: Final = {
     "CSMA": "CSMA, one packet in a frame",
     "CSMA packed": "CSMA, nine packets in a frame",
@@ -89,7 +92,7 @@ def _frontier(figure: Figure, data: Data) -> None:
 
 
 def short(variant: str) -> str:
-    """'ideal: pf, noise x100' -> 'pf ×100'."""
+    """'ideal: pf, all readings, fair' -> 'pf all fair'."""
     kind, *words = variant.partition(": ")[2].split(", ")
     return " ".join([kind, *(SHORT[word] for word in words)])
 
@@ -109,9 +112,9 @@ def _panel(axes: Axes, found: Sequence[Strategy], bound: float) -> None:
 
 
 def _group(one: Strategy) -> str:
-    """The group of a colour: the filter's noise on the ideal radio, the kind of radio on a realistic one."""
+    """The group of a colour: the choice of settings on the ideal radio, the kind of radio on a realistic one."""
     if one.radio == RADIOS[0]:
-        return INFLATED if "noise x100" in one.variant else MATCHED
+        return CHOSEN_NAMES.get(one.variant.rpartition(", ")[2], DEFAULTS)
     return RADIO_NAMES[one.air]
 
 
