@@ -169,4 +169,11 @@ def test_without_readings_the_covariance_grows_by_the_motion_model():
 def test_a_node_that_leads_twice_has_the_members_that_joined_it_each_time():
     clusters = {"head": np.array([7, 3, 7]), "formed": np.array([0.0, 1.0, 2.0])}
     joined = {"peer": np.array([7, 7, 3, 7]), "node": np.array([1, 2, 1, 5]), "time": np.array([0.0, 0.0, 0.9, 2.0])}
-    assert _members(clusters, joined) == [{7, 1, 2}, {3, 1}, {7, 5}]
+    ends = [0.5, 1.5, 2.5]
+    assert [_members(clusters, joined, *each) for each in enumerate(ends)] == [{7, 1, 2}, {3, 1}, {7, 5}]
+
+
+def test_a_node_that_joins_a_cluster_after_it_formed_is_a_member_from_then_on():
+    clusters = {"head": np.array([7, 3]), "formed": np.array([0.0, 2.0])}
+    joined = {"peer": np.array([7, 7, 3]), "node": np.array([1, 2, 4]), "time": np.array([0.0, 0.7, 2.0])}
+    assert [_members(clusters, joined, 0, end) for end in (0.5, 0.7, 1.9)] == [{7, 1}, {7, 1, 2}, {7, 1, 2}]

@@ -11,6 +11,7 @@ import pytest
 
 import wsnsim
 from wsnsim import testing
+from wsnsim.scenario.conformance import demand_port
 
 PAGE = (Path(__file__).parents[2] / "docs" / "plugins.md").read_text(encoding="utf-8")
 MODULES = dict(re.findall(r"```python\n# (\w+)\.py\n(.*?)```", PAGE, re.DOTALL))
@@ -19,6 +20,7 @@ CHECKS = {
     "overheating": ("Overheating", {"at": 0.1}, testing.check_fault),
     "convergecast": ("Convergecast", {}, testing.check_workload),
     "neighbourhood": ("Neighbourhood", {}, testing.check_wakeup),
+    "nearby": ("Nearby", {}, lambda policy: demand_port(type(policy), "clusters")),
     "aloha": ("PureAloha", {}, testing.check_mac),
 }
 

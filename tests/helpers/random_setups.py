@@ -9,6 +9,7 @@ import numpy as np
 from tests.helpers.centroid_network import Centroid, network_setup, passing
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.models.access import Csma, IdealMac, Tdma
+from wsnsim.models.appointed import Appointed
 from wsnsim.models.clusters import Central, StrongestSignal
 from wsnsim.models.datasheets import ProcessorSheet, RadioSheet
 from wsnsim.models.deploy import Uniform
@@ -53,7 +54,7 @@ def scenario(number: int) -> tuple[NetworkSetup, Any, Any]:
         motions=network_setup().motions * targets,
         tracker=Centroid(cycles=float(rng.choice([0.0, 1e4, 2e5]))),
         **_radio(rng),
-        clusters=_one(rng, StrongestSignal(), StrongestSignal(successor_rule="elect"), Central()),
+        clusters=_one(rng, StrongestSignal(), StrongestSignal(successor_rule="elect"), Central(), Appointed()),
         routing=_one(rng, MinimumEnergy(), MinimumHop(), GreedyGeographic()),
         cpu=_one(rng, Processor(), Processor(rate=8e6)),
         clock=_one(rng, PerfectClock(), PerfectClock(), DriftingClock(sd=0.01)),

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 from wsnsim.base.arrays import Bools, Floats
 from wsnsim.base.deprecation import uses_former
+from wsnsim.base.outlook import Appointment, Outlook
 
 
 class ClusterPolicy(Protocol):
@@ -18,6 +19,7 @@ class ClusterPolicy(Protocol):
     - 'electing': the same, but the successor calls an election.
     - 'open': the head that `successor` names leads; every node that senses belongs to the cluster, without a frame.
     - 'moving': the head is chosen again at each step; see `MovingPolicy`.
+    - 'appointing': the head appoints members from its prediction; see `AppointingPolicy`.
     """
 
     @property
@@ -58,6 +60,35 @@ class MovingPolicy(ClusterPolicy, Protocol):
     patience: float
 
 
+@runtime_checkable
+class SeesGeometry(Protocol):
+    """Optional port of a cluster policy: decides on handovers from the geometry, not from counts and one point.
+
+    Heads that stand ('standing', 'electing') then ask these methods in place of `must_hand_over` and `successor`.
+    """
+
+    def must_appoint(self, outlook: Outlook) -> bool:
+        """Whether the cluster must be renewed: by another head, or by more members."""
+
+    def next_head(self, outlook: Outlook) -> int | None:
+        """The best head from now on, which may be the present one; None if no node that it considers is able."""
+
+
+class AppointingPolicy(ClusterPolicy, SeesGeometry, Protocol):
+    """A policy of heads that appoint their members.
+
+    If `next_head` names no node, the one that `successor` names leads. Without readings the head continues its
+    prediction for `patience` s before the track is lost.
+    """
+
+    @property
+    def patience(self) -> float:
+        """Seconds without a reading after which the track is lost."""
+
+    def appointment(self, outlook: Outlook) -> Appointment:
+        """The rule that the head announces: which nodes are members."""
+
+
 def head_protocol(policy: Any) -> str:
     """The name of a policy's head protocol.
 
@@ -69,7 +100,7 @@ def head_protocol(policy: Any) -> str:
         return str(name)
     warnings.warn(
         f"{type(policy).__name__}: the flags is_open, moves and calls_election of a cluster policy are replaced by "
-        "`protocol`: 'standing', 'electing', 'open' or 'moving'",
+        "`protocol`: 'standing', 'electing', 'open', 'moving' or 'appointing'",
         DeprecationWarning,
         stacklevel=2,
     )

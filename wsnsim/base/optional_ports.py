@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 from wsnsim.base.arrays import Bools, Floats, Ints
 from wsnsim.base.estimate import Estimate
-from wsnsim.base.requests import Member
+from wsnsim.base.requests import Member, Parcel
 from wsnsim.base.vector_readings import Reading
 
 
@@ -249,6 +249,18 @@ class ForecastsSuccession(Protocol):
 
     def successor_forecast(self, belief: Any, scene: Any, ahead: int) -> Estimate:
         """Where the next head is looked for, as an estimate `ahead` steps later or more; see `Tracker.forecast`."""
+
+
+@runtime_checkable
+class Announces(Protocol):
+    """Optional port of a tracker: what the announcement of an appointed cluster carries for its members."""
+
+    def announcement(self, belief: Any, scene: Any) -> Parcel | None:
+        """A parcel that is sent with the announcement; None: nothing. It arrives in the inbox of the new members.
+
+        `scene` is that of the belief in the head that announces: its `roster` holds the head alone, if the head has
+        just taken over.
+        """
 
 
 @runtime_checkable

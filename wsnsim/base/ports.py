@@ -17,14 +17,17 @@ from typing import Any, Protocol, TypeVar
 import numpy as np
 
 from wsnsim.base.arrays import Floats, Ints, Keys
+from wsnsim.base.clustering import AppointingPolicy as AppointingPolicy
 from wsnsim.base.clustering import ClusterPolicy as ClusterPolicy
 from wsnsim.base.clustering import MovingPolicy as MovingPolicy
+from wsnsim.base.clustering import SeesGeometry as SeesGeometry
 from wsnsim.base.deployment import Deployment as Deployment
 from wsnsim.base.deployment import Field as Field
 from wsnsim.base.deprecation import renamed
 from wsnsim.base.estimate import NO_INNOVATION as NO_INNOVATION
 from wsnsim.base.estimate import Estimate as Estimate
 from wsnsim.base.estimate import Innovation as Innovation
+from wsnsim.base.optional_ports import Announces as Announces
 from wsnsim.base.optional_ports import ConstantGaussian as ConstantGaussian
 from wsnsim.base.optional_ports import Continuous as Continuous
 from wsnsim.base.optional_ports import Detects as Detects

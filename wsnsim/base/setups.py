@@ -130,9 +130,9 @@ class NetworkSetup(TrackingSetup, RadioSetup):
         return self.head_protocol == "moving"
 
     @property
-    def members_are_fixed(self) -> bool:
-        """Whether a cluster keeps the members with which it formed."""
-        return self.head_protocol in ("standing", "electing")
+    def members_join(self) -> bool:
+        """Whether a node belongs to a cluster from the time on at which the event log says that it joined."""
+        return self.head_protocol in ("standing", "electing", "appointing")
 
     @property
     def polls(self) -> int:

@@ -31,7 +31,7 @@ class RecordedReadings:
     """The tables of a result file that say whose readings counted."""
 
     def __init__(self, path: str | Path, setup: TrackingSetup) -> None:
-        self._standing = isinstance(setup, NetworkSetup) and setup.members_are_fixed
+        self._join = isinstance(setup, NetworkSetup) and setup.members_join
         self._estimates = read_table(path, "estimates", [*KEYS, "step", "time", "issued", "head", "active", "readings"])
         self._clusters = read_table(path, "clusters", [*KEYS, "formed", "released", "head"])
         events = read_table(path, "events", [*KEYS, "time", "step", "node", "peer", "kind", "what"])
@@ -62,14 +62,14 @@ class RecordedReadings:
 
     def _active(self, estimates: Table, clusters: Table, joined: Table, sensing: NodesByStep) -> NodesByStep:
         """The members of the cluster in charge that sensed at each step."""
-        if not self._standing:
+        if not self._join:
             return sensing
-        members = _members(clusters, joined)
         result = {}
         for step, head, begin, end in _computations(estimates):
             led = (clusters["head"] == head) & (clusters["formed"] <= end) & ~(clusters["released"] < begin)
             if led.any():
-                result[step] = sensing.get(step, NOBODY) & members[int(np.flatnonzero(led)[-1])]
+                members = _members(clusters, joined, int(np.flatnonzero(led)[-1]), end)
+                result[step] = sensing.get(step, NOBODY) & members
         return result
 
 
@@ -92,14 +92,11 @@ def _computations(estimates: Table) -> zip[Any]:
     return zip(*(values.tolist() for values in columns), strict=True)
 
 
-def _members(clusters: Table, joined: Table) -> list[frozenset[int]]:
-    """The members of each cluster: its head, and the nodes that joined it since the cluster before it formed."""
-    result, since = [], -np.inf
-    for head, formed in zip(clusters["head"].tolist(), clusters["formed"].tolist(), strict=True):
-        mine = (joined["peer"] == head) & (joined["time"] > since) & (joined["time"] <= formed)
-        result.append(frozenset([head, *joined["node"][mine].tolist()]))
-        since = formed
-    return result
+def _members(clusters: Table, joined: Table, number: int, end: float) -> frozenset[int]:
+    """The members of a cluster at a time: its head, and the nodes that joined it since the cluster before it formed."""
+    head, since = int(clusters["head"][number]), clusters["formed"][number - 1] if number else -np.inf
+    mine = (joined["peer"] == head) & (joined["time"] > since) & (joined["time"] <= end)
+    return frozenset([head, *joined["node"][mine].tolist()])
 
 
 def _by_step(steps: Ints, nodes: Ints) -> NodesByStep:

@@ -55,7 +55,7 @@ class StrongestSignal:
 
     def elect(self, ids: Sequence[int], strengths: Sequence[float], able: Sequence[bool]) -> int | None:
         """The able candidate with the strongest reading, of equal ones the lowest id; None if none is able."""
-        return _strongest(ids, strengths, able)
+        return strongest_able(ids, strengths, able)
 
     def must_hand_over(self, active: int, members: int) -> bool:
         """Whether fewer members sense than the minimum or the fraction; both counts include the head."""
@@ -63,11 +63,11 @@ class StrongestSignal:
 
     def successor(self, forecast: Floats, positions: Floats, able: Bools) -> int | None:
         """The able node nearest to the predicted position (2,); None if none is able."""
-        return _nearest(forecast, positions, able)
+        return nearest_able(forecast, positions, able)
 
     def check(self, setup: NetworkSetup) -> Iterator[Issue]:
         """Yield an issue if no battery is large enough for a head."""
-        yield from _too_little_charge(setup)
+        yield from too_little_charge(setup)
 
 
 @part
@@ -97,11 +97,11 @@ class Central:
 
     def successor(self, forecast: Floats, positions: Floats, able: Bools) -> int | None:
         """The able node nearest to (x, y), wherever the target is; None if none is able."""
-        return _nearest(np.array([self.x, self.y]), positions, able)
+        return nearest_able(np.array([self.x, self.y]), positions, able)
 
     def check(self, setup: NetworkSetup) -> Iterator[Issue]:
         """Yield an issue if no battery is large enough for a head."""
-        yield from _too_little_charge(setup)
+        yield from too_little_charge(setup)
 
 
 @part
@@ -131,7 +131,7 @@ class MovingHead:
 
     def elect(self, ids: Sequence[int], strengths: Sequence[float], able: Sequence[bool]) -> int | None:
         """The able candidate with the strongest reading, of equal ones the lowest id; None if none is able."""
-        return _strongest(ids, strengths, able)
+        return strongest_able(ids, strengths, able)
 
     def must_hand_over(self, active: int, members: int) -> bool:
         """Never: the head is chosen at each step."""
@@ -139,11 +139,11 @@ class MovingHead:
 
     def successor(self, forecast: Floats, positions: Floats, able: Bools) -> int | None:
         """The able node nearest to the predicted position (2,); None if none is able."""
-        return _nearest(forecast, positions, able)
+        return nearest_able(forecast, positions, able)
 
     def check(self, setup: NetworkSetup) -> Iterator[Issue]:
         """Yield an issue if no node could lead, if times do not fit, or if `wakeup` or `tracker` cannot be combined."""
-        yield from _too_little_charge(setup)
+        yield from too_little_charge(setup)
         if self.quiet > self.cap:
             yield Issue(("clusters", "quiet"), f"{self.quiet:g} s is more than cap = {self.cap:g} s")
         if self.sampling + self.cap >= setup.dt:
@@ -168,12 +168,13 @@ class MovingHead:
             )
 
 
-def _strongest(ids: Sequence[int], strengths: Sequence[float], able: Sequence[bool]) -> int | None:
+def strongest_able(ids: Sequence[int], strengths: Sequence[float], able: Sequence[bool]) -> int | None:
+    """The able candidate with the greatest strength, of equal ones the lowest id; None if none is able."""
     candidates = [(-strength, i) for i, strength, fit in zip(ids, strengths, able, strict=True) if fit]
     return min(candidates)[1] if candidates else None
 
 
-def _nearest(point: Floats, positions: Floats, able: Bools) -> int | None:
+def nearest_able(point: Floats, positions: Floats, able: Bools) -> int | None:
     """The able node nearest to a point; of equally near ones the lowest id.
 
     A sample of the able nodes bounds its distance; then only nodes within that distance in x are compared.
@@ -189,7 +190,7 @@ def _squared(positions: Floats, point: Floats) -> Floats:
     return squared
 
 
-def _too_little_charge(setup: NetworkSetup) -> Iterator[Issue]:
+def too_little_charge(setup: NetworkSetup) -> Iterator[Issue]:
     """Yield an issue if a full battery does not exceed the threshold of heads."""
     energy, least, source = setup.energy, setup.head_threshold, "clusters.threshold"
     if setup.clusters.threshold is None:

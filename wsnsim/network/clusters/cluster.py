@@ -92,7 +92,7 @@ class Cluster:
             ids=self._ids,
             positions=self._positions,
             traits=self._traits,
-            roster=roster,
+            roster=self._roster,
             joined=joined,
             left=left,
             field=setup.deploy.field,

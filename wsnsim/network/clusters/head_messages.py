@@ -8,6 +8,8 @@ from typing import Any
 
 import simpy
 
+from wsnsim.base.arrays import Bools
+from wsnsim.base.outlook import Appointment
 from wsnsim.base.requests import PACKET_BITS, Parcel
 from wsnsim.base.vector_readings import Reading
 from wsnsim.network.clusters.driver import HeadDied
@@ -44,12 +46,39 @@ class HeadMessages:
         Raises:
             HeadDied: the head went down.
         """
-        event, (burst,) = self.transport.broadcast([head], [Parcel(None, 1, bits, what)], target)
+        return [*(yield from self._broadcast(target, head, Parcel(None, 1, bits, what)))]
+
+    def announce(
+        self, target: int, head: int, appointment: Appointment, payload: Parcel | None
+    ) -> Generator[simpy.Event, Any, dict[int, Bools]]:
+        """Broadcast an appointment, and a tracker's payload in the same burst.
+
+        Returns:
+            {node: (packets,) which packets of the payload arrived} of the nodes that received the appointment, whether
+            it covers them or not.
+
+        Raises:
+            HeadDied: the head went down.
+        """
+        own = appointment.packets
+        packets, bits = (0, PACKET_BITS) if payload is None else (payload.packets, payload.packet_bits)
+        self.network.log.add("announce", target, head)
+        parcel = Parcel(None, own + packets, max(bits, PACKET_BITS), "announce")
+        heard = yield from self._broadcast(target, head, parcel)
+        return {node: mask[own:] for node, mask in heard.items() if mask[:own].all()}
+
+    def hearers(self, head: int) -> frozenset[int]:
+        """The nodes that a head's transmissions may reach, those included that are down."""
+        return self.transport.neighbours(head).members
+
+    def _broadcast(self, target: int, head: int, parcel: Parcel) -> Generator[simpy.Event, Any, dict[int, Bools]]:
+        """Broadcast a parcel; return which packets arrived at each living node, ascending."""
+        event, (burst,) = self.transport.broadcast([head], [parcel], target)
         yield event
         alive = self.network.nodes.alive
         if not alive[head]:
             raise HeadDied
-        return [node for node in sorted(burst.received) if alive[node]]
+        return {node: burst.received[node] for node in sorted(burst.received) if alive[node]}
 
     def readings_of_everyone(self, target: int, head: int) -> Generator[simpy.Event, Any, dict[int, Reading]]:
         """Let every sensing node send its reading to the head; return {node: reading} of what arrived."""

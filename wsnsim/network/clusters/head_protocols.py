@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Final
 
 from wsnsim.base.errors import RunError
+from wsnsim.network.clusters.appointing import AppointingProtocol
 from wsnsim.network.clusters.head_protocol import HeadProtocol, HeadServices
 from wsnsim.network.clusters.moving_head import MovingHeadProtocol
 from wsnsim.network.clusters.open_cluster import OpenClusterProtocol
@@ -16,6 +17,7 @@ PROTOCOLS: Final[Mapping[str, Callable[[HeadServices], HeadProtocol]]] = {
     "electing": ElectingClusterProtocol,
     "open": OpenClusterProtocol,
     "moving": MovingHeadProtocol,
+    "appointing": AppointingProtocol,
 }
 
 

@@ -11,6 +11,7 @@ from typing import Any
 
 import simpy
 
+from wsnsim.base.clustering import SeesGeometry
 from wsnsim.base.ports import Estimate, Scene
 from wsnsim.base.requests import Flow
 from wsnsim.base.vector_readings import Reading
@@ -18,6 +19,7 @@ from wsnsim.network.clusters.cluster import Cluster
 from wsnsim.network.clusters.driver import Driver, HeadDied
 from wsnsim.network.clusters.handover import Handover, LastClusterDone, TrackLost
 from wsnsim.network.clusters.head_protocol import HandingOver, HeadServices, Leading
+from wsnsim.network.clusters.outlooks import Outlooks
 from wsnsim.network.clusters.track import Track
 
 
@@ -29,6 +31,9 @@ class StandingClusterProtocol:
         self._network = services.network
         self._setup = services.network.setup
         self._log = services.network.log
+        policy = services.network.setup.clusters
+        self._geometry = policy if isinstance(policy, SeesGeometry) else None
+        self._outlooks = Outlooks(services.network)
 
     def fill_vacancy(self, track: Track, poll: int) -> Handover | None:
         """Hold an election among the nodes that sense the target; its winner takes the lead by itself."""
@@ -61,7 +66,7 @@ class StandingClusterProtocol:
             services.wake_ahead.wake(track, cluster.head, belief, scene, scene.time)
             if waits_for is not None and waits_for != set(self._network.readings[track.target]):
                 waits_for = None
-            if waits_for is None and self._setup.clusters.must_hand_over(cluster.active(), cluster.size):
+            if waits_for is None and self._must_hand_over(track, cluster, belief, scene):
                 return (yield from self._hand_over(track, cluster, belief, scene))
             yield track.tick
 
@@ -118,11 +123,10 @@ class StandingClusterProtocol:
 
     def _hand_over(self, track: Track, cluster: Cluster, belief: Any, scene: Scene) -> HandingOver:
         """Choose the successor and send it the belief; it leads from the next tick on."""
-        setup, network, target = self._setup, self._network, track.target
+        setup, target = self._setup, track.target
         if setup.until_clusters is not None and len(track.clusters) >= setup.until_clusters:
             raise LastClusterDone
-        point = network.successor_position(target, belief, scene)
-        nearest = setup.clusters.successor(point, network.nodes.assumed.positions, network.who_can_lead())
+        nearest = self._next_head(track, cluster, belief, scene)
         track.handovers += 1
         successor, elected = yield from self._successor(track, cluster.head, nearest)
         if successor is None:
@@ -131,6 +135,24 @@ class StandingClusterProtocol:
         flow = setup.tracker.hand_over(belief, scene, successor)
         handover = Handover(successor, scene.step, previous_head=cluster.head, elected=elected)
         return (yield from self._send_belief(self._driver(track, cluster), flow, handover))
+
+    def _must_hand_over(self, track: Track, cluster: Cluster, belief: Any, scene: Scene) -> bool:
+        """Whether another node must lead: by the geometry if the policy sees it, otherwise by counts."""
+        if self._geometry is None:
+            return self._setup.clusters.must_hand_over(cluster.active(), cluster.size)
+        outlook = self._outlooks.of_belief(track.target, cluster.head, cluster.roster(), belief, scene)
+        return self._geometry.must_appoint(outlook) and self._geometry.next_head(outlook) != cluster.head
+
+    def _next_head(self, track: Track, cluster: Cluster, belief: Any, scene: Scene) -> int | None:
+        """The node that the policy names: by the geometry if it sees it, otherwise by the predicted position."""
+        network, node = self._network, None
+        if self._geometry is not None:
+            outlook = self._outlooks.of_belief(track.target, cluster.head, cluster.roster(), belief, scene)
+            node = self._geometry.next_head(outlook)
+        if node is not None:
+            return node
+        point = network.successor_position(track.target, belief, scene)
+        return self._setup.clusters.successor(point, network.nodes.assumed.positions, network.who_can_lead())
 
     def _successor(
         self, track: Track, head: int, nearest: int | None

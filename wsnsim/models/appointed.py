@@ -1,0 +1,115 @@
+"""The policy of appointed clusters: members from a prediction, and a handover by what they would tell.
+
+must_appoint(outlook) -> bool      appointment(outlook) -> Appointment      next_head(outlook) -> id or None
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from math import inf, sqrt
+from typing import Annotated, ClassVar, Final
+
+import numpy as np
+
+from wsnsim.base.arrays import Bools, Floats, Ints, planar
+from wsnsim.base.errors import Issue
+from wsnsim.base.outlook import Appointment, Outlook, steps_in
+from wsnsim.base.part import Quantity, part
+from wsnsim.base.setups import NetworkSetup
+from wsnsim.models.clusters import TIMES, nearest_able, strongest_able, too_little_charge
+from wsnsim.models.expected_information import Expected
+
+DEVIATIONS: Final = 2.0
+"""Standard deviations of the predicted position that are added to the radius of appointments (our choice)."""
+ALIKE: Final = 0.99
+"""Heads whose expected information is equal within 1 % are taken for equally good: the nearest leads (our choice)."""
+
+
+@part
+class Appointed:
+    """A cluster whose head appoints the members from its prediction, and which moves on before it knows too little.
+
+    The head predicts the target's positions for the time `horizon`. Every node within the sensing range and `margin` of
+    one of them is a member, if it hears the announcement; no node answers it. At each step the head compares what all
+    nodes in sensing range of the next predicted position would tell, and what the members among them would: the Fisher
+    information of one reading each, as the trace of the inverse of their sum (A-optimality). If the mean square error
+    that all would leave is less than `share` times that of the members, the cluster is renewed. The able node within
+    range of the head whose neighbours would tell most over the horizon leads next. The head stays, and appoints again,
+    unless another's neighbours leave less than `share` times the error of its own. Who really senses plays no part.
+
+    After `patience` without a reading the track is lost. A track without a head gets one by an election, in which the
+    strongest reading wins, as in `strongest_signal`.
+
+    Our choice. Source of the idea: Zhao, Shin, Reich (2002), "Information-driven dynamic sensor collaboration", IEEE
+    Signal Processing Magazine 19(2), doi:10.1109/79.985685.
+    """
+
+    protocol: ClassVar[str] = "appointing"
+    minimum_active: ClassVar[int] = 0
+
+    share: Annotated[float, Quantity("", gt=0, le=1), "of what all in range would tell, at which members suffice"] = 0.8
+    horizon: Annotated[float, TIMES, "for which members are appointed and the next head is chosen"] = 0.4
+    margin: Annotated[float, Quantity("m", ge=0.0, le=1e7), "beyond the sensing range in which nodes are members"] = 5.0
+    patience: Annotated[float, TIMES, "for which the head continues its prediction without a reading"] = 3.0
+    threshold: Annotated[
+        float | None, Quantity("J", ge=0, lt=inf), "charge a head must exceed; left out: one step's"
+    ] = None
+
+    def elect(self, ids: Sequence[int], strengths: Sequence[float], able: Sequence[bool]) -> int | None:
+        """The able candidate with the strongest reading, of equal ones the lowest id; None if none is able."""
+        return strongest_able(ids, strengths, able)
+
+    def must_hand_over(self, active: int, members: int) -> bool:
+        """Never: the numbers of nodes decide nothing."""
+        return False
+
+    def successor(self, forecast: Floats, positions: Floats, able: Bools) -> int | None:
+        """The able node nearest to the predicted position (2,): who leads if no node within range of the head can."""
+        return nearest_able(forecast, positions, able)
+
+    def appointment(self, outlook: Outlook) -> Appointment:
+        """The rule by which nodes are members: near the positions that are predicted for the time `horizon`."""
+        place = list(outlook.motion.position)
+        variance = float(np.linalg.eigvalsh(outlook.forecast.cov[np.ix_(place, place)])[-1])
+        radius = outlook.sensor.reach + self.margin + DEVIATIONS * sqrt(max(variance, 0.0))
+        steps = steps_in(self.horizon, outlook.dt)
+        return Appointment(outlook.forecast.mean, outlook.time, outlook.dt, steps, float(radius))
+
+    def must_appoint(self, outlook: Outlook) -> bool:
+        """Whether the members would tell too little of what all nodes in range of the next position would."""
+        seen = Expected.along(outlook, outlook.path(outlook.forecast.mean, 0.0))
+        members = np.isin(seen.near.ids, outlook.members)
+        everyone, own = seen.spread(np.stack([np.ones_like(members), members]))[:, 0]
+        return bool(everyone < self.share * own)
+
+    def next_head(self, outlook: Outlook) -> int | None:
+        """The best head for the time `horizon`: the head itself, or an able node in its range; None if none is able."""
+        path = outlook.path(outlook.succession.mean, self.horizon)
+        near = outlook.nodes_near(outlook.place, outlook.reach)
+        ids, places = near.ids[near.able], near.positions[near.able]
+        if not ids.size:
+            return None
+        spreads = _spreads(outlook, path, places)
+        best = float(spreads.min())
+        own = spreads[ids == outlook.head]
+        if own.size and best >= self.share * own[0]:
+            return outlook.head
+        return _nearest_of(ids, places, spreads * ALIKE <= best, planar(path))
+
+    def check(self, setup: NetworkSetup) -> Iterator[Issue]:
+        """Yield an issue if no battery is large enough for a head."""
+        yield from too_little_charge(setup)
+
+
+def _spreads(outlook: Outlook, path: Floats, places: Floats) -> Floats:
+    """(C,) in m² the mean square error that the neighbours of each of C heads would leave, mean along a path."""
+    seen = Expected.along(outlook, path)
+    squared = ((places[:, None, :] - seen.near.positions[None]) ** 2).sum(axis=2)
+    means: Floats = seen.spread(squared <= outlook.reach**2).mean(axis=1)
+    return means
+
+
+def _nearest_of(ids: Ints, places: Floats, good: Bools, path: Floats) -> int:
+    """Of the good heads the one nearest to the middle of a path (K, 2)."""
+    squared = ((places - path.mean(axis=0)) ** 2).sum(axis=1)
+    return int(ids[np.where(good, squared, inf).argmin()])

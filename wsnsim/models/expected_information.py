@@ -1,0 +1,80 @@
+"""The expected information of readings that have not been taken: which nodes would tell how much about a target.
+
+    seen = Expected.along(outlook, path)      seen.spread(chosen)
+
+The Fisher information of a reading about the position is g gᵀ / R, at the predicted position. Nodes out of sensing
+range of it have none. What is compared is the trace of the inverse (A-optimality): the mean square error of the
+position that the readings of one step leave. Source: Bar-Shalom, Li, Kirubarajan (2001), section 2.7.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from wsnsim.base.arrays import Bools, Floats, planar
+from wsnsim.base.optional_ports import Detects
+from wsnsim.base.outlook import NearNodes, Outlook
+
+PRIOR: Final = 4.0
+"""Over the squared sensing range: the information of being somewhere in a disc of that radius, along each axis."""
+
+
+@dataclass(frozen=True, slots=True)
+class Expected:
+    """The nodes that would have a reading of a target somewhere on its path, and what these would tell.
+
+    Attributes:
+        near: the n nodes.
+        information: (n, K, P, P) Fisher information of one reading of each node, at each of the K positions.
+        prior: information along each axis that is added to every sum, so that it has an inverse.
+    """
+
+    near: NearNodes
+    information: Floats
+    prior: float
+
+    @classmethod
+    def along(cls, outlook: Outlook, path: Floats) -> Expected:
+        """What all nodes would tell of a target at each of the positions of its path (K, P)."""
+        reach, points = float(outlook.sensor.reach), planar(path)
+        centre = points.mean(axis=0)
+        farthest = float(np.sqrt(((points - centre) ** 2).sum(axis=1).max()))
+        near = outlook.nodes_near(centre, reach + farthest)
+        return cls(near, _information(outlook.sensor, path, near), PRIOR / reach**2)
+
+    def spread(self, chosen: Floats | Bools) -> Floats:
+        """(C, K) in m² the mean square error that readings leave, at each position.
+
+        Args:
+            chosen: (C, n) whether each node's reading counts, in each of C choices.
+        """
+        total = np.tensordot(chosen.astype(np.float64), self.information, axes=1)
+        total += self.prior * np.eye(total.shape[-1])
+        spread: Floats = np.trace(np.linalg.inv(total), axis1=-2, axis2=-1)
+        return spread
+
+
+def _information(sensor: Any, path: Floats, near: NearNodes) -> Floats:
+    """(n, K, P, P) Fisher information of one reading of each node; a reading may have several components."""
+    count, (positions, columns) = near.ids.size, path.shape
+    if not count:
+        return np.zeros((0, positions, columns, columns))
+    points = np.ascontiguousarray(path.T)
+    _, gradients, variances = sensor.linearise(points, near.positions, near.traits)
+    slopes = gradients.reshape(count, -1, columns, positions)
+    weights = 1.0 / variances.reshape(count, -1, 1, positions)
+    told = np.einsum("nmpk,nmqk->nkpq", slopes * weights, slopes)
+    sensed = _detected(sensor, path, near) & np.isfinite(told).all(axis=(2, 3))
+    return np.where(sensed[:, :, None, None], told, 0.0)
+
+
+def _detected(sensor: Any, path: Floats, near: NearNodes) -> Bools:
+    """(n, K) which nodes would have a reading of a target at each position."""
+    if isinstance(sensor, Detects):
+        return sensor.detects(path, near.positions).T
+    squared = ((near.positions[:, None, :] - planar(path)[None]) ** 2).sum(axis=2)
+    within: Bools = squared <= sensor.reach**2
+    return within
