@@ -179,8 +179,12 @@ class Sampler:
         return values
 
     def tracker(self, line: bool) -> Values:
-        """A tracker with few particles."""
-        return self.part("tracker", self.kind("tracker", *(ON_PLANES if line else ("grid",))))
+        """A tracker with few particles; one of several motion models with its own in some cases."""
+        values = self.part("tracker", self.kind("tracker", *(ON_PLANES if line else ("grid",))))
+        values.pop("transition", None)
+        if values["kind"] == "imm" and not line and self.rng.random() < 0.5:
+            values["models"] = [{"kind": kind} for kind in ("constant_velocity", "coordinated_turn")]
+        return values
 
     def of_network(self, tracker: str) -> Values:
         """The roles of a network that tracks."""

@@ -11,7 +11,7 @@ from wsnsim.scenario.registry import ROLES
 
 OTHERS = {"grid", "trilateration", "gmtt", "tsstp", "cluster", "ris"}  # one column, or distances: not on this field
 PLANE = [row.kind for row in ROLES["tracker"].kinds if row.kind not in OTHERS]
-GAUSSIAN = ("ekf", "ukf", "ckf", "rkf", "imsf", "information_driven")
+GAUSSIAN = ("ekf", "ukf", "ckf", "imm", "rkf", "imsf", "information_driven")
 LINE = [kind for kind in PLANE if kind != "ipf"] + ["grid"]
 
 

@@ -82,7 +82,7 @@ def recorded(name: str, *changes: str) -> Recorded:
     table, said = memory.table("readings"), memory.table("estimates")
     read = dict(zip(zip(table["step"].tolist(), table["node"].tolist(), strict=True), table["reading"], strict=True))
     steps = [
-        Step(scene.positions, scene.traits[:, 0], np.array(readings), scene.steps, scene.head)
+        Step(scene.positions, scene.traits[:, :1].sum(axis=1), np.array(readings), scene.steps, scene.head)
         for scene in scenes
         for readings in [[read[scene.step, node] for node in scene.ids]]
     ]
@@ -227,3 +227,86 @@ def test_the_filters_differ_and_a_network_hands_over() -> None:
     assert len({tuple(run.means[-1].round(6)) for run in runs}) == len(TWINS)
     assert all(len({step.head for step in run.steps}) > 1 for run in runs)
     assert np.abs(run_of("kind=ukf", "in a network, near the bound").means[:, PLACE]).max() > BOUND
+
+
+TICK, TURN_AT_START, STAY, METRES = 0.2, 0.4, 0.95, 0.5
+AXES = np.kron(np.eye(2), [[TICK**3 / 3, TICK**2 / 2], [TICK**2 / 2, TICK]])
+
+
+def straight(x: np.ndarray) -> np.ndarray:
+    """Constant velocity; the turn rate is not used, and stays."""
+    return np.array([x[0] + TICK * x[1], x[1], x[2] + TICK * x[3], x[3], x[4]])
+
+
+def turning(x: np.ndarray) -> np.ndarray:
+    """A coordinated turn (Bar-Shalom, Li, Kirubarajan 2001, section 11.7); complex arguments are taken."""
+    rate, angle = x[4], x[4] * TICK
+    along, aside = (np.sin(angle) / rate, 2.0 * np.sin(angle / 2.0) ** 2 / rate) if rate != 0.0 else (TICK, 0.0)
+    return np.array([
+        x[0] + along * x[1] - aside * x[3],
+        np.cos(angle) * x[1] - np.sin(angle) * x[3],
+        x[2] + aside * x[1] + along * x[3],
+        np.sin(angle) * x[1] + np.cos(angle) * x[3],
+        rate,
+    ])  # fmt: skip
+
+
+def jacobian(function: Any, x: np.ndarray) -> np.ndarray:
+    """The derivative by a complex step, which has no cancellation."""
+    return np.column_stack([function(x + 1e-30j * unit).imag / 1e-30 for unit in np.eye(5)])
+
+
+def of_modes() -> list[tuple[Any, np.ndarray]]:
+    """The function and the process covariance of each mode of the scenario `imm`."""
+    lever = np.kron(np.eye(2), [[TICK**2 / 2], [TICK]])
+    calm, rough = np.zeros((5, 5)), np.zeros((5, 5))
+    calm[:4, :4] = 0.1 * lever @ lever.T
+    rough[:4, :4], rough[4, 4] = 0.05 * AXES, 0.1 * TICK
+    return [(straight, calm), (turning, rough)]
+
+
+def interacting(modes: list[tuple[float, np.ndarray, np.ndarray]], step: Step) -> list[Any]:
+    """A step of the interacting multiple models (Blom, Bar-Shalom 1988), mode by mode."""
+    for k in range(step.steps):
+        after = []
+        for j, (move, noise) in enumerate(of_modes()):
+            joint = [(STAY if i == j else 1.0 - STAY) * one[0] for i, one in enumerate(modes)]
+            mean = sum(share * one[1] for share, one in zip(joint, modes, strict=True)) / sum(joint)
+            cov = sum(
+                share * (one[2] + np.outer(one[1] - mean, one[1] - mean))
+                for share, one in zip(joint, modes, strict=True)
+            ) / sum(joint)
+            slopes = jacobian(move, mean)
+            mean, cov, log = move(mean), slopes @ cov @ slopes.T + noise, 0.0
+            if k == step.steps - 1 and len(step.readings):
+                apart = mean[PLACE] - step.positions
+                distances = np.hypot(*apart.T)
+                rise = np.zeros((len(distances), 5))
+                rise[:, PLACE] = apart / distances[:, None]
+                width = rise @ cov @ rise.T + METRES**2 * np.eye(len(distances))
+                error = step.readings - distances
+                gain = np.linalg.solve(width, rise @ cov).T
+                log = -0.5 * error @ np.linalg.solve(width, error) - 0.5 * np.linalg.slogdet(2.0 * np.pi * width)[1]
+                mean, cov = mean + gain @ error, cov - gain @ rise @ cov
+            after.append((np.log(sum(joint)) + log, mean, cov))
+        top = max(one[0] for one in after)
+        total = sum(np.exp(one[0] - top) for one in after)
+        modes = [(np.exp(one[0] - top) / total, *one[1:]) for one in after]
+    return modes
+
+
+@pytest.mark.parametrize("place", [("network=none",), ()], ids=["standalone", "in a network"])
+def test_the_interacting_models_are_their_textbook_form_on_the_readings_of_a_run(place: tuple[str, ...]) -> None:
+    run = recorded("imm", *place)
+    mean, cov = np.append(run.mean, 0.0), np.zeros((5, 5))
+    cov[:4, :4], cov[4, 4] = run.cov, TURN_AT_START**2
+    modes: list[Any] = [(0.5, mean, cov), (0.5, mean, cov)]
+    assert len(run.steps) == 140 and (place or len({step.head for step in run.steps}) > 2)
+    chances = run.state["mode_probability"]
+    for step, ours, spread, probabilities in zip(run.steps, run.means, run.covs, chances, strict=True):
+        modes = interacting(modes, step)
+        mean = sum(chance * each for chance, each, _ in modes)
+        cov = sum(chance * (each_cov + np.outer(each - mean, each - mean)) for chance, each, each_cov in modes)
+        assert probabilities == pytest.approx([chance for chance, _, _ in modes], rel=1e-9, abs=1e-9)
+        assert ours == pytest.approx(mean[:4], rel=1e-9, abs=1e-9)
+        assert spread == pytest.approx(cov[:4, :4], rel=1e-9, abs=1e-9)

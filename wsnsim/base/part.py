@@ -34,7 +34,8 @@ class Quantity:
 class OfRole:
     """Says that a field holds a component of a role, of any of its kinds: `Annotated[SensorModel, OfRole("sensor")]`.
 
-    In YAML it is a mapping with a key `kind`, as the role itself.
+    In YAML it is a mapping with a key `kind`, as the role itself. A field that is a tuple of them is a list of such
+    mappings: `Annotated[tuple[MotionModel, ...], OfRole("motion")]`.
     """
 
     role: str

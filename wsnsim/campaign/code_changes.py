@@ -150,7 +150,9 @@ def _modules_in(role: str, component: Any) -> set[str]:
         return set()
     info = find(role, kind)
     modules = set() if info in ROLES[role].kinds else {info.path.partition(":")[0]}
-    if any(isinstance(value, dict) and "kind" in value for value in component.values()):
+    if any(isinstance(value, dict | list) for value in component.values()):
         for field, inner in roles_of(load_class(info)).items():
-            modules |= _modules_in(inner, component.get(field))
+            held = component.get(field)
+            for one in held if isinstance(held, list) else [held]:
+                modules |= _modules_in(inner.role, one)
     return modules

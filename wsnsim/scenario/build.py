@@ -91,7 +91,9 @@ def _kinds_in(role: str, model: Any) -> Iterator[tuple[str, str]]:
 
     yield role, model.kind
     for field, inner in roles_of(model.part).items():
-        yield from _kinds_in(inner, getattr(model, field))
+        held = getattr(model, field)
+        for one in held if inner.several else (held,):
+            yield from _kinds_in(inner.role, one)
 
 
 def _built(scenario: Scenario) -> tuple[dict[Keys, Any], list[Issue]]:

@@ -18,7 +18,7 @@ from pydantic import ValidationError
 from wsnsim.base.errors import Issue
 from wsnsim.base.regular_files import file_digest
 from wsnsim.scenario.datasheets import with_fields
-from wsnsim.scenario.fields import PartError, PartModel, described, names_of, roles_of
+from wsnsim.scenario.fields import Inner, PartError, PartModel, described, names_of, roles_of
 from wsnsim.scenario.kinds import AT_TOP, ROLES
 from wsnsim.scenario.located_values import (
     BROKEN,
@@ -39,6 +39,7 @@ from wsnsim.scenario.registry import kinds
 from wsnsim.scenario.roles import Role, Scope
 from wsnsim.scenario.schema import (
     Chosen,
+    InnerKinds,
     Scenario,
     inner_models,
     is_without_target,
@@ -195,9 +196,25 @@ def _model_at(node: LocatedValue, path: Keys, role: Role, issues: list[Issue]) -
     except (LookupError, ImportError, PartError) as error:
         issues.append((written or node).spot.issue(kind_path, str(error.args[0])))
         return None
-    given = [(field, ROLES[name], child(node, field)) for field, name in roles_of(model.part).items()]
-    inner = [(field, _model_at(held, (*path, field), of, issues)) for field, of, held in given if held is not None]
-    return with_inner(model, tuple(inner))
+    given = [(field, inner, child(node, field)) for field, inner in roles_of(model.part).items()]
+    found = [
+        (field, _inner_at(held, (*path, field), inner, issues)) for field, inner, held in given if held is not None
+    ]
+    return with_inner(model, tuple(found))
+
+
+def _inner_at(node: LocatedValue, path: Keys, inner: Inner, issues: list[Issue]) -> InnerKinds:
+    """Return the model of a component within another, or those of a list of components."""
+    role = ROLES[inner.role]
+    if not inner.several:
+        return _model_at(node, path, role, issues)
+    if node.value is BROKEN:
+        return None
+    if not isinstance(node.value, list):
+        message = f"expected a list of {role.plural}, got {described(plain(node) or None)}"
+        issues.append(node.spot.issue(path, message))
+        return None
+    return tuple(_model_at(item, (*path, i), role, issues) for i, item in enumerate(node.value))
 
 
 def _located(tree: LocatedValue, chosen: Chosen) -> dict[str, Any]:
@@ -228,8 +245,8 @@ def _chosen_models(chosen: Chosen) -> Iterator[tuple[Keys, type[PartModel]]]:
 
 def _with_inner_models(path: Keys, model: type[PartModel]) -> Iterator[tuple[Keys, type[PartModel]]]:
     yield path, model
-    for field, inner in inner_models(model).items():
-        yield from _with_inner_models((*path, field), inner)
+    for within, inner in inner_models(model).items():
+        yield from _with_inner_models((*path, *within), inner)
 
 
 def _digest_of(file: str) -> str:

@@ -4,7 +4,8 @@
 
 A real number takes a quantity with unit ('60 m'), a whole number takes 400.0 but not 400.5, neither takes true or NaN;
 infinity is allowed only where there is no bound on that side. A field whose type is a component becomes a mapping of
-the fields of that component; one that holds any component of a role (`OfRole`) any mapping, until its kind is known.
+the fields of that component; one that holds any component of a role (`OfRole`) any mapping, until its kind is known,
+or a list of mappings.
 """
 
 from __future__ import annotations
@@ -240,21 +241,30 @@ def nested_of(part: Any) -> Mapping[str, Any]:
     return types.MappingProxyType(found)
 
 
-def roles_of(part: Any) -> Mapping[str, str]:
-    """Return the fields of a component that hold a component of any kind of a role, with the role's name."""
+@dataclass(frozen=True)
+class Inner:
+    """The role of the components that a field holds; `several`: a list of them."""
+
+    role: str
+    several: bool
+
+
+def roles_of(part: Any) -> Mapping[str, Inner]:
+    """Return the fields of a component that hold a component, or a list of them, of any kind of a role."""
     return _roles_of(part)
 
 
 @functools.cache
-def _roles_of(part: Any) -> Mapping[str, str]:
+def _roles_of(part: Any) -> Mapping[str, Inner]:
     hints = get_type_hints(part, include_extras=True)
-    found = {name: _role_in(hints[name]) for name in names_of(part)}
-    return types.MappingProxyType({name: role for name, role in found.items() if role})
+    found = {name: _inner_in(hints[name]) for name in names_of(part)}
+    return types.MappingProxyType({name: inner for name, inner in found.items() if inner})
 
 
-def _role_in(hint: Any) -> str:
-    notes = get_args(hint)[1:] if get_origin(hint) is Annotated else ()
-    return next((note.role for note in notes if isinstance(note, OfRole)), "")
+def _inner_in(hint: Any) -> Inner | None:
+    held, *notes = get_args(hint) if get_origin(hint) is Annotated else (hint,)
+    role = next((note.role for note in notes if isinstance(note, OfRole)), "")
+    return Inner(role, get_origin(held) is tuple) if role else None
 
 
 def fields_of(part: type[Any]) -> dict[str, tuple[Any, Any]]:
@@ -282,5 +292,8 @@ def _field(field: dataclasses.Field[Any], hint: Any) -> tuple[Any, Any]:
     elif field.default_factory is not dataclasses.MISSING:
         default = {"default_factory": field.default_factory}
     kind = get_args(hint)[0] if get_origin(hint) is Annotated else hint
-    annotation = dict[str, Any] if _role_in(hint) else annotation_of(kind, quantity)
+    inner = _inner_in(hint)
+    annotation: Any = annotation_of(kind, quantity) if inner is None else dict[str, Any]
+    if inner is not None and inner.several:
+        annotation = tuple[annotation, ...]
     return annotation, Field(description=" ".join(piece for piece in (about.words, unit) if piece) or None, **default)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import functools
 import re
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Any, Final, Literal, get_args
 
 from pydantic import (
     AfterValidator,
@@ -284,20 +284,36 @@ def part_model(role: str, kind: str) -> type[PartModel]:
         raise PartError(f"{info.path} {error}") from None
 
 
+InnerKinds = type[PartModel] | None | tuple[type[PartModel] | None, ...]
+"""The model of the component that a field holds, or those of a list; None for one whose kind has an issue."""
+
+
 @functools.cache
-def with_inner(model: type[PartModel], inner: tuple[tuple[str, type[PartModel] | None], ...]) -> type[PartModel]:
-    """Return the model of a kind whose fields hold components of these kinds; None for one whose kind has an issue."""
+def with_inner(model: type[PartModel], inner: tuple[tuple[str, InnerKinds], ...]) -> type[PartModel]:
+    """Return the model of a kind whose fields hold components of these kinds."""
     fields: dict[str, Any] = {
-        name: (Any if chosen is None else chosen, Field(description=model.model_fields[name].description))
+        name: (_annotation_of_kinds(chosen), Field(description=model.model_fields[name].description))
         for name, chosen in inner
     }
     return create_model(model.__name__, __base__=model, __module__=model.__module__, **fields) if fields else model
 
 
-def inner_models(model: type[PartModel]) -> dict[str, type[PartModel]]:
-    """Return the models of the components of a role that a component holds, by field, where their kinds are known."""
-    held = {name: model.model_fields[name].annotation for name in roles_of(model.part)}
-    return {name: kind for name, kind in held.items() if isinstance(kind, type) and issubclass(kind, PartModel)}
+def _annotation_of_kinds(chosen: InnerKinds) -> Any:
+    if isinstance(chosen, tuple):
+        return tuple[tuple(kind or Any for kind in chosen)] if chosen else tuple[()]  # type: ignore[misc]
+    return chosen or Any
+
+
+def inner_models(model: type[PartModel]) -> dict[Keys, type[PartModel]]:
+    """Return the models of the components that a component holds, by their paths in it, where the kinds are known."""
+    found: dict[Keys, Any] = {}
+    for name, inner in roles_of(model.part).items():
+        held = model.model_fields[name].annotation
+        if inner.several:
+            found.update(((name, i), kind) for i, kind in enumerate(get_args(held)))
+        else:
+            found[name,] = held
+    return {path: kind for path, kind in found.items() if isinstance(kind, type) and issubclass(kind, PartModel)}
 
 
 @functools.cache
