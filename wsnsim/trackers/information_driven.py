@@ -39,10 +39,12 @@ from wsnsim.trackers.shared.selection import (
 
 SETTLED: Final = 0.01
 """A track is settled if its standard deviation is below this share of the distance to the members."""
-SLACK: Final = 1.7
-"""A plan is kept until the information that it does not ask for is by this factor more than intended."""
-EXCESS: Final = 1.5
-"""A plan is kept until the packets that it asks for cost by this factor more than needed."""
+SLACK: Final = 3.0
+"""A plan is kept while it asks for the share `keep` to this power of the information."""
+EXCESS: Final = 4.0
+"""A plan is kept while the packets that it asks for cost less than this many times what so much would need."""
+REVIEW: Final = 4
+"""A plan is reviewed every so many steps."""
 PREDICTION_CYCLES: Final = 300.0
 READING_CYCLES: Final = 1100.0
 CANDIDATE_CYCLES: Final = 60.0
@@ -124,18 +126,20 @@ class InformationDriven(HeadFilter):
     def _plan(self, belief: PlannedBelief, mixture: Mixture, scene: Scene) -> Flow[tuple[Plan | None, Expected | None]]:
         """The plan that the members have, and what it makes them expect; broadcast where the last one does not fit."""
         plan, expected = belief.plan, belief.expected
-        if plan is not None and expected is not None:
-            expected = extrapolated(expected, scene)
         if self.keep >= 1.0 and self.every == 1:
-            return plan, expected
+            return None, None
+        if plan is not None and expected is not None:
+            if (scene.step - plan.step) % REVIEW:
+                return plan, expected
+            expected = extrapolated(expected, scene)
         mean, cov = moments_of(mixture)
         place = list(scene.motion.position)
-        spread, point = cov[np.ix_(place, place)], mean[place]
+        spread, point = cov[place][:, place], mean[place]
         those = candidates(point, scene)
         if not those.rows.size or not self._settled(spread, point, those, scene):
             return plan, expected
         yield Compute(CANDIDATE_CYCLES * those.rows.size)
-        limits = 1.0 - SLACK * (1.0 - self.keep), EXCESS
+        limits = self.keep**SLACK, EXCESS
         if plan is None or expected is None or not fits(plan, expected.state, spread, those, scene, limits):
             plan = planned(mean, spread, those, self.keep, self.every, scene.step)
             expected = first_expected(plan)

@@ -26,8 +26,8 @@ Score: TypeAlias = Callable[[Floats], Floats]
 Information: TypeAlias = Callable[[Floats], Floats]
 ITERATIONS: Final = 20
 """At most, of Fisher scoring."""
-NEAR: Final = 0.1
-"""Posterior standard deviations from the mode at which the search ends: the quadrature is about this point."""
+NEAR: Final = 0.7
+"""A step of fewer posterior standard deviations is the last: what it leaves is far less than what quadrature allows."""
 STEP: Final = 1e-3
 """Posterior standard deviations of the differences that stand for a slope."""
 HALVINGS: Final = 8
@@ -44,7 +44,9 @@ WIDE: Final = 0.03
 SIDE: Final = 13
 """Points along an axis, out to three standard deviations, at which a search starts under a wide prior."""
 JITTER: Final = 1e-12
+LEAST_SQUARE: Final = 1e-24
 _ORIGIN: Final = np.zeros((2, 1))
+_UNIT: Final = {columns: np.eye(columns) for columns in (1, 2)}
 
 
 class Posterior(NamedTuple):
@@ -65,14 +67,13 @@ class Moments(NamedTuple):
 
 def updated(mean: Floats, cov: Floats, seen: Evidence, scene: Scene) -> Posterior:
     """The posterior of a Gaussian with at least one reading; the prior itself where no point explains them."""
-    place = list(scene.motion.position)
-    at, spread, unit = mean[place], cov[np.ix_(place, place)], np.eye(len(place))
-    root = np.linalg.cholesky(spread + JITTER * (spread.trace() + JITTER) * unit)
-    sensor = scene.sensor
+    place, sensor = list(scene.motion.position), scene.sensor
+    at, unit = mean[place], _UNIT[len(place)]
+    spread = cov[place][:, place]
+    root, inverse = _factors(spread)
 
     def score(u: Floats) -> Floats:
-        points = np.ascontiguousarray(at[:, None] + root @ u)
-        told = sensor.log_likelihood(points, seen.readings, seen.positions, seen.traits)
+        told = sensor.log_likelihood(at[:, None] + root @ u, seen.readings, seen.positions, seen.traits)
         density: Floats = told - 0.5 * (u * u).sum(axis=0)
         return density
 
@@ -88,7 +89,7 @@ def updated(mean: Floats, cov: Floats, seen: Evidence, scene: Scene) -> Posterio
     found = _integrated(score, _mode(score, information, start), order)
     if found is None:
         return Posterior(mean, cov, -np.inf)
-    gain = np.linalg.solve(root, cov[place]).T  # P_xp L⁻ᵀ
+    gain = cov[:, place] @ inverse  # P_xp L⁻ᵀ
     less = unit - found.root @ found.root.T
     return Posterior(mean + gain @ found.mean, symmetric(cov - gain @ less @ gain.T), found.log_integral)
 
@@ -116,17 +117,18 @@ def is_wide(spread: Floats, at: Floats, positions: Floats) -> bool:
 
 
 def _mode(score: Score, information: Information, start: Floats) -> Moments:
-    """A point near the mode, and the root of the inverse information there."""
-    point = start
+    """A point near the mode, and the root of the inverse information there or a last short step before."""
+    point, size = start, start.size
     for _ in range(ITERATIONS):
-        root = _inverse_root(information(point))
-        around = score(point[:, None] + STEP * np.concatenate([root, -root, _ORIGIN[: start.size]], axis=1))
+        _, root = _factors(information(point))
+        around = score(point[:, None] + STEP * np.concatenate([root, -root, _ORIGIN[:size]], axis=1))
         if not np.isfinite(around).all():
             break
-        move = (around[: start.size] - around[start.size : -1]) / (2.0 * STEP)
-        if not move @ move > NEAR**2:
+        slopes = (around[:size] - around[size:-1]) / (2.0 * STEP)
+        move = root @ slopes
+        if slopes @ slopes < NEAR**2:
+            point = point + move
             break
-        move = root @ move
         for _ in range(HALVINGS):
             trial = point + move
             if score(trial[:, None])[0] > around[-1]:
@@ -138,35 +140,42 @@ def _mode(score: Score, information: Information, start: Floats) -> Moments:
     return Moments(point, root, 0.0)
 
 
-def _inverse_root(precision: Floats) -> Floats:
-    """A root R of the inverse of a precision (P, P): R Rᵀ = precision⁻¹, from its Cholesky factor."""
-    first = math.sqrt(precision[0, 0])
-    if len(precision) == 1:
-        return np.array([[1.0 / first]])
-    below = precision[1, 0] / first
-    second = math.sqrt(max(precision[1, 1] - below * below, JITTER * precision[1, 1]))
-    return np.array([[1.0 / first, -below / (first * second)], [0.0, 1.0 / second]])
+def _factors(square: Floats) -> tuple[Floats, Floats]:
+    """The Cholesky factor L (P, P) of a positive matrix, and L⁻ᵀ, a root of the matrix's inverse."""
+    first = math.sqrt(max(square[0, 0], LEAST_SQUARE))
+    if len(square) == 1:
+        return np.array([[first]]), np.array([[1.0 / first]])
+    below = square[1, 0] / first
+    second = math.sqrt(max(square[1, 1] - below * below, JITTER * square[1, 1], LEAST_SQUARE))
+    lower = np.array([[first, 0.0], [below, second]])
+    return lower, np.array([[1.0 / first, -below / (first * second)], [0.0, 1.0 / second]])
 
 
 def _integrated(score: Score, about: Moments, order: int) -> Moments | None:
     """The moments of exp(score) by quadrature about a Gaussian, repeated about its result until that stays."""
     nodes, log_weights = _quadrature(about.mean.size, order)
+    mean, root, log_volume = about.mean, about.root, _log_volume(about.root)
     for _ in range(REPEATS):
-        logs = score(about.mean[:, None] + about.root @ nodes) + log_weights
+        logs = score(mean[:, None] + root @ nodes) + log_weights
         top = logs.max()
-        if not np.isfinite(top):
+        if not math.isfinite(top):
             return None
         weights = np.exp(logs - top)
         total = weights.sum()
         middle = nodes @ weights / total
-        away = nodes - middle[:, None]
-        cov = (away * weights) @ away.T / total
-        within = np.linalg.cholesky(cov + JITTER * np.eye(middle.size))
-        log_integral = float(top + np.log(total) + np.log(np.abs(np.linalg.det(about.root))))
-        about = Moments(about.mean + about.root @ middle, about.root @ within, log_integral)
-        if np.abs(middle).max() < SHIFT and np.abs(cov - np.eye(middle.size)).max() < SHIFT:
+        cov = (nodes * weights) @ nodes.T / total - middle[:, None] * middle
+        log_integral = float(top) + math.log(total) + log_volume
+        within, _ = _factors(cov)
+        mean, root, log_volume = mean + root @ middle, root @ within, log_volume + _log_volume(within)
+        away = np.abs(cov - _UNIT[middle.size]).max()
+        if np.abs(middle).max() < SHIFT and away < SHIFT:
             break
-    return about
+    return Moments(mean, root, log_integral)
+
+
+def _log_volume(triangular: Floats) -> float:
+    """The log of the determinant of a triangular matrix with a positive diagonal."""
+    return sum(map(math.log, triangular.diagonal().tolist()))
 
 
 @lru_cache
