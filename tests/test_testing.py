@@ -11,6 +11,7 @@ import pytest
 from tests.helpers.thorough import thorough
 from wsnsim.base.ports import Estimate
 from wsnsim.base.requests import PACKET_BITS, Broadcast, Compute, Gather, Local, Member, Parcel, Send
+from wsnsim.models.bearing import Bearing, RangeBearing
 from wsnsim.models.linear import ConstantAcceleration, ConstantVelocity
 from wsnsim.models.motion import BoundedVelocity
 from wsnsim.models.ranging import Range, Rssi
@@ -55,6 +56,8 @@ SETTINGS: dict[str, tuple[Any, Any]] = {
     "a line and ranges": (ConstantAcceleration(), Range()),
     "a room and RSSI": (ConstantVelocity(noise_input="diagonal", variances=(0.5,)), Rssi(reach=100.0)),
     "one column and its square": (Ungm(), Squared()),
+    "the plane and bearings": (BoundedVelocity(), Bearing()),
+    "the plane, ranges with bearings": (BoundedVelocity(), RangeBearing(heading="own")),
 }
 LOCATING = ("trilateration", "gmtt", "tsstp", "cluster", "ris")
 """These need distances, in a plane."""
@@ -62,6 +65,7 @@ CANNOT = {
     ("ipf", "a line and ranges"),  # its weights need a density, and this process noise has none
     *(("grid", name) for name in SETTINGS if name != "one column and its square"),
     *((kind, name) for kind in LOCATING for name in SETTINGS if name != "a room and RSSI"),
+    *((kind, "the plane, ranges with bearings") for kind in ("rkf", "imsf")),  # one number a reading
 }
 
 

@@ -10,12 +10,11 @@ from wsnsim.base.arrays import Floats, planar
 from wsnsim.base.part import part
 from wsnsim.base.ports import MotionModel, SensorModel, Tracker
 from wsnsim.base.setups import TrackingSetup
-from wsnsim.base.standalone import offers_whole_runs
 from wsnsim.base.tables import Memory
 from wsnsim.experiment import replicate_of
 from wsnsim.models.acquire import AroundTruth
 from wsnsim.models.deploy import Anchors
-from wsnsim.offline.batch import run_batch
+from wsnsim.offline.batch import offers_batch, run_batch
 from wsnsim.testing.table import DT, FARTHEST
 
 STEPS: Final = 6
@@ -26,14 +25,14 @@ TABLES: Final = dict.fromkeys(("runs", "tracks", "estimates", "covariances"), Tr
 
 
 def demand_whole_runs(tracker: Tracker[Any], motion: MotionModel, sensor: SensorModel, seed: int) -> None:
-    """Check the whole runs of a tracker that offers them.
+    """Check the whole runs of a tracker that offers them, with a sensor whose readings have one component.
 
     Raises:
         AssertionError: A column differs from that of composed runs, or a run alone from the same run in a block.
     """
-    if not offers_whole_runs(tracker):
-        return
     setup = _setup(tracker, motion, sensor, seed)
+    if not offers_batch(setup):
+        return
     block, composed = Memory(TABLES), Memory(TABLES)
     if run_batch(setup, range(RUNS), block) is None:
         return
