@@ -17,6 +17,7 @@ PAGE = (Path(__file__).parents[2] / "docs" / "plugins.md").read_text(encoding="u
 MODULES = dict(re.findall(r"```python\n# (\w+)\.py\n(.*?)```", PAGE, re.DOTALL))
 SCENARIOS = dict(re.findall(r"```yml\n(.*?kind: \"(\w+):.*?)```", PAGE, re.DOTALL))
 CHECKS = {
+    "punctual": ("Punctual", {}, testing.check_tracker),
     "overheating": ("Overheating", {"at": 0.1}, testing.check_fault),
     "convergecast": ("Convergecast", {}, testing.check_workload),
     "neighbourhood": ("Neighbourhood", {}, testing.check_wakeup),
@@ -34,7 +35,7 @@ def module(request, tmp_path, monkeypatch):
     del sys.modules[request.param]
 
 
-def test_the_page_has_an_example_of_each_role_that_acts_in_time():
+def test_every_example_of_the_page_is_checked_and_has_a_scenario():
     assert MODULES.keys() == CHECKS.keys() == set(SCENARIOS.values())
 
 
