@@ -21,7 +21,7 @@ from wsnsim.testing import check_tracker
 
 README = (Path(__file__).parents[2] / "README.md").read_text()
 PYTHON = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
-SCENARIO, RADIO, RECORDED, SLEEP, SWEEP = re.findall(r"```yaml\n(.*?)```", README, re.DOTALL)
+SCENARIO, RADIO, RECORDED, APPOINTED, SLEEP, SWEEP = re.findall(r"```yaml\n(.*?)```", README, re.DOTALL)
 READS, PLAIN, TRACKER = PYTHON
 
 
@@ -53,6 +53,12 @@ def test_the_lines_of_a_recorded_world_run_on_a_shipped_track(tmp_path):
     head = "name: mine\nnetwork: none\nduration: 24 s\nstep: 0.25 s\ntracker: {kind: ekf}\nprior: {sd: [1, 1, 1, 1]}\n"
     (tmp_path / "mine.yaml").write_text(head + lines)
     assert wsnsim.simulate(tmp_path / "mine.yaml").run["rmse"] < 5.0
+
+
+def test_the_lines_of_appointed_clusters_run_with_any_scenario_whose_tracker_is_in_the_head(tmp_path):
+    path = tmp_path / "mine.yaml"
+    path.write_text(f"extends: jiang_field\nname: mine\n{APPOINTED}", encoding="utf-8")
+    assert wsnsim.simulate(wsnsim.load(path, ["duration=2 s", "tracker.kind=ekf"])).run["rmse"] < 5.0
 
 
 def test_the_lines_of_a_network_that_sleeps_run_with_any_scenario_whose_tracker_is_in_the_head(tmp_path):
