@@ -32,7 +32,7 @@ CHOSEN      = $(if $(REPLICATES),--replicates $(REPLICATES)) $(ARGS)
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help run test thorough verify documentation cluster browser fuzz wheel matrix lowest check interpreted format lint types imports bench sweep compare reproduce figures readme lock clean moved asked
+.PHONY: help run test thorough verify documentation cluster browser fuzz wheel matrix lowest peers check interpreted format lint types imports bench sweep compare reproduce figures readme lock clean moved asked
 .DELETE_ON_ERROR:
 
 help:  ## list the targets
@@ -72,6 +72,9 @@ matrix: $(READY)  ## run the suite with every installed Python of PYTHONS='3.11 
 
 lowest: $(READY)  ## run the suite with the lowest versions of the packages that pyproject.toml allows
 	@$(PY) -m tests.packaging.versions lowest $(PYTHONS) -- $(SUITE) $(ARGS)
+
+peers: $(READY)  ## compare filters with those of Stone Soup and FilterPy, in an environment of its own
+	@$(PY) -m tests.packaging.versions peers $(PYTHONS) -- tests/trackers/test_peers.py $(ARGS)
 
 check: format lint types imports test thorough verify documentation cluster browser interpreted  ## check format, lint, types, import contracts, all tests
 

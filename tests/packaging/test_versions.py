@@ -14,7 +14,11 @@ from tests.packaging.versions import InstallationError, installed, interpreter, 
 PROJECT = {
     "name": "x",
     "dependencies": ["numpy>=2.0", "pyyaml>=6.0"],
-    "optional-dependencies": {"parquet": ["pyarrow>=16"], "dev": ["x[parquet]", "pytest>=8.2"]},
+    "optional-dependencies": {
+        "parquet": ["pyarrow>=16"],
+        "peers": ["other>=3"],
+        "dev": ["x[parquet]", "pytest>=8.2"],
+    },
 }
 
 
@@ -39,7 +43,9 @@ class Commands:
 
 def test_the_lowest_versions_are_the_lower_bounds_of_the_project_and_all_its_extras() -> None:
     assert requirements(PROJECT, lowest=True) == ["numpy==2.0", "pyarrow==16", "pytest==8.2", "pyyaml==6.0"]
-    assert requirements(PROJECT, lowest=False) == ["numpy>=2.0", "pyarrow>=16", "pytest>=8.2", "pyyaml>=6.0"]
+    newest = ["numpy>=2.0", "pyarrow>=16", "pytest>=8.2", "pyyaml>=6.0"]
+    assert requirements(PROJECT, lowest=False) == newest
+    assert requirements(PROJECT, lowest=False, peers=True) == sorted([*newest, "other>=3"])
 
 
 def test_each_requirement_of_pyproject_has_a_lowest_version() -> None:

@@ -2,9 +2,12 @@
 
     python -m tests.packaging.versions newest 3.11 3.12 3.13 -- -k energy      arguments behind -- go to pytest
     python -m tests.packaging.versions lowest 3.11
+    python -m tests.packaging.versions peers 3.11 -- tests/trackers/test_peers.py
 
-`newest` takes every Python of the list that is installed, `lowest` the first. Each environment is a folder of its own
-below `.venv-matrix`, kept until pyproject.toml changes. Packages come from the registry that pip is configured for.
+`newest` takes every Python of the list that is installed, `lowest` and `peers` the first. `peers` also installs the
+extra of this name, other libraries of filters with which ours are compared; there a test that is skipped fails. Each
+environment is a folder of its own below `.venv-matrix`, kept until pyproject.toml changes. Packages come from the
+registry that pip is configured for.
 """
 
 from __future__ import annotations
@@ -23,6 +26,9 @@ from typing import Any
 from tests.packaging.wheel import HOME, version_of
 
 ENVIRONMENTS = HOME / ".venv-matrix"
+PEERS = "peers"
+REQUIRED = "WSNSIM_PEERS"
+"""With the value 'required', a test that misses a package of the extra `peers` fails instead of being skipped."""
 SUPPORTED = ((3, 11), (3, 12), (3, 13))
 SHOWN = ("numpy", "scipy", "pandas", "h5py", "numba", "pydantic", "matplotlib", "distributed", "pyarrow")
 _REQUIREMENT = re.compile(r"(?P<name>[\w.-]+)>=(?P<low>[\w.]+)")
@@ -33,18 +39,20 @@ class InstallationError(Exception):
     """The packages could not be installed; the message is one sentence."""
 
 
-def requirements(project: dict[str, Any], lowest: bool) -> list[str]:
-    """What the project and all its extras require, one line a package; `lowest` pins each to its lower bound.
+def requirements(project: dict[str, Any], lowest: bool, peers: bool = False) -> list[str]:
+    """What the project and its extras require, one line a package; `lowest` pins each to its lower bound.
 
     Args:
         project: the table `project` of pyproject.toml.
         lowest: whether `name>=1.2` becomes `name==1.2`.
+        peers: whether the extra `peers` counts as well.
 
     Raises:
         ValueError: a requirement is not of the form `name>=version`, so that it has no lowest version.
     """
     extras = project.get("optional-dependencies", {})
-    lines = [*project["dependencies"], *(line for extra in extras.values() for line in extra)]
+    chosen = [extra for name, extra in extras.items() if peers or name != PEERS]
+    lines = [*project["dependencies"], *(line for extra in chosen for line in extra)]
     lines = [line for line in lines if not line.startswith(f"{project['name']}[")]
     for line in lines:
         if not _REQUIREMENT.fullmatch(line):
@@ -107,7 +115,7 @@ def tested(which: str, version: str, arguments: list[str]) -> Iterator[str]:
     if python is None:
         print(f"Python {version}: skipped, not installed")
         return
-    lines = requirements(_project(), which == "lowest")
+    lines = requirements(_project(), which == "lowest", which == PEERS)
     try:
         own = installed(python, f"{which}-{version}", lines)
     except InstallationError as error:
@@ -117,7 +125,9 @@ def tested(which: str, version: str, arguments: list[str]) -> Iterator[str]:
             yield f"Python {version}, {which} packages: {error}"
         return
     print(f"Python {version} with {versions_in(own)}", flush=True)
-    if code := subprocess.run([str(own), "-m", "pytest", *arguments], cwd=HOME, check=False).returncode:
+    environment = {**os.environ, REQUIRED: "required"} if which == PEERS else None
+    command = [str(own), "-m", "pytest", *arguments]
+    if code := subprocess.run(command, cwd=HOME, check=False, env=environment).returncode:
         yield f"Python {version}, {which} packages: pytest ended with exit code {code}"
 
 
@@ -134,7 +144,7 @@ def main(arguments: list[str]) -> int:
     if not found:
         print(f"none of Python {', '.join(versions)} is installed", file=sys.stderr)
         return 1
-    chosen = found[:1] if which == "lowest" else versions
+    chosen = versions if which == "newest" else found[:1]
     rest = arguments[arguments.index("--") + 1 :]
     failures = [line for version in chosen for line in tested(which, version, rest)]
     print(*failures, sep="\n", end="\n" if failures else "", file=sys.stderr)
