@@ -88,8 +88,9 @@ class PerfectDetection:
 class ImperfectDetection:
     """Sensors with missed detections, false alarms, constant biases and stuck readings.
 
-    The bias of a node is N(0, bias_sd²) for the whole run; a stuck node always reports `stuck_at` (our choices). The
-    filters do not model any of this.
+    The bias of a node is N(0, bias_sd²) for the whole run; a stuck node always reports `stuck_at` (our choices). Of
+    readings with several components, each is biased and stuck by itself, by these values in its own unit. The filters
+    do not model any of this.
     """
 
     missed: Annotated[float, Quantity("", ge=0.0, lt=1.0), "probability of a missed detection"] = 0.0
