@@ -12,6 +12,7 @@ import pytest
 import wsnsim
 from wsnsim import testing
 from wsnsim.scenario.conformance import demand_port
+from wsnsim.trackers.ekf import ExtendedKalman
 
 PAGE = (Path(__file__).parents[2] / "docs" / "plugins.md").read_text(encoding="utf-8")
 MODULES = dict(re.findall(r"```python\n# (\w+)\.py\n(.*?)```", PAGE, re.DOTALL))
@@ -23,6 +24,7 @@ CHECKS = {
     "neighbourhood": ("Neighbourhood", {}, testing.check_wakeup),
     "nearby": ("Nearby", {}, lambda policy: demand_port(type(policy), "clusters")),
     "aloha": ("PureAloha", {}, testing.check_mac),
+    "camera": ("Camera", {}, lambda sensor: testing.check_tracker(ExtendedKalman(), sensor=sensor)),
 }
 
 

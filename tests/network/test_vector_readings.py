@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import wsnsim
-from wsnsim.cli import main
 from wsnsim.base.errors import ScenarioError
 from wsnsim.base.tables import Memory
+from wsnsim.cli import main
 from wsnsim.models.bearing import TURN, Bearing
 
 RADIO = {"energy": {"kind": "first_order"}, "link": {"kind": "disk", "reach": "50 m"}}
