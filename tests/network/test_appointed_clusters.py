@@ -19,11 +19,13 @@ from wsnsim.base.part import part
 from wsnsim.base.requests import PACKET_BITS, Delivery, Gather, Parcel
 from wsnsim.base.tables import CAUSE, Memory
 from wsnsim.bounds import bound_of_run
+from wsnsim.models.access import Csma
 from wsnsim.models.appointed import Appointed
 from wsnsim.models.clusters import StrongestSignal
 from wsnsim.models.energy import FirstOrder
 from wsnsim.models.faults import Crash
-from wsnsim.models.links import Disk
+from wsnsim.models.links import Disk, LogNormal
+from wsnsim.network.clusters.head_messages import HeadMessages
 
 BIT, AMP = 50e-9, 100e-12
 TRIANGLE = [(0.0, 0.0), (30.0, 0.0), (0.0, 40.0), (150.0, 150.0)]
@@ -285,6 +287,33 @@ def test_a_track_that_starts_from_too_few_readings_starts_again_from_those_of_th
     assert few.size == 0 or few[0] < 3
     after = estimates["error"][(estimates["step"] > first) & (estimates["step"] <= first + 3)]
     assert np.nanmin(after) < 10.0
+
+
+def test_no_message_wakes_a_region_in_which_everybody_is_a_member_already():
+    said = scenario("gmtt", clusters={"kind": "appointed"}, duration=60.0, step=0.5) | {"tracker": {"kind": "ekf"}}
+    run = SleepingRun(said | {"acquire": {}})
+    rounds, estimates = run.table("wakeups")["step"], run.table("estimates")
+    tracked = np.isfinite(estimates["error"])
+    assert tracked.sum() > 100
+    assert 3 < np.unique(rounds).size < 0.5 * tracked.sum()
+    assert np.nanmedian(estimates["readings"]) >= 6, "members stay awake, as long as the cluster is theirs"
+    run.books()
+
+
+def test_members_have_a_link_to_the_head_that_can_be_used_in_both_directions(monkeypatch):
+    made = network_setup(clusters=Appointed(), link=LogNormal(asymmetry=10.0), mac=Csma(), steps=20)
+    asked = []
+
+    def linked(self, head, nodes):
+        found = [node for node in nodes if self.transport.connected(node, head)]
+        asked.append((set(nodes), set(found)))
+        return found
+
+    monkeypatch.setattr(HeadMessages, "linked", linked)
+    run = Run(made)
+    joined = {row["node"] for row in run.events("join")}
+    assert joined and joined <= set().union(*(found for _, found in asked))
+    assert any(found < nodes for nodes, found in asked), "some hear the head and cannot be heard"
 
 
 def test_heads_of_two_targets_appoint_for_themselves():

@@ -42,6 +42,17 @@ def test_a_round_has_one_slot_per_frame_and_the_schedule_is_announced_once():
     assert sum(row["peer"] == -1 for row in network.rows("send")) == 1, "fewer members need no new schedule"
 
 
+def test_members_that_the_head_expects_have_slots_from_the_first_schedule_on():
+    network = RadioNetwork(STAR, mac=Tdma())
+    network.mac.expect(0, [0, *range(1, 9)])
+    gather(network, sources=(1, 2))
+    (first,) = [row for row in network.rows("send") if row["peer"] == -1]
+    headers = 6 + 11
+    assert first["bits"] == headers * 8 + 8 * Tdma().schedule_bits
+    gather(network, sources=range(1, 9))
+    assert sum(row["peer"] == -1 for row in network.rows("send")) == 1, "none of them needs another schedule"
+
+
 def test_members_do_not_overhear_each_other_but_other_nodes_do():
     network = RadioNetwork([*STAR, (10, 10)], mac=Tdma())
     gather(network, sources=range(1, 9))

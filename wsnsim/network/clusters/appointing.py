@@ -88,7 +88,7 @@ class AppointingProtocol(StandingClusterProtocol):
         driver.readings = count
         services.estimates.note_start(track, head)
         services.estimates.issue(track, step, scene, driver, belief)
-        services.wake_ahead.wake(track, head, belief, scene, scene.time)
+        services.wake_ahead.wake(track, head, belief, scene, scene.time, awake=cluster.members.keys())
         yield track.tick
         tentative = 0 < count < self._enough(track)
         return AppointedLead(track, cluster, driver, belief, step, scene.time, scene, tentative)
@@ -118,13 +118,17 @@ class AppointingProtocol(StandingClusterProtocol):
     def _announce(
         self, track: Track, cluster: AppointedCluster, appointment: Appointment, payload: Parcel | None
     ) -> Waiting:
-        """Broadcast an appointment: nodes that hear it and are covered are members from now on, with its payload."""
+        """Broadcast an appointment; nodes that hear it, are covered and have a link to the head are members then.
+
+        A node whose link can be used in one direction only would report over other nodes, out of turn (our choice).
+        """
         network, target, head = self._network, track.target, cluster.head
         heard = yield from self._services.messages.announce(target, head, appointment, payload)
         positions, motion = network.nodes.assumed.positions, self._setup.filter_motions[target]
-        ids = [*heard]
+        ids = self._services.messages.linked(head, heard)
         covered = appointment.covers(positions[ids], motion).tolist()
         cluster.appoint(self._appointed_on_map(head, appointment, target))
+        self._services.messages.expect(head, cluster.listed)
         self._admit(track, cluster, [node for node, near in zip(ids, covered, strict=True) if near])
         for node, mask in heard.items():
             if payload is not None and mask.any() and node in cluster.members:
@@ -145,11 +149,11 @@ class AppointingProtocol(StandingClusterProtocol):
             self._services.processes.enlist(new, track.target)
 
     def _admit_woken(self, lead: AppointedLead) -> None:
-        """Make those nodes members that were woken for this step and hear the head: the message names it."""
+        """Make those nodes members that were woken for this step and have a link to the head: the message names it."""
         round_ = lead.track.round
         if round_ is not None and round_.message.step == self._network.clock.step:
-            hearers = self._services.messages.hearers(lead.cluster.head)
-            self._admit(lead.track, lead.cluster, [node for node in sorted(round_.tracking) if node in hearers])
+            linked = self._services.messages.linked(lead.cluster.head, sorted(round_.tracking))
+            self._admit(lead.track, lead.cluster, linked)
 
     def _step(self, lead: AppointedLead) -> Waiting:
         """One step at the head: readings in, an estimate out, nodes woken for the next step."""
@@ -164,7 +168,9 @@ class AppointingProtocol(StandingClusterProtocol):
         services.estimates.issue(track, step, lead.scene, driver, lead.belief)
         services.estimates.snapshot(track, cluster, lead.belief, step)
         self._watch_readings(lead)
-        services.wake_ahead.wake(track, cluster.head, lead.belief, lead.scene, lead.last_sensed)
+        services.wake_ahead.wake(
+            track, cluster.head, lead.belief, lead.scene, lead.last_sensed, awake=lead.cluster.members.keys()
+        )
 
     def _watch_readings(self, lead: AppointedLead) -> None:
         """Note that the target was sensed. Raises TrackLost if it has not been for too long."""

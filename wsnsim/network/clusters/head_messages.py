@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Generator, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -67,9 +67,13 @@ class HeadMessages:
         heard = yield from self._broadcast(target, head, parcel)
         return {node: mask[own:] for node, mask in heard.items() if mask[:own].all()}
 
-    def hearers(self, head: int) -> frozenset[int]:
-        """The nodes that a head's transmissions may reach, those included that are down."""
-        return self.transport.neighbours(head).members
+    def expect(self, head: int, members: Sequence[int]) -> None:
+        """Have slots arranged for the members of a head, where the MAC has slots."""
+        self.transport.expect(head, members)
+
+    def linked(self, head: int, nodes: Iterable[int]) -> list[int]:
+        """Those of the nodes that reach the head over one hop."""
+        return [node for node in nodes if self.transport.connected(node, head)]
 
     def _broadcast(self, target: int, head: int, parcel: Parcel) -> Generator[simpy.Event, Any, dict[int, Bools]]:
         """Broadcast a parcel; return which packets arrived at each living node, ascending."""

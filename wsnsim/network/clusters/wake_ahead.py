@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Any, Protocol
 
 import numpy as np
@@ -21,7 +22,9 @@ class WakesAhead(Protocol):
     def wakes_nodes(self) -> bool:
         """Whether nodes are woken at all."""
 
-    def wake(self, track: Track, head: int, belief: Any, scene: Scene, last_sensed: float) -> None:
+    def wake(
+        self, track: Track, head: int, belief: Any, scene: Scene, last_sensed: float, awake: Collection[int] = ()
+    ) -> None:
         """Have nodes woken for the next step, if there is one; returns at once.
 
         Args:
@@ -30,6 +33,8 @@ class WakesAhead(Protocol):
             belief: the head's belief.
             scene: the scene of the belief.
             last_sensed: time in s of the last measurement.
+            awake: nodes that need not be woken, and know that they are to sense. If these are all living nodes of the
+                region to which the head has a link, nothing is sent. Empty: a message is sent in any case.
         """
 
 
@@ -38,7 +43,9 @@ class NoWakeAhead:
 
     wakes_nodes = False
 
-    def wake(self, track: Track, head: int, belief: Any, scene: Scene, last_sensed: float) -> None:
+    def wake(
+        self, track: Track, head: int, belief: Any, scene: Scene, last_sensed: float, awake: Collection[int] = ()
+    ) -> None:
         """Do nothing."""
 
 
@@ -55,7 +62,9 @@ class WakeAhead:
         self._foresees = tracker.foresees if isinstance(tracker, Foresees) else _foresees_always
         self._belief_bits = tracker.belief_bits if isinstance(tracker, Portable) else _no_bits
 
-    def wake(self, track: Track, head: int, belief: Any, scene: Scene, last_sensed: float) -> None:
+    def wake(
+        self, track: Track, head: int, belief: Any, scene: Scene, last_sensed: float, awake: Collection[int] = ()
+    ) -> None:
         """Have nodes woken for the next step, if there is one; see `WakesAhead`."""
         setup = self._network.setup
         if self._network.clock.step >= setup.steps:
@@ -63,7 +72,8 @@ class WakeAhead:
         self._sequence += 1
         plan = self._plan(track.target, head, belief, scene, last_sensed)
         message = setup.wakeup.compose(plan, belief if setup.wakeup.carries_belief else None)
-        self._service.start(track, head, message, plan.foreseen)
+        if not awake or self._service.others_near(head, message, awake):
+            self._service.start(track, head, message, plan.foreseen)
 
     def _plan(self, target: int, head: int, belief: Any, scene: Scene, last_sensed: float) -> WakeUpPlan:
         network, setup, nodes = self._network, self._network.setup, self._network.nodes

@@ -1,10 +1,11 @@
 """TDMA inside clusters, CSMA/CA elsewhere: a cluster head schedules its members, as in LEACH.
 
-When the members of a head change, it broadcasts a schedule. A member that receives it knows the slots, and turns the
-radio off in those of others. A round has one slot per frame, in the order of the schedule, with a guard at both ends
-of each slot. A member whose clock has drifted by more than the guard since the schedule misses its slot. Elections,
-announcements, joins, relayed datagrams and handovers belong to no schedule and use CSMA/CA, with acknowledgements and
-retransmissions. They keep out of the slots: see `contention_periods`.
+When the members of a head change, it broadcasts a schedule; members that it appointed have slots from the first one on.
+A member that receives it knows the slots, and turns the radio off in those of others. A round has one slot per frame,
+in the order of the schedule, with a guard at both ends of each slot. A member whose clock has drifted by more than the
+guard since the schedule misses its slot. Elections, announcements, joins, relayed datagrams and handovers belong to no
+schedule and use CSMA/CA, with acknowledgements and retransmissions. They keep out of the slots: see
+`contention_periods`.
 
 Source: Heinzelman, Chandrakasan, Balakrishnan (2002), sections III-B and III-C; acknowledgements, guards and contention
 periods are ours. LEACH gives each cluster a spreading code of its own; here the slots of two clusters may collide.
@@ -68,6 +69,8 @@ class TdmaMechanism:
         self._channel = self._csma.channel
         self._schedules: dict[int, dict[int, float]] = {}
         """{head: {member that knows the schedule: how far its clock was ahead of the head's, in s}}"""
+        self._expected: dict[int, set[int]] = {}
+        """{head: nodes for which the next schedule has slots, beside those that have something to send}"""
         self._rounds: dict[int, simpy.Event] = {}
         self._ack = services.radio.log.code("ack")
         self.offer = self._csma.offer
@@ -79,6 +82,10 @@ class TdmaMechanism:
         event = self._env.process(self._round(head, bursts, self._rounds.get(head)))
         self._rounds[head] = event
         return event
+
+    def expect(self, head: int, members: Sequence[int]) -> None:
+        """Give members slots with the next schedule of their head, before they have something to send."""
+        self._expected[head] = set(members) - {head}
 
     def silence(self, node: int) -> None:
         """Stop a node that died or crashed: it forgets every schedule, and its transmission is cut."""
@@ -93,7 +100,7 @@ class TdmaMechanism:
             yield previous
         members = {node for burst in bursts for node in (burst.source, burst.to)} - {head}
         if not members <= self._schedules.get(head, {}).keys():
-            yield from self._announce(head, members)
+            yield from self._announce(head, members | self._expected.pop(head, set()))
         if left := self._periods.left(head, self._mac.contention):
             yield self._env.timeout(left)
         if exchanges := self._periods.close(head):

@@ -72,6 +72,13 @@ class SendsUnicasts(Protocol):
         """Send them by one event; None if sending takes time."""
 
 
+class ExpectsMembers(Protocol):
+    """A MAC that gives members slots."""
+
+    def expect(self, head: int, members: Sequence[int]) -> None:
+        """Give members slots with the next schedule of their head."""
+
+
 class Transport:
     """What nodes send with.
 
@@ -89,6 +96,7 @@ class Transport:
         self._router = router
         at_once = defined_together(type(mac), "send_unicasts", "send")
         self._send_unicasts = cast(SendsUnicasts, mac).send_unicasts if at_once else _send_no_unicasts
+        self._expect = cast(ExpectsMembers, mac).expect if hasattr(mac, "expect") else _expect_nobody
         self._pairs: set[tuple[int, int]] = set()
         self.wake_neighbour: Callable[[int, int, int], simpy.Event] | None = None
 
@@ -159,9 +167,22 @@ class Transport:
             burst.sequence, burst.relayed = sequence, relayed
         return self._send(bursts), bursts
 
+    def expect(self, head: int, members: Sequence[int]) -> None:
+        """Tell the MAC whom a head takes for members, before they have something to send."""
+        self._expect(head, members)
+
     def neighbours(self, node: int) -> Neighbours:
         """The neighbours of a node, dead nodes included."""
         return self._topology.neighbours(node)
+
+    def connected(self, a: int, b: int) -> bool:
+        """Whether two nodes are one hop apart; remembered where distance alone decides, since nodes stand still."""
+        if (a, b) in self._pairs:
+            return True
+        connected = self._topology.connected(a, b)
+        if connected and self._topology.distance_only:
+            self._pairs.add((a, b))
+        return connected
 
     def _send(self, bursts: Sequence[Burst], head: int | None = None) -> simpy.Event:
         return cast(simpy.Event, self._mac.send(bursts, head))
@@ -205,19 +226,10 @@ class Transport:
 
         A neighbour without a path died: the sender does not know, and sends in vain.
         """
-        if not self._connected(source, to) or (self.wake_neighbour is not None and self._sleeps(to)):
+        if not self.connected(source, to) or (self.wake_neighbour is not None and self._sleeps(to)):
             return False
         path = None if one_hop else self._router.path(source, to)
         return path is None or len(path) == 2
-
-    def _connected(self, a: int, b: int) -> bool:
-        """Whether two nodes are one hop apart; remembered where distance alone decides, since nodes stand still."""
-        if (a, b) in self._pairs:
-            return True
-        connected = self._topology.connected(a, b)
-        if connected and self._topology.distance_only:
-            self._pairs.add((a, b))
-        return connected
 
     def _sleeps(self, node: int) -> bool:
         return bool(self._nodes.alive[node]) and not self._nodes.is_awake(node)
@@ -254,3 +266,7 @@ def _end(datagram: Datagram, mask: Bools, arrived: bool, now: float) -> None:
 def _send_no_unicasts(unicasts: Unicasts) -> simpy.Event | None:
     """Return None: the MAC sends bursts only."""
     return None
+
+
+def _expect_nobody(head: int, members: Sequence[int]) -> None:
+    """Do nothing: the MAC gives no slots."""
