@@ -54,9 +54,10 @@ class Answer(NamedTuple):
 
 
 def interval(values: Floats) -> Interval:
-    """The interval of a value (1 + draws,), the first of which is that of all runs."""
+    """The interval of a value (1 + draws,), the first of which is that of all runs; NaN if a resample has no value."""
     assert len(values) == 1 + DRAWS
-    low, high = np.quantile(values[1:], [TAIL, 1.0 - TAIL])
+    with np.errstate(invalid="ignore"):  # between infinite values
+        low, high = np.quantile(values[1:], [TAIL, 1.0 - TAIL])
     return Interval(float(values[0]), float(low), float(high))
 
 

@@ -77,7 +77,8 @@ def pooled(found: Squares) -> Interval:
     known = np.isfinite(found.errors)
     sums = (np.where(known, each, 0.0).sum(axis=1) for each in (found.errors, found.bounds))
     errors, least = (resampled(len(found.runs)) @ one for one in sums)
-    return interval(np.sqrt(errors / least))
+    with np.errstate(invalid="ignore"):  # a resample may have no estimate at all
+        return interval(np.sqrt(errors / least))
 
 
 def rmse_of_runs(squared: Floats) -> Floats:

@@ -37,14 +37,20 @@ class Stretches(NamedTuple):
 def stretches(data: Data, variant: str) -> Stretches:
     """The stretches of a variant's runs, as registered. Needs the table `truth`; a single target."""
     wanted = data.published["registered"]["walls"]
-    truth = data.of(variant, "truth").sort_values(["replicate", "step"])
-    truth = truth[truth["step"] > 0]
-    runs = truth["replicate"].unique()
-    positions = truth[["px", "py"]].to_numpy().reshape(len(runs), -1, 2)
-    times = truth["time"].to_numpy().reshape(len(runs), -1)[0]
+    runs = np.sort(data.of(variant, "runs")["replicate"].to_numpy())
+    positions = true_positions(data, variant)
+    times = data.scenario(variant)["step"] * np.arange(1, positions.shape[1] + 1)
     wall = data.scenario(variant)["motion"]["bound"]
     near = near_walls(positions, times, wall, wanted["margin"], wanted["memory"])
     return Stretches(runs, near, np.broadcast_to(times <= wanted["beginning"], near.shape))
+
+
+def true_positions(data: Data, variant: str) -> Floats:
+    """(n, K, 2) true positions at the steps 1, 2, ..."""
+    truth = data.of(variant, "truth").sort_values(["replicate", "step"])
+    truth = truth[truth["step"] > 0]
+    result: Floats = truth[["px", "py"]].to_numpy().reshape(truth["replicate"].nunique(), -1, 2)
+    return result
 
 
 def mean_nees(data: Data, variant: str, near: bool, of: Of = "position") -> Interval:
@@ -67,13 +73,13 @@ def nees_of_runs(data: Data, variant: str, near: bool, of: Of = "position") -> p
 def _sums(data: Data, variant: str, near: bool, of: Of) -> tuple[Floats, Floats]:
     """(n,) the sums over the steps of a kind of stretch, and their numbers."""
     where = stretches(data, variant)
-    values = _values(data, variant, of)
+    values = nees_of_steps(data, variant, of)
     counted = np.isfinite(values) & (where.near == near) & ~where.beginning
     return np.where(counted, values, 0.0).sum(axis=1), counted.sum(axis=1).astype(np.float64)
 
 
 @functools.lru_cache(maxsize=16)
-def _values(data: Data, variant: str, of: Of) -> Floats:
+def nees_of_steps(data: Data, variant: str, of: Of) -> Floats:
     """(n, K) NEES of every step, NaN without an estimate."""
     where = stretches(data, variant)
     table: Any = data.of(variant, "estimates") if of == "position" else _of_state(data, variant)

@@ -19,6 +19,7 @@ from matplotlib.transforms import Bbox
 
 from wsnsim.analysis.figure_style import BOUND, COLOURS
 from wsnsim.base.arrays import Floats
+from wsnsim.papers.frontier.bound_figures import at_the_bound
 from wsnsim.papers.frontier.strategies import (
     LEAST_IN_TIME,
     MOST_LOST,
@@ -230,4 +231,4 @@ def _gap(box: Bbox, *pixels: Floats) -> float:
     return float(np.linalg.norm(pixels - np.clip(pixels, box.min, box.max), axis=1).min())
 
 
-FIGURES: Final[Drawings] = {"frontier": _frontier}
+FIGURES: Final[Drawings] = {"frontier": _frontier, "at_the_bound": at_the_bound}

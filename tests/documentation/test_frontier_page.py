@@ -1,0 +1,37 @@
+"""docs/frontier.md holds what docs/frontier.json and the stored sweeps say."""
+
+from __future__ import annotations
+
+import json
+import re
+
+from tests.bench.page import spliced
+from tests.papers import frontier_page as page
+from wsnsim.papers.paper import paper
+
+ROWS = json.loads(page.ROWS.read_text(encoding="utf-8")) if page.ROWS.exists() else {}
+TEXT = page.PAGE.read_text(encoding="utf-8")
+REGISTERED = paper("frontier").published["registered"]
+
+
+def test_the_page_is_made_from_its_rows():
+    for name, block in page.blocks(ROWS).items():
+        assert spliced(TEXT, name, block) == TEXT, "python -m tests.papers.frontier_page writes it"
+
+
+def test_its_hypotheses_have_the_registered_thresholds():
+    text = " ".join(TEXT.split())
+    said = [f"at most {REGISTERED['ideal']:.2f} times the bound", f"at most {REGISTERED['joules']:g} J",
+            f"above {REGISTERED['greatest']:g} m", f"below {REGISTERED['near_walls']:g}.",
+            f"{REGISTERED['radio_settled']:g} times the bound after 1 s", f"{REGISTERED['radio_whole']:g} times over",
+            f"At least {REGISTERED['in_time']:.0%} of the estimates".replace("%", " %"),
+            f"within {REGISTERED['published_near']:g} times",
+            f"beyond {180 - REGISTERED['walls']['margin']:g} m"]  # fmt: skip
+    said += [f"{one['least']:g} to {one['most']:g}" for one in REGISTERED["robust"].values()]
+    assert [words for words in said if words not in text] == []
+
+
+def test_every_hypothesis_is_answered_once_its_experiment_has_been_run():
+    numbers = set(re.findall(r"^(\d+)\. ", TEXT, re.MULTILINE))
+    answered = {each["words"].split(":")[0].split(" ")[0] for part in ROWS.values() for each in part["answers"]}
+    assert answered <= numbers and (answered == numbers or len(ROWS) < len(page.CONTENT))
