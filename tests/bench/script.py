@@ -122,7 +122,7 @@ def _noted_gather(ask: Gather) -> tuple[Gather, Gather]:
         parcels[member.id] = None if parcel is None else _empty(parcel)
         return parcel
 
-    return Gather(lambda member: parcels[member.id], ask.who), Gather(ask_and_note, ask.who)
+    return Gather(lambda member: parcels[member.id], ask.who, ask.deadline), Gather(ask_and_note, ask.who, ask.deadline)
 
 
 def _empty(parcel: Parcel) -> Parcel:

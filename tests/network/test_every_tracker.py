@@ -7,6 +7,7 @@ import pytest
 
 from wsnsim import experiment, scenario
 from wsnsim.base.tables import KIND, Memory
+from wsnsim.network.clusters.collection import Collection
 from wsnsim.scenario.registry import ROLES
 
 OTHERS = {"grid", "trilateration", "gmtt", "tsstp", "cluster", "ris"}  # one column, or distances: not on this field
@@ -38,6 +39,21 @@ def test_on_jiangs_field_with_a_lossy_radio(kind: str) -> None:
     fewer = [] if kind in GAUSSIAN else ["tracker.particles=60"]
     changes = f"tracker.kind={kind}", "duration=6 s", "link.loss=0.2", *fewer
     assert_valid_run(*simulated("jiang_field", *changes))
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("deadline", [0.0, 0.006])
+@pytest.mark.parametrize("kind", PLANE)
+def test_with_heads_that_go_on_before_everything_has_arrived(kind: str, deadline: float, monkeypatch) -> None:
+    gather = Collection.gather
+    monkeypatch.setattr(Collection, "gather", lambda one, nodes, parcels, _: gather(one, nodes, parcels, deadline))
+    fewer = [] if kind in GAUSSIAN else ["tracker.particles=10"]
+    memory, summary = simulated("ekf_real", f"tracker={{kind: {kind}}}", "mac={kind: csma}", "duration=2 s", *fewer)
+    estimates = memory.table("estimates")
+    known = np.isfinite(estimates["issued"])
+    assert known.any() and np.isfinite(estimates["error"][known]).all()
+    assert np.nanmax(estimates["readings"]) <= (1 if deadline == 0.0 and kind in GAUSSIAN else np.inf)
+    assert summary.run["frames_sent"] > 50
 
 
 @pytest.mark.thorough
