@@ -65,16 +65,16 @@ fuzz: $(READY)  ## try random files, plug-ins, commands and scenarios for an hou
 	@$(PY) -m tests.fuzz.long $(ARGS)
 
 wheel: $(READY)  ## install the wheel into an empty environment and run a scenario there
-	@$(PY) -m tests.packaging.wheel $(PY)
+	@$(PY) -m tests.distribution.wheel $(PY)
 
 matrix: $(READY)  ## run the suite with every installed Python of PYTHONS='3.11 3.12 3.13 3.14' and the newest packages
-	@$(PY) -m tests.packaging.versions newest $(PYTHONS) -- $(SUITE) $(ARGS)
+	@$(PY) -m tests.distribution.versions newest $(PYTHONS) -- $(SUITE) $(ARGS)
 
 lowest: $(READY)  ## run the suite with the lowest versions of the packages that pyproject.toml allows
-	@$(PY) -m tests.packaging.versions lowest $(PYTHONS) -- $(SUITE) $(ARGS)
+	@$(PY) -m tests.distribution.versions lowest $(PYTHONS) -- $(SUITE) $(ARGS)
 
 peers: $(READY)  ## compare filters with those of Stone Soup and FilterPy, in an environment of its own
-	@$(PY) -m tests.packaging.versions peers $(PYTHONS) -- tests/trackers/test_peers.py $(ARGS)
+	@$(PY) -m tests.distribution.versions peers $(PYTHONS) -- tests/trackers/test_peers.py $(ARGS)
 
 check: format lint types imports test thorough verify documentation cluster browser interpreted  ## check format, lint, types, import contracts, all tests
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import ast
+import sysconfig
 from collections.abc import Iterator
+from importlib.machinery import PathFinder
 from pathlib import Path
 
 import networkx as nx
@@ -70,3 +72,12 @@ def test_a_class_name_is_defined_once_in_the_package():
     ]
     assert len(names) > 300
     assert [name for name in set(names) if names.count(name) > 1] == []
+
+
+def test_no_folder_of_tests_has_the_name_of_a_library() -> None:
+    """Pytest imports the tests of a folder as a package of its name: later imports of the library would get that."""
+    folders = [path.name for path in sorted(Path(__file__).parent.iterdir()) if path.is_dir()]
+    assert "network" in folders
+    paths = [sysconfig.get_path("purelib"), sysconfig.get_path("stdlib")]
+    assert PathFinder.find_spec("packaging", paths) is not None, "such as this one, which matplotlib needs"
+    assert [name for name in folders if (spec := PathFinder.find_spec(name, paths)) and spec.loader] == []

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from tests.packaging.versions import REQUIRED
+from tests.distribution.versions import REQUIRED
 from wsnsim import scenario
 from wsnsim.base.tables import RECORDED_BY_DEFAULT, Memory
 from wsnsim.experiment import replicate_of

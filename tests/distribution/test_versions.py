@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from tests.packaging import versions
-from tests.packaging.versions import InstallationError, installed, interpreter, main, requirements
+from tests.distribution import versions
+from tests.distribution.versions import InstallationError, installed, interpreter, main, requirements
 
 PROJECT = {
     "name": "x",

@@ -1,6 +1,6 @@
 """Build the wheel, install it into an empty environment of each Python given, and run a scenario there.
 
-    python -m tests.packaging.wheel PYTHON ...      such as python3.11 python3.13; those that do not start are skipped
+    python -m tests.distribution.wheel PYTHON ...    such as python3.11 python3.13; those that do not start are skipped
 
 Packages come from the registry that pip is configured for. The scenario runs outside of the source tree.
 """

@@ -1,8 +1,8 @@
 """Run the suite with several Pythons and with the newest or the lowest declared versions of the packages.
 
-    python -m tests.packaging.versions newest 3.11 3.12 3.13 -- -k energy      arguments behind -- go to pytest
-    python -m tests.packaging.versions lowest 3.11
-    python -m tests.packaging.versions peers 3.11 -- tests/trackers/test_peers.py
+    python -m tests.distribution.versions newest 3.11 3.12 3.13 -- -k energy      arguments behind -- go to pytest
+    python -m tests.distribution.versions lowest 3.11
+    python -m tests.distribution.versions peers 3.11 -- tests/trackers/test_peers.py
 
 `newest` takes every Python of the list that is installed, `lowest` and `peers` the first. `peers` also installs the
 extra of this name, other libraries of filters with which ours are compared; there a test that is skipped fails. Each
@@ -23,7 +23,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
-from tests.packaging.wheel import HOME, version_of
+from tests.distribution.wheel import HOME, version_of
 
 ENVIRONMENTS = HOME / ".venv-matrix"
 PEERS = "peers"
