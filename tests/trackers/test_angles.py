@@ -25,7 +25,7 @@ from wsnsim.testing.table import FIRST, SCRIPT, SECOND, Table, track
 KINDS = {row.kind: load_class(row) for row in ROLES["tracker"].kinds}
 WITH_ANGLES = [kind for kind, part in KINDS.items() if part.angles and kind != "grid"]
 WITH_COMPONENTS = [kind for kind in WITH_ANGLES if KINDS[kind].vector_readings]
-EXACT = {"ekf": 1e-9, "rkf": 1e-9, "imsf": 1e-9, "ukf": 0.01, "ckf": 0.01}
+EXACT = {"ekf": 1e-9, "rkf": 1e-9, "imsf": 1e-9, "imm": 1e-9, "ukf": 0.01, "ckf": 0.01}
 """How far (m) the estimates of filters without random numbers may be from those of the turned geometry.
 
 The sigma points of a turned covariance are not the turned sigma points, since they depend on the order of the axes.

@@ -189,6 +189,22 @@ def test_a_wide_prior_on_a_ring_is_nearer_to_the_posterior_than_linearisation() 
     assert max(errors[:2]) < 0.8 * errors[2]
 
 
+@pytest.mark.thorough
+@UKF_CKF
+def test_on_ranges_its_errors_are_as_large_as_it_says(tracker) -> None:
+    """The normalised squared error of the state of four, over sixty runs: its mean is 4 if the filter is consistent."""
+    motion, sensor = ConstantVelocity(start=(5.0, 1.0, 5.0, -1.0), variances=(0.5,)), Range(sd=0.5, reach=200.0)
+    errors = []
+    for seed in range(60):
+        cluster = Cluster(6, motion, sensor, seed=seed, reach=60.0)
+        belief, _ = cluster.drive(tracker.start(cluster.prior, cluster.scene(0)))
+        for step in range(1, 31):
+            belief, _ = cluster.drive(tracker.step(belief, cluster.scene(step)))
+        error = belief.mean - cluster.truth[30]
+        errors.append(error @ np.linalg.solve(belief.cov, error))
+    assert np.mean(errors) == pytest.approx(4.0, abs=4.0 * np.sqrt(8.0 / 60)), "four standard errors"
+
+
 def test_a_handover_sends_the_moments_and_a_step_costs_what_is_counted() -> None:
     for tracker in (EVERY[0], EVERY[-1]):
         cluster = Cluster(6)

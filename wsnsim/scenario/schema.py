@@ -294,13 +294,14 @@ def with_inner(model: type[PartModel], inner: tuple[tuple[str, InnerKinds], ...]
     fields: dict[str, Any] = {
         name: (_annotation_of_kinds(chosen), Field(description=model.model_fields[name].description))
         for name, chosen in inner
+        if chosen != ()  # an empty list is of the same model as none
     }
     return create_model(model.__name__, __base__=model, __module__=model.__module__, **fields) if fields else model
 
 
 def _annotation_of_kinds(chosen: InnerKinds) -> Any:
     if isinstance(chosen, tuple):
-        return tuple[tuple(kind or Any for kind in chosen)] if chosen else tuple[()]  # type: ignore[misc]
+        return tuple[tuple(kind or Any for kind in chosen)]  # type: ignore[misc]
     return chosen or Any
 
 
