@@ -22,7 +22,10 @@ from pathlib import Path
 from typing import Any
 
 SEEDS = (1, 2, 3)
-SHORTER = {"lifetime": "60 s", "liu_network": "100 s", "pso_mhpf_packed": "12 s"}
+SHORTER = {
+    "lifetime": "60 s", "liu_network": "100 s", "pso_mhpf_packed": "12 s", "information_driven": "14 s",
+    "information_driven_real": "10 s", "information_driven_asleep": "10 s",
+}  # fmt: skip
 SWEEPS = ("iterations", "sleep_probability")
 SWEEP_DURATIONS = {"iterations": "4 s", "sleep_probability": "40 s"}
 TABLES = ("runs", "tracks", "truth", "estimates", "events", "energy", "energy_steps", "clusters", "nodes", "wakeups")

@@ -19,12 +19,13 @@ from wsnsim.models.sensing import AcousticEnergy
 from wsnsim.offline.loopback import perform, silent
 from wsnsim.testing import Table, check_tracker
 from wsnsim.testing.table import FIRST
+from wsnsim.trackers import information_driven
 from wsnsim.trackers.information_driven import InformationDriven
 from wsnsim.trackers.shared import selection
 from wsnsim.trackers.shared.mixtures import Hypothesis
 from wsnsim.trackers.shared.selection import OUTGOING, Plan, candidates, first_expected, fits, planned, prepare
 
-EVERY = [InformationDriven(), InformationDriven(keep=0.5, every=3), InformationDriven(keep=1.0)]
+EVERY = [InformationDriven(), InformationDriven(keep=0.5, every=3), InformationDriven(keep=1.0, every=1)]
 SETTINGS = {
     "at a wall": (BoundedVelocity(bound=44.0), AcousticEnergy()),
     "five columns": (CoordinatedTurn(), Range()),
@@ -80,7 +81,7 @@ def replace_cov(prior, scale):
 
 
 def test_the_plan_is_a_state_and_one_more_packet_and_goes_out_once_while_it_fits() -> None:
-    network = Network(InformationDriven(keep=0.6))
+    network = Network(InformationDriven(keep=0.6, every=1))
     sent = []
     for _ in range(10):
         network.forward()
@@ -90,20 +91,20 @@ def test_the_plan_is_a_state_and_one_more_packet_and_goes_out_once_while_it_fits
 
 
 def test_members_that_the_plan_does_not_ask_are_silent_and_the_heads_reading_always_counts() -> None:
-    network = Network(InformationDriven(keep=0.3))
+    network = Network(InformationDriven(keep=0.3, every=1))
     for _ in range(3):
         network.forward()
     assert FIRST[0] in network.answered() and len(network.answered()) < len(FIRST)
 
 
 def test_a_member_that_missed_the_plan_answers() -> None:
-    network = Network(InformationDriven(keep=0.3))
+    network = Network(InformationDriven(keep=0.3, every=1))
     network.forward(lose=lambda source, to, parcel: np.full(parcel.packets, parcel.what != "plan"))
     assert set(network.answered()) == set(FIRST)
 
 
 def test_a_decision_depends_on_the_members_own_memory_alone() -> None:
-    network = Network(InformationDriven(keep=0.3))
+    network = Network(InformationDriven(keep=0.3, every=1))
     network.forward()
     plan = network.plans()[0].payload
     network.step += 1
@@ -151,7 +152,7 @@ def test_a_plan_that_has_gone_astray_or_asks_far_too_many_does_not_fit() -> None
 
 
 def test_readings_that_come_three_in_a_packet_give_the_belief_that_single_ones_give() -> None:
-    single, packed = Network(InformationDriven(keep=1.0)), Network(InformationDriven(keep=1.0, every=3))
+    single, packed = Network(InformationDriven(keep=1.0, every=1)), Network(InformationDriven(keep=1.0, every=3))
     sizes = []
     for _ in range(12):
         single.forward()
@@ -226,6 +227,29 @@ def counting(parcel_of, head):
         return parcel
 
     return counted_parcel
+
+
+def test_members_that_are_appointed_later_get_the_plan_of_the_others() -> None:
+    network = Network(InformationDriven(keep=0.3))
+    assert network.tracker.announcement(network.belief, network.scene(0)) is None
+    network.forward()
+    announced = network.tracker.announcement(network.belief, network.scene(0))
+    assert announced.packets == 2 and announced.payload is network.belief.plan
+
+
+@pytest.mark.parametrize("every", [1, 2])
+def test_when_several_answer_as_if_they_had_no_plan_it_is_sent_anew(every, monkeypatch) -> None:
+    monkeypatch.setattr(information_driven, "MISSED", 2)
+    network = Network(InformationDriven(keep=0.3, every=every))
+    network.forward()
+    network.forward()
+    assert network.belief.plan is not None
+    for member in network.members.values():
+        member.memory.clear()
+    network.forward()
+    assert not network.plans() and len(network.answered()) == len(FIRST) and network.belief.plan is None
+    network.forward()
+    assert len(network.plans()) == 1 and len(network.answered()) < len(FIRST)
 
 
 @pytest.mark.parametrize("every", [1, 3])

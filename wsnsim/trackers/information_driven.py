@@ -18,7 +18,7 @@ import numpy as np
 from wsnsim.base.arrays import Bools, Floats
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Estimate, Scene
-from wsnsim.base.requests import Broadcast, Compute, Flow, Gather, Local, Send
+from wsnsim.base.requests import Broadcast, Compute, Flow, Gather, Local, Parcel, Send
 from wsnsim.trackers.shared.heads import GaussianBelief, HeadFilter
 from wsnsim.trackers.shared.mixtures import Hypothesis, Mixture, moments_of, predicted_mixture, reduced, updated_mixture
 from wsnsim.trackers.shared.parcels import arrived_groups, parcel, weight_packets
@@ -28,11 +28,13 @@ from wsnsim.trackers.shared.selection import (
     Candidates,
     Expected,
     Plan,
+    asks,
     candidates,
     extrapolated,
     first_expected,
     fits,
     outgoing,
+    packet_joules,
     planned,
     prepare,
 )
@@ -43,6 +45,8 @@ SLACK: Final = 3.0
 """A plan is kept while it asks for the share `keep` to this power of the information."""
 EXCESS: Final = 4.0
 """A plan is kept while the packets that it asks for cost less than this many times what so much would need."""
+MISSED: Final = 3
+"""If so many members answer whom the plan did not ask, they have not got it: it is sent anew."""
 REVIEW: Final = 4
 """A plan is reviewed every so many steps."""
 PREDICTION_CYCLES: Final = 300.0
@@ -80,11 +84,11 @@ class InformationDriven(HeadFilter):
 
     keep: Annotated[
         float, Quantity("", gt=0, le=1), "share of the members' information that is asked for; 1: all, without a plan"
-    ] = 0.85
+    ] = 0.95
     deadline: Annotated[
         float, Quantity("", gt=0, le=1), "share of a step after which the head goes on with the readings that arrived"
     ] = 0.6
-    every: Annotated[int, Quantity("", ge=1, le=4), "readings that a member sends in one packet, once settled"] = 1
+    every: Annotated[int, Quantity("", ge=1, le=4), "readings that a member sends in one packet, once settled"] = 2
 
     @property
     def member_cycles(self) -> float:
@@ -98,8 +102,7 @@ class InformationDriven(HeadFilter):
 
     def step(self, belief: PlannedBelief, scene: Scene) -> Flow[PlannedBelief]:
         """One step: a new plan if needed; the readings that members send; prediction and update."""
-        before = belief.mixture or (Hypothesis(0.0, belief.mean, belief.cov),)
-        mixture = predicted_mixture(before, scene, scene.since, scene.steps)
+        mixture = predicted_mixture(_mixture_of(belief), scene, scene.since, scene.steps)
         plan, expected = yield from self._plan(belief, mixture, scene)
         yield Local(
             lambda member: prepare([member], scene, self.every),
@@ -107,6 +110,8 @@ class InformationDriven(HeadFilter):
             lambda members: prepare(members, scene, self.every),
         )
         answer = yield Gather(outgoing, deadline=self.deadline * scene.dt)
+        if plan is not None and expected is not None and _missed(plan, expected, answer, scene) >= MISSED:
+            plan = expected = None
         arrived = _by_step(answer, scene)
         kept = _filtered(belief.kept, mixture, arrived, scene)
         yield Compute(_cycles(kept, arrived, scene))
@@ -114,14 +119,21 @@ class InformationDriven(HeadFilter):
         return replace(after, plan=plan, expected=expected, kept=kept[-self.every :] if self.every > 1 else ())
 
     def hand_over(self, belief: PlannedBelief, scene: Scene, successor: int) -> Flow[PlannedBelief | None]:
-        """Each Gaussian with its weight: 4 packets for a state of four. Those that arrive whole go on."""
-        mixture = belief.mixture or (Hypothesis(0.0, belief.mean, belief.cov),)
-        size = belief.mean.size
+        """Each Gaussian with its weight: 4 packets for a state of four. Those that arrive whole go on.
+
+        The plan does not: the best threshold depends on where the next head and its members are. What members have not
+        sent yet of earlier steps is not asked for: the question would cost more than it brings.
+        """
+        mixture, size = _mixture_of(belief), belief.mean.size
         each = weight_packets(1 + size + size * (size + 1) // 2)
-        payload = tuple(tuple(one) for one in mixture)
+        payload = tuple(map(tuple, mixture))
         mask: Bools = yield Send(successor, parcel(payload, each * len(mixture), "handover"))
         arrived = [one for one, whole in zip(mixture, arrived_groups(mask, len(mixture), each), strict=True) if whole]
         return _belief(reduced(arrived), successor) if arrived else None
+
+    def announcement(self, belief: PlannedBelief, scene: Scene) -> Parcel | None:
+        """The plan that the other members have, for those that are appointed later."""
+        return None if belief.plan is None else belief.plan.in_parcel()
 
     def _plan(self, belief: PlannedBelief, mixture: Mixture, scene: Scene) -> Flow[tuple[Plan | None, Expected | None]]:
         """The plan that the members have, and what it makes them expect; broadcast where the last one does not fit."""
@@ -153,6 +165,21 @@ class InformationDriven(HeadFilter):
 
 def _belief(mixture: Mixture, head: int) -> PlannedBelief:
     return PlannedBelief(*moments_of(mixture), head, mixture=mixture)
+
+
+def _mixture_of(belief: PlannedBelief) -> Mixture:
+    return belief.mixture or (Hypothesis(0.0, belief.mean, belief.cov),)
+
+
+def _missed(plan: Plan, expected: Expected, answer: Mapping[int, Any], scene: Scene) -> int:
+    """How many members answered as if they had no plan: they were not asked, or not at this step."""
+    rows = [row for row, node in enumerate(scene.ids) if node in answer and node != scene.head]
+    if len(rows) < MISSED or ((scene.step - plan.step) % plan.every and scene.step > plan.step + 1):
+        return len(rows)
+    positions = scene.positions[rows]
+    state = extrapolated(expected, scene).state
+    asked = asks(plan, state, positions, scene.traits[rows], packet_joules(positions, scene), scene)
+    return len(rows) - int(asked.sum())
 
 
 def _by_step(answer: Mapping[int, tuple[Any, Bools]], scene: Scene) -> dict[int, Evidence]:

@@ -129,7 +129,7 @@ def planned(mean: Floats, spread: Floats, those: Candidates, keep: float, every:
         least = 0.0
     else:
         least = float(np.sqrt(ranked[count - 1] * ranked[count]))
-    return Plan(_frozen(mean.copy()), weights, step, least, every)
+    return Plan(frozen(mean.copy()), weights, step, least, every)
 
 
 def _needed(told: Floats, own: float, keep: float) -> int:
@@ -174,15 +174,15 @@ def extrapolated(expected: Expected, scene: Scene) -> Expected:
     state = expected.state.copy()
     for step in range(expected.step, scene.step):
         state = scene.motion.advance(state, scene.dt, step * scene.dt)
-    return Expected(scene.step, _frozen(state))
+    return Expected(scene.step, frozen(state))
 
 
 def first_expected(plan: Plan) -> Expected:
     """What is expected at the step of the plan."""
-    return Expected(plan.step, _frozen(plan.state[:, None].copy()))
+    return Expected(plan.step, frozen(plan.state[:, None].copy()))
 
 
-def _frozen(values: Floats) -> Floats:
+def frozen(values: Floats) -> Floats:
     """The array itself, which nobody can change any more: members may hold one and the same."""
     values.flags.writeable = False
     return values
