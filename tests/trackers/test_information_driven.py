@@ -23,7 +23,7 @@ from wsnsim.trackers import information_driven
 from wsnsim.trackers.information_driven import InformationDriven
 from wsnsim.trackers.shared import selection
 from wsnsim.trackers.shared.mixtures import Hypothesis
-from wsnsim.trackers.shared.selection import OUTGOING, Plan, candidates, first_expected, fits, planned, prepare
+from wsnsim.trackers.shared.selection import OUTGOING, SelectionPlan, candidates, first_expected, fits, planned, prepare
 
 EVERY = [InformationDriven(), InformationDriven(keep=0.5, every=3), InformationDriven(keep=1.0, every=1)]
 SETTINGS = {
@@ -87,7 +87,7 @@ def test_the_plan_is_a_state_and_one_more_packet_and_goes_out_once_while_it_fits
         network.forward()
         sent += network.plans()
     assert len(sent) == 1 and sent[0].packets == 2 and sent[0].what == "plan"
-    assert isinstance(sent[0].payload, Plan) and not sent[0].payload.state.flags.writeable
+    assert isinstance(sent[0].payload, SelectionPlan) and not sent[0].payload.state.flags.writeable
 
 
 def test_members_that_the_plan_does_not_ask_are_silent_and_the_heads_reading_always_counts() -> None:

@@ -27,7 +27,7 @@ from wsnsim.trackers.shared.selection import (
     DECISION_CYCLES,
     Candidates,
     Expected,
-    Plan,
+    SelectionPlan,
     asks,
     candidates,
     extrapolated,
@@ -67,7 +67,7 @@ class PlannedBelief(GaussianBelief):
     """The mixture, its moments, the plan that the members have, and the last steps."""
 
     mixture: Mixture = ()
-    plan: Plan | None = None
+    plan: SelectionPlan | None = None
     expected: Expected | None = None
     kept: tuple[Kept, ...] = ()
 
@@ -135,7 +135,9 @@ class InformationDriven(HeadFilter):
         """The plan that the other members have, for those that are appointed later."""
         return None if belief.plan is None else belief.plan.in_parcel()
 
-    def _plan(self, belief: PlannedBelief, mixture: Mixture, scene: Scene) -> Flow[tuple[Plan | None, Expected | None]]:
+    def _plan(
+        self, belief: PlannedBelief, mixture: Mixture, scene: Scene
+    ) -> Flow[tuple[SelectionPlan | None, Expected | None]]:
         """The plan that the members have, and what it makes them expect; broadcast where the last one does not fit."""
         plan, expected = belief.plan, belief.expected
         if self.keep >= 1.0 and self.every == 1:
@@ -171,7 +173,7 @@ def _mixture_of(belief: PlannedBelief) -> Mixture:
     return belief.mixture or (Hypothesis(0.0, belief.mean, belief.cov),)
 
 
-def _missed(plan: Plan, expected: Expected, answer: Mapping[int, Any], scene: Scene) -> int:
+def _missed(plan: SelectionPlan, expected: Expected, answer: Mapping[int, Any], scene: Scene) -> int:
     """How many members answered as if they had no plan: they were not asked, or not at this step."""
     rows = [row for row, node in enumerate(scene.ids) if node in answer and node != scene.head]
     if len(rows) < MISSED or ((scene.step - plan.step) % plan.every and scene.step > plan.step + 1):

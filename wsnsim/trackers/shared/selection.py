@@ -32,7 +32,7 @@ DECISION_CYCLES: Final = 100.0
 """Operations of a member that extrapolates the plan and computes the worth of its reading (our estimate)."""
 
 
-class Plan(NamedTuple):
+class SelectionPlan(NamedTuple):
     """What a head tells its members, in the packets of a state and one more.
 
     Attributes:
@@ -115,7 +115,7 @@ def weighed(told: Floats, weights: Sequence[float]) -> Floats:
     )
 
 
-def planned(mean: Floats, spread: Floats, those: Candidates, keep: float, every: int, step: int) -> Plan:
+def planned(mean: Floats, spread: Floats, those: Candidates, keep: float, every: int, step: int) -> SelectionPlan:
     """The plan that asks for the share `keep` of the weighted information of all readings, at the least energy."""
     weights = weights_of(spread)
     told = weighed(those.told, weights)
@@ -129,7 +129,7 @@ def planned(mean: Floats, spread: Floats, those: Candidates, keep: float, every:
         least = 0.0
     else:
         least = float(np.sqrt(ranked[count - 1] * ranked[count]))
-    return Plan(frozen(mean.copy()), weights, step, least, every)
+    return SelectionPlan(frozen(mean.copy()), weights, step, least, every)
 
 
 def _needed(told: Floats, own: float, keep: float) -> int:
@@ -143,7 +143,7 @@ def _needed(told: Floats, own: float, keep: float) -> int:
 
 
 def fits(
-    plan: Plan, expected: Floats, spread: Floats, those: Candidates, scene: Scene, limits: tuple[float, float]
+    plan: SelectionPlan, expected: Floats, spread: Floats, those: Candidates, scene: Scene, limits: tuple[float, float]
 ) -> bool:
     """Whether a plan still asks for enough information, and not at a needless cost."""
     share, excess = limits
@@ -160,7 +160,9 @@ def fits(
     return bool(those.joules[asked].sum() <= excess * needed + those.joules.mean() if asked.any() else True)
 
 
-def asks(plan: Plan, expected: Floats, positions: Floats, traits: Floats, joules: Floats, scene: Scene) -> np.ndarray:
+def asks(
+    plan: SelectionPlan, expected: Floats, positions: Floats, traits: Floats, joules: Floats, scene: Scene
+) -> np.ndarray:
     """(n,) whether the plan asks nodes at `positions` (n, 2) for their readings, the expected state being (D, 1)."""
     point = expected[list(scene.motion.position), 0]
     told = weighed(informations(scene.sensor, point, positions, traits), plan.weights)
@@ -177,7 +179,7 @@ def extrapolated(expected: Expected, scene: Scene) -> Expected:
     return Expected(scene.step, frozen(state))
 
 
-def first_expected(plan: Plan) -> Expected:
+def first_expected(plan: SelectionPlan) -> Expected:
     """What is expected at the step of the plan."""
     return Expected(plan.step, frozen(plan.state[:, None].copy()))
 
