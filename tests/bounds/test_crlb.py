@@ -11,7 +11,7 @@ from tests.helpers.thorough import thorough
 from wsnsim import read
 from wsnsim.base.errors import ResultError, UsageError
 from wsnsim.base.initial_conditions import sample_initial_conditions
-from wsnsim.bounds import GAINS, KINDS, READINGS, bound, bound_of_run, crlb
+from wsnsim.bounds import GAINS, KINDS, PLACES, READINGS, bound, bound_of_run, crlb
 from wsnsim.bounds.recorded_readings import RecordedReadings
 from wsnsim.experiment import run, simulate
 from wsnsim.scenario import build, load, resolved, shipped
@@ -60,6 +60,42 @@ def test_unknown_gains_never_lower_the_bound_and_matter_where_they_differ():
     assert same[0] == pytest.approx(same[1], rel=1e-6)
     loose = [bound(JIANG, range(3), gains=gains).rmse for gains in GAINS]
     assert np.array_equal(*loose), "the posterior bound is that for known gains"
+
+
+def test_errors_of_node_positions_raise_the_bound_of_those_who_do_not_know_them():
+    wrong = {**JIANG, "deploy": {"position_error": "2 m"}}
+    known, unknown = (bound(wrong, range(3), "per_trajectory", places=places) for places in PLACES)
+    assert np.all(unknown.each >= known.each * (1 - 1e-9)) and unknown.time_mean > 1.2 * known.time_mean
+    assert np.array_equal(known.each, bound(JIANG, range(3), "per_trajectory").each), "nodes stand where they stand"
+    assert bound(wrong, range(3), "per_trajectory").query.places == "unknown"
+    assert "node positions" in " ".join(known.cautions) and not unknown.cautions
+    both = bound(wrong, range(3), "per_trajectory", "unknown", "unknown")
+    assert np.all(both.each >= unknown.each * (1 - 1e-9)) and both.time_mean > 1.01 * unknown.time_mean
+    slight = {**JIANG, "deploy": {"position_error": "0.01 mm"}}
+    assert bound(slight, range(3), "per_trajectory").each == pytest.approx(known.each, rel=1e-6)
+    loose = [bound(wrong, range(3), places=places) for places in PLACES]
+    assert np.array_equal(loose[0].rmse, loose[1].rmse) and "node positions" in " ".join(loose[1].cautions)
+
+
+def test_the_process_noise_that_a_filter_assumes_changes_no_bound():
+    assumes = {**JIANG, "tracker": {"kind": "ekf", "assumes": {"noise_scale": 10}}}
+    for kind in KINDS:
+        assert np.array_equal(bound(assumes, range(2), kind).each, bound(JIANG, range(2), kind).each)
+
+
+@pytest.mark.parametrize("sensor", [{"kind": "bearing", "sd": 0.02}, {"kind": "range_bearing"}])
+def test_directions_have_both_bounds_and_a_filter_comes_near_them(sensor):
+    scenario = {
+        "extends": "scenarios/bearing.yaml", "duration": "3 s", "sensor": sensor,
+        "tracker": {"kind": "ekf", "assumes": {"noise_scale": 1}},
+    }  # fmt: skip
+    along, over = (bound(scenario, range(8), kind) for kind in reversed(KINDS))
+    errors = np.array([simulate(scenario, run).errors[0] for run in range(8)])
+    assert not along.reason and not over.reason and over.time_mean <= along.time_mean * 1.05
+    ratio = np.median(np.sqrt((errors**2).mean(axis=1))) / np.median(along.of_replicates)
+    assert 0.8 < ratio < 2.5
+    blind = bound({**scenario, "deploy": {"position_error": "1 m"}}, range(3), "per_trajectory")
+    assert blind.time_mean > 1.1 * along.time_mean
 
 
 def test_gains_of_received_power_count_as_unknown_whether_filters_ignore_or_estimate_them():
@@ -139,7 +175,7 @@ def test_two_targets_have_a_bound_each_and_both_enter_the_mean():
 
 
 def test_a_wrong_word_and_no_replicates_are_usage_errors():
-    for wrong in ({"kind": "uncoditional"}, {"gains": "some"}, {"replicates": ()}):
+    for wrong in ({"kind": "uncoditional"}, {"gains": "some"}, {"places": "all"}, {"replicates": ()}):
         with pytest.raises(UsageError):
             bound(ON_THE_LINE, **wrong)
 
@@ -202,7 +238,7 @@ EKF, GRID = {"kind": "ekf"}, {"kind": "grid", "cells": 600}
 SHIPPED = {
     "central_pf": ("4 s", EKF), "pso_mhpf": ("3 s", EKF), "pso_mhpf_packed": ("2 s", EKF), "two_targets": ("2 s", EKF),
     "rkf": ("40 s", {"kind": "pf"}), "liu_network": ("40 s", EKF), "range_pf": ("30 s", EKF),
-    "range_anchors": ("30 s", EKF), "ungm_grid": ("30 s", GRID),
+    "range_anchors": ("30 s", EKF), "ungm_grid": ("30 s", GRID), "bearing": ("3 s", EKF),
 }  # fmt: skip
 
 

@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
-from wsnsim.bounds import recursion, unknown_gains
+from wsnsim.bounds import recursion, unknown_constants
 from wsnsim.bounds.information import UsedReadings, in_range, information
 from wsnsim.bounds.recorded_readings import _members
+from wsnsim.bounds.unknown_constants import UnknownConstants
+from wsnsim.models.bearing import Bearing, RangeBearing
 from wsnsim.models.ranging import Range
 from wsnsim.models.sensing import AcousticEnergy
 from wsnsim.models.ungm import Squared, Ungm
@@ -97,8 +99,10 @@ def test_the_posterior_bound_is_the_inverse_of_the_covariance_of_sampled_scores(
 def test_the_information_about_position_and_gain_is_the_covariance_of_the_score():
     sensor, rng = AcousticEnergy(samples=40), np.random.default_rng(2)
     point, place, gain = np.array([[12.0, -9.0]] * 2), np.array([[30.0, 4.0]]), np.array([[0.85]])
-    told = unknown_gains.linearised_readings(sensor, point, place, gain, UsedReadings(np.array([1]), np.array([0])))
-    theta = np.vstack([told.slopes.T, told.gain_slopes])[:, 0]
+    used, unknown = UsedReadings(np.array([1]), np.array([0])), UnknownConstants(gain=0.03)
+    told, rows = unknown_constants.linearised_readings(sensor, point, place, gain, used, unknown)
+    assert (rows.steps.tolist(), rows.nodes.tolist()) == ([1], [0])
+    theta = np.vstack([told.slopes.T, told.constant_slopes.T])[:, 0]
     readings = sensor.measure(
         np.repeat(point[:1], 200_000, axis=0), np.repeat(place, 200_000, axis=0), np.repeat(gain, 200_000, axis=0),
         rng.standard_normal(200_000),
@@ -115,20 +119,47 @@ def test_the_information_about_position_and_gain_is_the_covariance_of_the_score(
     assert found == pytest.approx(scores @ scores.T / 200_000, rel=0.02)
 
 
-def test_constant_gains_give_the_bound_of_the_joint_information_matrix_of_all_unknowns():
-    rng = np.random.default_rng(7)
+@pytest.mark.parametrize(
+    "sensor", [AcousticEnergy(samples=40), Range(sd=2.0), Bearing(sd=0.1), RangeBearing()], ids=repr
+)
+def test_the_information_about_target_and_node_is_the_covariance_of_the_score(sensor):
+    """A node that stands elsewhere sees what a target sees that moved the other way; each row is a number."""
+    rng, count, components = np.random.default_rng(3), 40_000, len(getattr(sensor, "components", ("one",)))
+    at, gain = np.array([-12.0, -1.0, 30.0, 4.0]), np.full((1, len(sensor.trait_names)), 0.9)
+    used, unknown = UsedReadings(np.array([1]), np.array([0])), UnknownConstants(place=2.0)
+    points = np.array([at[:2]] * 2)
+    told, rows = unknown_constants.linearised_readings(sensor, points, at[None, 2:], gain, used, unknown)
+    assert len(rows.steps) == components and told.constant_slopes == pytest.approx(-told.slopes, rel=1e-5)
+    noise = rng.standard_normal((count, components))
+    where = np.tile(at[:2], (count, 1)), np.tile(at[2:], (count, 1)), np.tile(gain, (count, 1))
+    readings = sensor.measure(*where, noise if components > 1 else noise[:, 0])
+
+    def log_law(moved):
+        owners, point = np.arange(count), np.repeat(moved[:2, None], count, axis=1)
+        return sensor.log_likelihood(point, readings, np.tile(moved[2:], (count, 1)), where[2], owners)
+
+    scores = np.array([(log_law(at + 1e-4 * axis) - log_law(at - 1e-4 * axis)) / 2e-4 for axis in np.eye(4)])
+    theta = np.hstack([told.slopes, told.constant_slopes])
+    expected = (theta * told.weights[:, None]).T @ theta
+    assert scores @ scores.T / count == pytest.approx(expected, abs=0.03 * np.trace(expected))
+
+
+@pytest.mark.parametrize("variances", [[0.03], [2.0, 2.0], [0.03, 2.0, 2.0]])
+def test_constants_of_nodes_give_the_bound_of_the_joint_information_matrix_of_all_unknowns(variances):
+    rng, each = np.random.default_rng(7), len(variances)
     steps, size, nodes = 9, 4, 6
     slope, noise, prior = np.eye(4) + 0.3 * rng.normal(size=(4, 4)), spread(rng, 4), spread(rng, 4)
     pairs = [(k, node) for k in range(steps + 1) for node in range(nodes) if (k + 2 * node) % 5 < 2 and k != 4]
     used = UsedReadings(*np.array(pairs).T)
-    told = unknown_gains.LinearisedReadings(
-        rng.normal(size=(len(pairs), 2)), rng.normal(size=len(pairs)), rng.uniform(0, 2, len(pairs))
+    told = unknown_constants.LinearisedReadings(
+        rng.normal(size=(len(pairs), 2)), rng.normal(size=(len(pairs), each)), rng.uniform(0, 2, len(pairs))
     )
-    found = unknown_gains.along_trajectory([(slope[None], noise)] * steps, prior, told, used, PLANE, 0.03)
-    assert unknown_gains.gain_slots(used)[1] <= nodes
-    whole = np.zeros((size * (steps + 1) + nodes,) * 2)
+    motions = [(slope[None], noise)] * steps
+    found = unknown_constants.along_trajectory(motions, prior, told, used, PLANE, np.array(variances))
+    assert unknown_constants.node_slots(used)[1] <= nodes
+    whole = np.zeros((size * (steps + 1) + nodes * each,) * 2)
     whole[:size, :size] = np.linalg.inv(prior)
-    whole[-nodes:, -nodes:] = np.eye(nodes) * 3.0 / 0.3**2
+    whole[-nodes * each :, -nodes * each :] = np.diag(1.0 / np.tile(variances, nodes))
     for k in range(steps + 1):
         here = slice(size * k, size * (k + 1))
         if k:
@@ -137,9 +168,10 @@ def test_constant_gains_give_the_bound_of_the_joint_information_matrix_of_all_un
             whole += link.T @ np.linalg.inv(noise) @ link
             for row, (step, node) in enumerate(pairs):
                 reading = np.zeros(len(whole))
-                reading[size * k + np.array(PLANE)], reading[node - nodes] = told.slopes[row], told.gain_slopes[row]
+                reading[size * k + np.array(PLANE)] = told.slopes[row]
+                reading[(node - nodes) * each + np.arange(each)] = told.constant_slopes[row]
                 whole += (step == k) * told.weights[row] * np.outer(reading, reading)
-            known = [*range(size * (k + 1)), *range(len(whole) - nodes, len(whole))]
+            known = [*range(size * (k + 1)), *range(len(whole) - nodes * each, len(whole))]
             assert found[k - 1] == pytest.approx(np.linalg.inv(whole[np.ix_(known, known)])[here, here], rel=1e-7)
 
 
@@ -147,7 +179,7 @@ def test_a_slot_is_reused_only_after_the_last_reading_of_its_node():
     rng = np.random.default_rng(4)
     pairs = sorted({(int(k), int(n)) for k, n in zip(rng.integers(0, 60, 200), rng.integers(0, 40, 200), strict=True)})
     used = UsedReadings(*np.array(pairs).T)
-    slots, count = unknown_gains.gain_slots(used)
+    slots, count = unknown_constants.node_slots(used)
     spans = [(used.steps[used.nodes == n][[0, -1]], set(slots[used.nodes == n])) for n in set(used.nodes.tolist())]
     assert all(len(own) == 1 for _, own in spans)
     for i, ((begin, end), own) in enumerate(spans):

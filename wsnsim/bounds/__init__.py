@@ -1,10 +1,11 @@
 """Cramér-Rao bounds on the tracking error: posterior, and conditional on a trajectory.
 
-bound(scenario, replicates, kind, gains) -> Bound             of a scenario, as `wsnsim compare` shows
+bound(scenario, replicates, kind, gains, places) -> Bound     of a scenario, as `wsnsim compare` shows
 bound_of_run(path, readings, kind, gains) -> Bound            of the readings of recorded runs
 bounds_of_run(path, readings, ...) -> [Bound, ...]            of several kinds of readings, together
 """
 
-from wsnsim.bounds.crlb import GAINS, KINDS, READINGS, Bound, BoundQuery, bound, bound_of_run, bounds_of_run
+from wsnsim.bounds.crlb import Bound, bound, bound_of_run, bounds_of_run
+from wsnsim.bounds.query import GAINS, KINDS, PLACES, READINGS, BoundQuery
 
-__all__ = ["GAINS", "KINDS", "READINGS", "Bound", "BoundQuery", "bound", "bound_of_run", "bounds_of_run"]
+__all__ = ["GAINS", "KINDS", "PLACES", "READINGS", "Bound", "BoundQuery", "bound", "bound_of_run", "bounds_of_run"]

@@ -1,6 +1,6 @@
 """The error covariances of a bound, from initial conditions and used readings, by the recursion of its kind.
 
-covariances(setup, conditions, readings_of, kind, gains) -> (R, targets, steps, D, D)
+covariances(setup, conditions, readings_of, kind, unknown) -> (R, targets, steps, D, D)
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ from wsnsim.base.arrays import Floats
 from wsnsim.base.initial_conditions import InitialConditions
 from wsnsim.base.ports import MotionModel
 from wsnsim.base.setups import TrackingSetup
-from wsnsim.base.traits import gain_variance, has_gains
-from wsnsim.bounds import unknown_gains
+from wsnsim.bounds import unknown_constants
 from wsnsim.bounds.information import UsedReadings, information
 from wsnsim.bounds.initial_conditions import process_noise
 from wsnsim.bounds.recursion import LinearisedMotion, along_trajectories, over_trajectories
+from wsnsim.bounds.unknown_constants import UnknownConstants
 
 ReadingsOf = Callable[[int, int], UsedReadings]
 """(index of the run in the initial conditions, target) -> the readings that the bound uses."""
@@ -28,7 +28,7 @@ def covariances(
     conditions: Sequence[InitialConditions],
     readings_of: ReadingsOf,
     kind: str,
-    gains: str,
+    unknown: UnknownConstants,
     detected: float = 1.0,
 ) -> Floats:
     """The least error covariances, (R, targets, steps, D, D). R is the number of runs for `per_trajectory`, else 1.
@@ -38,7 +38,7 @@ def covariances(
         conditions: one per run.
         readings_of: which readings the bound uses.
         kind: `unconditional` or `per_trajectory`.
-        gains: `known` or `unknown` to the filters.
+        unknown: what the filters do not know of nodes; counts `per_trajectory` only.
         detected: the probability of detection in range; expected information is scaled by it.
 
     Raises:
@@ -46,14 +46,14 @@ def covariances(
     """
     along = kind == "per_trajectory"
     targets = range(len(setup.motions))
-    if along and gains == "unknown" and has_gains(setup.sensor):
-        found = [_with_unknown_gains(setup, conditions, readings_of, target, detected) for target in targets]
+    if along and unknown.variances.size:
+        found = [_with_unknown(setup, conditions, readings_of, target, unknown, detected) for target in targets]
     else:
-        found = [_with_known_gains(setup, conditions, readings_of, target, along, detected) for target in targets]
+        found = [_with_known(setup, conditions, readings_of, target, along, detected) for target in targets]
     return np.stack(found, axis=1)
 
 
-def _with_known_gains(
+def _with_known(
     setup: TrackingSetup,
     conditions: Sequence[InitialConditions],
     readings_of: ReadingsOf,
@@ -74,19 +74,25 @@ def _with_known_gains(
     return over_trajectories(motions, priors, detected * informations, columns)[None]
 
 
-def _with_unknown_gains(
-    setup: TrackingSetup, conditions: Sequence[InitialConditions], readings_of: ReadingsOf, target: int, detected: float
+def _with_unknown(
+    setup: TrackingSetup,
+    conditions: Sequence[InitialConditions],
+    readings_of: ReadingsOf,
+    target: int,
+    unknown: UnknownConstants,
+    detected: float,
 ) -> Floats:
-    """(R, steps, D, D) of one target, for filters that do not know the gains."""
+    """(R, steps, D, D) of one target, for filters that do not know gains or positions of nodes."""
     motion, truths, priors = _of_target(setup, conditions, target)
     columns, result = list(motion.position), []
     for row, (run, truth) in enumerate(zip(conditions, truths, strict=True)):
         used = readings_of(row, target)
-        readings = unknown_gains.linearised_readings(setup.sensor, truth[:, columns], run.positions, run.traits, used)
+        readings, used = unknown_constants.linearised_readings(
+            setup.sensor, truth[:, columns], run.positions, run.traits, used, unknown
+        )
         readings = readings._replace(weights=detected * readings.weights)
-        motions = _linearised(motion, truth[None], setup.dt)
-        variance = gain_variance(setup.sensor)
-        result.append(unknown_gains.along_trajectory(motions, priors[row], readings, used, columns, variance))
+        motions, variances = _linearised(motion, truth[None], setup.dt), unknown.variances
+        result.append(unknown_constants.along_trajectory(motions, priors[row], readings, used, columns, variances))
     return np.array(result)
 
 

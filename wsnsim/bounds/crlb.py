@@ -11,10 +11,12 @@ Two kinds:
   square over trajectories. It is tight but not a strict bound: given an easy trajectory, a filter that is biased may
   have a smaller error.
 
-Both are for filters that know the motion model, the sensor model, the positions of the nodes and the scenario's prior,
-and that use only the values of readings. Which nodes have a reading also depends on the target's position. No tracker
-of the catalogue uses that, except through the likelihood of a `range` sensor that yields noise out of its range
-(`beyond: noise`). The first readings that count are those of step 1.
+Both are for filters that know the motion model, the sensor model and the scenario's prior, and that use only the values
+of readings. Along a trajectory, filters know the gains and the positions of nodes, or only what they assume of them
+(`gains`, `places`); the posterior bound takes both as known. What else a filter assumes wrongly, such as ten times the
+process noise, changes nothing: the bound is that of the truth. Which nodes have a reading also depends on the target's
+position. No tracker of the catalogue uses that, except through the likelihood of a `range` sensor that yields noise out
+of its range (`beyond: noise`). The first readings that count are those of step 1.
 """
 
 from __future__ import annotations
@@ -22,13 +24,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 
 from wsnsim.base import metrics
 from wsnsim.base.arrays import Floats
-from wsnsim.base.errors import ResultError, UsageError, did_you_mean
+from wsnsim.base.errors import ResultError
 from wsnsim.base.initial_conditions import InitialConditions, sample_initial_conditions
 from wsnsim.base.node_names import node_names
 from wsnsim.base.ports import Informs
@@ -42,25 +44,21 @@ from wsnsim.bounds.initial_conditions import (
     cautions_of_readings,
     reason_without_bound,
 )
+from wsnsim.bounds.query import (
+    READINGS,
+    BoundQuery,
+    assumed_gains,
+    assumed_places,
+    checked,
+    unknown_constants,
+)
 from wsnsim.bounds.recorded_readings import RecordedReadings
 from wsnsim.experiment import rerun_source
 from wsnsim.recording import read_table, table_names
 from wsnsim.scenario import Plugins, build, load
 
-KINDS: Final = ("unconditional", "per_trajectory")
-READINGS: Final = ("in_range", "active", "arrived")
-GAINS: Final = ("known", "unknown")
 KNOWN_GAINS: Final = "the posterior CRLB takes gains as known, and filters do not know them: it may be loose"
 NO_TARGET: Final = "the scenario has no target"
-
-
-class BoundQuery(NamedTuple):
-    """Which bound is wanted, and of which runs."""
-
-    kind: str
-    readings: str
-    gains: str
-    replicates: tuple[int, ...]
 
 
 @dataclass(frozen=True)
@@ -141,7 +139,11 @@ class Bound:
 
 
 def bound(
-    scenario: Any, replicates: Sequence[int] = range(30), kind: str = "unconditional", gains: str | None = None
+    scenario: Any,
+    replicates: Sequence[int] = range(30),
+    kind: str = "unconditional",
+    gains: str | None = None,
+    places: str | None = None,
 ) -> Bound:
     """The bound for all readings in range, on the networks and trajectories of these runs of a scenario.
 
@@ -150,16 +152,19 @@ def bound(
         replicates: numbers of the runs.
         kind: one of `KINDS`.
         gains: one of `GAINS`, or None for what the tracker assumes. Unknown gains count along each trajectory only
-            (see `unknown_gains`). The posterior bound is then that for known gains, which is a bound in both cases:
+            (see `unknown_constants`). The posterior bound is then that for known gains, which is a bound in both cases:
             where nodes are placed at random in each run, the effect of an unknown gain averages out.
+        places: one of `PLACES`: whether filters know where nodes stand, or only with the error `deploy.position_error`;
+            None: they do not if there is an error. It counts along each trajectory only, as `gains`.
 
     Raises:
-        UsageError: kind or gains are not allowed, or there are no runs.
+        UsageError: kind, gains or places are not allowed, or there are no runs.
         ScenarioError, RunError: as `simulate`.
     """
     loaded = load(scenario)
     setup = build(loaded)
-    query = _checked(BoundQuery(kind, "in_range", gains or _assumed_gains(loaded), tuple(replicates)))
+    known = gains or assumed_gains(loaded), tuple(replicates), places or assumed_places(setup)
+    query = checked(BoundQuery(kind, "in_range", *known))
     if isinstance(setup, BeaconSetup) or (reason := _reason_without_bound(setup, kind)):
         return _no_bound(query, NO_TARGET if isinstance(setup, BeaconSetup) else reason)
     numbers = tracked(query.replicates, "trajectories of a bound sampled")
@@ -213,7 +218,8 @@ def bounds_of_run(
     if replicates is None:
         replicates = read_table(path, "runs", ["replicate"])["replicate"].tolist()
     numbers = tuple(replicates)
-    queries = [_checked(BoundQuery(kind, one, gains or _assumed_gains(loaded), numbers)) for one in readings]
+    known = gains or assumed_gains(loaded), numbers, assumed_places(setup)
+    queries = [checked(BoundQuery(kind, one, *known)) for one in readings]
     if isinstance(setup, BeaconSetup) or (reason := _reason_without_bound(setup, kind)):
         return [_no_bound(query, NO_TARGET if isinstance(setup, BeaconSetup) else reason) for query in queries]
     conditions = [sample_initial_conditions(setup, number) for number in numbers]
@@ -237,25 +243,6 @@ def _bound_for(
     )
 
 
-def _assumed_gains(scenario: Any) -> str:
-    """Whether the scenario's tracker assumes known gains; `known` if it assumes nothing. Estimated ones are unknown."""
-    assumes = getattr(getattr(scenario, "tracker", None), "assumes", None)
-    return "known" if getattr(assumes, "gains", "known") == "known" else "unknown"
-
-
-def _checked(query: BoundQuery) -> BoundQuery:
-    for name, value, allowed in (
-        ("kind", query.kind, KINDS),
-        ("readings", query.readings, READINGS),
-        ("gains", query.gains, GAINS),
-    ):
-        if value not in allowed:
-            raise UsageError(f"{name}: '{value}': {did_you_mean(value, allowed)}")
-    if not query.replicates:
-        raise UsageError("replicates: a bound needs at least one run")
-    return query
-
-
 def _reason_without_bound(setup: TrackingSetup, kind: str) -> str:
     """Why there is no bound for this setup; empty if nothing is known against it yet."""
     if not isinstance(setup.sensor, Informs):
@@ -275,13 +262,14 @@ def _bound(
     detected: float = 1.0,
 ) -> Bound:
     try:
-        found = covariances(setup, conditions, readings_of, query.kind, query.gains, detected)
+        found = covariances(setup, conditions, readings_of, query.kind, unknown_constants(setup, query), detected)
     except ValueError as reason:
         return _no_bound(query, str(reason))
     place, about = tuple(setup.motions[0].position), tuple(cautions_of_readings(setup))
     if query.gains == "unknown" and query.kind == "unconditional" and has_gains(setup.sensor):
         about = (*about, KNOWN_GAINS)
-    return Bound(query, place, found, "", tuple(cautions(setup, conditions)), about)
+    places_known = query.kind == "unconditional" or query.places == "known"
+    return Bound(query, place, found, "", tuple(cautions(setup, conditions, places_known)), about)
 
 
 def _all_in_range(setup: TrackingSetup, conditions: Sequence[InitialConditions]) -> ReadingsOf:

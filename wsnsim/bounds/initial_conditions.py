@@ -44,8 +44,11 @@ def process_noise(motion: MotionModel, covariance: Floats) -> Floats:
     return covariance if getattr(motion, "truth_noise", True) else np.zeros_like(covariance)
 
 
-def cautions(setup: TrackingSetup, conditions: Sequence[InitialConditions]) -> Iterator[str]:
-    """The reasons why a bound is not strict for these runs, a sentence each."""
+def cautions(setup: TrackingSetup, conditions: Sequence[InitialConditions], places_known: bool = True) -> Iterator[str]:
+    """The reasons why a bound is not strict for these runs, a sentence each.
+
+    `places_known`: whether the bound takes the positions of nodes as known.
+    """
     prior: Any = setup.prior
     if getattr(prior, "mean", None) is not None and any(_starts_elsewhere(prior, m) for m in setup.motions):
         yield "filters are given a fixed prior: the bound holds on average over starts sampled from it"
@@ -53,7 +56,7 @@ def cautions(setup: TrackingSetup, conditions: Sequence[InitialConditions]) -> I
     if getattr(setup.sensor, "beyond", "") == "noise" and math.isfinite(setup.sensor.reach):
         yield "sensors out of range read noise, which tells where the target is not: the bound does not count that"
     yield from cautions_of_readings(setup)
-    if setup.position_error:
+    if setup.position_error and places_known:
         yield "the bound takes node positions as known: the filters have only assumed ones (deploy.position_error)"
     for target, motion in enumerate(setup.motions):
         bound = getattr(motion, "bound", None)
