@@ -84,7 +84,8 @@ class Log:
         if (given.source, given.sequence) in self.unsent and not given.attempts:
             return "never sent"
         until = given.attempts[-1].ends if given.attempts else self.frames.now
-        if self.fell(given.source, given.attempts[-1].start if given.attempts else given.since, until):
+        sent = bool(given.attempts) and given.attempts[-1].ended  # else the sender may have fallen before it began
+        if self.fell(given.source, given.attempts[-1].start if sent else given.since, until):
             return "sender fell"
         return self._why_not_heard(given, given.attempts[-1], node) if given.attempts and given.to == EVERYONE else ""
 
