@@ -13,7 +13,7 @@ from wsnsim.base.outlook import Appointment, NearNodes, Outlook, predicted_path,
 from wsnsim.models.appointed import Appointed
 from wsnsim.models.clusters import MovingHead, StrongestSignal
 from wsnsim.models.energy import FirstOrder
-from wsnsim.models.expected_information import PRIOR, Expected
+from wsnsim.models.expected_information import PRIOR, ExpectedInformation
 from wsnsim.models.hardware import Processor
 from wsnsim.models.links import Disk
 from wsnsim.models.motion import BoundedVelocity
@@ -66,7 +66,7 @@ def test_what_readings_are_expected_to_leave_is_that_of_each_node_alone_added_up
     positions = scattered(seed)
     seen = outlook(positions)
     path = seen.path(STATE, 0.4)
-    expected = Expected.along(seen, path)
+    expected = ExpectedInformation.along(seen, path)
     chosen = np.random.default_rng(seed).random((3, expected.near.ids.size)) < 0.5
     found = expected.spread(chosen)
     for row, some in enumerate(chosen):
@@ -75,7 +75,7 @@ def test_what_readings_are_expected_to_leave_is_that_of_each_node_alone_added_up
 
 
 def test_without_a_node_the_error_is_that_of_being_somewhere_in_sensing_range():
-    seen = Expected.along(outlook([[200.0, 200.0]]), STATE[None, [0, 2]])
+    seen = ExpectedInformation.along(outlook([[200.0, 200.0]]), STATE[None, [0, 2]])
     assert seen.near.ids.size == 0
     assert seen.spread(np.ones((1, 0), dtype=np.bool_)) == pytest.approx(2 * SENSOR.reach**2 / PRIOR)
 
@@ -163,7 +163,7 @@ def test_a_target_on_a_line_is_weighed_by_its_one_coordinate():
     line = SimpleNamespace(position=(0,), advance=_advanced)
     sensor = SimpleNamespace(reach=30.0, linearise=_distances)
     seen = outlook([[0.0, 0.0], [20.0, 0.0], [100.0, 0.0]], state=[5.0, 1.0], motion=line, sensor=sensor)
-    expected = Expected.along(seen, seen.path(seen.forecast.mean, 0.08))
+    expected = ExpectedInformation.along(seen, seen.path(seen.forecast.mean, 0.08))
     assert expected.near.ids.tolist() == [0, 1]
     assert expected.spread(np.array([[1, 1], [0, 1]])) == pytest.approx(
         np.array([[1 / (2 / 4.0 + PRIOR / 900.0)] * 2, [1 / (1 / 4.0 + PRIOR / 900.0)] * 2])
@@ -178,7 +178,7 @@ def test_a_reading_of_several_components_tells_the_sum_of_what_they_tell():
         return np.zeros((2 * n, count)), np.repeat(rows[:, :, None], count, axis=2), np.full((2 * n, count), 4.0)
 
     seen = outlook([[0.0, 0.0], [20.0, 0.0]], sensor=SimpleNamespace(reach=30.0, linearise=linearise))
-    expected = Expected.along(seen, STATE[None, [0, 2]])
+    expected = ExpectedInformation.along(seen, STATE[None, [0, 2]])
     assert expected.spread(np.ones((1, 2)))[0, 0] == pytest.approx(2 / (2 / 4.0 + PRIOR / 900.0))
 
 
@@ -187,7 +187,7 @@ def test_a_number_that_is_not_finite_tells_nothing():
         return np.zeros((2, 1)), np.array([[[np.nan], [0.0]], [[1.0], [0.0]]]), np.ones((2, 1))
 
     seen = outlook([[0.0, 0.0], [20.0, 0.0]], sensor=SimpleNamespace(reach=30.0, linearise=linearise))
-    both, second = Expected.along(seen, STATE[None, [0, 2]]).spread(np.array([[1, 1], [0, 1]]))
+    both, second = ExpectedInformation.along(seen, STATE[None, [0, 2]]).spread(np.array([[1, 1], [0, 1]]))
     assert np.isfinite(both).all() and both == pytest.approx(second)
 
 

@@ -17,7 +17,7 @@ from wsnsim.base.outlook import Appointment, Outlook, steps_in
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.setups import NetworkSetup
 from wsnsim.models.clusters import TIMES, nearest_able, strongest_able, too_little_charge
-from wsnsim.models.expected_information import Expected
+from wsnsim.models.expected_information import ExpectedInformation
 
 DEVIATIONS: Final = 2.0
 """Standard deviations of the predicted position that are added to the radius of appointments (our choice)."""
@@ -77,7 +77,7 @@ class Appointed:
 
     def must_appoint(self, outlook: Outlook) -> bool:
         """Whether the members would tell too little of what all nodes in range of the next position would."""
-        seen = Expected.along(outlook, outlook.path(outlook.forecast.mean, 0.0))
+        seen = ExpectedInformation.along(outlook, outlook.path(outlook.forecast.mean, 0.0))
         members = np.isin(seen.near.ids, outlook.members)
         everyone, own = seen.spread(np.stack([np.ones_like(members), members]))[:, 0]
         return bool(everyone < self.share * own)
@@ -103,7 +103,7 @@ class Appointed:
 
 def _spreads(outlook: Outlook, path: Floats, places: Floats) -> Floats:
     """(C,) in m² the mean square error that the neighbours of each of C heads would leave, mean along a path."""
-    seen = Expected.along(outlook, path)
+    seen = ExpectedInformation.along(outlook, path)
     squared = ((places[:, None, :] - seen.near.positions[None]) ** 2).sum(axis=2)
     means: Floats = seen.spread(squared <= outlook.reach**2).mean(axis=1)
     return means

@@ -1,6 +1,6 @@
 """The expected information of readings that have not been taken: which nodes would tell how much about a target.
 
-    seen = Expected.along(outlook, path)      seen.spread(chosen)
+    seen = ExpectedInformation.along(outlook, path)      seen.spread(chosen)
 
 The Fisher information of a reading about the position is g gᵀ / R, at the predicted position. Nodes out of sensing
 range of it have none. What is compared is the trace of the inverse (A-optimality): the mean square error of the
@@ -23,7 +23,7 @@ PRIOR: Final = 4.0
 
 
 @dataclass(frozen=True, slots=True)
-class Expected:
+class ExpectedInformation:
     """The nodes that would have a reading of a target somewhere on its path, and what these would tell.
 
     Attributes:
@@ -37,7 +37,7 @@ class Expected:
     prior: float
 
     @classmethod
-    def along(cls, outlook: Outlook, path: Floats) -> Expected:
+    def along(cls, outlook: Outlook, path: Floats) -> ExpectedInformation:
         """What all nodes would tell of a target at each of the positions of its path (K, P)."""
         reach, points = float(outlook.sensor.reach), planar(path)
         centre = points.mean(axis=0)

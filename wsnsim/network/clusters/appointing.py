@@ -22,7 +22,7 @@ from wsnsim.network.clusters.appointed_cluster import AppointedCluster
 from wsnsim.network.clusters.driver import Driver
 from wsnsim.network.clusters.handover import Handover, LastClusterDone, TrackLost
 from wsnsim.network.clusters.head_protocol import HandingOver, HeadServices, Leading, Waiting
-from wsnsim.network.clusters.outlooks import NodesNear, Outlooks
+from wsnsim.network.clusters.outlooks import LivingNodesNear, Outlooks
 from wsnsim.network.clusters.standing_cluster import StandingClusterProtocol
 from wsnsim.network.clusters.track import Track
 
@@ -58,7 +58,7 @@ class AppointingProtocol(StandingClusterProtocol):
         super().__init__(services)
         self._policy = cast(AppointingPolicy, self._setup.clusters)
         self._outlooks = Outlooks(services.network)
-        self._nodes_near = NodesNear(services.network)
+        self._nodes_near = LivingNodesNear(services.network)
         tracker = self._setup.tracker
         self._payload_of = tracker.announcement if isinstance(tracker, Announces) else _no_payload
 

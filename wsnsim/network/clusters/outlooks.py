@@ -19,7 +19,7 @@ from wsnsim.network.clusters.network_view import NetworkView
 
 
 @dataclass(frozen=True, slots=True)
-class NodesNear:
+class LivingNodesNear:
     """Finds the living nodes near a point, by the assumed positions."""
 
     network: NetworkView
@@ -70,7 +70,7 @@ class Outlooks:
             motion=setup.filter_motions[target],
             sensor=setup.filter_sensor,
             reach=nodes.reach,
-            nodes_near=NodesNear(network),
+            nodes_near=LivingNodesNear(network),
         )
 
 
