@@ -83,7 +83,7 @@ class AppointingPolicy(ClusterPolicy, SeesGeometry, Protocol):
 
     @property
     def patience(self) -> float:
-        """Seconds without a reading after which the track is lost."""
+        """Seconds without a reading after which the track is lost; a single step without one never loses it."""
 
     def appointment(self, outlook: Outlook) -> Appointment:
         """The rule that the head announces: which nodes are members."""

@@ -37,7 +37,7 @@ class Appointed:
     range of the head whose neighbours would tell most over the horizon leads next. The head stays, and appoints again,
     unless another's neighbours leave less than `share` times the error of its own. Who really senses plays no part.
 
-    After `patience` without a reading the track is lost. A track without a head gets one by an election, in which the
+    After `patience` without a reading, and more than one step, the track is lost. A track without a head gets one by an election, in which the
     strongest reading wins, as in `strongest_signal`.
 
     Our choice. Source of the idea: Zhao, Shin, Reich (2002), "Information-driven dynamic sensor collaboration", IEEE
@@ -50,7 +50,7 @@ class Appointed:
     share: Annotated[float, Quantity("", gt=0, le=1), "of what all in range would tell, at which members suffice"] = 0.8
     horizon: Annotated[float, TIMES, "for which members are appointed and the next head is chosen"] = 0.4
     margin: Annotated[float, Quantity("m", ge=0.0, le=1e7), "beyond the sensing range in which nodes are members"] = 5.0
-    patience: Annotated[float, TIMES, "for which the head continues its prediction without a reading"] = 3.0
+    patience: Annotated[float, TIMES, "for which the head predicts on without a reading; one step at least"] = 1.0
     threshold: Annotated[
         float | None, Quantity("J", ge=0, lt=inf), "charge a head must exceed; left out: one step's"
     ] = None

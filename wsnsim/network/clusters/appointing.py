@@ -176,7 +176,7 @@ class AppointingProtocol(StandingClusterProtocol):
         """Note that the target was sensed. Raises TrackLost if it has not been for too long."""
         if lead.driver.readings:
             lead.last_sensed = lead.scene.time
-        elif lead.scene.time - lead.last_sensed > self._policy.patience + ROUNDING:
+        elif lead.scene.time - lead.last_sensed > max(self._policy.patience, self._network.clock.dt) + ROUNDING:
             raise TrackLost("no_readings")
 
     def _start_anew(self, lead: AppointedLead) -> Generator[simpy.Event, Any, bool]:
