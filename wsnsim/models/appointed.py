@@ -37,8 +37,8 @@ class Appointed:
     range of the head whose neighbours would tell most over the horizon leads next. The head stays, and appoints again,
     unless another's neighbours leave less than `share` times the error of its own. Who really senses plays no part.
 
-    After `patience` without a reading, and more than one step, the track is lost. A track without a head gets one by an election, in which the
-    strongest reading wins, as in `strongest_signal`.
+    After `patience` without a reading, and more than one step, the track is lost. A track without a head gets one by an
+    election, in which the strongest reading wins, as in `strongest_signal`.
 
     Our choice. Source of the idea: Zhao, Shin, Reich (2002), "Information-driven dynamic sensor collaboration", IEEE
     Signal Processing Magazine 19(2), doi:10.1109/79.985685.
@@ -78,7 +78,7 @@ class Appointed:
     def must_appoint(self, outlook: Outlook) -> bool:
         """Whether the members would tell too little of what all nodes in range of the next position would."""
         seen = ExpectedInformation.along(outlook, outlook.path(outlook.forecast.mean, 0.0))
-        members = np.isin(seen.near.ids, outlook.members)
+        members = (seen.near.ids[:, None] == outlook.members).any(axis=1)
         everyone, own = seen.spread(np.stack([np.ones_like(members), members]))[:, 0]
         return bool(everyone < self.share * own)
 

@@ -9,13 +9,13 @@ position that the readings of one step leave. Source: Bar-Shalom, Li, Kirubaraja
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats, planar
-from wsnsim.base.optional_ports import Detects
 from wsnsim.base.outlook import NearNodes, Outlook
 
 PRIOR: Final = 4.0
@@ -51,10 +51,20 @@ class ExpectedInformation:
         Args:
             chosen: (C, n) whether each node's reading counts, in each of C choices.
         """
-        total = np.tensordot(chosen.astype(np.float64), self.information, axes=1)
-        total += self.prior * np.eye(total.shape[-1])
-        spread: Floats = np.trace(np.linalg.inv(total), axis1=-2, axis2=-1)
-        return spread
+        shape = self.information.shape
+        total = chosen.astype(np.float64) @ self.information.reshape(shape[0], math.prod(shape[1:]))
+        return _trace_of_inverse(total.reshape(-1, *shape[1:]), self.prior)
+
+
+def _trace_of_inverse(total: Floats, prior: float) -> Floats:
+    """(...) the trace of (A + prior I)⁻¹ of symmetric matrices A (..., P, P), P being 1 or 2."""
+    first = total[..., 0, 0] + prior
+    if total.shape[-1] == 1:
+        inverse: Floats = 1.0 / first
+        return inverse
+    second = total[..., 1, 1] + prior
+    trace: Floats = (first + second) / (first * second - total[..., 0, 1] ** 2)
+    return trace
 
 
 def _information(sensor: Any, path: Floats, near: NearNodes) -> Floats:
@@ -73,8 +83,10 @@ def _information(sensor: Any, path: Floats, near: NearNodes) -> Floats:
 
 def _detected(sensor: Any, path: Floats, near: NearNodes) -> Bools:
     """(n, K) which nodes would have a reading of a target at each position."""
-    if isinstance(sensor, Detects):
-        return sensor.detects(path, near.positions).T
+    detects = getattr(sensor, "detects", None)  # the port `Detects`: to check a protocol takes longer than to detect
+    if detects is not None:
+        sensed: Bools = detects(path, near.positions).T
+        return sensed
     squared = ((near.positions[:, None, :] - planar(path)[None]) ** 2).sum(axis=2)
     within: Bools = squared <= sensor.reach**2
     return within

@@ -33,23 +33,25 @@ class LivingNodesNear:
         return NearNodes(ids, nodes.assumed.positions[ids], nodes.traits[ids], able)
 
 
-@dataclass(frozen=True, slots=True)
 class Outlooks:
     """Puts outlooks together."""
 
-    network: NetworkView
+    def __init__(self, network: NetworkView) -> None:
+        self._network = network
+        self._nodes_near = LivingNodesNear(network)
+        self._forecasts_succession = isinstance(network.setup.tracker, ForecastsSuccession)
 
     def of_belief(self, target: int, head: int, members: Sequence[int], belief: Any, scene: Scene) -> Outlook:
         """What a head foresees that holds a belief of the time of `scene`."""
-        setup, ahead = self.network.setup, self.network.clock.step - scene.step + 1
-        forecast = setup.tracker.forecast(belief, scene, ahead)
-        apart = isinstance(setup.tracker, ForecastsSuccession)
-        succession = setup.successor_forecast(belief, scene, ahead) if apart else forecast
+        setup, ahead = self._network.setup, self._network.clock.step - scene.step + 1
+        succession = forecast = setup.tracker.forecast(belief, scene, ahead)
+        if self._forecasts_succession:
+            succession = setup.successor_forecast(belief, scene, ahead)
         return self._outlook(target, head, members, forecast, succession)
 
     def of_estimate(self, target: int, head: int, estimate: Estimate) -> Outlook:
         """What a head foresees that knows the first estimate of a track, of this step."""
-        network = self.network
+        network = self._network
         clock, motion = network.clock, network.setup.filter_motions[target]
         forecast = _one_step_on(estimate, motion, clock.dt, clock.step * clock.dt)
         return self._outlook(target, head, [head], forecast, forecast)
@@ -57,7 +59,7 @@ class Outlooks:
     def _outlook(
         self, target: int, head: int, members: Sequence[int], forecast: Estimate, succession: Estimate
     ) -> Outlook:
-        network = self.network
+        network = self._network
         setup, clock, nodes = network.setup, network.clock, network.nodes
         return Outlook(
             head=head,
@@ -70,7 +72,7 @@ class Outlooks:
             motion=setup.filter_motions[target],
             sensor=setup.filter_sensor,
             reach=nodes.reach,
-            nodes_near=LivingNodesNear(network),
+            nodes_near=self._nodes_near,
         )
 
 
