@@ -1,4 +1,5 @@
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -238,3 +239,23 @@ def test_a_strategy_that_strays_and_comes_back_in_one_run_of_ten_does_not_follow
     assert found.lost == 0.1 and not found.follows
     assert frontier_strategies._strategy("ideal: ekf", runs.assign(losses=0)).follows
     assert frontier_strategies._strategy("ideal: ekf", runs.drop(columns="losses")).follows, "of an earlier version"
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("name", ["at_the_bound", "on_a_radio", "asleep", "robustness"])
+def test_a_few_short_runs_of_every_other_experiment_give_rows_answers_and_figures(name, tmp_path, monkeypatch):
+    (whole,) = (one for one in paper("frontier").experiments if one.name == name)
+    kept = [key for key in whole.variants if "gpf" not in key]
+    claims = tuple(one for one in whole.claims if one.variant in kept)
+    small = replace(whole, quick=2, variants={key: whole.variants[key] for key in kept}, claims=claims,
+                    quick_sets=("duration=1.2 s",))  # fmt: skip
+    monkeypatch.setattr(reproduce, "LocalEngine", InlineEngine)
+    assert reproduce.run("frontier", small, tmp_path, 1).complete
+    folder = reproduce.folder_of(tmp_path, "frontier", small)
+    rows = reproduce.rows("frontier", small, folder)
+    assert len(rows) == len(claims) and {row.verdict for row in rows} == {"not published"}
+    said = reproduce.summary("frontier", small, folder)
+    assert said and all(re.match(r"registered \d+", line) for line in said)
+    assert [file.stat().st_size > 10_000 for file in reproduce.draw("frontier", small, folder, tmp_path)] == [
+        True for _ in small.figures
+    ]
