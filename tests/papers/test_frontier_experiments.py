@@ -96,6 +96,8 @@ def test_the_names_of_shipped_scenarios_stand_for_them():
         "ideal: ipf": "ipf",
         "ideal: ppf": "ppf",
         "ideal: central_pf": "central_pf",
+        "ideal: information_driven": "information_driven",
+        "slots: information_driven": "information_driven_real",
         "CSMA: pso_mhpf": "pso_mhpf_real",
         "CSMA: ipf": "ipf_real",
         "CSMA: ppf": "ppf_real",
