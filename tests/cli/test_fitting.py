@@ -76,6 +76,8 @@ def test_json_is_one_object_with_train_and_test(
         (["--plot", "x.bmp"], "a figure cannot have the suffix '.bmp'"),
         (["--readings", "{2}"], "--readings goes with --out"),
         (["--block", "-1"], "block: must be a positive number of seconds"),
+        (["--law", "bearing"], "law bearing cannot be fitted: a bearing is an angle"),
+        (["--law", "rsi"], "unknown law 'rsi' (did you mean 'rssi'?)"),
     ],
 )
 def test_wrong_use_is_said_in_one_message(

@@ -21,7 +21,7 @@ LAWS: Final = ("rssi", "range", "log_normal")
 @group.command()
 @click.argument("data", metavar="DATA...", nargs=-1, required=True, type=PATH)
 @click.option("--nodes", type=PATH, metavar="FILE", help="CSV with id, x, y and perhaps z of the nodes, in m.")
-@click.option("--law", type=click.Choice(LAWS), default="rssi", show_default=True, help="What is fitted.")
+@click.option("--law", metavar="|".join(LAWS), default=LAWS[0], show_default=True, help="What is fitted.")
 @click.option("--test", type=PATH, multiple=True, metavar="FILE", help="Readings on which the fitted law is judged.")
 @click.option(
     "--track", type=PATH, multiple=True, metavar="FILE",

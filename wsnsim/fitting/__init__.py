@@ -17,7 +17,7 @@ from wsnsim.base.errors import UsageError, did_you_mean
 from wsnsim.fitting.data_files import ReadingOptions
 from wsnsim.fitting.estimation import FitOptions
 from wsnsim.fitting.fitted_law import Evaluation, FittedGain, FittedValue
-from wsnsim.fitting.laws import LAWS
+from wsnsim.fitting.laws import LAWS, UNFITTED
 from wsnsim.fitting.link_result import LinkFit
 from wsnsim.fitting.links import LinkOptions, fit_links
 from wsnsim.fitting.readings import fit_readings
@@ -83,6 +83,8 @@ def fit(
     if law == LINKS:
         (how,) = _split(options, LinkOptions)
         return fit_links(paths, place, _paths(test), how)
+    if law in UNFITTED:
+        raise UsageError(f"law {law} cannot be fitted: {UNFITTED[law]}; these can: {', '.join([*LAWS, LINKS])}")
     if law not in LAWS:
         raise UsageError(f"unknown law '{law}' ({did_you_mean(law, [*LAWS, LINKS])})")
     if place is None:

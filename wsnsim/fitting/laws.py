@@ -69,3 +69,10 @@ LAWS: Final = {
     ),
 }  # fmt: skip
 """The laws, by their kind."""
+DIRECTIONS: Final = "a bearing is an angle, and no linear function of coefficients"
+UNFITTED: Final = {
+    "bearing": DIRECTIONS,
+    "range_bearing": f"{DIRECTIONS}; a file has one number in a row",
+    "acoustic_energy": "its readings are a power of the distance, whose exponent they are not linear in",
+}
+"""Sensors that cannot be fitted, and why."""
