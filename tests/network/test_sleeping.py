@@ -463,3 +463,13 @@ def test_the_first_step_after_a_detection_between_steps_is_as_long_as_the_time_p
     setup = scenarios.build(scenarios.load(said))
     experiment.replicate_of(dataclasses.replace(setup, tracker=Curious()), 0, Memory({}))
     assert asked[0] == pytest.approx(0.5) and set(np.round(asked[1:], 9)) == {2.0}
+
+
+@pytest.mark.parametrize("tracker", ["gmtt", "ekf"])
+def test_a_moving_head_wakes_nodes_between_the_detection_and_the_first_step(tracker):
+    run = Run({**scenario("gmtt"), "tracker": {"kind": tracker}})
+    acquired = run.events("acquire")[0]
+    rounds = run.table("wakeups")
+    first = int(np.flatnonzero(rounds["time"] >= acquired["time"])[0])
+    assert rounds["step"][first] == acquired["step"] + 1
+    assert rounds["time"][first] < (acquired["step"] + 1) * 2.0

@@ -166,6 +166,14 @@ class MacMechanism(Protocol):
 
 
 @runtime_checkable
+class ExpectsMembers(Protocol):
+    """Optional port of a MAC mechanism that gives the members of a cluster slots."""
+
+    def expect(self, head: int, members: Sequence[int]) -> None:
+        """Note whom a head has appointed: they may have something to send from now on."""
+
+
+@runtime_checkable
 class StartsMac(Protocol):
     """A MAC component that brings its own mechanism: what a plug-in offers in addition to `radio.Mac`."""
 

@@ -39,7 +39,7 @@ link:                            # which nodes receive each other
 mac:                             # when a frame gets the channel
   kind: ideal                    # also: csma (IEEE 802.15.4, unslotted), tdma (slots inside a cluster)
 clusters:                        # which node is cluster head, and until when
-  kind: strongest_signal
+  kind: strongest_signal         # also: appointed (members near the prediction, without joins), central, moving_head
   handover_fraction: 0.25
   minimum_active: 3
 tracker:                         # the strategy: `wsnsim list trackers`, or your own `mylab.trackers:Mine`

@@ -16,7 +16,7 @@ import simpy
 
 from wsnsim.base.arrays import Bools
 from wsnsim.base.frames import EVERYONE, Burst, full_burst
-from wsnsim.base.mac_mechanisms import MacMechanism
+from wsnsim.base.mac_mechanisms import ExpectsMembers, MacMechanism
 from wsnsim.base.optional_ports import defined_together
 from wsnsim.base.requests import Parcel, all_arrived
 from wsnsim.base.tables import KIND
@@ -72,13 +72,6 @@ class SendsUnicasts(Protocol):
         """Send them by one event; None if sending takes time."""
 
 
-class ExpectsMembers(Protocol):
-    """A MAC that gives members slots."""
-
-    def expect(self, head: int, members: Sequence[int]) -> None:
-        """Give members slots with the next schedule of their head."""
-
-
 class Transport:
     """What nodes send with.
 
@@ -96,7 +89,7 @@ class Transport:
         self._router = router
         at_once = defined_together(type(mac), "send_unicasts", "send")
         self._send_unicasts = cast(SendsUnicasts, mac).send_unicasts if at_once else _send_no_unicasts
-        self._expect = cast(ExpectsMembers, mac).expect if hasattr(mac, "expect") else _expect_nobody
+        self._expect = mac.expect if isinstance(mac, ExpectsMembers) else _expect_nobody
         self._pairs: set[tuple[int, int]] = set()
         self.wake_neighbour: Callable[[int, int, int], simpy.Event] | None = None
 
