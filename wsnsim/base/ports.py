@@ -158,7 +158,10 @@ class MotionModel(Protocol):
 
 
 class SensorModel(Protocol):
-    """What a node measures of a target within `reach`. `trait_names` name the traits of a node, such as its gain."""
+    """What a node measures of a target within `reach`. `trait_names` name the traits of a node, such as its gain.
+
+    A reading is a number without a period, unless the port `VectorReadings` says otherwise.
+    """
 
     @property
     def reach(self) -> float: ...

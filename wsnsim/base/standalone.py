@@ -68,6 +68,7 @@ class BlockEstimates(NamedTuple):
 class WholeRuns(Protocol):
     """Optional port of a tracker: many standalone runs in one call, without requests.
 
+    Readings have one component, which may be an angle; runs whose readings have several are made request by request.
     It is for trackers whose members send one reading in one packet at each step, to a head that does the rest. Each run
     must not depend on the other runs of the block, and must equal the run that `start` and `step` make: `check_tracker`
     compares them.
