@@ -19,7 +19,7 @@ from wsnsim.base.part import part
 from wsnsim.base.requests import PACKET_BITS, Delivery, Gather, Parcel
 from wsnsim.base.tables import CAUSE, Memory
 from wsnsim.bounds import bound_of_run
-from wsnsim.models.access import Csma
+from wsnsim.models.access import Csma, Tdma
 from wsnsim.models.appointed import Appointed
 from wsnsim.models.clusters import StrongestSignal
 from wsnsim.models.energy import FirstOrder
@@ -314,6 +314,14 @@ def test_members_have_a_link_to_the_head_that_can_be_used_in_both_directions(mon
     joined = {row["node"] for row in run.events("join")}
     assert joined and joined <= set().union(*(found for _, found in asked))
     assert any(found < nodes for nodes, found in asked), "some hear the head and cannot be heard"
+
+
+def test_all_members_of_a_cluster_have_slots_by_one_schedule():
+    run = along(mac=Tdma(), steps=60)
+    clusters, schedules = run.outcome.tracks[0].clusters, run.events("send", "schedule")
+    assert len(clusters) > 2
+    assert len(schedules) == len(clusters), "members that begin to sense later have their slots already"
+    assert run.memory.table("estimates")["late"].sum() <= 2
 
 
 def test_heads_of_two_targets_appoint_for_themselves():
