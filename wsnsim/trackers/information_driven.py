@@ -20,7 +20,14 @@ from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Estimate, Scene
 from wsnsim.base.requests import Broadcast, Compute, Flow, Gather, Local, Parcel, Send
 from wsnsim.trackers.shared.heads import GaussianBelief, HeadFilter
-from wsnsim.trackers.shared.mixtures import Hypothesis, Mixture, moments_of, predicted_mixture, reduced, updated_mixture
+from wsnsim.trackers.shared.mixtures import (
+    Hypotheses,
+    Hypothesis,
+    moments_of,
+    predicted_mixture,
+    reduced,
+    updated_mixture,
+)
 from wsnsim.trackers.shared.parcels import arrived_groups, parcel, weight_packets
 from wsnsim.trackers.shared.readings import Evidence
 from wsnsim.trackers.shared.selection import (
@@ -45,6 +52,10 @@ SLACK: Final = 3.0
 """A plan is kept while it asks for the share `keep` to this power of the information."""
 EXCESS: Final = 4.0
 """A plan is kept while the packets that it asks for cost less than this many times what so much would need."""
+HASTE: Final = 1.2
+LATENESS: Final = 1.4
+"""Readings wait for their packet while the mean square error grows by less than `HASTE` in each step that
+they wait; a plan that makes them wait is kept until it grows by more than `LATENESS`."""
 MISSED: Final = 3
 """If so many members answer whom the plan did not ask, they have not got it: it is sent anew."""
 REVIEW: Final = 4
@@ -59,14 +70,14 @@ class Kept(NamedTuple):
 
     step: int
     seen: Evidence
-    mixture: Mixture
+    mixture: Hypotheses
 
 
 @dataclass(frozen=True, slots=True)
 class PlannedBelief(GaussianBelief):
     """The mixture, its moments, the plan that the members have, and the last steps."""
 
-    mixture: Mixture = ()
+    mixture: Hypotheses = ()
     plan: SelectionPlan | None = None
     expected: Expected | None = None
     kept: tuple[Kept, ...] = ()
@@ -74,7 +85,31 @@ class PlannedBelief(GaussianBelief):
 
 @part
 class InformationDriven(HeadFilter):
-    """Mode and quadrature in the head, a mixture where the motion's law is in doubt, readings by their worth."""
+    """A near-exact filter in the head, and members that send only readings that are worth their energy.
+
+    The filter: the posterior of the position is a Gaussian whose moments are integrated about its mode (see
+    `shared.posteriors`), or several where the law of motion changes under it, as at the walls of `bounded_velocity`
+    (`shared.mixtures`). The other columns follow by their regression.
+
+    The readings: once the track is settled, the head broadcasts a plan, in the packets of a state and one more (see
+    `shared.selection`). It tells the expected state and the least worth of a reading that is sent: the decrease of the
+    expected mean square error of the position, per joule of its packet. The threshold is that at which the readings
+    hold the share `keep` of the information of all members that the head's map says are in range of its prediction,
+    whoever really senses. Members extrapolate the plan and decide for themselves; a reading that is worth much is sent
+    at once, others wait until `every` of them fill a packet, and the head computes the steps between once more. Before
+    a plan, and without having received one, members send every reading. The head reviews the plan now and then, and
+    sends another where it asks for too little, or for far more than it needs, or where the error grows too fast for
+    readings to wait. It is told to members that are appointed later with their announcement, and sent anew if several
+    answer as if they had none.
+
+    On a radio that takes time the head goes on when the share `deadline` of a step is over. A handover carries each
+    Gaussian with its weight. The gains of sensors are not estimated.
+
+    Sources: the selection follows Zhao, Shin, Reich (2002), "Information-driven dynamic sensor collaboration", IEEE
+    Signal Processing Magazine 19(2), doi:10.1109/79.985685, and Joshi, Boyd (2009), "Sensor selection via convex
+    optimization", IEEE Trans. Signal Processing 57(2), doi:10.1109/TSP.2008.2007095; thresholds that members apply
+    themselves, packed readings and the way they are joined with the filter are our choice.
+    """
 
     paper: ClassVar[str] = ""
     idea: ClassVar[str] = "a near-exact filter in the head; members send readings that are worth their energy"
@@ -83,7 +118,9 @@ class InformationDriven(HeadFilter):
     variants: ClassVar[str] = ""
 
     keep: Annotated[
-        float, Quantity("", gt=0, le=1), "share of the members' information that is asked for; 1: all, without a plan"
+        float,
+        Quantity("", gt=0, le=1),
+        "share of the members' information that is asked for; 1: all at each step, without a plan",
     ] = 0.95
     deadline: Annotated[
         float, Quantity("", gt=0, le=1), "share of a step after which the head goes on with the readings that arrived"
@@ -136,11 +173,11 @@ class InformationDriven(HeadFilter):
         return None if belief.plan is None else belief.plan.in_parcel()
 
     def _plan(
-        self, belief: PlannedBelief, mixture: Mixture, scene: Scene
+        self, belief: PlannedBelief, mixture: Hypotheses, scene: Scene
     ) -> Flow[tuple[SelectionPlan | None, Expected | None]]:
         """The plan that the members have, and what it makes them expect; broadcast where the last one does not fit."""
         plan, expected = belief.plan, belief.expected
-        if self.keep >= 1.0 and self.every == 1:
+        if self.keep >= 1.0:
             return None, None
         if plan is not None and expected is not None:
             if (scene.step - plan.step) % REVIEW:
@@ -154,8 +191,11 @@ class InformationDriven(HeadFilter):
             return plan, expected
         yield Compute(CANDIDATE_CYCLES * those.rows.size)
         limits = self.keep**SLACK, EXCESS
-        if plan is None or expected is None or not fits(plan, expected.state, spread, those, scene, limits):
-            plan = planned(mean, spread, those, self.keep, self.every, scene.step)
+        growth = _growth(mixture, scene, self.every)
+        every = _patience(growth, HASTE)
+        paced = plan is not None and every <= plan.every <= _patience(growth, LATENESS)
+        if not (paced and plan and expected and fits(plan, expected.state, spread, those, scene, limits)):
+            plan = planned(mean, spread, those, self.keep, every, scene.step)
             expected = first_expected(plan)
             yield Broadcast(plan.in_parcel())
         return plan, expected
@@ -165,22 +205,37 @@ class InformationDriven(HeadFilter):
         return bool(np.diag(spread).max() < SETTLED**2 * ((places - point) ** 2).sum(axis=1).mean())
 
 
-def _belief(mixture: Mixture, head: int) -> PlannedBelief:
+def _growth(mixture: Hypotheses, scene: Scene, every: int) -> list[float]:
+    """The mean square error of the position after 0, 1, ... every - 1 steps without a reading, over that of now."""
+    place, errors = list(scene.motion.position), []
+    for step in range(every):
+        if step:
+            mixture = predicted_mixture(mixture, scene, scene.time + (step - 1) * scene.dt, 1)
+        errors.append(float(moments_of(mixture)[1][place, place].sum()))
+    return [each / max(errors[0], np.finfo(np.float64).tiny) for each in errors]
+
+
+def _patience(growth: list[float], limit: float) -> int:
+    """In how many steps readings may be collected for one packet."""
+    return max(steps + 1 for steps, each in enumerate(growth) if each <= limit**steps)
+
+
+def _belief(mixture: Hypotheses, head: int) -> PlannedBelief:
     return PlannedBelief(*moments_of(mixture), head, mixture=mixture)
 
 
-def _mixture_of(belief: PlannedBelief) -> Mixture:
+def _mixture_of(belief: PlannedBelief) -> Hypotheses:
     return belief.mixture or (Hypothesis(0.0, belief.mean, belief.cov),)
 
 
 def _missed(plan: SelectionPlan, expected: Expected, answer: Mapping[int, Any], scene: Scene) -> int:
     """How many members answered as if they had no plan: they were not asked, or not at this step."""
     rows = [row for row, node in enumerate(scene.ids) if node in answer and node != scene.head]
-    if len(rows) < MISSED or ((scene.step - plan.step) % plan.every and scene.step > plan.step + 1):
-        return len(rows)
-    positions = scene.positions[rows]
+    if len(rows) < MISSED:
+        return 0
+    positions, due = scene.positions[rows], plan.is_due(scene.step) or scene.step == plan.step + 1
     state = extrapolated(expected, scene).state
-    asked = asks(plan, state, positions, scene.traits[rows], packet_joules(positions, scene), scene)
+    asked = asks(plan, state, positions, scene.traits[rows], packet_joules(positions, scene), scene, due)
     return len(rows) - int(asked.sum())
 
 
@@ -200,7 +255,9 @@ def _evidence(taken: list[tuple[int, int, Any]], scene: Scene) -> Evidence:
     return Evidence(tuple(node for _, node, _ in taken), values, scene.positions[rows], scene.traits[rows])
 
 
-def _filtered(kept: tuple[Kept, ...], mixture: Mixture, arrived: dict[int, Evidence], scene: Scene) -> tuple[Kept, ...]:
+def _filtered(
+    kept: tuple[Kept, ...], mixture: Hypotheses, arrived: dict[int, Evidence], scene: Scene
+) -> tuple[Kept, ...]:
     """The kept steps and this one. Where readings of earlier steps arrived, these are computed once more."""
     now = scene.step
     first = min(arrived, default=now)

@@ -42,10 +42,10 @@ class Hypothesis(NamedTuple):
     cov: Floats
 
 
-Mixture: TypeAlias = tuple[Hypothesis, ...]
+Hypotheses: TypeAlias = tuple[Hypothesis, ...]
 
 
-def moments_of(mixture: Mixture) -> tuple[Floats, Floats]:
+def moments_of(mixture: Hypotheses) -> tuple[Floats, Floats]:
     """Mean (D,) and covariance (D, D) of a mixture with normalised weights."""
     if len(mixture) == 1:
         return mixture[0].mean, mixture[0].cov
@@ -57,7 +57,7 @@ def moments_of(mixture: Mixture) -> tuple[Floats, Floats]:
     return mean, symmetric(within + (around.T * weights) @ around)
 
 
-def predicted_mixture(mixture: Mixture, scene: Scene, since: float, steps: int) -> Mixture:
+def predicted_mixture(mixture: Hypotheses, scene: Scene, since: float, steps: int) -> Hypotheses:
     """The mixture `steps` model steps after the time `since`, cut wherever the law changes on the way."""
     for step in range(steps):
         now = since + step * scene.dt
@@ -65,7 +65,7 @@ def predicted_mixture(mixture: Mixture, scene: Scene, since: float, steps: int) 
     return mixture
 
 
-def updated_mixture(mixture: Mixture, seen: Evidence, scene: Scene) -> Mixture:
+def updated_mixture(mixture: Hypotheses, seen: Evidence, scene: Scene) -> Hypotheses:
     """Each Gaussian updated by all the readings, and weighted by how well it foretold them."""
     if not seen.ids:
         return mixture
@@ -78,7 +78,7 @@ def updated_mixture(mixture: Mixture, seen: Evidence, scene: Scene) -> Mixture:
     return reduced(after)
 
 
-def reduced(hypotheses: Sequence[Hypothesis]) -> Mixture:
+def reduced(hypotheses: Sequence[Hypothesis]) -> Hypotheses:
     """The hypotheses with normalised weights: the unlikely dropped, those merged that say the same."""
     if len(hypotheses) == 1:
         return (hypotheses[0]._replace(log_weight=0.0),)
@@ -97,7 +97,7 @@ def reduced(hypotheses: Sequence[Hypothesis]) -> Mixture:
     return _normalised(kept[:MOST])
 
 
-def _normalised(mixture: Sequence[Hypothesis]) -> Mixture:
+def _normalised(mixture: Sequence[Hypothesis]) -> Hypotheses:
     logs = np.array([each.log_weight for each in mixture])
     total = logs.max() + np.log(np.exp(logs - logs.max()).sum())
     return tuple(each._replace(log_weight=float(each.log_weight - total)) for each in mixture)

@@ -34,8 +34,12 @@ HALVINGS: Final = 8
 """Of a step that does not gain."""
 SHIFT: Final = 0.25
 """The quadrature is repeated about its own mean and covariance while these are more than this from where it was."""
-REPEATS: Final = 4
+REPEATS: Final = 6
 """At most, of the quadrature."""
+NARROWING: Final = 0.02
+"""Least variance, of that of its Gaussian, about which a quadrature is repeated: one point may hold all the weight."""
+LEAST_SPREAD: Final = 1e-9
+"""Least variance of a result, of that of the quadrature's Gaussian."""
 ORDER: Final = 5
 ORDER_WIDE: Final = 9
 """Points of the quadrature along an axis; under a wide prior, the posterior may be far from a Gaussian."""
@@ -154,6 +158,7 @@ def _factors(square: Floats) -> tuple[Floats, Floats]:
 def _integrated(score: Score, about: Moments, order: int) -> Moments | None:
     """The moments of exp(score) by quadrature about a Gaussian, repeated about its result until that stays."""
     nodes, log_weights = _quadrature(about.mean.size, order)
+    unit, result = _UNIT[about.mean.size], None
     mean, root, log_volume = about.mean, about.root, _log_volume(about.root)
     for _ in range(REPEATS):
         logs = score(mean[:, None] + root @ nodes) + log_weights
@@ -164,13 +169,13 @@ def _integrated(score: Score, about: Moments, order: int) -> Moments | None:
         total = weights.sum()
         middle = nodes @ weights / total
         cov = (nodes * weights) @ nodes.T / total - middle[:, None] * middle
-        log_integral = float(top) + math.log(total) + log_volume
-        within, _ = _factors(cov)
-        mean, root, log_volume = mean + root @ middle, root @ within, log_volume + _log_volume(within)
-        away = np.abs(cov - _UNIT[middle.size]).max()
-        if np.abs(middle).max() < SHIFT and away < SHIFT:
+        mean = mean + root @ middle
+        result = Moments(mean, root @ _factors(cov + LEAST_SPREAD * unit)[0], float(top) + math.log(total) + log_volume)
+        if np.abs(middle).max() < SHIFT and np.abs(cov - unit).max() < SHIFT:
             break
-    return Moments(mean, root, log_integral)
+        within, _ = _factors(cov + NARROWING * unit)
+        root, log_volume = root @ within, log_volume + _log_volume(within)
+    return result
 
 
 def _log_volume(triangular: Floats) -> float:

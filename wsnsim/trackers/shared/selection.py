@@ -14,7 +14,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from wsnsim.base.arrays import Floats, planar
+from wsnsim.base.arrays import Bools, Floats, planar
 from wsnsim.base.ports import Scene
 from wsnsim.base.requests import Member, Parcel
 from wsnsim.base.vector_readings import Reading, components_of, is_finite
@@ -28,6 +28,8 @@ OUTGOING: Final = "outgoing"
 READING: Final = "reading"
 FEWEST: Final = 3
 """Readings that a plan asks for at least, if there are so many."""
+PROMPT: Final = 8.0
+"""Readings that are worth this many times what is asked for do not wait for others of the same member."""
 DECISION_CYCLES: Final = 100.0
 """Operations of a member that extrapolates the plan and computes the worth of its reading (our estimate)."""
 
@@ -40,7 +42,8 @@ class SelectionPlan(NamedTuple):
         weights: the weights of the errors along x and y: none for one column; else (A_xx - A_yy, 2 A_xy) of A, the
             square of the position's covariance, scaled to the trace 1.
         least: the least worth of a reading that is sent, in 1/(m² J).
-        every: a member sends what it measured in as many steps in one packet.
+        every: a member sends what it measured in as many steps in one packet, unless it is worth `PROMPT` times as
+            much as `least`: then it sends at each step.
     """
 
     state: Floats
@@ -48,6 +51,10 @@ class SelectionPlan(NamedTuple):
     step: int
     least: float
     every: int
+
+    def is_due(self, step: int) -> bool:
+        """Whether members send at a step what they have kept."""
+        return (step - self.step) % self.every == 0
 
     def in_parcel(self) -> Parcel:
         """The plan as it is broadcast."""
@@ -126,7 +133,7 @@ def planned(mean: Floats, spread: Floats, those: Candidates, keep: float, every:
     if count == 0:
         least = float(ranked[0]) * 2.0 if ranked.size else 0.0
     elif count == ranked.size:
-        least = 0.0
+        least = float(ranked[-1]) * 0.5
     else:
         least = float(np.sqrt(ranked[count - 1] * ranked[count]))
     return SelectionPlan(frozen(mean.copy()), weights, step, least, every)
@@ -161,12 +168,22 @@ def fits(
 
 
 def asks(
-    plan: SelectionPlan, expected: Floats, positions: Floats, traits: Floats, joules: Floats, scene: Scene
-) -> np.ndarray:
-    """(n,) whether the plan asks nodes at `positions` (n, 2) for their readings, the expected state being (D, 1)."""
+    plan: SelectionPlan,
+    expected: Floats,
+    positions: Floats,
+    traits: Floats,
+    joules: Floats,
+    scene: Scene,
+    due: bool = True,
+) -> Bools:
+    """(n,) whether the plan asks nodes at `positions` (n, 2) for their readings, the expected state being (D, 1).
+
+    `due`: whether it is a step in which all that are asked send; in others, those do whose readings are worth most.
+    """
     point = expected[list(scene.motion.position), 0]
     told = weighed(informations(scene.sensor, point, positions, traits), plan.weights)
-    return told >= plan.least * joules
+    asked: Bools = told >= plan.least * joules * (1.0 if due else PROMPT)
+    return asked
 
 
 def extrapolated(expected: Expected, scene: Scene) -> Expected:
@@ -200,7 +217,7 @@ def prepare(members: Sequence[Member], scene: Scene, keeps: int) -> None:
         scene: What every node knows: the models, the step, the place of the head, the price of a packet.
         keeps: Steps for which a reading that was not sent is kept.
     """
-    undecided: dict[tuple[int, int], list[Member]] = {}
+    undecided: dict[tuple[int, int, bool], list[Member]] = {}
     for member in members:
         news = _read_inbox(member)
         memory, plan = member.memory, member.memory.get(PLAN)
@@ -210,10 +227,11 @@ def prepare(members: Sequence[Member], scene: Scene, keeps: int) -> None:
         memory[UNSENT] = unsent
         if plan is None or member.id == scene.head:
             _send(member, scene)
-        elif news or (scene.step - plan.step) % plan.every == 0:
-            undecided.setdefault((id(plan), memory[EXPECTED].step), []).append(member)
-    for alike in undecided.values():
-        _decide(alike, scene)
+        else:
+            due = news or plan.is_due(scene.step)
+            undecided.setdefault((id(plan), memory[EXPECTED].step, due), []).append(member)
+    for (_, _, due), alike in undecided.items():
+        _decide(alike, scene, due)
 
 
 def _read_inbox(member: Member) -> bool:
@@ -226,16 +244,16 @@ def _read_inbox(member: Member) -> bool:
     return found
 
 
-def _decide(members: Sequence[Member], scene: Scene) -> None:
+def _decide(members: Sequence[Member], scene: Scene, due: bool) -> None:
     """Members with one and the same plan, extrapolated to the same step, send if it asks for their readings."""
     plan, expected = members[0].memory[PLAN], extrapolated(members[0].memory[EXPECTED], scene)
     positions, traits = (np.stack([getattr(each, name) for each in members]) for name in ("position", "traits"))
-    asked = asks(plan, expected.state, positions, traits, packet_joules(positions, scene), scene)
+    asked = asks(plan, expected.state, positions, traits, packet_joules(positions, scene), scene, due)
     for member, sends in zip(members, asked.tolist(), strict=True):
         member.memory[EXPECTED] = expected
         if sends:
             _send(member, scene)
-        else:
+        elif due:
             member.memory[UNSENT] = []
 
 
