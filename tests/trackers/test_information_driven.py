@@ -16,7 +16,7 @@ from wsnsim.models.mobility import CoordinatedTurn
 from wsnsim.models.motion import BoundedVelocity
 from wsnsim.models.ranging import Range
 from wsnsim.models.sensing import AcousticEnergy
-from wsnsim.offline.loopback import perform, silent
+from wsnsim.offline.loopback import perfect, perform, silent
 from wsnsim.testing import Table, check_tracker
 from wsnsim.testing.table import FIRST
 from wsnsim.trackers import information_driven
@@ -180,20 +180,25 @@ def test_a_packet_carries_four_readings_and_is_billed_for_the_rest() -> None:
         assert (sent.packets, sent.readings, sent.packet_bits) == (packets, count, 96)
 
 
-def test_hypotheses_that_arrive_whole_go_on_and_the_rest_is_lost() -> None:
+def test_hypotheses_that_arrive_whole_go_on_and_the_rest_is_sent_twice_more() -> None:
     network = Network(InformationDriven())
     one = network.belief.mixture[0]
     two = (one._replace(log_weight=np.log(0.7)), Hypothesis(float(np.log(0.3)), one.mean + 50.0, one.cov))
-    belief = replace(network.belief, mixture=two)
+    belief, packets = replace(network.belief, mixture=two), []
 
-    def second_lost(source, to, parcel):
-        assert parcel.packets == 8
-        return np.arange(8) != 6
+    def seventh_lost(source, to, parcel):
+        packets.append(parcel.packets)
+        return np.arange(8)[-parcel.packets :] != 6
 
-    after = perform(network.tracker.hand_over(belief, network.scene(0), 31), network.members, FIRST[0], second_lost)
-    assert len(after.mixture) == 1 and after.mixture[0].log_weight == 0.0 and after.head == 31
+    def handed_over(lose):
+        return perform(network.tracker.hand_over(belief, network.scene(0), 31), network.members, FIRST[0], lose)
+
+    after = handed_over(seventh_lost)
+    assert packets == [8, 4, 4] and len(after.mixture) == 1 and after.mixture[0].log_weight == 0.0 and after.head == 31
     assert np.array_equal(after.mean, one.mean)
-    assert perform(network.tracker.hand_over(belief, network.scene(0), 31), network.members, FIRST[0], silent) is None
+    assert handed_over(silent) is None
+    both = handed_over(perfect)
+    assert len(both.mixture) == 2
 
 
 REQUESTED: Counter[str] = Counter()

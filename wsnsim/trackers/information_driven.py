@@ -56,6 +56,8 @@ HASTE: Final = 1.2
 LATENESS: Final = 1.4
 """Readings wait for their packet while the mean square error grows by less than `HASTE` in each step that
 they wait; a plan that makes them wait is kept until it grows by more than `LATENESS`."""
+TRIES: Final = 3
+"""How often a head sends to its successor what has not arrived there."""
 MISSED: Final = 3
 """If so many members answer whom the plan did not ask, they have not got it: it is sent anew."""
 REVIEW: Final = 4
@@ -127,11 +129,6 @@ class InformationDriven(HeadFilter):
     ] = 0.6
     every: Annotated[int, Quantity("", ge=1, le=4), "readings that a member sends in one packet, once settled"] = 2
 
-    @property
-    def member_cycles(self) -> float:
-        """The operations of a member's decision."""
-        return DECISION_CYCLES
-
     def start(self, prior: Estimate, scene: Scene) -> Flow[PlannedBelief]:
         """The prior itself."""
         return _belief((Hypothesis(0.0, prior.mean, prior.cov),), scene.head)
@@ -156,16 +153,21 @@ class InformationDriven(HeadFilter):
         return replace(after, plan=plan, expected=expected, kept=kept[-self.every :] if self.every > 1 else ())
 
     def hand_over(self, belief: PlannedBelief, scene: Scene, successor: int) -> Flow[PlannedBelief | None]:
-        """Each Gaussian with its weight: 4 packets for a state of four. Those that arrive whole go on.
+        """Each Gaussian with its weight: 4 packets for a state of four. Those that do not arrive whole are sent again.
 
-        The plan does not: the best threshold depends on where the next head and its members are. What members have not
-        sent yet of earlier steps is not asked for: the question would cost more than it brings.
+        The plan is not handed over: the best threshold depends on where the next head and its members are. What members
+        have not sent yet of earlier steps is not asked for: the question would cost more than it brings.
         """
-        mixture, size = _mixture_of(belief), belief.mean.size
+        missing, size, arrived = _mixture_of(belief), belief.mean.size, []
         each = weight_packets(1 + size + size * (size + 1) // 2)
-        payload = tuple(map(tuple, mixture))
-        mask: Bools = yield Send(successor, parcel(payload, each * len(mixture), "handover"))
-        arrived = [one for one, whole in zip(mixture, arrived_groups(mask, len(mixture), each), strict=True) if whole]
+        for _ in range(TRIES):
+            sent = parcel(tuple(map(tuple, missing)), each * len(missing), "handover")
+            mask: Bools = yield Send(successor, sent)
+            whole = arrived_groups(mask, len(missing), each)
+            arrived += [one for one, came in zip(missing, whole, strict=True) if came]
+            missing = tuple(one for one, came in zip(missing, whole, strict=True) if not came)
+            if not missing:
+                break
         return _belief(reduced(arrived), successor) if arrived else None
 
     def announcement(self, belief: PlannedBelief, scene: Scene) -> Parcel | None:
