@@ -8,6 +8,7 @@ from wsnsim.base.frames import EVERYONE, MacFrame
 from wsnsim.base.tables import CAUSE
 from wsnsim.models.energy import FirstOrder
 from wsnsim.models.links import Disk, LogNormal
+from wsnsim.models.sleep import DutyCycle, EventWake
 
 AIRTIME = 29 * 8 / 250e3
 TURNAROUND = 192e-6
@@ -194,7 +195,7 @@ def test_a_broadcast_counts_as_lost_only_if_a_living_node_in_range_did_not_recei
     network.nodes.crash(2)
     assert sorted(network.broadcast(0).received) == [1], "one is down, one nearly out of range"
     assert (network.counters.frames_lost, network.counters.in_range, network.counters.delivered) == (0, 1, 1)
-    network.nodes.restart(2)
+    network.nodes.restart(2, network.env.now)
     network.nodes.jammed[2] = network.nodes.disturbed = True
     network.broadcast(0)
     assert network.counters.frames_lost == 1
@@ -219,8 +220,20 @@ def test_after_a_restart_all_nodes_listen_again():
     network = RadioNetwork(LINE)
     network.nodes.crash(3)
     assert not network.nodes.all_listen and play(network, (0.1, 2, EVERYONE)).received == {0: [1]}
-    network.nodes.restart(3)
+    network.nodes.restart(3, network.env.now)
     assert network.nodes.all_listen
+
+
+@pytest.mark.parametrize("sleep", [EventWake(), DutyCycle(period=100.0, awake_share=1.0)], ids=["dormant", "scheduled"])
+@pytest.mark.parametrize("link", [Disk(reach=75.0), LogNormal(shadowing=0.0, asymmetry=0.0, interference="sinr")])
+def test_a_node_that_restarts_during_a_frame_hears_only_those_that_begin_later(sleep, link):
+    network = RadioNetwork([(0, 0), (20, 0), (40, 0)], link=link, sleep=sleep)
+    network.nodes.crash(2)
+    network.at(0.1 + TURNAROUND + AIRTIME / 2, lambda: network.nodes.restart(2, network.env.now))
+    sent = play(network, (0.1, 1, EVERYONE), (0.2, 1, EVERYONE), until=0.3)
+    assert sent.received == {0: [0], 1: [0, 2]}
+    assert network.counters.in_range == network.counters.delivered == 3
+    assert [row["node"] for row in network.rows("receive")] == [0, 0, 2] and not network.rows("drop")
 
 
 def test_whether_a_frame_arrives_does_not_depend_on_what_was_sent_in_other_steps():

@@ -94,7 +94,7 @@ def test_time_in_which_the_radio_is_busy_delays_a_death_by_idling():
 def test_a_node_that_is_down_consumes_nothing_and_keeps_its_charge():
     network = idle_pair(battery=0.3)
     network.at(1.0, lambda: network.nodes.crash(0))
-    network.at(7.0, lambda: network.nodes.restart(0))
+    network.at(7.0, lambda: network.nodes.restart(0, 7.0))
     network.env.run(until=9.0)
     assert network.nodes.residual_energy(0) == pytest.approx(0.3 - 3 * 0.06)
     network.nodes.close()

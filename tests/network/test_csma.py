@@ -105,7 +105,7 @@ def test_a_node_that_crashes_loses_its_queue_and_its_bursts_end():
     network.at(5e-3, lambda: network.mac.silence(0))
     burst = network.unicast(0, 1, packets=50)
     assert network.env.now == pytest.approx(5e-3) and 0 < burst.packets < 10
-    network.nodes.restart(0)
+    network.nodes.restart(0, network.env.now)
     assert network.unicast(0, 1).packets == 1, "after a restart it sends again"
 
 

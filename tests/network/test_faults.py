@@ -38,7 +38,9 @@ class FaultyNodes:
         self.clocks = Clocks(PerfectClock(), 1, 10)
         self.heads = heads or {}
         journal = EventLog(self.memory, 0)
-        control = NodeControl(self.sensor_nodes.crash, self.sensor_nodes.restart, self.heads.get)
+        control = NodeControl(
+            self.sensor_nodes.crash, lambda node: self.sensor_nodes.restart(node, self.env.now), self.heads.get
+        )
         self.site = FaultSite(self.env, self.sensor_nodes, journal, self.clocks, control)
         FaultSchedule(script, self.site, key, 0.1).start()
         self.journal = journal

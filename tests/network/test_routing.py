@@ -47,7 +47,7 @@ class Routes:
         self.router.remove(node)
 
     def up(self, node):
-        self.nodes.restart(node)
+        self.nodes.restart(node, 0.0)
         self.router.restore()
 
 

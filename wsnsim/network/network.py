@@ -125,7 +125,7 @@ class Network(ABC):
 
     def _restart(self, node: int) -> None:
         """Bring back a node that was down, at rest and without a role."""
-        self._nodes.restart(node)
+        self._nodes.restart(node, self._env.now)
         self._router.restore()
 
     def _take_down(self, node: int) -> None:

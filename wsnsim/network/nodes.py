@@ -61,6 +61,7 @@ class Nodes:
         self.follows_schedules = self.duty_cycles.rest is Mode.SCHEDULED
         self.all_listen = not self.follows_schedules
         self._always_awake: set[int] = set()
+        self._up_since, self._last_restart = np.zeros(size), 0.0
         self._spent = self.ledger.spent_by
         self.consumption = Consumption() if consumption is None else consumption
         self._reserve, self._tight = self.consumption.most, 2.0 * self.consumption.most
@@ -73,7 +74,12 @@ class Nodes:
 
     def hears(self, ids: Ints, since: float) -> Bools:
         """(n,) which nodes are up and have been listening since a time that is not in the future."""
-        return self.duty_cycles.hears(ids, since, self.living)
+        hears = self.duty_cycles.hears(ids, since, self.living)
+        return hears if since >= self._last_restart else hears & (self._up_since[ids] <= since)
+
+    def all_heard(self, since: float) -> bool:
+        """Whether all nodes are up and have been listening since a time that is not in the future."""
+        return self.all_listen and since >= self._last_restart
 
     def is_awake(self, node: int) -> bool:
         """Whether a node is up and listens now."""
@@ -129,9 +135,10 @@ class Nodes:
         if self.alive[node]:
             self._go_down(node)
 
-    def restart(self, node: int) -> None:
-        """A node that crashed comes back, with nothing to do."""
+    def restart(self, node: int, now: float) -> None:
+        """A node that crashed comes back, with nothing to do. What is on the air has begun without it."""
         if node not in self.died_at and not self.alive[node]:
+            self._up_since[node] = self._last_restart = now
             self.living[node] = True
             self.all_listen = not self.follows_schedules and bool(self.living.all())
             self._settle(node)

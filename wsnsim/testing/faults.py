@@ -69,7 +69,7 @@ class _FaultyNetwork:
         self._nodes = Nodes(positions, np.ones((size, 1)), BATTERY, 75.0)
         self._nodes.on_death = self._note_death
         self._clocks = Clocks(PerfectClock(), 1, size)
-        control = NodeControl(self._crash, self._nodes.restart, lambda target: HEAD)
+        control = NodeControl(self._crash, self._restart, lambda target: HEAD)
         self._site = FaultSite(self._env, self._nodes, self._log, self._clocks, control)
         self.schedule = FaultSchedule([fault], self._site, 11, STEP)
         self._crashed = False
@@ -109,6 +109,9 @@ class _FaultyNetwork:
         return [
             dict(zip(names, row, strict=True)) for row in zip(*(table[name].tolist() for name in names), strict=True)
         ]
+
+    def _restart(self, node: int) -> None:
+        self._nodes.restart(node, self._env.now)
 
     def _crash(self, node: int) -> None:
         self._crashed = True

@@ -158,7 +158,7 @@ def _check_silence(cluster: _RadioCluster) -> None:
         cluster.mac.silence(1)
 
     cluster.env.timeout(crash).callbacks.append(lambda _: take_down())
-    cluster.env.timeout(restart).callbacks.append(lambda _: cluster.nodes.restart(1))
+    cluster.env.timeout(restart).callbacks.append(lambda _: cluster.nodes.restart(1, cluster.env.now))
     cluster.send([_burst(1, HEAD, packets=40)])
     cluster.env.run(until=cluster.env.now + 1.0)
     late = [time for time, node in cluster.events("send") if node == 1 and time > crash]

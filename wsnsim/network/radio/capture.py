@@ -122,7 +122,7 @@ class CapturingReceivers:
         nodes, ids = self._nodes, sent.neighbours.ids
         if sent.end <= sent.start:
             return np.zeros(ids.size, dtype=np.bool_)
-        listening = nodes.living[ids] if nodes.all_listen else nodes.hears(ids, sent.start)
+        listening = nodes.living[ids] if nodes.all_heard(sent.start) else nodes.hears(ids, sent.start)
         return listening if sent.asleep is None else listening & ~np.isin(ids, sent.asleep)
 
     def _synchronisable(self, sent: Transmission) -> Bools:

@@ -58,7 +58,7 @@ class Reception:
     def resolve(self, sent: Transmission) -> Received:
         """Return the result of a frame that was sent completely."""
         nodes, ids = self._nodes, sent.neighbours.ids
-        listening = None if nodes.all_listen else nodes.hears(ids, sent.start)
+        listening = None if nodes.all_heard(sent.start) else nodes.hears(ids, sent.start)
         if self._receivers is not None:
             self._receivers.lock_started()
         if nodes.disturbed or not nodes.can_all_receive(ids, sent.costs[2]):
