@@ -21,13 +21,13 @@ from wsnsim.base.ports import Estimate, Scene
 from wsnsim.base.requests import Compute, Flow, Parcel, Send
 from wsnsim.base.rng import derive, derive_all, uniforms
 from wsnsim.base.setups import TrackingSetup
+from wsnsim.trackers.shared.filter_banks import PLACE, updated_by_fix, updated_by_readings
 from wsnsim.trackers.shared.heads import HeadFilter
 from wsnsim.trackers.shared.localising import fix_cycles, fixed, usable
 from wsnsim.trackers.shared.moments import symmetric
 from wsnsim.trackers.shared.readings import Evidence, gather_readings
 
 COLUMNS: Final = ("px", "vx", "py", "vy")
-PLACE: Final = np.array([0, 2])
 MOVING: Final = np.array([1, 3])
 ENOUGH_RANGES: Final = 3
 """Least number of ranges for a fix; with fewer, each range updates the filters on its own."""
@@ -262,36 +262,6 @@ def new_course(means: Floats, covs: Floats, dt: float, sd: float) -> tuple[Float
         spread[:, v, v] = sd * sd
     spread[np.ix_(each, place, place)] = _of_place(covs) + sd * sd * dt * dt * np.eye(2)
     return later, spread
-
-
-def updated_by_fix(means: Floats, covs: Floats, point: Floats, noise: Floats) -> tuple[Floats, Floats, Floats]:
-    """Means and covariances of K filters after a fix (2,) of covariance (2, 2), and the log-likelihoods (K,)."""
-    innovation = point - means[:, PLACE]
-    spread = _of_place(covs) + noise
-    inverse = np.linalg.inv(spread)
-    gain = covs[:, :, PLACE] @ inverse
-    later = means + np.einsum("kij,kj->ki", gain, innovation)
-    cov = covs - gain @ covs[:, PLACE, :]
-    square = np.einsum("ki,kij,kj->k", innovation, inverse, innovation)
-    return later, 0.5 * (cov + cov.transpose(0, 2, 1)), -0.5 * (square + np.log(np.linalg.det(spread)))
-
-
-def updated_by_readings(means: Floats, covs: Floats, seen: Evidence, scene: Scene) -> tuple[Floats, Floats, Floats]:
-    """Means and covariances of K filters after one reading at a time, linearised; and the log-likelihoods (K,)."""
-    scores = np.zeros(len(means))
-    for i, reading in enumerate(seen.readings.tolist()):
-        points = np.ascontiguousarray(means[:, PLACE].T)
-        expected, gradients, variances = scene.sensor.linearise(
-            points, seen.positions[i : i + 1], seen.traits[i : i + 1]
-        )
-        g = gradients[0].T
-        cross = np.einsum("kij,kj->ki", covs[:, :, PLACE], g)
-        spread = np.einsum("ki,ki->k", g, cross[:, PLACE]) + variances[0]
-        innovation = reading - expected[0]
-        means = means + cross * (innovation / spread)[:, None]
-        covs = covs - cross[:, :, None] * cross[:, None, :] / spread[:, None, None]
-        scores = scores - 0.5 * (innovation**2 / spread + np.log(spread))
-    return means, 0.5 * (covs + covs.transpose(0, 2, 1)), scores
 
 
 def _of_place(covs: Floats) -> Floats:
