@@ -23,6 +23,7 @@ from wsnsim.base.setups import Setup
 from wsnsim.base.tables import CAUSE, CAUSES, EVENT_CAUSE, KIND, Memory
 from wsnsim.experiment import Summary
 from wsnsim.models.access import IdealMac
+from wsnsim.trackers.information_driven import InformationDriven
 from wsnsim.trackers.parallel_pf import ParallelPf
 from wsnsim.trackers.pso_mhpf import PsoMhpf
 
@@ -108,7 +109,10 @@ def estimates_follow_their_step(run: Run) -> Iterator[str]:
 
 
 def estimates_use_what_arrived(run: Run) -> Iterator[str]:
-    """A step uses measurements of the head, and of nodes that sensed and of which something arrived at the head."""
+    """A step uses measurements of the head, and of nodes that sensed and of which something arrived at the head.
+
+    A packet may carry what its sender measured in as many steps as the tracker packs.
+    """
     table, events = run.memory.table("estimates"), run.events
     if not table:
         return
@@ -117,17 +121,21 @@ def estimates_use_what_arrived(run: Run) -> Iterator[str]:
     first = run.rows("send")[::-1]  # the first row counts: later ones are retransmissions and acknowledgements
     origins = dict(zip(events["sequence"][first].tolist(), events["node"][first].tolist(), strict=True))
     sensed, heard = run.rows("sense"), run.rows("receive")
-    local = isinstance(run.setup.tracker, PsoMhpf | ParallelPf)  # members use their own measurements
+    tracker = run.setup.tracker
+    local = isinstance(tracker, PsoMhpf | ParallelPf)  # members use their own measurements
+    packed = tracker.every if isinstance(tracker, InformationDriven) else 1
     columns = (table[name].tolist() for name in ("target", "step", "time", "issued", "head", "readings"))
     for target, step, time, issued, head, readings in zip(*columns, strict=True):
         if not np.isfinite(issued) or readings == 0:
             continue
-        of_step = (events["step"][sensed] == step) & (events["target"][sensed] == target)
-        nodes = set(events["node"][sensed][of_step].tolist())
+        age = step - events["step"][sensed].astype(int)
+        rows = sensed[(age >= 0) & (age < packed) & (events["target"][sensed] == target)]
+        taken = set(zip(events["node"][rows].tolist(), events["step"][rows].tolist(), strict=True))
+        nodes = {node for node, _ in taken}
         late = (events["time"][heard] >= time) & (events["time"][heard] <= issued) & (events["node"][heard] == head)
         known = set(nodes) if local else {head}
         known |= {origins.get(sequence, -1) for sequence in events["sequence"][heard][late].tolist()}
-        if readings > len(nodes & known):
+        if readings > sum(node in known for node, _ in taken):
             who = f"{sorted(nodes)} sensed, the head {head} heard {sorted(known)}"
             yield f"step {step} uses {readings} measurements; {who}"
 
