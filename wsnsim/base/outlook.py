@@ -16,13 +16,13 @@ from wsnsim.base.estimate import Estimate
 
 
 class NearNodes(NamedTuple):
-    """The living nodes near a point, as the map of a head has them.
+    """The nodes near a point, as the map of a head has them: those that are down, too.
 
     Attributes:
         ids: (n,) ascending.
         positions: (n, 2) assumed positions in m.
         traits: (n, T) constants of their sensors.
-        able: (n,) whether each holds enough charge to lead.
+        able: (n,) whether each is up and holds enough charge to lead.
     """
 
     ids: Ints
@@ -32,7 +32,7 @@ class NearNodes(NamedTuple):
 
 
 NodesNear = Callable[[Floats, float], NearNodes]
-"""(point (2,), radius in m) -> the living nodes whose assumed position is within the radius of the point."""
+"""(point (2,), radius in m) -> the nodes whose assumed position is within the radius of the point."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,30 +1,45 @@
-"""A cluster whose head appointed its members: who belongs to it, and whom the head takes for a member."""
+"""A cluster whose head appointed its members: who belongs to it, and what the head knows of that."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from typing import Final
 
 from wsnsim.network.clusters.cluster import Cluster
 from wsnsim.network.clusters.network_view import NetworkView
+
+CALLS: Final = 3
+"""A node that was called so often and never answered is not called any more: it is down, or has nothing to say."""
 
 
 class AppointedCluster(Cluster):
     """A cluster that grows while it exists.
 
-    Its members are the nodes that heard that they are appointed. The head does not know who heard it: the roster of its
-    scenes has all nodes that its map says are appointed. A node on the roster that is no member never answers.
+    Its members are the nodes that heard that they are appointed. The head does not know who heard it: it goes by its
+    map, on which all nodes near its prediction are appointed, and by who has answered since. The roster of its scenes
+    has these nodes and those members of which it does not know yet, so that their readings find their places.
     """
 
     def __init__(self, network: NetworkView, target: int, head: int, appointed: Sequence[int] = ()) -> None:
         super().__init__(network, target, head, [])
         self._appointed = set(appointed)
+        self._answered: set[int] = set()
+        self._calls: dict[int, int] = {}
 
     @property
     def listed(self) -> tuple[int, ...]:
-        """The living nodes that the head takes for members, itself first."""
+        """The living nodes on the roster, the head first."""
         alive, members = self._network.nodes.alive, self.members
         others = [node for node in sorted(self._appointed) if node not in members and alive[node]]
         return (*self.roster(), *others)
+
+    @property
+    def known(self) -> tuple[int, ...]:
+        """The nodes that the head takes for members, itself first: those appointed on its map, and who answered.
+
+        It does not know which of them heard it, nor which of them are down.
+        """
+        return (self.head, *sorted((self._appointed | self._answered) - {self.head}))
 
     def appoint(self, nodes: Iterable[int]) -> None:
         """Add nodes that the head's map says are appointed."""
@@ -38,10 +53,21 @@ class AppointedCluster(Cluster):
             self._admit(node)
         return new
 
-    def restart(self) -> None:
-        """Empty the memories of all members: the head starts the track anew."""
-        for node in self.members:
-            self._admit(node)
+    def note_answers(self, nodes: Iterable[int]) -> None:
+        """Note that packets of members have arrived at the head: these are awake, and know whom to report to."""
+        self._answered.update(nodes)
+
+    def must_call(self, nodes: Sequence[int]) -> bool:
+        """Whether a message must be sent to wake nodes: some have neither answered nor been called `CALLS` times.
+
+        If so, those that have not answered are taken for called and, since the message names the head, for appointed.
+        """
+        silent = [node for node in nodes if node not in self._answered]
+        if all(self._calls.get(node, 0) >= CALLS for node in silent):
+            return False
+        self._calls |= {node: self._calls.get(node, 0) + 1 for node in silent}
+        self.appoint(silent)
+        return True
 
     def _update_roster(self, roster: tuple[int, ...]) -> None:
         super()._update_roster(self.listed)

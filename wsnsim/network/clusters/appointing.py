@@ -22,7 +22,7 @@ from wsnsim.network.clusters.appointed_cluster import AppointedCluster
 from wsnsim.network.clusters.driver import Driver
 from wsnsim.network.clusters.handover import Handover, LastClusterDone, TrackLost
 from wsnsim.network.clusters.head_protocol import HandingOver, HeadServices, Leading, Waiting
-from wsnsim.network.clusters.outlooks import LivingNodesNear, Outlooks
+from wsnsim.network.clusters.outlooks import NodesOnMap, Outlooks
 from wsnsim.network.clusters.standing_cluster import StandingClusterProtocol
 from wsnsim.network.clusters.track import Track
 
@@ -39,6 +39,7 @@ class AppointedLead:
         last_sensed: time in s of the last step with a reading.
         scene: the scene of the belief.
         tentative: whether the track started from too few readings to tell where the target is.
+        promising: whether the next step may bring enough of them.
     """
 
     track: Track
@@ -49,6 +50,7 @@ class AppointedLead:
     last_sensed: float
     scene: Scene
     tentative: bool = False
+    promising: bool = True
 
 
 class AppointingProtocol(StandingClusterProtocol):
@@ -58,7 +60,7 @@ class AppointingProtocol(StandingClusterProtocol):
         super().__init__(services)
         self._policy = cast(AppointingPolicy, self._setup.clusters)
         self._outlooks = Outlooks(services.network)
-        self._nodes_near = LivingNodesNear(services.network)
+        self._nodes_near = NodesOnMap(services.network)
         tracker = self._setup.tracker
         self._payload_of = tracker.announcement if isinstance(tracker, Announces) else _no_payload
 
@@ -88,7 +90,7 @@ class AppointingProtocol(StandingClusterProtocol):
         driver.readings = count
         services.estimates.note_start(track, head)
         services.estimates.issue(track, step, scene, driver, belief)
-        services.wake_ahead.wake(track, head, belief, scene, scene.time, awake=cluster.members.keys())
+        services.wake_ahead.wake(track, head, belief, scene, scene.time, cluster.must_call)
         yield track.tick
         tentative = 0 < count < self._enough(track)
         return AppointedLead(track, cluster, driver, belief, step, scene.time, scene, tentative)
@@ -128,14 +130,14 @@ class AppointingProtocol(StandingClusterProtocol):
         ids = self._services.messages.linked(head, heard)
         covered = appointment.covers(positions[ids], motion).tolist()
         cluster.appoint(self._appointed_on_map(head, appointment, target))
-        self._services.messages.expect(head, cluster.listed)
+        self._services.messages.expect(head, cluster.known)
         self._admit(track, cluster, [node for node, near in zip(ids, covered, strict=True) if near])
         for node, mask in heard.items():
             if payload is not None and mask.any() and node in cluster.members:
                 cluster.members[node].inbox.append(Delivery(payload.what, payload.payload, mask))
 
     def _appointed_on_map(self, head: int, appointment: Appointment, target: int) -> list[int]:
-        """The living nodes within the head's range that an appointment covers."""
+        """The nodes within the head's range that an appointment covers."""
         near = self._nodes_near(self._network.nodes.assumed.positions[head], self._network.nodes.reach)
         covered = appointment.covers(near.positions, self._setup.filter_motions[target])
         return [node for node in near.ids[covered].tolist() if node != head]
@@ -161,16 +163,17 @@ class AppointingProtocol(StandingClusterProtocol):
         self._admit_woken(lead)
         step = self._network.clock.step
         lead.scene = cluster.scene(step - lead.step)
-        started = lead.tentative and (yield from self._start_anew(lead))
-        if not started:
+        if lead.tentative and lead.promising:
+            yield from self._start_anew(lead)
+        else:
             lead.belief = yield from driver.perform(self._setup.tracker.step(lead.belief, lead.scene))
+            lead.promising = driver.readings >= self._enough(track)
         lead.step = step
+        cluster.note_answers(driver.answered)
         services.estimates.issue(track, step, lead.scene, driver, lead.belief)
         services.estimates.snapshot(track, cluster, lead.belief, step)
         self._watch_readings(lead)
-        services.wake_ahead.wake(
-            track, cluster.head, lead.belief, lead.scene, lead.last_sensed, awake=lead.cluster.members.keys()
-        )
+        services.wake_ahead.wake(track, cluster.head, lead.belief, lead.scene, lead.last_sensed, cluster.must_call)
 
     def _watch_readings(self, lead: AppointedLead) -> None:
         """Note that the target was sensed. Raises TrackLost if it has not been for too long."""
@@ -179,23 +182,33 @@ class AppointingProtocol(StandingClusterProtocol):
         elif lead.scene.time - lead.last_sensed > max(self._policy.patience, self._network.clock.dt) + ROUNDING:
             raise TrackLost("no_readings")
 
-    def _start_anew(self, lead: AppointedLead) -> Generator[simpy.Event, Any, bool]:
-        """Start the track from the readings of this step, if enough arrive; return whether it did.
+    def _start_anew(self, lead: AppointedLead) -> Waiting:
+        """Start the track from the readings of this step, if enough arrive. Members keep what they have in memory.
 
         A first estimate from one or two readings is a ring or two crossings. What it is good for is to appoint and to
-        wake those nodes whose readings tell where the target is.
+        wake those nodes whose readings tell where the target is. That is tried in the first step, and in each step
+        after one with enough readings: no member sends a reading twice.
         """
         track, cluster, driver = lead.track, lead.cluster, lead.driver
         heard: GatheredReadings = yield from driver.perform(_readings())
         if len(heard.ids) < self._enough(track):
-            return False
+            yield from self._step_alone(lead, any_heard=bool(heard.ids))
+            return
         readings = dict(zip(heard.ids, heard.values.tolist(), strict=True))
         estimate = self._services.estimates.initial(track, readings)
-        cluster.restart()
         lead.scene = cluster.scene(0)
         lead.belief = yield from driver.perform(self._setup.tracker.start(estimate, lead.scene))
         driver.readings, lead.tentative = len(readings), False
-        return True
+
+    def _step_alone(self, lead: AppointedLead, any_heard: bool) -> Waiting:
+        """A step of the tracker with what the head itself measured: the others have sent their readings already."""
+        track, cluster, driver = lead.track, lead.cluster, lead.driver
+        own = {cluster.head: cluster.members[cluster.head]}
+        alone = Driver(self._services.driver, track.target, cluster.head, own)
+        lead.belief = yield from alone.perform(self._setup.tracker.step(lead.belief, lead.scene))
+        driver.readings, lead.promising = alone.readings, False
+        if any_heard:
+            lead.last_sensed = lead.scene.time
 
     def _enough(self, track: Track) -> int:
         """Readings from which the position is told: one more than it has coordinates."""
@@ -204,14 +217,14 @@ class AppointingProtocol(StandingClusterProtocol):
     def _renew(self, lead: AppointedLead) -> Generator[simpy.Event, Any, Handover | None]:
         """Appoint more members or hand over, if the members would tell too little of the next step."""
         track, cluster = lead.track, lead.cluster
-        outlook = self._outlooks.of_belief(track.target, cluster.head, cluster.listed, lead.belief, lead.scene)
+        outlook = self._outlooks.of_belief(track.target, cluster.head, cluster.known, lead.belief, lead.scene)
         if lead.tentative or not self._policy.must_appoint(outlook):
             return None
         successor = self._next_head(track, cluster, lead.belief, lead.scene)
         if successor is not None and successor != cluster.head:
             return (yield from self._hand_on(lead, successor))
         appointment = self._policy.appointment(outlook)
-        if not set(self._appointed_on_map(cluster.head, appointment, track.target)) <= set(cluster.listed):
+        if not set(self._appointed_on_map(cluster.head, appointment, track.target)) <= set(cluster.known):
             yield from self._announce(track, cluster, appointment, self._payload_of(lead.belief, lead.scene))
         return None
 

@@ -71,6 +71,7 @@ class Driver:
     Attributes:
         readings: the number of readings in the last computation.
         heard: {node: reading} of those that the head gathered last.
+        answered: all nodes of which a parcel that the head gathered has arrived, in whole or in part.
         hops: hops of the last `Send`.
     """
 
@@ -87,6 +88,7 @@ class Driver:
         self._collection = Collection(services.env, services.transport, target, head, window, one_hop)
         self.readings = 0
         self.heard: dict[int, Reading] = {}
+        self.answered: set[int] = set()
         self.hops = 0
 
     @property
@@ -183,6 +185,7 @@ class Driver:
             },
             journeys,
         )
+        self.answered.update(answer)
         if readings:
             arrived = sorted(readings.keys() & answer.keys())
             self.heard = {node: readings[node][0] for node in arrived}
@@ -194,6 +197,7 @@ class Driver:
         form = Parcel(None, 1, request.packet_bits, request.what)
         masks, journeys = yield from self._collection.gather(list(readings), [form] * len(readings), request.deadline)
         arrived = [node for node, mask in zip(readings, masks, strict=True) if mask is not None]
+        self.answered.update(arrived)
         if readings:
             self.heard = {node: readings[node] for node in sorted(arrived)}
             self.readings = len(arrived)

@@ -19,16 +19,15 @@ from wsnsim.network.clusters.network_view import NetworkView
 
 
 @dataclass(frozen=True, slots=True)
-class LivingNodesNear:
-    """Finds the living nodes near a point, by the assumed positions."""
+class NodesOnMap:
+    """Finds nodes near a point on the map that every head has; it does not tell who is down, but who can lead."""
 
     network: NetworkView
 
     def __call__(self, point: Floats, radius: float) -> NearNodes:
-        """The living nodes within a radius in m of a point (2,)."""
+        """The nodes whose assumed position is within a radius in m of a point (2,)."""
         network, nodes = self.network, self.network.nodes
         ids = nodes.assumed.grid.within(point, radius)
-        ids = ids[nodes.living[ids]]
         able = np.array([network.can_lead(node) for node in ids.tolist()], dtype=np.bool_)
         return NearNodes(ids, nodes.assumed.positions[ids], nodes.traits[ids], able)
 
@@ -38,7 +37,7 @@ class Outlooks:
 
     def __init__(self, network: NetworkView) -> None:
         self._network = network
-        self._nodes_near = LivingNodesNear(network)
+        self._nodes_near = NodesOnMap(network)
         self._forecasts_succession = isinstance(network.setup.tracker, ForecastsSuccession)
 
     def of_belief(self, target: int, head: int, members: Sequence[int], belief: Any, scene: Scene) -> Outlook:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
-from typing import Any, Protocol
+from collections.abc import Callable, Sequence
+from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 
@@ -14,6 +14,8 @@ from wsnsim.network.clusters.network_view import NetworkView
 from wsnsim.network.clusters.track import Track
 from wsnsim.network.clusters.wake_up_service import WakeUpService
 
+Needed: TypeAlias = Callable[[Sequence[int]], bool]
+
 
 class WakesAhead(Protocol):
     """How a head has nodes woken for the next step."""
@@ -23,7 +25,7 @@ class WakesAhead(Protocol):
         """Whether nodes are woken at all."""
 
     def wake(
-        self, track: Track, head: int, belief: Any, scene: Scene, last_sensed: float, awake: Collection[int] = ()
+        self, track: Track, head: int, belief: Any, scene: Scene, last_sensed: float, needed: Needed | None = None
     ) -> None:
         """Have nodes woken for the next step, if there is one; returns at once.
 
@@ -33,8 +35,8 @@ class WakesAhead(Protocol):
             belief: the head's belief.
             scene: the scene of the belief.
             last_sensed: time in s of the last measurement.
-            awake: nodes that need not be woken, and know that they are to sense. If these are all living nodes of the
-                region to which the head has a link, nothing is sent. Empty: a message is sent in any case.
+            needed: asked whether a message must be sent, given the nodes of its region to which the head has a link.
+                None: one is sent in any case.
         """
 
 
@@ -44,7 +46,7 @@ class NoWakeAhead:
     wakes_nodes = False
 
     def wake(
-        self, track: Track, head: int, belief: Any, scene: Scene, last_sensed: float, awake: Collection[int] = ()
+        self, track: Track, head: int, belief: Any, scene: Scene, last_sensed: float, needed: Needed | None = None
     ) -> None:
         """Do nothing."""
 
@@ -63,7 +65,7 @@ class WakeAhead:
         self._belief_bits = tracker.belief_bits if isinstance(tracker, Portable) else _no_bits
 
     def wake(
-        self, track: Track, head: int, belief: Any, scene: Scene, last_sensed: float, awake: Collection[int] = ()
+        self, track: Track, head: int, belief: Any, scene: Scene, last_sensed: float, needed: Needed | None = None
     ) -> None:
         """Have nodes woken for the next step, if there is one; see `WakesAhead`."""
         setup = self._network.setup
@@ -72,7 +74,7 @@ class WakeAhead:
         self._sequence += 1
         plan = self._plan(track.target, head, belief, scene, last_sensed)
         message = setup.wakeup.compose(plan, belief if setup.wakeup.carries_belief else None)
-        if not awake or self._service.others_near(head, message, awake):
+        if needed is None or needed(self._service.addressed(head, message)):
             self._service.start(track, head, message, plan.foreseen)
 
     def _plan(self, target: int, head: int, belief: Any, scene: Scene, last_sensed: float) -> WakeUpPlan:

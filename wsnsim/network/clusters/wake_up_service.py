@@ -9,7 +9,7 @@ of its neighbours sleep and hear its calls, and hears whom others call (our choi
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from typing import Any, Final
 
@@ -71,11 +71,11 @@ class WakeUpService:
         track.rounds.append(track.round)
         self._mechanism.begin(track.round)
 
-    def others_near(self, head: int, message: WakeUpMessage, nodes: Collection[int]) -> bool:
-        """Whether living nodes other than these are in the region of a message and have a link to the head."""
+    def addressed(self, head: int, message: WakeUpMessage) -> list[int]:
+        """The nodes, up or down, that the head's map has in the region of a message, and to which it has a link."""
         near = self.nodes_within(message.centre, message.radius).tolist()
-        alive, connected = self._nodes.alive, self._transport.connected
-        return any(alive[node] and node not in nodes and connected(head, node) for node in near)
+        connected = self._transport.connected
+        return [node for node in near if node != head and connected(head, node)]
 
     def call_one(self, node: int, to: int, target: int) -> simpy.Event:
         """Call one sleeping neighbour; the event fires when the call has ended."""
