@@ -18,6 +18,7 @@ from typing import Any, Final, NamedTuple, TypeAlias
 import numpy as np
 
 from wsnsim.base.arrays import Floats
+from wsnsim.base.fisher import fisher_information
 from wsnsim.base.ports import Scene
 from wsnsim.trackers.shared.moments import symmetric
 from wsnsim.trackers.shared.readings import Evidence
@@ -99,19 +100,9 @@ def updated(mean: Floats, cov: Floats, seen: Evidence, scene: Scene) -> Posterio
 
 
 def informations(sensor: Any, point: Floats, positions: Floats, traits: Floats) -> Floats:
-    """(n, P, P) Fisher information about the position in a reading of each of n nodes, were the target at `point`.
-
-    The variance's dependence on the position is included where the sensor model says it (`Informs`).
-    """
-    points = np.ascontiguousarray(point[:, None])
-    if hasattr(sensor, "information"):
-        told: Floats = sensor.information(points, positions, traits)[..., 0]
-        return told
-    _, gradients, variances = sensor.linearise(points, positions, traits)
-    slopes = gradients[..., 0]
-    each = slopes[:, :, None] * slopes[:, None, :] / variances[..., 0][:, None, None]
-    rows: Floats = each.reshape(len(positions), -1, *each.shape[1:]).sum(axis=1)
-    return rows
+    """(n, P, P) Fisher information about the position in a reading of each of n nodes, were the target at `point`."""
+    told: Floats = fisher_information(sensor, np.ascontiguousarray(point[:, None]), positions, traits)[..., 0]
+    return told
 
 
 def is_wide(spread: Floats, at: Floats, positions: Floats) -> bool:
