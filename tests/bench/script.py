@@ -6,7 +6,7 @@ script = Script(); simulate with Recorded(tracker, script); then simulate with R
 from __future__ import annotations
 
 from collections.abc import Generator, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from wsnsim.base.ports import Estimate
@@ -110,8 +110,8 @@ def _noted_local(ask: Local) -> tuple[Local, Local]:
         cycles[member.id] = ask.cycles(member) if callable(ask.cycles) else ask.cycles
         return cycles[member.id]
 
-    copy = Local(work=lambda member: None, work_all=lambda members: None, cycles=lambda m: cycles[m.id], who=ask.who)
-    return copy, Local(work=ask.work, work_all=ask.work_all, cycles=ask_and_note, who=ask.who)
+    copy = Local(work=lambda member: None, work_all=lambda members: None, cycles=lambda m: cycles[m.id])
+    return replace(copy, who=ask.who, uses_readings=ask.uses_readings), replace(ask, cycles=ask_and_note)
 
 
 def _noted_gather(ask: Gather) -> tuple[Gather, Gather]:

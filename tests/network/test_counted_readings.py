@@ -9,7 +9,7 @@ import pytest
 
 from tests.helpers.centroid_network import Centroid, Run, network_setup, standing
 from wsnsim.base.ports import Estimate
-from wsnsim.base.requests import PACKET_BITS, Gather, GatherReadings, Member, Parcel
+from wsnsim.base.requests import PACKET_BITS, Gather, GatherReadings, Local, Member, Parcel
 from wsnsim.offline.loopback import perform
 from wsnsim.offline.request_costs import RequestCosts
 
@@ -90,3 +90,30 @@ def test_readings_that_come_as_arrays_are_counted_without_a_network():
 
     perform(flow(), members, 0, costs.carry, costs.before, None, costs.answer)
     assert (costs.readings, costs.frames, costs.packets) == (3, 2, 2)
+
+
+class Decides(Centroid):
+    """A centroid tracker whose members decide in a `Local` that nobody sends; they may have used their readings."""
+
+    def __init__(self, uses_readings: bool) -> None:
+        super().__init__()
+        self._uses = uses_readings
+
+    def step(self, belief, scene):
+        yield Local(lambda member: None, uses_readings=self._uses)
+        yield Gather(lambda member: None)
+        return belief
+
+
+@pytest.mark.parametrize(("uses", "count"), [(True, 3), (False, 0)])
+def test_members_that_only_decide_and_send_nothing_have_no_reading_in_the_estimate(uses, count):
+    run = Run(network_setup(steps=3, tracker=Decides(uses)), NODES, [standing((5.0, 5.0), 3)])
+    assert run.memory.table("estimates")["readings"].tolist() == [count] * 3
+    members = {node: Member(node, np.zeros(2), np.ones(1), 2.5) for node in range(3)}
+    costs, local = RequestCosts(), Local(lambda member: None, uses_readings=uses)
+
+    def flow():
+        yield local
+
+    perform(flow(), members, 0, costs.carry, costs.before, lambda asked, got: costs.after(asked, got, members))
+    assert costs.readings == count

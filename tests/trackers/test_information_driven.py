@@ -10,6 +10,8 @@ import pytest
 
 import wsnsim
 from wsnsim.base.requests import Broadcast, Delivery, Gather, Member, Send, all_arrived
+from wsnsim.base.tables import KIND, Memory
+from wsnsim.models.bearing import Bearing
 from wsnsim.models.linear import ConstantAcceleration, ConstantVelocity
 from wsnsim.models.linear_sensing import Coordinate
 from wsnsim.models.mobility import CoordinatedTurn
@@ -127,7 +129,7 @@ def test_a_nearer_member_with_the_same_information_is_asked_first() -> None:
     scene = replace(network.scene(0), packet_joules=lambda distances: 1e-5 + 1e-8 * distances**2)
     those = candidates(point, scene)
     plan = planned(network.belief.mean, np.eye(2), those, 0.5, 1, 0)
-    told = np.trace(those.told, axis1=1, axis2=2) / 2.0
+    told = np.trace(those.information, axis1=1, axis2=2) / 2.0
     worth = told / those.joules
     asked = worth >= plan.least
     order = np.argsort(-worth)
@@ -264,6 +266,56 @@ def test_when_several_answer_as_if_they_had_no_plan_it_is_sent_anew(every, monke
     assert not network.plans() and len(network.answered()) == len(FIRST) and network.belief.plan is None
     network.forward()
     assert len(network.plans()) == 1 and len(network.answered()) < len(FIRST)
+
+
+def test_members_that_hear_a_plan_with_their_appointment_wait_until_it_is_due(monkeypatch) -> None:
+    monkeypatch.setattr(selection, "PROMPT", 1e300)
+    network = Network(InformationDriven(keep=0.999, every=2))
+    network.forward()
+    plan = network.belief.plan
+    assert plan.every == 2
+    for node in FIRST[1:]:
+        network.members[node].memory.clear()
+        network.members[node].inbox.append(Delivery("plan", plan, all_arrived(2)))
+    network.forward()
+    assert set(network.answered()) == {FIRST[0]} and network.belief.plan is plan
+    network.forward()
+    assert set(network.answered()) == set(FIRST)
+
+
+def test_a_plan_is_billed_for_each_of_its_numbers() -> None:
+    for size, weights, packets in ((4, (0.1, 0.2), 2), (5, (0.1, 0.2), 3), (2, (), 1), (3, (), 2), (6, (0.1, 0.2), 3)):
+        assert SelectionPlan(np.zeros(size), weights, 7, 1.0, 2).in_parcel().packets == packets
+
+
+def test_a_plan_is_replaced_before_its_step_is_ambiguous() -> None:
+    network = Network(InformationDriven(keep=0.6))
+    scene, truth = network.scene(0), network.table.truth[0]
+    those = candidates(truth[[0, 2]], scene)
+    for age, kept in ((2**14 - 1, True), (2**14, False)):
+        plan = planned(truth, np.eye(2), those, 0.6, 1, scene.step - age)
+        assert fits(plan, first_expected(plan).state, np.eye(2), those, scene, (0.2, 9.0)) is kept
+
+
+def test_members_without_a_reading_of_the_expected_target_are_no_candidates() -> None:
+    network = Network(InformationDriven())
+    point, scene = network.table.truth[0][[0, 2]], network.scene(0)
+    away = np.sqrt(((scene.roster_positions - point) ** 2).sum(axis=1))
+    least, reach = np.quantile(away, [0.3, 0.8])
+    those = candidates(point, replace(scene, sensor=Bearing(reach=float(reach), least=float(least))))
+    has = [row for row, node in enumerate(scene.roster) if least <= away[row] <= reach and node != scene.head]
+    assert those.rows.tolist() == has and 0 < len(has) < (away <= reach).sum() - 1
+
+
+def test_where_nobody_sends_no_reading_counts_and_the_track_is_lost_in_time(monkeypatch) -> None:
+    monkeypatch.setattr(information_driven, "outgoing", lambda member: None)
+    changes = ["duration=0.6 s", "clusters.patience=0.2 s", "seed=1000"]
+    memory = Memory()
+    wsnsim.simulate(wsnsim.load("information_driven", changes), recorder=memory)
+    estimates, events = memory.table("estimates"), memory.table("events")
+    lost = events["time"][events["kind"] == KIND["lost"]]
+    assert lost.size and 0.2 < lost[0] <= 0.32
+    assert not estimates["readings"][estimates["step"] * 0.04 < lost[0]].any()
 
 
 @pytest.mark.parametrize("every", [1, 3])

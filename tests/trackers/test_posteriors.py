@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from tests.helpers.scenes import make_scene
+from wsnsim.base.expected_readings import informations
 from wsnsim.models.linear_sensing import Coordinate
 from wsnsim.models.motion import BoundedVelocity
 from wsnsim.models.ranging import Range
 from wsnsim.models.sensing import AcousticEnergy
 from wsnsim.models.ungm import Squared, Ungm
-from wsnsim.trackers.shared.posteriors import informations, updated
+from wsnsim.trackers.shared.posteriors import updated
 from wsnsim.trackers.shared.readings import Evidence
 
 PLACE = [0, 2]
@@ -109,9 +110,9 @@ class Unsaid:
 
 def test_without_a_statement_of_the_sensor_the_information_is_that_of_the_mean_alone() -> None:
     _, _, seen, scene = geometry(AcousticEnergy(), 5, 6, 2.0)
-    point = np.array([1.0, -2.0])
-    mean_alone = informations(Unsaid(), point, seen.positions, seen.traits)
-    whole = informations(scene.sensor, point, seen.positions, seen.traits)
+    point = np.array([[1.0], [-2.0]])
+    mean_alone = informations(Unsaid(), point, seen.positions, seen.traits)[..., 0]
+    whole = informations(scene.sensor, point, seen.positions, seen.traits)[..., 0]
     extra = np.linalg.eigvalsh(whole - mean_alone)
     assert mean_alone.shape == whole.shape == (6, 2, 2)
     assert (extra > -1e-12).all() and extra[:, 1].min() > 0.0

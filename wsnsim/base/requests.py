@@ -112,12 +112,15 @@ class Local:
         cycles: Operations per member: a number, or a function that is called with each member afterwards.
         work_all: Computes for all members in one call; member i's result depends on member i's inputs alone.
         who: Ids of the members; None means those with a measurement at this step.
+        uses_readings: Whether the measurements of these members enter the estimate by this computation, and count as
+            readings of the step. False: only those count that members send afterwards.
     """
 
     work: Callable[[Member], None]
     cycles: float | Callable[[Member], float] = 0.0
     work_all: Callable[[list[Member]], None] | None = None
     who: Sequence[NodeId] | None = None
+    uses_readings: bool = True
 
 
 @dataclass(slots=True)

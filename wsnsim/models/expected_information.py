@@ -2,8 +2,8 @@
 
     seen = ExpectedInformation.along(outlook, path)      seen.spread(chosen)
 
-The Fisher information of a reading about the position is that at the predicted position (`base.fisher`). Nodes out of
-sensing range of it have none. What is compared is the trace of the inverse (A-optimality): the mean square error of the
+The Fisher information of a reading about the position is g gᵀ / R, at the predicted position. Nodes out of sensing
+range of it have none. What is compared is the trace of the inverse (A-optimality): the mean square error of the
 position that the readings of one step leave. Source: Bar-Shalom, Li, Kirubarajan (2001), section 2.7.
 """
 
@@ -16,7 +16,6 @@ from typing import Any, Final
 import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats, planar
-from wsnsim.base.fisher import fisher_information
 from wsnsim.base.outlook import NearNodes, Outlook
 
 PRIOR: Final = 4.0
@@ -70,11 +69,14 @@ def _trace_of_inverse(total: Floats, prior: float) -> Floats:
 
 def _information(sensor: Any, path: Floats, near: NearNodes) -> Floats:
     """(n, K, P, P) Fisher information of one reading of each node; a reading may have several components."""
-    positions, columns = path.shape
-    if not near.ids.size:
+    count, (positions, columns) = near.ids.size, path.shape
+    if not count:
         return np.zeros((0, positions, columns, columns))
-    told = fisher_information(sensor, np.ascontiguousarray(path.T), near.positions, near.traits)
-    told = np.ascontiguousarray(np.moveaxis(told, 3, 1))
+    points = np.ascontiguousarray(path.T)
+    _, gradients, variances = sensor.linearise(points, near.positions, near.traits)
+    slopes = gradients.reshape(count, -1, columns, positions)
+    weights = 1.0 / variances.reshape(count, -1, 1, positions)
+    told = np.einsum("nmpk,nmqk->nkpq", slopes * weights, slopes)
     sensed = _detected(sensor, path, near) & np.isfinite(told).all(axis=(2, 3))
     return np.where(sensed[:, :, None, None], told, 0.0)
 

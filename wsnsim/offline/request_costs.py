@@ -65,7 +65,8 @@ class RequestCosts:
         if isinstance(request, Local):
             cycles = request.cycles
             self.cycles += sum(cycles(members[node]) if callable(cycles) else cycles for node in answer)
-            self.readings = sum(members[node].reading is not None for node in answer)
+            if request.uses_readings:
+                self.readings = sum(members[node].reading is not None for node in answer)
         elif isinstance(request, Gather):
             request.parcel_of = self._parcel_of
             self.readings = sum(self._sent.get(node, 0) for node in answer) or self.readings

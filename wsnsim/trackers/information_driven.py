@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, ClassVar, Final, NamedTuple
+from typing import Annotated, Any, ClassVar, Final
 
 import numpy as np
 
@@ -20,18 +20,19 @@ from wsnsim.base.part import Quantity, part
 from wsnsim.base.ports import Estimate, Scene
 from wsnsim.base.requests import Broadcast, Compute, Flow, Gather, Local, Parcel, Send
 from wsnsim.trackers.shared.heads import GaussianBelief, HeadFilter
+from wsnsim.trackers.shared.late_readings import PREDICTION_CYCLES, Kept, by_step, filter_cycles, filtered
 from wsnsim.trackers.shared.mixtures import (
     Hypotheses,
     Hypothesis,
     moments_of,
     predicted_mixture,
     reduced,
-    updated_mixture,
 )
 from wsnsim.trackers.shared.parcels import arrived_groups, parcel, weight_packets
-from wsnsim.trackers.shared.readings import Evidence
 from wsnsim.trackers.shared.selection import (
     DECISION_CYCLES,
+    EXTRAPOLATION_CYCLES,
+    WORTH_CYCLES,
     Candidates,
     Expected,
     SelectionPlan,
@@ -62,17 +63,8 @@ MISSED: Final = 3
 """If so many members answer whom the plan did not ask, they have not got it: it is sent anew."""
 REVIEW: Final = 4
 """A plan is reviewed every so many steps."""
-PREDICTION_CYCLES: Final = 300.0
-READING_CYCLES: Final = 1100.0
 CANDIDATE_CYCLES: Final = 60.0
-
-
-class Kept(NamedTuple):
-    """A step that may have to be computed once more: its readings, and the mixture after them."""
-
-    step: int
-    seen: Evidence
-    mixture: Hypotheses
+"""Operations by which the information in a member's reading, and the price of its packet, are computed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,13 +134,17 @@ class InformationDriven(HeadFilter):
             lambda member: prepare([member], scene, self.every),
             DECISION_CYCLES,
             lambda members: prepare(members, scene, self.every),
+            uses_readings=False,
         )
         answer = yield Gather(outgoing, deadline=self.deadline * scene.dt)
-        if plan is not None and expected is not None and _missed(plan, expected, answer, scene) >= MISSED:
-            plan = expected = None
-        arrived = _by_step(answer, scene)
-        kept = _filtered(belief.kept, mixture, arrived, scene)
-        yield Compute(_cycles(kept, arrived, scene))
+        if plan is not None and expected is not None:
+            yield Compute(EXTRAPOLATION_CYCLES * (scene.step - expected.step) + WORTH_CYCLES * len(answer))
+            expected = extrapolated(expected, scene)
+            if _missed(plan, expected, answer, scene) >= MISSED:
+                plan = expected = None
+        arrived = by_step(answer, scene)
+        kept = filtered(belief.kept, mixture, arrived, scene)
+        yield Compute(filter_cycles(kept, arrived, scene))
         after = _belief(kept[-1].mixture, scene.head)
         return replace(after, plan=plan, expected=expected, kept=kept[-self.every :] if self.every > 1 else ())
 
@@ -184,14 +180,17 @@ class InformationDriven(HeadFilter):
         if plan is not None and expected is not None:
             if (scene.step - plan.step) % REVIEW:
                 return plan, expected
+            yield Compute(EXTRAPOLATION_CYCLES * (scene.step - expected.step))
             expected = extrapolated(expected, scene)
         mean, cov = moments_of(mixture)
         place = list(scene.motion.position)
         spread, point = cov[place][:, place], mean[place]
         those = candidates(point, scene)
+        yield Compute(CANDIDATE_CYCLES * len(scene.roster))
         if not those.rows.size or not self._settled(spread, point, those, scene):
             return plan, expected
-        yield Compute(CANDIDATE_CYCLES * those.rows.size)
+        ahead = PREDICTION_CYCLES * len(mixture) * (self.every - 1)
+        yield Compute(ahead + WORTH_CYCLES * those.rows.size)
         limits = self.keep**SLACK, EXCESS
         growth = _growth(mixture, scene, self.every)
         every = _patience(growth, HASTE)
@@ -235,67 +234,6 @@ def _missed(plan: SelectionPlan, expected: Expected, answer: Mapping[int, Any], 
     rows = [row for row, node in enumerate(scene.ids) if node in answer and node != scene.head]
     if len(rows) < MISSED:
         return 0
-    positions, due = scene.positions[rows], plan.is_due(scene.step) or scene.step == plan.step + 1
-    state = extrapolated(expected, scene).state
-    asked = asks(plan, state, positions, scene.traits[rows], packet_joules(positions, scene), scene, due)
+    positions, due = scene.positions[rows], plan.is_due(scene.step)
+    asked = asks(plan, expected.state, positions, scene.traits[rows], packet_joules(positions, scene), scene, due)
     return len(rows) - int(asked.sum())
-
-
-def _by_step(answer: Mapping[int, tuple[Any, Bools]], scene: Scene) -> dict[int, Evidence]:
-    """The readings that arrived, by the step in which they were taken."""
-    found: dict[int, list[tuple[int, int, Any]]] = {}
-    for row, node in enumerate(scene.ids):
-        if node in answer and answer[node][1].all():
-            for ago, value in answer[node][0]:
-                found.setdefault(scene.step - ago, []).append((row, node, value))
-    return {step: _evidence(taken, scene) for step, taken in found.items()}
-
-
-def _evidence(taken: list[tuple[int, int, Any]], scene: Scene) -> Evidence:
-    rows = [row for row, _, _ in taken]
-    values = np.array([value for _, _, value in taken], dtype=np.float64)
-    return Evidence(tuple(node for _, node, _ in taken), values, scene.positions[rows], scene.traits[rows])
-
-
-def _filtered(
-    kept: tuple[Kept, ...], mixture: Hypotheses, arrived: dict[int, Evidence], scene: Scene
-) -> tuple[Kept, ...]:
-    """The kept steps and this one. Where readings of earlier steps arrived, these are computed once more."""
-    now = scene.step
-    first = min(arrived, default=now)
-    before = tuple(each for each in kept if each.step < first)
-    if first >= now or not before:
-        seen = arrived.get(now, _nothing(scene))
-        return (*kept, Kept(now, seen, updated_mixture(mixture, seen, scene)))
-    again = {each.step: each.seen for each in kept if each.step >= first}
-    for step in sorted({*again, *arrived, now}):
-        seen = _joined(again.get(step), arrived.get(step), scene)
-        last = before[-1]
-        mixture = predicted_mixture(last.mixture, scene, last.step * scene.dt, step - last.step)
-        before = (*before, Kept(step, seen, updated_mixture(mixture, seen, scene)))
-    return before
-
-
-def _joined(first: Evidence | None, second: Evidence | None, scene: Scene) -> Evidence:
-    if first is None or second is None or not first.ids or not second.ids:
-        return next((each for each in (first, second) if each is not None and each.ids), _nothing(scene))
-    return Evidence(
-        first.ids + second.ids,
-        np.concatenate([first.readings, second.readings]),
-        np.concatenate([first.positions, second.positions]),
-        np.concatenate([first.traits, second.traits]),
-    )
-
-
-def _nothing(scene: Scene) -> Evidence:
-    return Evidence((), np.zeros(0), scene.positions[:0], scene.traits[:0])
-
-
-def _cycles(kept: tuple[Kept, ...], arrived: Mapping[int, Evidence], scene: Scene) -> float:
-    """Operations of the predictions and updates of this step, repeated ones included."""
-    first = min(arrived, default=scene.step)
-    cycles = 0.0
-    for each in kept:
-        if each.step >= first:
-            cycles += len(each.mixture) * (PREDICTION_CYCLES + READING_CYCLES * len(each.seen.ids))
-    return cycles

@@ -153,7 +153,8 @@ class Driver:
         else:
             for member in addressed:
                 request.work(member)
-        self.readings = len([member for member in addressed if member.reading is not None])
+        if request.uses_readings:
+            self.readings = len([member for member in addressed if member.reading is not None])
         cycles = request.cycles
         ids = [member.id for member in addressed]
         operations = [cycles(member) for member in addressed] if callable(cycles) else [cycles] * len(ids)

@@ -13,12 +13,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import lru_cache
-from typing import Any, Final, NamedTuple, TypeAlias
+from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 
 from wsnsim.base.arrays import Floats
-from wsnsim.base.fisher import fisher_information
+from wsnsim.base.expected_readings import informations
 from wsnsim.base.ports import Scene
 from wsnsim.trackers.shared.moments import symmetric
 from wsnsim.trackers.shared.readings import Evidence
@@ -78,13 +78,14 @@ def updated(mean: Floats, cov: Floats, seen: Evidence, scene: Scene) -> Posterio
     root, inverse = _factors(spread)
 
     def score(u: Floats) -> Floats:
-        told = sensor.log_likelihood(at[:, None] + root @ u, seen.readings, seen.positions, seen.traits)
-        density: Floats = told - 0.5 * (u * u).sum(axis=0)
+        logs = sensor.log_likelihood(at[:, None] + root @ u, seen.readings, seen.positions, seen.traits)
+        density: Floats = logs - 0.5 * (u * u).sum(axis=0)
         return density
 
     def information(u: Floats) -> Floats:
-        told = informations(sensor, at + root @ u, seen.positions, seen.traits).sum(axis=0)
-        precision: Floats = root.T @ told @ root + unit
+        point = np.ascontiguousarray((at + root @ u)[:, None])
+        total = informations(sensor, point, seen.positions, seen.traits)[..., 0].sum(axis=0)
+        precision: Floats = root.T @ total @ root + unit
         return precision
 
     start, order = np.zeros(len(place)), ORDER
@@ -97,12 +98,6 @@ def updated(mean: Floats, cov: Floats, seen: Evidence, scene: Scene) -> Posterio
     gain = cov[:, place] @ inverse  # P_xp L⁻ᵀ
     less = unit - found.root @ found.root.T
     return Posterior(mean + gain @ found.mean, symmetric(cov - gain @ less @ gain.T), found.log_integral)
-
-
-def informations(sensor: Any, point: Floats, positions: Floats, traits: Floats) -> Floats:
-    """(n, P, P) Fisher information about the position in a reading of each of n nodes, were the target at `point`."""
-    told: Floats = fisher_information(sensor, np.ascontiguousarray(point[:, None]), positions, traits)[..., 0]
-    return told
 
 
 def is_wide(spread: Floats, at: Floats, positions: Floats) -> bool:

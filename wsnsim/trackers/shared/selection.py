@@ -14,12 +14,12 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from wsnsim.base.arrays import Bools, Floats, planar
+from wsnsim.base.arrays import Bools, Floats
+from wsnsim.base.expected_readings import detected, informations
 from wsnsim.base.ports import Scene
 from wsnsim.base.requests import Member, Parcel
 from wsnsim.base.vector_readings import Reading, components_of, is_finite
-from wsnsim.trackers.shared.parcels import parcel, state_packets, weight_packets
-from wsnsim.trackers.shared.posteriors import informations
+from wsnsim.trackers.shared.parcels import parcel, weight_packets
 
 PLAN: Final = "plan"
 EXPECTED: Final = "expected"
@@ -30,12 +30,21 @@ FEWEST: Final = 3
 """Readings that a plan asks for at least, if there are so many."""
 PROMPT: Final = 8.0
 """Readings that are worth this many times what is asked for do not wait for others of the same member."""
-DECISION_CYCLES: Final = 100.0
-"""Operations of a member that extrapolates the plan and computes the worth of its reading (our estimate)."""
+STEPS: Final = 2**14
+"""A plan is replaced at this age in steps at the latest: its packet carries 14 bits of its step."""
+EXTRAPOLATION_CYCLES: Final = 40.0
+"""Operations by which an expected state is extrapolated by one step (our estimate)."""
+WORTH_CYCLES: Final = 60.0
+"""Operations by which the worth of a reading is computed and compared with that of the plan (our estimate)."""
+DECISION_CYCLES: Final = EXTRAPOLATION_CYCLES + WORTH_CYCLES
+"""Operations of a member that extrapolates the plan and computes the worth of its reading."""
 
 
 class SelectionPlan(NamedTuple):
-    """What a head tells its members, in the packets of a state and one more.
+    """What members need to decide: D + 4 numbers of 16 bits for a plane, D + 2 for a line; two packets for D = 4.
+
+    The step (modulo `STEPS`, 14 bits) and `every` (2 bits) share one number. Each of the others takes one, with a scale
+    that all nodes know; `least` is sent as its logarithm. Values are passed on unrounded, as in other parcels.
 
     Attributes:
         state: (D,) the expected state at the step `step`.
@@ -58,7 +67,7 @@ class SelectionPlan(NamedTuple):
 
     def in_parcel(self) -> Parcel:
         """The plan as it is broadcast."""
-        return parcel(self, state_packets(self.state.size) + 1, PLAN)
+        return parcel(self, weight_packets(self.state.size + len(self.weights) + 2), PLAN)
 
 
 class Expected(NamedTuple):
@@ -73,27 +82,32 @@ class Candidates(NamedTuple):
 
     Attributes:
         rows: (n,) their places in the scene's roster.
-        told: (n, P, P) the Fisher information of a reading of each.
+        information: (n, P, P) the Fisher information in a reading of each.
         joules: (n,) the energy of its packet.
         own: (P, P) the information of the head's own reading.
     """
 
     rows: np.ndarray
-    told: Floats
+    information: Floats
     joules: Floats
     own: Floats
 
 
 def candidates(point: Floats, scene: Scene) -> Candidates:
-    """Those of the roster who would sense a target at `point` (P,)."""
-    sensor, positions = scene.sensor, scene.roster_positions
-    squares = ((positions - planar(point[None])) ** 2).sum(axis=1)
-    senses = squares <= scene.sensor.reach**2
+    """Those of the roster who would have a reading of a target at `point` (P,) that says something about its place."""
+    positions = scene.roster_positions
     head = np.array([node == scene.head for node in scene.roster], dtype=np.bool_)
-    told = informations(sensor, point, positions, scene.roster_traits)
-    rows = np.flatnonzero(senses & ~head)
+    information = _informations_at(point, positions, scene.roster_traits, scene)
+    traces = np.trace(information, axis1=1, axis2=2)
+    useful = detected(scene.sensor, point[None], positions)[0] & np.isfinite(traces) & (traces > 0.0)
+    rows = np.flatnonzero(useful & ~head)
     joules = packet_joules(positions[rows], scene)
-    return Candidates(rows, told[rows], joules, told[senses & head].sum(axis=0))
+    return Candidates(rows, information[rows], joules, information[useful & head].sum(axis=0))
+
+
+def _informations_at(point: Floats, positions: Floats, traits: Floats, scene: Scene) -> Floats:
+    """(n, P, P) Fisher information in a reading of each node, if the target is at `point` (P,)."""
+    return informations(scene.sensor, np.ascontiguousarray(point[:, None]), positions, traits)[..., 0]
 
 
 def packet_joules(positions: Floats, scene: Scene) -> Floats:
@@ -112,23 +126,22 @@ def weights_of(spread: Floats) -> tuple[float, ...]:
     return float((square[0, 0] - square[1, 1]) / total), float(2.0 * square[0, 1] / total)
 
 
-def weighed(told: Floats, weights: Sequence[float]) -> Floats:
+def weighed(information: Floats, weights: Sequence[float]) -> Floats:
     """(n,) the weighted informations tr(A J) of informations (n, P, P), in 1/m²."""
     if not weights:
-        return told[:, 0, 0]
+        return information[:, 0, 0]
     along, across = weights
-    return 0.5 * (
-        (1.0 + along) * told[:, 0, 0] + (1.0 - along) * told[:, 1, 1] + across * (told[:, 0, 1] + told[:, 1, 0])
-    )
+    xx, yy, twice_xy = information[:, 0, 0], information[:, 1, 1], information[:, 0, 1] + information[:, 1, 0]
+    return 0.5 * ((1.0 + along) * xx + (1.0 - along) * yy + across * twice_xy)
 
 
 def planned(mean: Floats, spread: Floats, those: Candidates, keep: float, every: int, step: int) -> SelectionPlan:
     """The plan that asks for the share `keep` of the weighted information of all readings, at the least energy."""
     weights = weights_of(spread)
-    told = weighed(those.told, weights)
-    worth = told / those.joules
+    weighted = weighed(those.information, weights)
+    worth = weighted / those.joules
     order = np.argsort(-worth, kind="stable")
-    count = _needed(told[order], float(weighed(those.own[None], weights)[0]), keep)
+    count = _needed(weighted[order], float(weighed(those.own[None], weights)[0]), keep)
     ranked = worth[order]
     if count == 0:
         least = float(ranked[0]) * 2.0 if ranked.size else 0.0
@@ -139,31 +152,33 @@ def planned(mean: Floats, spread: Floats, those: Candidates, keep: float, every:
     return SelectionPlan(frozen(mean.copy()), weights, step, least, every)
 
 
-def _needed(told: Floats, own: float, keep: float) -> int:
+def _needed(weighted: Floats, own: float, keep: float) -> int:
     """How many of the readings, in this order, hold the share `keep` of the information of all and the head's own."""
-    sums = own + np.cumsum(told)
+    sums = own + np.cumsum(weighted)
     if not sums.size:
         return 0
     enough = int(np.searchsorted(sums, keep * sums[-1] * (1.0 - 1e-12))) + 1
     enough = 0 if own >= keep * sums[-1] else enough
-    return min(max(enough, FEWEST), told.size)
+    return min(max(enough, FEWEST), weighted.size)
 
 
 def fits(
     plan: SelectionPlan, expected: Floats, spread: Floats, those: Candidates, scene: Scene, limits: tuple[float, float]
 ) -> bool:
     """Whether a plan still asks for enough information, and not at a needless cost."""
+    if scene.step - plan.step >= STEPS:
+        return False
     share, excess = limits
     weights = weights_of(spread)
-    told = weighed(those.told, weights)
+    weighted = weighed(those.information, weights)
     asked = asks(
         plan, expected, scene.roster_positions[those.rows], scene.roster_traits[those.rows], those.joules, scene
     )
     own = float(weighed(those.own[None], weights)[0])
-    if told[asked].sum() + own < share * (told.sum() + own):
+    if weighted[asked].sum() + own < share * (weighted.sum() + own):
         return False
-    order = np.argsort(-told / those.joules, kind="stable")
-    needed = those.joules[order][: _needed(told[order], own, share)].sum()
+    order = np.argsort(-weighted / those.joules, kind="stable")
+    needed = those.joules[order][: _needed(weighted[order], own, share)].sum()
     return bool(those.joules[asked].sum() <= excess * needed + those.joules.mean() if asked.any() else True)
 
 
@@ -181,8 +196,8 @@ def asks(
     `due`: whether it is a step in which all that are asked send; in others, those do whose readings are worth most.
     """
     point = expected[list(scene.motion.position), 0]
-    told = weighed(informations(scene.sensor, point, positions, traits), plan.weights)
-    asked: Bools = told >= plan.least * joules * (1.0 if due else PROMPT)
+    weighted = weighed(_informations_at(point, positions, traits, scene), plan.weights)
+    asked: Bools = weighted >= plan.least * joules * (1.0 if due else PROMPT)
     return asked
 
 
@@ -219,7 +234,7 @@ def prepare(members: Sequence[Member], scene: Scene, keeps: int) -> None:
     """
     undecided: dict[tuple[int, int, bool], list[Member]] = {}
     for member in members:
-        news = _read_inbox(member)
+        _read_inbox(member)
         memory, plan = member.memory, member.memory.get(PLAN)
         unsent = [each for each in memory.get(UNSENT, ()) if each[0] > scene.step - keeps]
         if member.reading is not None and is_finite(member.reading):
@@ -228,20 +243,17 @@ def prepare(members: Sequence[Member], scene: Scene, keeps: int) -> None:
         if plan is None or member.id == scene.head:
             _send(member, scene)
         else:
-            due = news or plan.is_due(scene.step)
+            due = plan.is_due(scene.step)  # also for one that heard an older plan with its appointment
             undecided.setdefault((id(plan), memory[EXPECTED].step, due), []).append(member)
     for (_, _, due), alike in undecided.items():
         _decide(alike, scene, due)
 
 
-def _read_inbox(member: Member) -> bool:
-    """Take a new plan to memory; whether there was one."""
-    found = False
+def _read_inbox(member: Member) -> None:
+    """Take a new plan to memory."""
     for delivery in member.take_inbox():
         if delivery.what == PLAN and delivery.mask.all():
             member.memory[PLAN], member.memory[EXPECTED] = delivery.payload, first_expected(delivery.payload)
-            found = True
-    return found
 
 
 def _decide(members: Sequence[Member], scene: Scene, due: bool) -> None:
