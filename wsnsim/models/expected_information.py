@@ -2,9 +2,10 @@
 
     seen = ExpectedInformation.along(outlook, path)      seen.spread(chosen)
 
-The Fisher information of a reading about the position is g gᵀ / R, at the predicted position. Nodes out of sensing
-range of it have none. What is compared is the trace of the inverse (A-optimality): the mean square error of the
-position that the readings of one step leave. Source: Bar-Shalom, Li, Kirubarajan (2001), section 2.7.
+The Fisher information of a reading about the position is that at the predicted position; nodes that would have no
+reading there have none (`base.expected_readings`). What is compared is the trace of the inverse (A-optimality): the
+mean square error of the position that the readings of one step leave. Source: Bar-Shalom, Li, Kirubarajan (2001),
+section 2.7.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from typing import Any, Final
 import numpy as np
 
 from wsnsim.base.arrays import Bools, Floats, planar
+from wsnsim.base.expected_readings import detected, informations
 from wsnsim.base.outlook import NearNodes, Outlook
 
 PRIOR: Final = 4.0
@@ -69,24 +71,9 @@ def _trace_of_inverse(total: Floats, prior: float) -> Floats:
 
 def _information(sensor: Any, path: Floats, near: NearNodes) -> Floats:
     """(n, K, P, P) Fisher information of one reading of each node; a reading may have several components."""
-    count, (positions, columns) = near.ids.size, path.shape
-    if not count:
+    positions, columns = path.shape
+    if not near.ids.size:
         return np.zeros((0, positions, columns, columns))
-    points = np.ascontiguousarray(path.T)
-    _, gradients, variances = sensor.linearise(points, near.positions, near.traits)
-    slopes = gradients.reshape(count, -1, columns, positions)
-    weights = 1.0 / variances.reshape(count, -1, 1, positions)
-    told = np.einsum("nmpk,nmqk->nkpq", slopes * weights, slopes)
-    sensed = _detected(sensor, path, near) & np.isfinite(told).all(axis=(2, 3))
+    told = np.moveaxis(informations(sensor, np.ascontiguousarray(path.T), near.positions, near.traits), 3, 1)
+    sensed = detected(sensor, path, near.positions).T & np.isfinite(told).all(axis=(2, 3))
     return np.where(sensed[:, :, None, None], told, 0.0)
-
-
-def _detected(sensor: Any, path: Floats, near: NearNodes) -> Bools:
-    """(n, K) which nodes would have a reading of a target at each position."""
-    detects = getattr(sensor, "detects", None)  # the port `Detects`: to check a protocol takes longer than to detect
-    if detects is not None:
-        sensed: Bools = detects(path, near.positions).T
-        return sensed
-    squared = ((near.positions[:, None, :] - planar(path)[None]) ** 2).sum(axis=2)
-    within: Bools = squared <= sensor.reach**2
-    return within
