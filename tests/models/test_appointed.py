@@ -209,9 +209,22 @@ def test_an_announcement_is_billed_by_what_it_carries():
 
 def test_a_battery_too_small_for_any_head_is_an_issue():
     setup = SimpleNamespace(
-        energy=FirstOrder(battery=1e-9), head_threshold=1e-6, clusters=Appointed(), link=Disk(), cpu=Processor()
+        energy=FirstOrder(battery=1e-9),
+        head_threshold=1e-6,
+        clusters=Appointed(),
+        link=Disk(),
+        cpu=Processor(),
+        dt=0.04,
     )
     assert [issue.path for issue in Appointed().check(setup)] == [("energy", "battery")]
+
+
+def test_a_horizon_of_more_than_a_thousand_steps_is_an_issue():
+    setup = SimpleNamespace(energy=FirstOrder(), head_threshold=1e-9, clusters=Appointed(threshold=1e-9), dt=0.04)
+    assert not [*Appointed(horizon=40.0).check(setup)]
+    (issue,) = Appointed(horizon=1e6).check(setup)
+    assert issue.path == ("clusters", "horizon")
+    assert "25000000 steps" in issue.message and "at most 1000" in issue.message
 
 
 def _distances(points, positions, traits):

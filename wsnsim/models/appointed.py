@@ -5,7 +5,7 @@ must_appoint(outlook) -> bool      appointment(outlook) -> Appointment      next
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from math import inf, sqrt
 from typing import Annotated, ClassVar, Final
 
@@ -16,7 +16,7 @@ from wsnsim.base.errors import Issue
 from wsnsim.base.outlook import Appointment, Outlook, steps_in
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.setups import NetworkSetup
-from wsnsim.models.clusters import TIMES, nearest_able, strongest_able, too_little_charge
+from wsnsim.models.clusters import TIMES, LeadsByPlace, Threshold, too_little_charge
 from wsnsim.models.expected_information import ExpectedInformation
 
 DEVIATIONS: Final = 2.0
@@ -24,9 +24,12 @@ DEVIATIONS: Final = 2.0
 ALIKE: Final = 0.99
 """Heads whose expected information is equal within 1 % are taken for equally good: the nearest leads (our choice)."""
 
+MOST_STEPS: Final = 1000
+"""Steps of a horizon at most: each is predicted by the motion model, at every step of a track."""
+
 
 @part
-class Appointed:
+class Appointed(LeadsByPlace):
     """A cluster whose head appoints the members from its prediction, and which moves on before it knows too little.
 
     The head predicts the target's positions for the time `horizon`. Every node within the sensing range and `margin` of
@@ -51,21 +54,7 @@ class Appointed:
     horizon: Annotated[float, TIMES, "for which members are appointed and the next head is chosen"] = 0.4
     margin: Annotated[float, Quantity("m", ge=0.0, le=1e7), "beyond the sensing range in which nodes are members"] = 5.0
     patience: Annotated[float, TIMES, "for which the head predicts on without a reading; one step at least"] = 1.0
-    threshold: Annotated[
-        float | None, Quantity("J", ge=0, lt=inf), "charge a head must exceed; left out: one step's"
-    ] = None
-
-    def elect(self, ids: Sequence[int], strengths: Sequence[float], able: Sequence[bool]) -> int | None:
-        """The able candidate with the strongest reading, of equal ones the lowest id; None if none is able."""
-        return strongest_able(ids, strengths, able)
-
-    def must_hand_over(self, active: int, members: int) -> bool:
-        """Never: the numbers of nodes decide nothing."""
-        return False
-
-    def successor(self, forecast: Floats, positions: Floats, able: Bools) -> int | None:
-        """The able node nearest to the predicted position (2,): who leads if no node within range of the head can."""
-        return nearest_able(forecast, positions, able)
+    threshold: Threshold = None
 
     def appointment(self, outlook: Outlook) -> Appointment:
         """The rule by which nodes are members: near the positions that are predicted for the time `horizon`."""
@@ -97,8 +86,11 @@ class Appointed:
         return _nearest_of(ids, places, spreads * ALIKE <= best, planar(path))
 
     def check(self, setup: NetworkSetup) -> Iterator[Issue]:
-        """Yield an issue if no battery is large enough for a head."""
+        """Yield an issue if no battery is large enough for a head, or if the horizon has too many steps."""
         yield from too_little_charge(setup)
+        if (steps := steps_in(self.horizon, setup.dt)) > MOST_STEPS:
+            allowed = f"at most {MOST_STEPS}, {MOST_STEPS * setup.dt:g} s, can be predicted"
+            yield Issue(("clusters", "horizon"), f"{self.horizon:g} s are {steps} steps of {setup.dt:g} s: {allowed}")
 
 
 def _spreads(outlook: Outlook, path: Floats, places: Floats) -> Floats:

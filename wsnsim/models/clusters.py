@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from math import inf
-from typing import Annotated, ClassVar, Final, Literal
+from typing import Annotated, ClassVar, Final, Literal, TypeAlias
 
 import numpy as np
 
@@ -24,6 +24,25 @@ ROUNDING: Final = 1e-9
 """Relative error that the bound allows for."""
 TIMES: Final = Quantity("s", ge=0.0, le=1e6)
 WAITS: Final = Quantity("s", ge=1e-6, le=1e6)
+Threshold: TypeAlias = Annotated[
+    float | None, Quantity("J", ge=0, lt=inf), "charge a head must exceed; left out: one step's"
+]
+
+
+class LeadsByPlace:
+    """What policies share whose heads never count who senses: the strongest is elected, the nearest succeeds."""
+
+    def elect(self, ids: Sequence[int], strengths: Sequence[float], able: Sequence[bool]) -> int | None:
+        """The able candidate with the strongest reading, of equal ones the lowest id; None if none is able."""
+        return strongest_able(ids, strengths, able)
+
+    def must_hand_over(self, active: int, members: int) -> bool:
+        """Never: the numbers of nodes decide nothing."""
+        return False
+
+    def successor(self, forecast: Floats, positions: Floats, able: Bools) -> int | None:
+        """The able node nearest to the predicted position (2,); None if none is able."""
+        return nearest_able(forecast, positions, able)
 
 
 @part
@@ -44,9 +63,7 @@ class StrongestSignal:
     ] = 0.25
     minimum_active: Annotated[int, Quantity("", ge=1, le=MOST_NODES), "hand over when fewer sense, head included"] = 3
     successor_rule: Annotated[Literal["nearest", "elect"], "who leads next"] = "nearest"
-    threshold: Annotated[
-        float | None, Quantity("J", ge=0, lt=inf), "charge a head must exceed; left out: one step's"
-    ] = None
+    threshold: Threshold = None
 
     @property
     def protocol(self) -> str:
@@ -83,9 +100,7 @@ class Central:
 
     x: Annotated[float, PLACE, "the head is the able node nearest to (x, y)"] = 0.0
     y: Annotated[float, PLACE, "the head is the able node nearest to (x, y)"] = 0.0
-    threshold: Annotated[
-        float | None, Quantity("J", ge=0, lt=inf), "charge a head must exceed; left out: one step's"
-    ] = None
+    threshold: Threshold = None
 
     def elect(self, ids: Sequence[int], strengths: Sequence[float], able: Sequence[bool]) -> int | None:
         """None: the head is not elected."""
@@ -105,7 +120,7 @@ class Central:
 
 
 @part
-class MovingHead:
+class MovingHead(LeadsByPlace):
     """A head that is chosen again at each step, and members that were woken for the step.
 
     With `main: prediction` the head is the node nearest to the predicted position among those woken for the step; with
@@ -125,21 +140,7 @@ class MovingHead:
     quiet: Annotated[float, WAITS, "without a reading, after which the head waits no longer"] = 12e-3
     cap: Annotated[float, WAITS, "for which the head waits at most"] = 50e-3
     patience: Annotated[float, TIMES, "for which the head continues its prediction without a reading"] = 3.0
-    threshold: Annotated[
-        float | None, Quantity("J", ge=0, lt=inf), "charge a head must exceed; left out: one step's"
-    ] = None
-
-    def elect(self, ids: Sequence[int], strengths: Sequence[float], able: Sequence[bool]) -> int | None:
-        """The able candidate with the strongest reading, of equal ones the lowest id; None if none is able."""
-        return strongest_able(ids, strengths, able)
-
-    def must_hand_over(self, active: int, members: int) -> bool:
-        """Never: the head is chosen at each step."""
-        return False
-
-    def successor(self, forecast: Floats, positions: Floats, able: Bools) -> int | None:
-        """The able node nearest to the predicted position (2,); None if none is able."""
-        return nearest_able(forecast, positions, able)
+    threshold: Threshold = None
 
     def check(self, setup: NetworkSetup) -> Iterator[Issue]:
         """Yield an issue if no node could lead, if times do not fit, or if `wakeup` or `tracker` cannot be combined."""
