@@ -9,7 +9,7 @@ from tests.helpers.scenes import make_scene
 from wsnsim.base.expected_readings import informations
 from wsnsim.models.linear_sensing import Coordinate
 from wsnsim.models.motion import BoundedVelocity
-from wsnsim.models.ranging import Range
+from wsnsim.models.ranging import Range, Rssi
 from wsnsim.models.sensing import AcousticEnergy
 from wsnsim.models.ungm import Squared, Ungm
 from wsnsim.trackers.shared.posteriors import updated
@@ -116,3 +116,12 @@ def test_without_a_statement_of_the_sensor_the_information_is_that_of_the_mean_a
     extra = np.linalg.eigvalsh(whole - mean_alone)
     assert mean_alone.shape == whole.shape == (6, 2, 2)
     assert (extra > -1e-12).all() and extra[:, 1].min() > 0.0
+
+
+@pytest.mark.parametrize("sd", [1e-9, 1e-6])
+@pytest.mark.parametrize("seed", range(15))
+def test_readings_of_next_to_no_noise_leave_a_variance_that_is_not_negative(sd, seed) -> None:
+    mean, cov, seen, scene = geometry(Rssi(sd=sd, reach=1e5), seed, 1 + seed % 6, 20.0)
+    found = updated(mean, cov, seen, scene)
+    assert np.isfinite(found.mean).all() and np.linalg.eigvalsh(found.cov[np.ix_(PLACE, PLACE)])[0] > -1e-20
+    assert (np.diag(found.cov) > 0.0).all()

@@ -41,6 +41,8 @@ NARROWING: Final = 0.02
 """Least variance, of that of its Gaussian, about which a quadrature is repeated: one point may hold all the weight."""
 LEAST_SPREAD: Final = 1e-9
 """Least variance of a result, of that of the quadrature's Gaussian."""
+LEAST_SHARE: Final = 1e-12
+"""Of the prior's variance along any axis, below which a difference from it keeps too few digits of the posterior's."""
 ORDER: Final = 5
 ORDER_WIDE: Final = 9
 """Points of the quadrature along an axis; under a wide prior, the posterior may be far from a Gaussian."""
@@ -97,7 +99,10 @@ def updated(mean: Floats, cov: Floats, seen: Evidence, scene: Scene) -> Posterio
         return Posterior(mean, cov, -np.inf)
     gain = cov[:, place] @ inverse  # P_xp L⁻ᵀ
     less = unit - found.root @ found.root.T
-    return Posterior(mean + gain @ found.mean, symmetric(cov - gain @ less @ gain.T), found.log_integral)
+    later, own = symmetric(cov - gain @ less @ gain.T), root @ found.root
+    if np.linalg.det(found.root) ** 2 < LEAST_SHARE * (found.root * found.root).sum():
+        later[np.ix_(place, place)] = own @ own.T
+    return Posterior(mean + gain @ found.mean, later, found.log_integral)
 
 
 def is_wide(spread: Floats, at: Floats, positions: Floats) -> bool:
