@@ -228,6 +228,14 @@ def test_kappa_must_leave_room_for_the_columns_of_the_state() -> None:
     scenario.build(scenario.load("jiang_field", ["tracker={kind: ukf, kappa: -3.9}"]))
 
 
+def test_points_so_near_that_rounding_counts_are_refused() -> None:
+    with pytest.raises(ScenarioError, match=r"tracker\.alpha"):
+        scenario.build(scenario.load("jiang_field", ["tracker={kind: ukf, alpha: 0.0009}"]))
+    with pytest.raises(ScenarioError, match=r"tracker\.kappa: alpha² \(columns \+ kappa\) is 5e-08"):
+        scenario.build(scenario.load("jiang_field", ["tracker={kind: ukf, alpha: 0.001, kappa: -3.95}"]))
+    scenario.build(scenario.load("jiang_field", ["tracker={kind: ukf, alpha: 0.001}"]))
+
+
 @UKF_CKF
 def test_it_keeps_the_rules_of_the_interface(tracker) -> None:
     check_tracker(tracker)

@@ -9,12 +9,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, Final
 
 from wsnsim.base.errors import Issue
 from wsnsim.base.part import Quantity, part
 from wsnsim.base.setups import TrackingSetup
 from wsnsim.trackers.shared.sigma_points import SigmaPointFilter, Weights
+
+LEAST_ROOM: Final = 1e-7
+"""Least D + λ. With points that are nearer to the mean, rounding errors change the estimates by a per cent and more."""
 
 
 @part
@@ -39,15 +42,20 @@ class UnscentedKalman(SigmaPointFilter):
     variants: ClassVar[str] = ""
     linear_gaussian: ClassVar[bool] = True
 
-    alpha: Annotated[float, Quantity("", gt=0, le=1), "α: spread of the sigma points"] = 1.0
+    alpha: Annotated[float, Quantity("", ge=1e-3, le=1), "α: spread of the sigma points"] = 1.0
     beta: Annotated[float, Quantity("", ge=-1e3, le=1e3), "β: prior knowledge of the distribution; 2: Gaussian"] = 2.0
     kappa: Annotated[float, Quantity("", ge=-1e3, le=1e3), "κ: secondary scaling, above -D for D columns"] = 0.0
 
     def weights(self, size: int) -> Weights:
-        """The rule for a state of so many columns. Raises ValueError where κ is not above the negative of it."""
+        """The rule for a state of `size` columns. Raises ValueError if κ makes D + λ negative or nearly zero."""
         room = self.alpha**2 * (size + self.kappa)  # D + λ
-        if not room > 0.0:
+        if not size + self.kappa > 0.0:
             raise ValueError(f"kappa: {self.kappa:g} must be greater than -{size}, for a state of {size} columns")
+        if room < LEAST_ROOM:
+            raise ValueError(
+                f"kappa: alpha² (columns + kappa) is {room:.3g} for a state of {size} columns, must be at least "
+                f"{LEAST_ROOM:g}: nearer sigma points lose digits"
+            )
         return Weights(math.sqrt(room), 0.5 / room, 1.0 - size / room + 1.0 - self.alpha**2 + self.beta)
 
     def check(self, setup: TrackingSetup) -> Iterator[Issue]:
