@@ -132,13 +132,13 @@ def test_heads_that_move_search_with_them_and_follow_the_target(sensor: str) -> 
 def test_a_file_has_a_row_for_each_component_and_diff_names_the_one_that_differs(tmp_path: Path, capsys: Any) -> None:
     fault = {"kind": "bias", "offset": 0.5, "nodes": [4], "at": "5.5 s", "component": "bearing"}
     for name, more in (("a", {}), ("b", {"faults": [fault]})):
-        wsnsim.run(wsnsim.load(scenario(**more)), replicates=1, out=tmp_path / f"{name}.h5")
+        wsnsim.run(wsnsim.load(scenario(duration="7 s", **more)), replicates=1, out=tmp_path / f"{name}.h5")
     table = wsnsim.read(tmp_path / "a.h5", "readings")
     assert list(table) == ["replicate", "target", "step", "time", "node", "component", "reading"]
     assert not table.duplicated(["replicate", "target", *KEYS]).any()
     assert main(["diff", str(tmp_path / "a.h5"), str(tmp_path / "b.h5")]) == 1
     assert "first differing reading: step 6, node 4, target 0, component 1: A " in capsys.readouterr().out
-    wsnsim.run(wsnsim.load(scenario(sensor="bearing")), replicates=1, out=tmp_path / "c.h5")
+    wsnsim.run(wsnsim.load(scenario(sensor="bearing", duration="2 s")), replicates=1, out=tmp_path / "c.h5")
     assert "component" not in wsnsim.read(tmp_path / "c.h5", "readings")
 
 

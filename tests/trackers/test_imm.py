@@ -256,11 +256,12 @@ def test_listed_models_are_stored_set_and_swept(tmp_path) -> None:
     assert [one["kind"] for one in kept] == ["constant_velocity", "coordinated_turn"] and kept[1]["q"] == 0.3
     again = wsnsim.load(scenario.resolved(loaded))
     assert scenario.build(again).tracker == scenario.build(loaded).tracker
-    report = wsnsim.run(loaded, replicates=1, out=tmp_path / "x.h5")
+    report = wsnsim.run(loaded, replicates=1, out=tmp_path / "x.h5", progress=None)
     table = wsnsim.read(report.out, "tracker_state")
     assert set(table["name"]) == {"mode_probability"} and len(table) == 2 * 5
-    done = wsnsim.sweep({"scenario": loaded.file, "set": {"duration": 0.4}, "replicates": 1,
-                         "grid": {"tracker.models.0.variances": [[0.1], [1.0]]}}, out=tmp_path / "sweep")  # fmt: skip
+    points = {"scenario": loaded.file, "set": {"duration": 0.4}, "replicates": 1,
+              "grid": {"tracker.models.0.variances": [[0.1], [1.0]]}}  # fmt: skip
+    done = wsnsim.sweep(points, out=tmp_path / "sweep", workers=1)
     assert done is not None
 
 

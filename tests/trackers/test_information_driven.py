@@ -39,10 +39,11 @@ SETTINGS = {
 
 
 PAIRS = [(name, tracker) for name in SETTINGS for tracker in EVERY]
+QUICK = ("no distance", EVERY[1])
 
 
 @pytest.mark.parametrize(
-    ("name", "tracker"), [PAIRS[1], *[pytest.param(*p, marks=pytest.mark.thorough) for p in PAIRS if p is not PAIRS[1]]]
+    ("name", "tracker"), [*[pytest.param(*pair, marks=pytest.mark.thorough) for pair in PAIRS if pair != QUICK], QUICK]
 )
 def test_it_keeps_the_rules(name, tracker) -> None:
     check_tracker(tracker, *SETTINGS[name])
@@ -254,7 +255,7 @@ def test_members_that_are_appointed_later_get_the_plan_of_the_others() -> None:
 
 
 @pytest.mark.parametrize("every", [1, 2])
-def test_when_several_answer_as_if_they_had_no_plan_it_is_sent_anew(every, monkeypatch) -> None:
+def test_when_several_answer_as_if_they_had_no_plan_it_is_replaced(every, monkeypatch) -> None:
     monkeypatch.setattr(information_driven, "MISSED", 2)
     network = Network(InformationDriven(keep=0.3, every=every))
     network.forward()

@@ -19,6 +19,7 @@ from wsnsim.base.errors import Issue
 from wsnsim.base.regular_files import file_digest
 from wsnsim.scenario.datasheets import with_fields
 from wsnsim.scenario.fields import Inner, PartError, PartModel, described, names_of, roles_of
+from wsnsim.scenario.inner_models import InnerKinds, inner_models, with_inner
 from wsnsim.scenario.kinds import AT_TOP, ROLES
 from wsnsim.scenario.located_values import (
     BROKEN,
@@ -39,13 +40,10 @@ from wsnsim.scenario.registry import kinds
 from wsnsim.scenario.roles import Role, Scope
 from wsnsim.scenario.schema import (
     Chosen,
-    InnerKinds,
     Scenario,
-    inner_models,
     is_without_target,
     part_model,
     scenario_model,
-    with_inner,
 )
 
 BEACON_STEP: Final = 1.0

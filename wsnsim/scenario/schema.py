@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import functools
 import re
-from typing import Annotated, Any, Final, Literal, get_args
+from typing import Annotated, Any, Final, Literal
 
 from pydantic import (
     AfterValidator,
@@ -36,7 +36,6 @@ from wsnsim.scenario.fields import (
     made_model,
     names_of,
     refusal,
-    roles_of,
 )
 from wsnsim.scenario.kinds import AT_TOP
 from wsnsim.scenario.located_values import Keys, LocatedValue, Spot, spot_of
@@ -282,39 +281,6 @@ def part_model(role: str, kind: str) -> type[PartModel]:
         return made_model(part, base, {"kind": choice, **fields})
     except PartError as error:
         raise PartError(f"{info.path} {error}") from None
-
-
-InnerKinds = type[PartModel] | None | tuple[type[PartModel] | None, ...]
-"""The model of the component that a field holds, or those of a list; None for one whose kind has an issue."""
-
-
-@functools.cache
-def with_inner(model: type[PartModel], inner: tuple[tuple[str, InnerKinds], ...]) -> type[PartModel]:
-    """Return the model of a kind whose fields hold components of these kinds."""
-    fields: dict[str, Any] = {
-        name: (_annotation_of_kinds(chosen), Field(description=model.model_fields[name].description))
-        for name, chosen in inner
-        if chosen != ()  # an empty list is of the same model as none
-    }
-    return create_model(model.__name__, __base__=model, __module__=model.__module__, **fields) if fields else model
-
-
-def _annotation_of_kinds(chosen: InnerKinds) -> Any:
-    if isinstance(chosen, tuple):
-        return tuple[tuple(kind or Any for kind in chosen)]  # type: ignore[misc]
-    return chosen or Any
-
-
-def inner_models(model: type[PartModel]) -> dict[Keys, type[PartModel]]:
-    """Return the models of the components that a component holds, by their paths in it, where the kinds are known."""
-    found: dict[Keys, Any] = {}
-    for name, inner in roles_of(model.part).items():
-        held = model.model_fields[name].annotation
-        if inner.several:
-            found.update(((name, i), kind) for i, kind in enumerate(get_args(held)))
-        else:
-            found[name,] = held
-    return {path: kind for path, kind in found.items() if isinstance(kind, type) and issubclass(kind, PartModel)}
 
 
 @functools.cache

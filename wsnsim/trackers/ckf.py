@@ -33,5 +33,5 @@ class CubatureKalman(SigmaPointFilter):
     linear_gaussian: ClassVar[bool] = True
 
     def weights(self, size: int) -> Weights:
-        """The rule for a state of so many columns."""
+        """The rule for a state of `size` columns."""
         return Weights(math.sqrt(size), 0.5 / size, 0.0)

@@ -40,7 +40,7 @@ class ExtendedKalman(HeadFilter):
     is taken there, too. The innovation of each update is reported (columns `nis` and `nis_dof` of `estimates`).
 
     With `iterations` above 1 it is the iterated filter: each further iteration linearises the readings at the mean
-    that the last one gave, and updates the prediction anew. These are Gauss-Newton steps towards the mode of the
+    that the last one gave, and updates the prediction again. These are Gauss-Newton steps towards the mode of the
     posterior. The variances of the readings and the reported innovation stay those at the predicted mean.
 
     Source: Bar-Shalom, Li, Kirubarajan (2001), section 10.3; section 10.5.2 for the iterations; Bell, Cathey (1993)

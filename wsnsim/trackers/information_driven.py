@@ -52,7 +52,7 @@ SETTLED: Final = 0.01
 SLACK: Final = 3.0
 """A plan is kept while it asks for the share `keep` to this power of the information."""
 EXCESS: Final = 4.0
-"""A plan is kept while the packets that it asks for cost less than this many times what so much would need."""
+"""A plan is kept while the packets that it asks for cost less than this many times the least that share needs."""
 HASTE: Final = 1.2
 LATENESS: Final = 1.4
 """Readings wait for their packet while the mean square error grows by less than `HASTE` in each step that
@@ -60,9 +60,9 @@ they wait; a plan that makes them wait is kept until it grows by more than `LATE
 TRIES: Final = 3
 """How often a head sends to its successor what has not arrived there."""
 MISSED: Final = 3
-"""If so many members answer whom the plan did not ask, they have not got it: it is sent anew."""
+"""A plan is replaced if this number of members answer that it did not ask: they have not received it."""
 REVIEW: Final = 4
-"""A plan is reviewed every so many steps."""
+"""Steps from one review of a plan to the next."""
 CANDIDATE_CYCLES: Final = 60.0
 """Operations by which the information in a member's reading, and the price of its packet, are computed."""
 
@@ -85,16 +85,16 @@ class InformationDriven(HeadFilter):
     `shared.posteriors`), or several where the law of motion changes under it, as at the walls of `bounded_velocity`
     (`shared.mixtures`). The other columns follow by their regression.
 
-    The readings: once the track is settled, the head broadcasts a plan, in the packets of a state and one more (see
-    `shared.selection`). It tells the expected state and the least worth of a reading that is sent: the decrease of the
+    The readings: once the track is settled, the head broadcasts a plan, in two packets for a state of four columns (see
+    `shared.selection`). It holds the expected state and the least worth of a reading that is sent: the decrease of the
     expected mean square error of the position, per joule of its packet. The threshold is that at which the readings
     hold the share `keep` of the information of all members that the head's map says are in range of its prediction,
     whoever really senses. Members extrapolate the plan and decide for themselves; a reading that is worth much is sent
     at once, others wait until `every` of them fill a packet, and the head computes the steps between once more. Before
     a plan, and without having received one, members send every reading. The head reviews the plan now and then, and
     sends another where it asks for too little, or for far more than it needs, or where the error grows too fast for
-    readings to wait. It is told to members that are appointed later with their announcement, and sent anew if several
-    answer as if they had none.
+    readings to wait. Members that are appointed later receive it with their announcement. If several members
+    answer as if they had none, it is replaced.
 
     On a radio that takes time the head goes on when the share `deadline` of a step is over. A handover carries each
     Gaussian with its weight. The gains of sensors are not estimated.
@@ -193,8 +193,8 @@ class InformationDriven(HeadFilter):
         yield Compute(ahead + WORTH_CYCLES * those.rows.size)
         limits = self.keep**SLACK, EXCESS
         growth = _growth(mixture, scene, self.every)
-        every = _patience(growth, HASTE)
-        paced = plan is not None and every <= plan.every <= _patience(growth, LATENESS)
+        every = _most_steps(growth, HASTE)
+        paced = plan is not None and every <= plan.every <= _most_steps(growth, LATENESS)
         if not (paced and plan and expected and fits(plan, expected.state, spread, those, scene, limits)):
             plan = planned(mean, spread, those, self.keep, every, scene.step)
             expected = first_expected(plan)
@@ -216,8 +216,8 @@ def _growth(mixture: Hypotheses, scene: Scene, every: int) -> list[float]:
     return [each / max(errors[0], np.finfo(np.float64).tiny) for each in errors]
 
 
-def _patience(growth: list[float], limit: float) -> int:
-    """In how many steps readings may be collected for one packet."""
+def _most_steps(growth: list[float], limit: float) -> int:
+    """The number of steps whose readings may share a packet."""
     return max(steps + 1 for steps, each in enumerate(growth) if each <= limit**steps)
 
 

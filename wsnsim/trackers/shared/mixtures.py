@@ -66,7 +66,7 @@ def predicted_mixture(mixture: Hypotheses, scene: Scene, since: float, steps: in
 
 
 def updated_mixture(mixture: Hypotheses, seen: Evidence, scene: Scene) -> Hypotheses:
-    """Each Gaussian updated by all the readings, and weighted by how well it foretold them."""
+    """Each Gaussian updated by all the readings, and weighted by the density that it gave them."""
     if not seen.ids:
         return mixture
     after = []
@@ -79,7 +79,7 @@ def updated_mixture(mixture: Hypotheses, seen: Evidence, scene: Scene) -> Hypoth
 
 
 def reduced(hypotheses: Sequence[Hypothesis]) -> Hypotheses:
-    """The hypotheses with normalised weights: the unlikely dropped, those merged that say the same."""
+    """The hypotheses with normalised weights: the unlikely are dropped, similar ones are merged."""
     if len(hypotheses) == 1:
         return (hypotheses[0]._replace(log_weight=0.0),)
     ranked = sorted(hypotheses, key=lambda each: -each.log_weight)

@@ -27,7 +27,7 @@ UNSENT: Final = "unsent"
 OUTGOING: Final = "outgoing"
 READING: Final = "reading"
 FEWEST: Final = 3
-"""Readings that a plan asks for at least, if there are so many."""
+"""Readings that a plan asks for at least; all, if there are fewer."""
 PROMPT: Final = 8.0
 """Readings that are worth this many times what is asked for do not wait for others of the same member."""
 STEPS: Final = 2**14
@@ -94,7 +94,7 @@ class Candidates(NamedTuple):
 
 
 def candidates(point: Floats, scene: Scene) -> Candidates:
-    """Those of the roster who would have a reading of a target at `point` (P,) that says something about its place."""
+    """Those of the roster who would have a reading of a target at `point` (P,) with information about its position."""
     positions = scene.roster_positions
     head = np.array([node == scene.head for node in scene.roster], dtype=np.bool_)
     information = _informations_at(point, positions, scene.roster_traits, scene)

@@ -48,7 +48,7 @@ class SigmaPointFilter(HeadFilter):
     """A Kalman filter of sigma points in the head, on all readings that reach it. A tracker gives `weights`."""
 
     def weights(self, size: int) -> Weights:
-        """The rule for a state of so many columns."""
+        """The rule for a state of `size` columns."""
         raise NotImplementedError
 
     def step(self, belief: GaussianBelief, scene: Scene) -> Flow[GaussianBelief]:
