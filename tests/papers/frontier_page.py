@@ -1,6 +1,6 @@
 """The tables of docs/frontier.md, from the full campaigns of `wsnsim reproduce frontier`.
 
-python -m tests.papers.frontier_page --settings     store the sweeps: the frontier takes its settings from there
+python -m tests.papers.frontier_page --settings COMMIT...   store the sweeps: the frontier takes its settings from there
 wsnsim reproduce frontier --full --figures docs     run everything
 python -m tests.papers.frontier_page --new          take the rows of what was run, then write
 python -m tests.papers.frontier_page                write from docs/frontier.json
@@ -30,19 +30,20 @@ HOME = Path(__file__).parents[2]
 PAGE, ROWS = HOME / "docs/frontier.md", HOME / "docs/frontier.json"
 CAMPAIGNS = HOME / "results/reproduce/full/frontier"
 AT_THE_BOUND = ("at_the_bound", "at_the_bound_again")
+ON_A_RADIO = ("on_a_radio", "on_a_radio_again")
+LEAST = 5
+"""Runs below which an experiment is not shown."""
 NOT_YET = "*The runs have not been made yet.*"
 SWEEPS = {radio: f"settings_{radio}" for radio in settings.SWEPT_RADIOS.values()}
 
 
 def campaign(name: str) -> Data | None:
-    """The results of an experiment, all runs of which are there; None without."""
-    folder = Folder(CAMPAIGNS / name)
-    if not (CAMPAIGNS / name / "campaign.json").exists():
+    """The results of an experiment, each variant of which has at least LEAST runs; None without."""
+    if not (CAMPAIGNS / name / "campaign.json").exists() or not [*(CAMPAIGNS / name).glob("*/*.h5")]:
         return None
-    data = Data(folder, paper(FRONTIER))
+    data = Data(Folder(CAMPAIGNS / name), paper(FRONTIER))
     counts = data.table("runs").groupby("variant")["replicate"].nunique()
-    wanted = {point.settings["variant"]: point.replicates for point in data.manifest.points}
-    return data if counts.to_dict() == wanted else None
+    return data if all(counts.get(variant, 0) >= LEAST for variant in data.variants) else None
 
 
 def content(before: Mapping[str, Any]) -> dict[str, Any]:
@@ -51,14 +52,16 @@ def content(before: Mapping[str, Any]) -> dict[str, Any]:
     for name, of in CONTENT.items():
         data = campaign(name)
         if data is not None:
-            found[name] = {"runs": data.manifest.points[0].replicates, **of(data)}
+            found[name] = dict(of(data))
             if name in hypotheses.OF_EXPERIMENT:
                 found[name]["answers"] = [each._asdict() for each in hypotheses.OF_EXPERIMENT[name](data)]
     return found
 
 
 def _rows(data: Data, of: Callable[[Data, str], Mapping[str, Any]]) -> dict[str, Any]:
-    return {"rows": {variant: of(data, variant) for variant in data.variants}}
+    return {
+        "rows": {variant: {"runs": len(data.of(variant, "runs")), **of(data, variant)} for variant in data.variants}
+    }
 
 
 def _beside_bound(data: Data, variant: str) -> dict[str, Any]:
@@ -104,7 +107,7 @@ def _median(data: Data, variant: str, column: str) -> Interval:
 
 CONTENT: Mapping[str, Callable[[Data], dict[str, Any]]] = {
     **dict.fromkeys(AT_THE_BOUND, lambda data: _rows(data, _consistent)),
-    "on_a_radio": lambda data: _rows(data, _beside_bound),
+    **dict.fromkeys(ON_A_RADIO, lambda data: _rows(data, _beside_bound)),
     "asleep": lambda data: _rows(data, _asleep),
     "robustness": lambda data: _rows(data, _consistent),
     "frontier": _frontier,
@@ -113,18 +116,31 @@ CONTENT: Mapping[str, Callable[[Data], dict[str, Any]]] = {
 
 def blocks(found: Mapping[str, Any]) -> dict[str, str]:
     """{name of a block of the page: its text}."""
-    bound = {name: row for part in AT_THE_BOUND for name, row in found.get(part, {}).get("rows", {}).items()}
-    counts = {name: found[part]["runs"] for part in AT_THE_BOUND for name in found.get(part, {}).get("rows", {})}
+    bound = _seeds(found, AT_THE_BOUND)
     return {
         "answers": _answers(found),
-        "bound": _table(["seed", "runs", *BESIDE], [[_last(name), str(counts[name]), *_cells(row)] for name, row in
-                        bound.items()]) if bound else NOT_YET,
-        "consistency": _table(["seed", *next(iter(bound.values()))["nees"]],
-                              [[_last(name), *map(_text, row["nees"].values())] for name, row in bound.items()])
-        if bound else NOT_YET,
+        "bound": _beside(bound),
+        "consistency": _nees(bound),
+        "on_a_radio": _beside(_seeds(found, ON_A_RADIO)),
         **{name: _of(found, name, of) for name, of in TABLES.items()},
+        "factors": _factors(),
         **{f"settings_{radio}": _settings(radio) for radio in SWEEPS},
     }  # fmt: skip
+
+
+def _seeds(found: Mapping[str, Any], parts: Sequence[str]) -> dict[str, dict[str, Any]]:
+    """{variant: row} of experiments that differ in the seed."""
+    return {name: row for part in parts if part in found for name, row in found[part]["rows"].items()}
+
+
+def _beside(rows: Mapping[str, Mapping[str, Any]]) -> str:
+    cells = [[_last(name), str(row["runs"]), *_cells(row)] for name, row in rows.items()]
+    return _table(["seed", "runs", *BESIDE], cells) if cells else NOT_YET
+
+
+def _nees(rows: Mapping[str, Mapping[str, Any]]) -> str:
+    cells = [[_last(name), *map(_text, row["nees"].values())] for name, row in rows.items()]
+    return _table(["seed", *next(iter(rows.values()))["nees"]], cells) if cells else NOT_YET
 
 
 BESIDE = ("pooled error / bound", "after 1 s", "median error / median bound", "after 1 s ", "energy, J", "lost",
@@ -141,25 +157,21 @@ def _of(found: Mapping[str, Any], name: str, of: Callable[[Mapping[str, Any]], s
     return of(found[name]) if name in found else NOT_YET
 
 
-def _radio(found: Mapping[str, Any]) -> str:
-    return _table(["seed", *BESIDE], [[_last(name), *_cells(row)] for name, row in found["rows"].items()])
-
-
 def _asleep_table(found: Mapping[str, Any]) -> str:
     head = ["tracker", "RMSE of a run, median, m", "energy, J", "steps with an estimate in time",
-            f"lost, of {found['runs']}", "time without a track, s"]  # fmt: skip
+            "lost", "time without a track, s"]  # fmt: skip
     return _table(head, [
         [name.partition(": ")[2], _text(row["rmse"]), _short(row["energy"]), f"{row['in_time'][0]:.0%}",
-         str(row["lost"]), _text(row["without"])] for name, row in found["rows"].items()
+         f"{row['lost']} of {row['runs']}", _text(row["without"])] for name, row in found["rows"].items()
     ])  # fmt: skip
 
 
 def _robustness(found: Mapping[str, Any]) -> str:
     head = ["tracker and what it knows", "RMSE of a run, median, m", "pooled error / bound for that knowledge",
-            "NEES of the position away from walls", f"lost, of {found['runs']}"]  # fmt: skip
+            "NEES of the position away from walls", "lost"]  # fmt: skip
     return _table(head, [
         [name.partition(": ")[2], _text(row["rmse"]), _text(row["pooled"]), _text(row["nees"]["position, away"]),
-         str(row["lost"])] for name, row in found["rows"].items()
+         f"{row['lost']} of {row['runs']}"] for name, row in found["rows"].items()
     ])  # fmt: skip
 
 
@@ -168,8 +180,25 @@ def _frontier_block(found: Mapping[str, Any]) -> str:
 
 
 TABLES: Mapping[str, Callable[[Mapping[str, Any]], str]] = {
-    "on_a_radio": _radio, "asleep": _asleep_table, "robustness": _robustness, "frontier": _frontier_block,
+    "asleep": _asleep_table, "robustness": _robustness, "frontier": _frontier_block,
 }  # fmt: skip
+
+
+def _factors() -> str:
+    """What is swept, by radio and strategy."""
+    sweep = paper(FRONTIER).published["sweep"]
+    rows = []
+    for radio in SWEEPS:
+        for group in sweep[radio]:
+            levels = {**sweep["usual"], **group}
+            others = [*dict.fromkeys([levels["base"], *levels["particles"]])]
+            rows.append([radio, ", ".join(f"`{name}`" for name in group["strategies"]),
+                         *(_levels(each) for each in (levels["fraction"], levels["handover"], others))])  # fmt: skip
+    return _table(["radio", "strategies", "handover fraction, or share", "handover", "particles, or `keep`"], rows)
+
+
+def _levels(words: Sequence[str]) -> str:
+    return "-" if list(words) == [""] else "; ".join(word or "default" for word in words)
 
 
 def _settings(radio: str) -> str:
@@ -220,8 +249,9 @@ def _short(found: Sequence[float]) -> str:
 def main() -> None:
     """Store the sweeps, or write docs/frontier.json, if asked to; then write the blocks of docs/frontier.md."""
     if "--settings" in sys.argv[1:]:
+        commits = [word for word in sys.argv[1:] if not word.startswith("--")]
         done = {radio: campaign(name) for radio, name in SWEEPS.items()}
-        settings.store({radio: settings.sweep_of(data) for radio, data in done.items() if data is not None})
+        settings.store({radio: settings.sweep_of(data, commits) for radio, data in done.items() if data is not None})
     before = json.loads(ROWS.read_text(encoding="utf-8")) if ROWS.exists() else {}
     if "--new" in sys.argv[1:]:
         before = json.loads(json.dumps(content(before), default=float))

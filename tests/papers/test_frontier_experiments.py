@@ -99,8 +99,6 @@ def test_the_names_of_shipped_scenarios_stand_for_them():
         "ideal: information_driven": "information_driven",
         "slots: information_driven": "information_driven_real",
         "CSMA: pso_mhpf": "pso_mhpf_real",
-        "CSMA: ipf": "ipf_real",
-        "CSMA: ppf": "ppf_real",
         "CSMA packed: pso_mhpf, Gaussian handover": "pso_mhpf_packed",
     }
     for name, other in shipped.items():

@@ -88,12 +88,16 @@ def sweep_data(**changes):
     data = TablesOfRuns(runs)
     data.variants, data.published = tuple(runs), {"sweep": SWEEP}
     data.scenario = lambda variant: {"seed": 19, "duration": 14.0}
-    data.manifest = type("Manifest", (), {"points": [type("Point", (), {"replicates": 2})]})
+    data.manifest = type("Manifest", (), {
+        "points": [type("Point", (), {"replicates": 2})], "code": {},
+        "code_changes": ({"before": "a", "after": "b"}, {"before": "b", "after": "c"}),
+    })  # fmt: skip
     return data
 
 
 def test_what_is_stored_is_read_back_and_its_digest_is_that_of_all_fingerprints(tmp_path):
-    found = settings.sweep_of(sweep_data())
+    found = settings.sweep_of(sweep_data(), ["1234567"])
+    assert found.about["code"] == ["a", "b", "c"] and found.about["commits"] == ["1234567"]
     assert found.choices == {"ekf": Choice("ideal: ekf, noise x10", "ideal: ekf, noise x10")}
     settings.store({"ideal": found}, tmp_path / "settings.json")
     again = stored(tmp_path / "settings.json")["ideal"]

@@ -247,6 +247,7 @@ OF_EXPERIMENT: Final[Mapping[str, Callable[[Data], list[Answer]]]] = {
     "at_the_bound": at_the_bound,
     "at_the_bound_again": at_the_bound,
     "on_a_radio": on_a_radio,
+    "on_a_radio_again": on_a_radio,
     "asleep": asleep,
     "robustness": robustness,
     "frontier": frontier,

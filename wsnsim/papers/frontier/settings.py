@@ -22,8 +22,10 @@ from itertools import product
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
+from wsnsim.campaign.code_changes import code_id
 from wsnsim.papers.frontier.strategies import LEAST_IN_TIME, Strategy, strategies
 from wsnsim.papers.measures import Data
+from wsnsim.recording.folder import Manifest
 
 STORED: Final = Path(__file__).parent / "settings.json"
 SWEPT_RADIOS: Final = {"ideal": "ideal", "realistic": "slots"}
@@ -45,7 +47,9 @@ class StoredSweep(NamedTuple):
     """The results of a sweep on one radio.
 
     Attributes:
-        about: seed, runs and duration (s) of the sweep, and the digest of its runs' fingerprints.
+        about: seed, runs and duration (s) of the sweep, the digest of its runs' fingerprints, and the digests of the
+            code that made them, in their order: a change was accepted where it left the points that were there as
+            they were. `commits` are those of the code, if they were named.
         results: of every setting, in the order of the sweep.
         choices: {strategy: Choice}
     """
@@ -94,8 +98,8 @@ def choices(found: Sequence[Strategy], of: Mapping[str, str]) -> dict[str, Choic
     return {name: chosen([one for one in found if of[one.variant] == name]) for name in names}
 
 
-def sweep_of(data: Data) -> StoredSweep:
-    """What a campaign of the experiment `settings_RADIO` found."""
+def sweep_of(data: Data, commits: Sequence[str] = ()) -> StoredSweep:
+    """What a campaign of the experiment `settings_RADIO` found, with code of these commits."""
     found = tuple(strategies(data))
     radio, scenario = found[0].air, data.scenario(data.variants[0])
     about = {
@@ -103,6 +107,8 @@ def sweep_of(data: Data) -> StoredSweep:
         "runs": data.manifest.points[0].replicates,
         "duration": scenario["duration"],
         "digest": _digest(data),
+        "code": _versions(data.manifest),
+        "commits": list(commits),
     }
     return StoredSweep(about, found, choices(found, swept(data.published["sweep"], radio)))
 
@@ -111,6 +117,14 @@ def _digest(data: Data) -> str:
     """SHA-256 of the fingerprints of all runs, in the order of the sweep."""
     fingerprints = [data.of(variant, "runs").sort_values("replicate")["fingerprint"] for variant in data.variants]
     return hashlib.sha256("\n".join(str(one) for column in fingerprints for one in column).encode()).hexdigest()
+
+
+def _versions(manifest: Manifest) -> list[str]:
+    """The digests of the code that made the runs, in their order."""
+    changes = manifest.code_changes
+    return (
+        [*(str(one["before"]) for one in changes), str(changes[-1]["after"])] if changes else [code_id(manifest.code)]
+    )
 
 
 @functools.cache
