@@ -75,8 +75,7 @@ LEADING: Final = 8.0
 def _frontier(figure: Figure, data: Data) -> None:
     """Median RMSE of a run against the network's energy, on the ideal and on a realistic radio."""
     found, bound = strategies(data), limit(data)
-    counts = [len(data.of(variant, "runs")) for variant in data.variants]
-    runs = f"{min(counts)}" if min(counts) == max(counts) else f"{min(counts)} to {max(counts)}"
+    runs = data.manifest.points[0].replicates
     panels = figure.subplots(2, 1, height_ratios=(1.0, 1.0))
     for axes, radio in zip(panels, RADIOS, strict=True):
         here = [one for one in found if one.radio == radio]
