@@ -177,6 +177,15 @@ def test_the_answers_of_a_sleeping_network_compare_shares_of_lost_runs():
     assert worse.answer != "yes" and worse.found[0].value == pytest.approx(-0.1) and timely.answer == "yes"
 
 
+def test_shares_and_ratios_are_of_the_runs_that_both_variants_have():
+    tables = {
+        "2 % awake: information_driven": {"runs": runs(10, losses=0)},
+        "2 % awake: gpf": {"runs": runs(6, losses=[1, 1, 1, 0, 0, 0])},
+    }
+    found = hypotheses.asleep(Runs(tables, "asleep"))[0]
+    assert found.found[0].value == pytest.approx(0.5)
+
+
 def test_the_answers_on_wrong_knowledge_are_ratios_to_the_same_tracker_with_full_knowledge():
     ours, levels = "ideal: information_driven", {"noise x10": 1.2, "nodes off by 1 m": 20.0, "nodes off by 3 m": 10.0}
     spread = np.linspace(0.99, 1.01, 10)

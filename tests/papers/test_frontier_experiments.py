@@ -75,6 +75,12 @@ def test_a_name_says_what_is_run(quick):
                 assert (tracker["handover"] == "gaussian") == ("Gaussian handover" in words)
 
 
+def test_every_strategy_that_was_swept_runs_at_its_fair_setting_on_the_frontier():
+    for radio, sweep in stored().items():
+        usual = [f"{radio}: {name}" for name in sweep.choices]
+        assert [name for name in usual if not {name, f"{name}, fair"} & set(VARIANTS)] == []
+
+
 def test_a_strategy_at_its_fair_setting_is_what_the_sweep_ran_but_for_seed_and_length(quick):
     sweeps = {one.name: one for one in paper("frontier").experiments if one.name.startswith("settings_")}
     known = resolved(quick)

@@ -13,9 +13,9 @@ from itertools import compress
 from typing import Any, Final
 
 import numpy as np
+import pandas as pd
 
 from wsnsim.analysis import campaigns, statistics
-from wsnsim.base.arrays import Floats
 from wsnsim.papers.answers import Answer, Interval, both, interval, word
 from wsnsim.papers.frontier.against_bound import SETTLED, medians, of_medians, pooled, resampled, squares
 from wsnsim.papers.frontier.consistency import DIMENSIONS, Of, mean_nees
@@ -108,11 +108,12 @@ def on_a_radio(data: Data) -> list[Answer]:
 def asleep(data: Data) -> list[Answer]:
     """8: beside other trackers on the same network, of which few nodes are awake."""
     (ours,) = (variant for variant in data.variants if strategy_of(variant) == OURS)
-    lost = {name: _lost(data, name) for name in data.variants}
+    lost = pd.DataFrame({name: _lost(data, name) for name in data.variants})
     found = []
     for rival in data.variants:
         if rival != ours:
-            less = interval(resampled(len(lost[ours])) @ (lost[rival] - lost[ours]) / len(lost[ours]))
+            excess = (lost[rival] - lost[ours]).dropna().to_numpy()
+            less = interval(resampled(len(excess)) @ excess / len(excess))
             words = f"8: {ours} loses the target in a smaller share of runs than {rival} (share less its own)"
             found.append(Answer(words, (less,), word(less.above(0.0))))
     timely, least = mean_of_runs(data, ours, "tracked"), _registered(data)["asleep_in_time"]
@@ -126,8 +127,7 @@ def robustness(data: Data) -> list[Answer]:
     found = []
     for name, limits in wanted.items():
         number, least, most = limits["number"], limits["least"], limits["most"]
-        ratio = interval(medians(data.of_runs(f"{ours}, {name}", "rmse").to_numpy())
-                         / medians(data.of_runs(ours, "rmse").to_numpy()))  # fmt: skip
+        ratio = _ratio(data, f"{ours}, {name}", ours)
         words = f"{number}: {name}: RMSE {least:g} to {most:g} times that with full knowledge"
         found.append(Answer(words, (ratio,), word(both(ratio.above(least), ratio.below(most)))))
     return found
@@ -222,8 +222,9 @@ def _fair(usual: str, found: Mapping[str, Strategy]) -> str:
 
 
 def _ratio(data: Data, one: str, other: str) -> Interval:
-    """The median RMSE of a variant over that of another, resampled together."""
-    return interval(medians(data.of_runs(one, "rmse").to_numpy()) / medians(data.of_runs(other, "rmse").to_numpy()))
+    """The median RMSE of a variant over that of another, of the runs that both have, resampled together."""
+    errors, others = data.of_runs(one, "rmse").align(data.of_runs(other, "rmse"), join="inner")
+    return interval(medians(errors.to_numpy()) / medians(others.to_numpy()))
 
 
 def mean_of_runs(data: Data, variant: str, column: str) -> Interval:
@@ -232,10 +233,10 @@ def mean_of_runs(data: Data, variant: str, column: str) -> Interval:
     return interval(resampled(len(values)) @ values / len(values))
 
 
-def _lost(data: Data, variant: str) -> Floats:
-    """(n,) 1 for a run that loses its target at any time, by ascending number."""
-    runs = data.of(variant, "runs").sort_values("replicate")
-    return np.asarray(campaigns.ever_lost(runs), dtype=np.float64)
+def _lost(data: Data, variant: str) -> pd.Series:
+    """1 for a run that loses its target at any time, by replicate."""
+    runs = data.of(variant, "runs")
+    return pd.Series(campaigns.ever_lost(runs).astype(np.float64), index=runs["replicate"].to_numpy())
 
 
 def _registered(data: Data) -> Mapping[str, Any]:
