@@ -33,6 +33,8 @@ AT_THE_BOUND = ("at_the_bound", "at_the_bound_again")
 ON_A_RADIO = ("on_a_radio", "on_a_radio_again")
 LEAST = 5
 """Runs below which an experiment is not shown."""
+MANY_DIGITS = 1e4
+"""From here on numbers have three digits and an exponent: a filter that diverges may have any NEES."""
 NOT_YET = "*The runs have not been made yet.*"
 SWEEPS = {radio: f"settings_{radio}" for radio in settings.SWEPT_RADIOS.values()}
 
@@ -239,7 +241,8 @@ def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def _text(found: Sequence[float]) -> str:
-    return "{:.2f} [{:.2f}, {:.2f}]".format(*found)
+    value, low, high = (f"{each:.2f}" if abs(each) < MANY_DIGITS else f"{each:.3g}" for each in found)
+    return f"{value} [{low}, {high}]"
 
 
 def _short(found: Sequence[float]) -> str:

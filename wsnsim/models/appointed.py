@@ -1,4 +1,4 @@
-"""The policy of appointed clusters: members from a prediction, and a handover by what they would tell.
+"""The policy of appointed clusters: members from a prediction, and a handover by their expected information.
 
 must_appoint(outlook) -> bool      appointment(outlook) -> Appointment      next_head(outlook) -> id or None
 """
@@ -33,12 +33,13 @@ class Appointed(LeadsByPlace):
     """A cluster whose head appoints the members from its prediction, and which moves on before it knows too little.
 
     The head predicts the target's positions for the time `horizon`. Every node within the sensing range and `margin` of
-    one of them is a member, if it hears the announcement; no node answers it. At each step the head compares what all
-    nodes in sensing range of the next predicted position would tell, and what the members among them would: the Fisher
-    information of one reading each, as the trace of the inverse of their sum (A-optimality). If the mean square error
-    that all would leave is less than `share` times that of the members, the cluster is renewed. The able node within
-    range of the head whose neighbours would tell most over the horizon leads next. The head stays, and appoints again,
-    unless another's neighbours leave less than `share` times the error of its own. Who really senses plays no part.
+    one of them is a member, if it hears the announcement; no node answers it. At each step the head compares the
+    expected information of all nodes in sensing range of the next predicted position with that of the members among
+    them: the Fisher information of one reading each, as the trace of the inverse of their sum (A-optimality). If the
+    mean square error that all would leave is less than `share` times that of the members, the cluster is renewed. The
+    able node within range of the head leads next whose neighbours have the greatest expected information over the
+    horizon. The head stays, and appoints again, unless another's neighbours leave less than `share` times the error of
+    its own. Who really senses plays no part.
 
     After `patience` without a reading, and more than one step, the track is lost. A track without a head gets one by an
     election, in which the strongest reading wins, as in `strongest_signal`.
@@ -50,7 +51,11 @@ class Appointed(LeadsByPlace):
     protocol: ClassVar[str] = "appointing"
     minimum_active: ClassVar[int] = 0
 
-    share: Annotated[float, Quantity("", gt=0, le=1), "of what all in range would tell, at which members suffice"] = 0.8
+    share: Annotated[
+        float,
+        Quantity("", gt=0, le=1),
+        "mean square error with all in range over that with the members, below which they are too few",
+    ] = 0.8
     horizon: Annotated[float, TIMES, "for which members are appointed and the next head is chosen"] = 0.4
     margin: Annotated[float, Quantity("m", ge=0.0, le=1e7), "beyond the sensing range in which nodes are members"] = 5.0
     patience: Annotated[float, TIMES, "for which the head predicts on without a reading; one step at least"] = 1.0
@@ -65,7 +70,7 @@ class Appointed(LeadsByPlace):
         return Appointment(outlook.forecast.mean, outlook.time, outlook.dt, steps, float(radius))
 
     def must_appoint(self, outlook: Outlook) -> bool:
-        """Whether the members would tell too little of what all nodes in range of the next position would."""
+        """Whether the readings of the members have too little of the information of all nodes in range."""
         seen = ExpectedInformation.along(outlook, outlook.path(outlook.forecast.mean, 0.0))
         members = (seen.near.ids[:, None] == outlook.members).any(axis=1)
         everyone, own = seen.spread(np.stack([np.ones_like(members), members]))[:, 0]

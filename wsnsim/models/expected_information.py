@@ -1,4 +1,4 @@
-"""The expected information of readings that have not been taken: which nodes would tell how much about a target.
+"""The expected information of readings that have not been taken: how much each node would add.
 
     seen = ExpectedInformation.along(outlook, path)      seen.spread(chosen)
 
@@ -26,7 +26,7 @@ PRIOR: Final = 4.0
 
 @dataclass(frozen=True, slots=True)
 class ExpectedInformation:
-    """The nodes that would have a reading of a target somewhere on its path, and what these would tell.
+    """The nodes that would have a reading of a target somewhere on its path, and the information in their readings.
 
     Attributes:
         near: the n nodes.
@@ -40,7 +40,7 @@ class ExpectedInformation:
 
     @classmethod
     def along(cls, outlook: Outlook, path: Floats) -> ExpectedInformation:
-        """What all nodes would tell of a target at each of the positions of its path (K, P)."""
+        """The information of all nodes about a target at each of the positions of its path (K, P)."""
         reach, points = float(outlook.sensor.reach), planar(path)
         centre = points.mean(axis=0)
         farthest = float(np.sqrt(((points - centre) ** 2).sum(axis=1).max()))
@@ -74,6 +74,6 @@ def _information(sensor: Any, path: Floats, near: NearNodes) -> Floats:
     positions, columns = path.shape
     if not near.ids.size:
         return np.zeros((0, positions, columns, columns))
-    told = np.moveaxis(informations(sensor, np.ascontiguousarray(path.T), near.positions, near.traits), 3, 1)
-    sensed = detected(sensor, path, near.positions).T & np.isfinite(told).all(axis=(2, 3))
-    return np.where(sensed[:, :, None, None], told, 0.0)
+    found = np.moveaxis(informations(sensor, np.ascontiguousarray(path.T), near.positions, near.traits), 3, 1)
+    sensed = detected(sensor, path, near.positions).T & np.isfinite(found).all(axis=(2, 3))
+    return np.where(sensed[:, :, None, None], found, 0.0)

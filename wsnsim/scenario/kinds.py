@@ -168,7 +168,7 @@ _ROLES: Final = (
         Kind("moving_head", "wsnsim.models.clusters:MovingHead",
             "a head chosen again at each step, near the predicted position", LI),
         Kind("appointed", "wsnsim.models.appointed:Appointed",
-            "the head appoints the nodes near its prediction, and hands over before they would tell too little"),
+            "the head appoints the nodes near its prediction, and hands over before their information is too small"),
     )),
     Role("acquire", "how a track starts from readings: track initiation", "Acquire", "readings", (
         Kind("readings", "wsnsim.models.acquire:FromReadings",

@@ -38,7 +38,7 @@ class AppointedLead:
         step: the step of the belief.
         last_sensed: time in s of the last step with a reading.
         scene: the scene of the belief.
-        tentative: whether the track started from too few readings to tell where the target is.
+        tentative: whether the track started from too few readings to locate the target.
         promising: whether the next step may bring enough of them.
     """
 
@@ -186,7 +186,7 @@ class AppointingProtocol(StandingClusterProtocol):
         """Start the track from the readings of this step, if enough arrive. Members keep what they have in memory.
 
         A first estimate from one or two readings is a ring or two crossings. What it is good for is to appoint and to
-        wake those nodes whose readings tell where the target is. That is tried in the first step, and in each step
+        wake those nodes whose readings locate the target. That is tried in the first step, and in each step
         after one with enough readings: no member sends a reading twice.
         """
         track, cluster, driver = lead.track, lead.cluster, lead.driver
@@ -211,11 +211,11 @@ class AppointingProtocol(StandingClusterProtocol):
             lead.last_sensed = lead.scene.time
 
     def _enough(self, track: Track) -> int:
-        """Readings from which the position is told: one more than it has coordinates."""
+        """Number of readings that locate the target: one more than it has coordinates."""
         return len(self._setup.filter_motions[track.target].position) + 1
 
     def _renew(self, lead: AppointedLead) -> Generator[simpy.Event, Any, Handover | None]:
-        """Appoint more members or hand over, if the members would tell too little of the next step."""
+        """Appoint more members or hand over, if the expected information of the members is too small."""
         track, cluster = lead.track, lead.cluster
         outlook = self._outlooks.of_belief(track.target, cluster.head, cluster.known, lead.belief, lead.scene)
         if lead.tentative or not self._policy.must_appoint(outlook):
